@@ -20,11 +20,33 @@ pub type Entry = (Vec<String>, f32);
 #[must_use]
 pub fn origin_text(origin: Origin) -> &'static str {
     match origin {
-        Origin::Default => "as delivered: none of this layout are stored",
+        Origin::Default => "as delivered: none were ever saved",
         Origin::Stored => "stored",
-        Origin::Damaged => "as delivered: the stored settings are damaged",
+        Origin::Damaged => "as delivered or set since: the stored settings are damaged or cannot be read",
         Origin::Host => "changed, not stored",
+        Origin::OtherLayout => {
+            "as delivered or set since: the stored settings have a layout that this firmware does not know"
+        }
+        Origin::Migrated => "stored by a firmware with the layout before; values that it did not have are as delivered",
+        Origin::Older => "perhaps not the last that were stored: a record is damaged, or newer and of another layout",
     }
+}
+
+/// The limits of a board that keep its motion and forces, in words.
+#[must_use]
+pub fn limits_text(settings: &Settings) -> String {
+    let safety = &settings.safety;
+    let one = |what: &str, limit: f32, factor: f64, unit: &str| match limit {
+        0.0 => format!("no limit of {what}"),
+        // Of the shortest decimal, so its product needs no more digits than this.
+        limit => format!("{what} up to {} {unit}", (number_of(limit) * factor * 1e6).round() / 1e6),
+    };
+    [
+        one("|x|", safety.limits.structure_m, 1e3, "mm"),
+        one("|z|", safety.limits.base_m, 1e3, "mm"),
+        one("wall force", safety.wall_force_n, 1.0, "N"),
+    ]
+    .join(", ")
 }
 
 /// All settings with their paths, in order.
@@ -169,6 +191,19 @@ pub fn from_toml(source: &Source, present: &Settings) -> Result<Settings, Refusa
         });
     }
     source.verdict().map(|()| settings)
+}
+
+/// Whether a file, as [`from_toml`] reads it, states every limit of the board.
+#[must_use]
+pub fn states_limits(text: &str) -> bool {
+    let Ok(file) = text.parse::<Table>() else { return false };
+    let limits = entries(&Settings::default()).into_iter().filter(|(place, _)| place[0] == "safety");
+    let states = |place: &[String]| {
+        let mut found = file.get(&place[0]);
+        place[1..].iter().for_each(|name| found = found.and_then(|table| table.get(name)));
+        found.is_some()
+    };
+    limits.into_iter().all(|(place, _)| states(&place))
 }
 
 /// Checks settings as a board does.

@@ -20,7 +20,7 @@ use damprig_device::control_loop::Step;
 use damprig_device::controller::BootInfo;
 use damprig_device::queues::StreamItem;
 use damprig_device::settings_store::SettingsStore;
-use damprig_protocol::{Clock, NumberedRequest, PlantKind};
+use damprig_protocol::{Clock, NumberedRequest, PlantKind, StoredPart};
 use damprig_simulator::board::SimulatedBoard;
 use damprig_simulator::line_pace::LinePace;
 use embassy_executor::{SpawnToken, Spawner};
@@ -136,6 +136,10 @@ impl Board for ControlBoard {
 
     fn saved(&mut self) -> Option<Result<(), Rejected>> {
         settings::saved()
+    }
+
+    fn stored_settings(&mut self, page: u8, from: u16) -> StoredPart {
+        settings::stored(page, from)
     }
 
     fn can_start(&self) -> Result<(), Rejected> {

@@ -364,6 +364,7 @@ fn asked(turn: u32, is_running: bool) -> Request {
         10 => Request::SetSpring(spring()),
         11 => Request::SetTwin(None),
         12 => Request::Spring(SpringCommand::TouchOff),
+        13 => Request::StoredSettings { page: 0, from: 0 },
         _ => Request::Status,
     }
 }

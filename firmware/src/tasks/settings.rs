@@ -1,12 +1,15 @@
 //! The settings task: saves the settings in flash when control requests it, at the priority of the line's tasks.
 //! These wait for the save, 25 ms; the ticks do not.
 
+use core::cell::RefCell;
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use damprig_core::rig::Rejected;
 use damprig_core::settings::Settings;
 use damprig_device::board::Saving;
-use damprig_device::settings_store::SettingsStore;
+use damprig_device::settings_store::{Records, SettingsStore};
+use damprig_protocol::StoredPart;
+use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embedded_storage::nor_flash::NorFlash;
@@ -16,12 +19,33 @@ static SAVED: Signal<CriticalSectionRawMutex, bool> = Signal::new();
 static HAS_STORE: AtomicBool = AtomicBool::new(false);
 static IS_SAVING: AtomicBool = AtomicBool::new(false);
 
+/// The bytes of the pages: control never reads the flash, which stands still while a page is erased.
+static RECORDS: Mutex<CriticalSectionRawMutex, RefCell<Records>> = Mutex::new(RefCell::new(Records::UNREAD));
+
+/// Takes the bytes of the pages, for a host that asks for them.
+fn keep_records(store: &mut SettingsStore<impl NorFlash>) {
+    let mut records = Records::UNREAD;
+    store.copy(&mut records);
+    RECORDS.lock(|place| place.replace(records));
+}
+
+/// Bytes of a page of the settings memory.
+pub fn stored(page: u8, from: u16) -> StoredPart {
+    if !HAS_STORE.load(Ordering::Relaxed) {
+        return StoredPart::NONE;
+    }
+    RECORDS.lock(|records| records.borrow().part(page, from))
+}
+
 /// Runs the settings task. Owns the flash.
 pub async fn run(mut store: SettingsStore<impl NorFlash>) -> ! {
+    keep_records(&mut store);
     HAS_STORE.store(true, Ordering::Relaxed);
     loop {
         let settings = TO_SAVE.wait().await;
-        SAVED.signal(store.save(&settings).is_ok());
+        let is_saved = store.save(&settings).is_ok();
+        keep_records(&mut store);
+        SAVED.signal(is_saved);
     }
 }
 

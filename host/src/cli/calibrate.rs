@@ -12,6 +12,7 @@ use damprig_protocol::{PlantKind, Request};
 
 use super::arguments::{Rig, not_negative, seconds};
 use super::calibrate_operator::Person;
+use super::consent::ConsentArg;
 use super::outcome::{Failure, Outcome};
 use crate::calibrate::fit::FEWEST_POINTS;
 use crate::calibrate::guide::{self, Operator, Plan};
@@ -115,6 +116,9 @@ pub struct Args {
     #[arg(long)]
     save: bool,
 
+    #[command(flatten)]
+    consent: ConsentArg,
+
     /// Time without a message after which the link counts as lost
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = seconds)]
     timeout: f64,
@@ -162,7 +166,15 @@ impl Args {
         let virtual_rig = Rig::At(Address::VIRTUAL);
         let given = self.rig.as_ref();
         let rig = given.unwrap_or(if self.rehearse.is_some() { &virtual_rig } else { &Rig::Auto });
-        Session::open(&rig.find()?, Duration::from_secs_f64(self.timeout)).map_err(Failure::failed)
+        let mut session =
+            Session::open(&rig.find()?, Duration::from_secs_f64(self.timeout)).map_err(Failure::failed)?;
+        warn!("{}", session.settings_line());
+        // The other settings would be saved with those of the channel.
+        let drives = matches!(self.channel, Channel::Match | Channel::Drive | Channel::FrictionSpring);
+        if self.save || drives && self.readings.is_none() {
+            self.consent.check(&mut session, "this calibration is refused")?;
+        }
+        Ok(session)
     }
 
     /// The record of points, printed and written.

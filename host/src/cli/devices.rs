@@ -78,7 +78,7 @@ fn add(table: &mut Table, address: &Address, usb: Option<&Usb>, answer: &Answer)
         usb.map_or("–".into(), |usb| format!("{:04x}:{:04x} {}", usb.vendor, usb.product, usb.name)),
         usb.map_or("–".into(), |usb| usb.serial_number.clone()),
         match answer {
-            Answer::Device { board, firmware, last_crash, complaints, lost_sensors, warnings } => {
+            Answer::Device { board, firmware, settings, last_crash, complaints, lost_sensors, warnings } => {
                 let crash = last_crash.as_ref().map_or(String::new(), |crash| format!("\nlast crash: {crash}"));
                 let counted: String = complaints.iter().map(|what| format!("\nsince its start: {what}")).collect();
                 let lost = match lost_sensors.as_str() {
@@ -86,7 +86,7 @@ fn add(table: &mut Table, address: &Address, usb: Option<&Usb>, answer: &Answer)
                     names => format!("\nsensors without signal: {names}"),
                 };
                 let warnings: String = warnings.iter().map(|what| format!("\nwarning: {what}")).collect();
-                format!("{board}, firmware {firmware}{crash}{counted}{lost}{warnings}")
+                format!("{board}, firmware {firmware}\nsettings {settings}{crash}{counted}{lost}{warnings}")
             }
             Answer::None(why) => why.clone(),
             Answer::NotAsked => "not queried (not a USB device; use --all)".into(),

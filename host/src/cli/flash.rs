@@ -1,7 +1,8 @@
-//! `damprig flash`: checks a firmware image, writes it to the controller board, and waits until the board answers.
+//! `damprig flash`: checks a firmware image, keeps the board's settings in a file, writes the image, and gives the settings back.
 
 use std::cell::RefCell;
-use std::path::PathBuf;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args as ClapArgs;
@@ -12,26 +13,39 @@ use probe_rs::probe::DebugProbeSelector;
 
 use super::arguments::Rig;
 use super::outcome::{Failure, Outcome};
+use crate::board::BOARD;
 use crate::board::image::{Image, find};
 use crate::board::probe::{Attached, Candidate, NoProbe, candidates, choose, selector};
+use crate::client::backup::{Backup, Restored};
 use crate::client::board_check;
 use crate::client::controller::Controller;
 use crate::client::devices::{only, ports, query};
 use crate::client::link::Address;
 use crate::client::session::{Session, hex};
-use crate::settings::origin_text;
+use crate::host_time;
+use crate::report::exports::atomic_file::{OutFile, to_failure, write_new};
 
-/// Flashes the firmware of the controller board: checks the image, writes it, reads it back, resets the board and connects.
+/// Flashes the firmware of the controller board: checks the image, keeps the board's settings in a file, writes the image and reads
+/// it back, resets the board, connects, and makes sure that the board has its settings.
 ///
-/// The reset opens the drive's relay, so let the rig come to rest first. The board keeps its settings.
+/// The reset opens the drive's relay, so let the rig come to rest first. Writing leaves the board's settings memory alone; settings
+/// that the new firmware does not read are restored from the file.
 #[derive(Debug, ClapArgs)]
 pub struct Args {
     #[command(flatten)]
     target: ImageAndProbe,
 
-    /// Where to connect afterwards: auto (the serial port of the probe, else the only board) or serial:PATH
+    /// Where to connect before and afterwards: auto (the serial port of the probe, else the only board) or serial:PATH
     #[arg(long, value_name = "RIG", default_value = "auto")]
     rig: Rig,
+
+    /// File for the board's settings [default: settings-nucleo-g474re-<date>-<time>.toml]
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "without_backup")]
+    backup: Option<PathBuf>,
+
+    /// Write the image although the board's settings cannot be read first: a new board, or one whose firmware does not answer
+    #[arg(long)]
+    without_backup: bool,
 
     /// Time to wait for the board
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = super::arguments::seconds)]
@@ -94,7 +108,9 @@ impl ImageAndProbe {
 /// An invalid image; no probe, several probes, no chip; a flash error; a board that does not answer.
 pub fn run(args: &Args) -> Outcome {
     let image = args.target.image()?;
-    let (probe, mut attached) = args.target.attach()?;
+    let probe = args.target.choose()?;
+    let kept = if args.without_backup { None } else { Some(keep_settings(args, &probe)?) };
+    let mut attached = Attached::to(&probe).map_err(Failure::Failed)?;
     let kilobytes = image.length() as f64 / 1e3;
     warn!("{}: {kilobytes:.1} KB through {} {}", image.path.display(), probe.name, probe.selector);
     let bars = RefCell::new(Bars::default());
@@ -103,7 +119,62 @@ pub fn run(args: &Args) -> Outcome {
     drop(attached);
     warn!("written and verified; the board restarts");
     let mut session = connect(args, &probe)?;
-    describe(&image, &mut session)
+    // Only the board that was written gets the settings.
+    let mut restored = Ok(());
+    if is_own(&image, &session)
+        && let Some((file, backup)) = &kept
+    {
+        restored = give_back(&mut session, backup, file);
+    }
+    describe(&image, &mut session)?;
+    restored
+}
+
+/// Keeps the settings of the board in a file before anything is written.
+fn keep_settings(args: &Args, probe: &Candidate) -> Result<(PathBuf, Backup), Failure> {
+    let kept = address(&args.rig, probe).and_then(|address| Backup::before_update(&address, Duration::from_secs(2)));
+    let backup = kept.map_err(|why| {
+        Failure::Failed(format!(
+            "the board's settings cannot be kept before the image is written: {why}\n  nothing was written. On a new board, or one that \
+             does not answer: --without-backup"
+        ))
+    })?;
+    let file = args
+        .backup
+        .clone()
+        .unwrap_or_else(|| format!("settings-{BOARD}-{}.toml", host_time::now().strftime("%Y-%m-%d-%H%M%S")).into());
+    let out = OutFile { path: file.clone(), force: false };
+    let text = backup.to_text();
+    write_new(&out, |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(&file)(&e))).map_err(Failure::failed)?;
+    warn!("settings of the board kept in {}: {}", file.display(), backup.summary());
+    Ok((file, backup))
+}
+
+/// Makes sure that the board has the settings that it had before.
+fn give_back(session: &mut Session, backup: &Backup, file: &Path) -> Outcome {
+    if backup.is_blank() {
+        warn!("the board had no saved settings: none were restored");
+        return Ok(());
+    }
+    let done = backup.restore(session).map_err(|error| {
+        let file = file.display();
+        Failure::Failed(format!(
+            "the image is written and runs, but the board does not have its settings: {error}\n  they are kept in {file}; \
+             `damprig settings restore {file}` tries again"
+        ))
+    })?;
+    warn!(
+        "{}",
+        match done {
+            Restored::Unchanged => "the board has its settings",
+            Restored::Saved => "settings restored, saved and verified",
+        }
+    );
+    Ok(())
+}
+
+fn is_own(image: &Image, session: &Session) -> bool {
+    (&session.identity.board, &session.identity.firmware) == (&image.identity.board, &image.identity.firmware)
 }
 
 /// A progress bar for each operation.
@@ -194,7 +265,7 @@ fn describe(image: &Image, session: &mut Session) -> Outcome {
     say!("  protocol  {} (schema {})", it.protocol, hex(&it.schema));
     say!("  clock     {}", clock(about.clock_source));
     say!("  reset by  {}", reset(about.reset));
-    say!("  settings  {}", origin_text(about.settings));
+    say!("  settings  {}", session.settings_text());
     say!("  health    {health}");
     if let Some(supply_v) = about.supply_v {
         say!("  supply    {supply_v:.2} V");
@@ -203,7 +274,7 @@ fn describe(image: &Image, session: &mut Session) -> Outcome {
         say!("  warning   {warning}");
     }
     say!("  crash     {}", about.last_crash.map_or("none".into(), |crash| format!("before this start: {crash}")));
-    if (&it.board, &it.firmware) == (&image.identity.board, &image.identity.firmware) {
+    if is_own(image, session) {
         return Ok(());
     }
     Err(Failure::Failed(format!(

@@ -22,6 +22,7 @@ mod bifurcation;
 mod calibrate;
 mod calibrate_operator;
 mod compare;
+mod consent;
 mod continue_;
 mod devices;
 mod documents;

@@ -209,7 +209,14 @@ fn watch_rig(args: &Args, rig: &Rig, stop: &Arc<AtomicBool>) -> Outcome {
         Session::open(found.as_ref().unwrap_or(&address), timeout)
     };
     // The rig is there before its page: it has the cable, and a wrong one is refused at once.
-    drop(open().map_err(Failure::failed)?);
+    let session = open().map_err(Failure::failed)?;
+    say!("{}", session.settings_line());
+    if session.needs_consent() {
+        warn!(
+            "warning: the settings that were saved on the board do not act; it drives only with consent (`damprig run --accept-settings`)"
+        );
+    }
+    drop(session);
     let mut monitor = args.page.start(&address, where_to_stop(), handles(&address))?;
     let terminal = args.tui.then(|| open_terminal(&monitor, stop, false, true)).transpose()?;
     let (feed, actions) = (monitor.feed(), monitor.take_actions());

@@ -9,6 +9,7 @@ use clap::Args as ClapArgs;
 use damprig_protocol::ClockSource;
 
 use super::arguments::{Rig, SpeedArg, seconds, seconds_or_zero};
+use super::consent::ConsentArg;
 use super::monitor::{PageArgs, check_terminal};
 use super::outcome::{Failure, Outcome};
 use super::run_job::{Job, LiveViews};
@@ -30,7 +31,6 @@ use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::write::OutputFolder;
 use crate::runner::rehearsal::accept;
 use crate::runner::resume::EarlierRun;
-use crate::settings::origin_text;
 
 /// Runs the experiments of a campaign on all its set-ups and records them in a run folder.
 ///
@@ -71,6 +71,9 @@ pub struct Args {
     /// noted, and the run goes on
     #[arg(long)]
     yes: bool,
+
+    #[command(flatten)]
+    consent: ConsentArg,
 
     /// Time without a message after which the link counts as lost
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = seconds)]
@@ -158,6 +161,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     let rig = args.speed.apply(args.rig.as_ref().unwrap_or(&Rig::At(Address::VIRTUAL)).find()?)?;
     let mut session = open(&rig, args)?;
     let (selection, warnings) = accept(&mut campaign, &session).map_err(Failure::input)?;
+    args.consent.check(&mut session, "this campaign is refused")?;
     let points = campaign.points();
     let (shortest, longest) = (duration(campaign.expected_s()), duration(campaign.longest_s()));
     let time = if shortest == longest { format!("about {shortest}") } else { format!("{shortest} to {longest}") };
@@ -205,6 +209,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         timeout: args.timeout(),
         reconnect_within: Duration::from_secs_f64(args.reconnect_s),
         mount_without_asking: args.yes,
+        accept_settings: args.consent.is_given(),
         is_quiet: args.quiet,
         rig,
         campaign: &campaign,
@@ -256,6 +261,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     let rig = args.speed.apply(rig)?;
     let mut session = open(&rig, args)?;
     let (selection, warnings) = accept(&mut earlier.campaign, &session).map_err(Failure::input)?;
+    args.consent.check(&mut session, "the run is not resumed")?;
     warnings.iter().for_each(|warning| warn!("warning: {warning}"));
     let campaign = &earlier.campaign;
     let predicted = Predicted::of(campaign).map_err(Failure::input)?;
@@ -285,6 +291,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         timeout: args.timeout(),
         reconnect_within: Duration::from_secs_f64(args.reconnect_s),
         mount_without_asking: args.yes,
+        accept_settings: args.consent.is_given(),
         is_quiet: args.quiet,
         rig,
         campaign,
@@ -313,11 +320,12 @@ fn settings_line(args: &Args, session: &Session) -> String {
             .into();
     }
     let (board, link) = (&session.identity.board, session.name());
-    format!("Checked with the settings of {board} at {link} ({}).", origin_text(session.description.settings))
+    format!("Checked with the settings of {board} at {link} ({}).", session.settings_origin())
 }
 
 fn open(rig: &Address, args: &Args) -> Result<Session, Failure> {
     let session = Session::open(rig, args.timeout()).map_err(Failure::failed)?;
+    say!("{}", session.settings_line());
     if let Some(crash) = session.description.last_crash {
         warn!(
             "note: the board restarted after a crash: {crash}\n  `addr2line -f -e IMAGE` with these addresses gives the source lines"

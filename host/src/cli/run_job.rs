@@ -66,6 +66,8 @@ pub(super) struct Job<'a> {
     /// How long to try to reconnect; zero for never.
     pub reconnect_within: Duration,
     pub mount_without_asking: bool,
+    /// The board may drive on settings other than the saved ones.
+    pub accept_settings: bool,
     /// No progress is shown.
     pub is_quiet: bool,
     pub rig: Address,
@@ -147,7 +149,11 @@ impl Job<'_> {
         let open = Box::new(move || {
             // A board that was plugged in again may have another port.
             let found = self.given_rig.filter(|rig| **rig == Rig::Auto).and_then(|rig| rig.find().ok());
-            Session::open(found.as_ref().unwrap_or(&self.rig), timeout)
+            let mut session = Session::open(found.as_ref().unwrap_or(&self.rig), timeout)?;
+            if self.accept_settings {
+                session.accept_settings()?;
+            }
+            Ok(session)
         });
         (!within.is_zero()).then_some(Reconnect { within, open })
     }

@@ -9,11 +9,13 @@ use damprig_core::settings::{Settings, Source as Origin};
 use damprig_protocol::Request;
 
 use super::arguments::Rig;
+use super::consent::ConsentArg;
 use super::outcome::{Failure, Outcome};
-use crate::client::session::Session;
+use crate::client::backup::{Backup, NotRestored, Restored};
+use crate::client::session::{AnyBoard, Session};
 use crate::input::{Source, near};
 use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
-use crate::settings::{decimal, entries, from_toml, origin_text, to_toml};
+use crate::settings::{decimal, entries, from_toml, origin_text, states_limits, to_toml};
 
 /// Shows, changes, saves and copies the settings of a board: sensor calibration, limits, spring and impact constants.
 ///
@@ -40,6 +42,8 @@ Examples:
   damprig settings set spring.step_m=4e-6 safety.wall_force_n=300 --rig auto --save
   damprig settings export rig.toml --rig auto
   damprig settings import rig.toml --rig serial:/dev/ttyACM0 --save
+  damprig settings backup kept.toml --rig auto                before another firmware; restore it after
+  damprig settings restore kept.toml --rig auto
   damprig settings export board.toml          defaults; edit, then run with --rig virtual:board.toml";
 
 #[derive(Debug, Subcommand)]
@@ -54,6 +58,8 @@ enum Action {
         /// Also save all settings
         #[arg(long)]
         save: bool,
+        #[command(flatten)]
+        consent: ConsentArg,
     },
     /// Save the settings in use, so that they survive a power cut
     Save,
@@ -74,6 +80,23 @@ enum Action {
         /// Also save all settings
         #[arg(long)]
         save: bool,
+        #[command(flatten)]
+        consent: ConsentArg,
+    },
+    /// Write the settings that the board keeps to a new file, byte by byte. Works with a firmware of any version
+    Backup {
+        /// File
+        #[arg(value_name = "FILE.toml")]
+        file: PathBuf,
+        /// Replace an existing file
+        #[arg(long)]
+        force: bool,
+    },
+    /// Save the settings of a backup on the board, and check that the board has them
+    Restore {
+        /// File written by `backup`
+        #[arg(value_name = "FILE.toml")]
+        file: PathBuf,
     },
 }
 
@@ -83,6 +106,12 @@ enum Action {
 /// A wrong key, value or file; a board that does not answer or rejects the settings.
 pub fn run(args: &Args) -> Outcome {
     // Report input errors before connecting to the board.
+    let timeout = Duration::from_secs_f64(args.timeout);
+    match &args.action {
+        Action::Backup { file, force } => return backup(args, file, *force, timeout),
+        Action::Restore { file } => return restore(args, file, timeout),
+        _ => {}
+    }
     let file = match &args.action {
         Action::Import { file, .. } => Some(Source::read(file).map_err(Failure::input)?),
         Action::Set { values, .. } => {
@@ -92,7 +121,7 @@ pub fn run(args: &Args) -> Outcome {
         _ => None,
     };
     let address = args.rig.find()?;
-    let mut session = Session::open(&address, Duration::from_secs_f64(args.timeout)).map_err(Failure::failed)?;
+    let mut session = Session::open(&address, timeout).map_err(Failure::failed)?;
     let (present, origin) = session.read_settings().map_err(Failure::failed)?;
     match &args.action {
         Action::Show => {
@@ -100,15 +129,27 @@ pub fn run(args: &Args) -> Outcome {
             Ok(())
         }
         Action::Export { file, force } => export(file, *force, &to_toml(&present, &head(&session, origin))),
-        Action::Save => save(&mut session),
-        Action::Set { values, save } => {
+        Action::Save => {
+            say!("{}", session.settings_line());
+            save(&mut session)
+        }
+        // Handled above.
+        Action::Backup { .. } | Action::Restore { .. } => Ok(()),
+        Action::Set { values, save, consent } => {
+            if *save {
+                // The others would be saved too.
+                consent.check(&mut session, "not set")?;
+            }
             let wanted = changed(values, &present)?;
             send(&mut session, &present, &wanted, *save)
         }
-        Action::Import { save, .. } => {
+        Action::Import { save, consent, .. } => {
             // Read above.
             let Some(source) = file else { return Ok(()) };
             let wanted = from_toml(&source, &present).map_err(Failure::input)?;
+            if *save && !states_limits(source.text()) {
+                consent.check(&mut session, "not imported: the file does not state every limit (safety.…)")?;
+            }
             let own = &session.identity.board;
             if let Some(other) = board_of(source.text()).filter(|other| *other != own.as_str()) {
                 warn!(
@@ -119,6 +160,43 @@ pub fn run(args: &Args) -> Outcome {
             send(&mut session, &present, &wanted, *save)
         }
     }
+}
+
+/// Keeps what a board of any protocol has saved.
+fn backup(args: &Args, file: &Path, force: bool, timeout: Duration) -> Outcome {
+    let mut board = AnyBoard::open(&args.rig.find()?, timeout).map_err(Failure::failed)?;
+    let backup = Backup::of(&mut board).map_err(Failure::failed)?;
+    say!("Settings of {}, firmware {}: {}", backup.board, backup.firmware, backup.summary());
+    export(file, force, &backup.to_text())
+}
+
+fn restore(args: &Args, file: &Path, timeout: Duration) -> Outcome {
+    let backup = Backup::read(file).map_err(Failure::input)?;
+    let mut session = Session::open(&args.rig.find()?, timeout).map_err(Failure::failed)?;
+    let own = &session.identity.board;
+    if *backup.board != **own {
+        warn!(
+            "note: {} is from the board {}, this is {own}: the sensor calibration is restored too",
+            file.display(),
+            backup.board
+        );
+    }
+    if backup.settings().1.needs_consent() {
+        warn!("note: {}: {}", file.display(), backup.summary());
+    }
+    let done = backup.restore(&mut session).map_err(|error| {
+        let message = format!("{}: {error}", file.display());
+        if matches!(error, NotRestored::Unreadable(_)) { Failure::Input(message) } else { Failure::Failed(message) }
+    })?;
+    say!("{}", session.settings_line());
+    say!(
+        "{}",
+        match done {
+            Restored::Unchanged => "the board has these settings already",
+            Restored::Saved => "restored, saved and verified",
+        }
+    );
+    Ok(())
 }
 
 /// The board named in the header of an exported file.

@@ -69,6 +69,7 @@ const OPTION_BYTES: [OptionByte; 6] = [
 pub fn warnings(session: &Session) -> Vec<String> {
     let Description { option_bytes, supply_v, plant, .. } = session.description;
     let mut list = of(option_bytes, supply_v);
+    list.extend(session.consent_warning());
     list.extend(uncalibrated(&session.settings.calibrated, plant, host_time::today_days()));
     list
 }

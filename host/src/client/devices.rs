@@ -43,6 +43,8 @@ pub enum Answer {
         board: String,
         /// Its firmware's version.
         firmware: String,
+        /// Where its settings come from, and its limits.
+        settings: String,
         /// What ended an earlier run of its firmware.
         last_crash: Option<String>,
         /// Its non-zero error counts since its start, in words.
@@ -101,6 +103,7 @@ pub fn ask(address: &Address, timeout: Duration) -> Result<Answer, SessionError>
         complaints: status.map_or_else(|e| vec![e.to_string()], |(_, now)| complaints(&now)),
         board: session.identity.board.to_string(),
         firmware: session.identity.firmware.to_string(),
+        settings: session.settings_text(),
         last_crash: session.description.last_crash.map(|crash| crash.to_string()),
         warnings: board_check::warnings(&session),
     })
@@ -184,6 +187,7 @@ mod tests {
             Answer::Device {
                 board: "nucleo".into(),
                 firmware: "0.1.0".into(),
+                settings: String::new(),
                 last_crash: None,
                 complaints: vec![],
                 lost_sensors: String::new(),

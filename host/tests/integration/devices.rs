@@ -44,7 +44,7 @@ fn a_board_at_an_address_is_shown_with_what_is_wrong_with_it() {
 }
 
 #[test]
-fn a_healthy_board_has_one_line_and_a_virtual_one_answers_too() {
+fn a_healthy_board_has_no_complaints_and_a_virtual_one_answers_too() {
     let folder = folder_with("");
     let rig = Served::again_and_again(|_| Fate::Pass);
     for rig in [&rig, "virtual", "virtual:f32"] {

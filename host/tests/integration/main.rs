@@ -48,6 +48,7 @@ mod run;
 mod run_folder;
 mod runs;
 mod sampled_cycles;
+mod saved_settings;
 mod serial;
 mod settings;
 mod setup;

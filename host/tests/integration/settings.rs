@@ -39,7 +39,11 @@ fn a_changed_setting_acts_at_once_and_is_reported_as_unsaved() {
     assert!(told.contains("spring.step_m: 5e-6 -> 4e-6") && told.contains("unless they are saved"), "{told}");
     let shown = board.shown();
     assert!(shown.contains("step_m = 4e-6") && shown.contains("changed, not stored"), "{shown}");
-    assert_eq!(out(board.settings(&["save"]).success()), "saved\n");
+    let told = out(board.settings(&["save"]).success());
+    assert!(
+        told.starts_with("Settings of test: changed, not stored; ")
+            && told.ends_with("wall force up to 300 N\nsaved\n")
+    );
     assert!(board.shown().contains("(stored)"));
 }
 

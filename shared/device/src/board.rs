@@ -3,7 +3,7 @@
 use damprig_core::io::{Actuators, Sensors};
 use damprig_core::rig::{Rejected, Rig};
 use damprig_core::settings::Settings;
-use damprig_protocol::{Clock, NumberedRequest, PlantKind, Timing};
+use damprig_protocol::{Clock, NumberedRequest, PlantKind, StoredPart, Timing};
 
 /// A board. The default methods suit a board with a real structure and its own clock.
 pub trait Board {
@@ -30,6 +30,11 @@ pub trait Board {
     /// Returns once how a save that took longer has ended.
     fn saved(&mut self) -> Option<Result<(), Rejected>> {
         None
+    }
+
+    /// Bytes of a page of the settings memory, which may hold any layout. None if the board has no such memory.
+    fn stored_settings(&mut self, _page: u8, _from: u16) -> StoredPart {
+        StoredPart::NONE
     }
 
     /// Timing of the ticks.

@@ -70,6 +70,8 @@ pub struct Controller {
     description: Description,
     rig: Rig,
     settings_source: Source,
+    /// The host of this session has accepted the settings in use.
+    is_accepted: bool,
     /// Sequence number of the save request whose reply is pending.
     saving: Option<u16>,
     selection: Selection,
@@ -110,6 +112,7 @@ impl Controller {
             },
             rig: Rig::new(),
             settings_source: Source::Default,
+            is_accepted: false,
             saving: None,
             selection: Selection::default(),
             served: Deque::new(),
@@ -188,6 +191,7 @@ impl Controller {
         if matches!(request.request, Request::Identify) {
             // A new session restarts the sequence numbers.
             self.served.clear();
+            self.is_accepted = false;
         }
         if self.saving == Some(seq) {
             // A copy: the reply is sent when the save has ended.
@@ -251,6 +255,7 @@ impl Controller {
     ) -> Result<Reply, Rejected> {
         let command = match &request.request {
             Request::Identify => return Ok(Reply::Identity(self.identity.clone())),
+            Request::StoredSettings { page, from } => return Ok(Reply::Stored(board.stored_settings(*page, *from))),
             Request::Describe => return Ok(Reply::Description(self.describe(board))),
             Request::Status => return Ok(Reply::Status { status: self.rig.status(), counters: self.counters }),
             Request::Signals { from } => return Ok(Reply::Signals(signals(*from))),
@@ -294,6 +299,10 @@ impl Controller {
                 }
                 Command::ReplaceSpring
             }
+            Request::AcceptSettings => {
+                self.is_accepted = true;
+                return Ok(Reply::Done);
+            }
             Request::SetSettings(settings) => Command::SetSettings(*settings),
             Request::SetLimits(limits) => Command::SetLimits(*limits),
             Request::SetSpring(set_up) => Command::SetSpring(*set_up),
@@ -311,7 +320,12 @@ impl Controller {
             Request::Stop => Command::Stop,
             Request::Hold(held) => Command::Hold(*held),
             Request::ClearFault => Command::ClearFault,
-            Request::Spring(command) => Command::Spring(*command),
+            Request::Spring(command) => {
+                if command.moves() {
+                    self.must_have_consent()?;
+                }
+                Command::Spring(*command)
+            }
             Request::ArmSnippet => Command::ArmSnippet,
         };
         if let Command::Configure(experiment) = &command {
@@ -321,9 +335,17 @@ impl Controller {
         let sets = matches!(command, Command::SetSettings(_));
         self.rig.handle(command)?;
         if sets {
-            self.settings_source = Source::Host;
+            self.settings_source = self.settings_source.once_set();
         }
         Ok(Reply::Done)
+    }
+
+    /// Refuses to move anything while settings that somebody saved do not act, unless the host has accepted this.
+    fn must_have_consent(&self) -> Result<(), Rejected> {
+        if self.settings_source.needs_consent() && !self.is_accepted {
+            return Err(Rejected::not_here("the saved settings do not act: restore them, or accept these"));
+        }
+        Ok(())
     }
 
     /// Starts the configured experiment: ticks count from 0, rows that wait are dropped.
@@ -335,6 +357,7 @@ impl Controller {
     ) -> Result<Reply, Rejected> {
         let record = self.rig.wanted_record();
         self.rig.could_start(record.and_then(|record| upload.peak_counts(&record)))?;
+        self.must_have_consent()?;
         if record.is_some_and(|record| !upload.holds(&record)) {
             return Err(Rejected::not_here("upload the record that this playback names first"));
         }
@@ -435,6 +458,7 @@ fn is_question(ask: &Request) -> bool {
             | Request::Snippet { .. }
             | Request::Transient
             | Request::Settings
+            | Request::StoredSettings { .. }
             | Request::SignalValues
     )
 }

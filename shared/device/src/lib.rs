@@ -6,7 +6,7 @@
 //! * [`queues`] are between the control loop and the link,
 //! * [`message_reader`] reads requests from received bytes, [`outbox`] builds the messages to send, replies first,
 //! * [`upload_buffer`] holds the record that a host uploads,
-//! * [`settings_store`] keeps the settings in flash, [`crash`] the crash record.
+//! * [`settings_store`] keeps the settings in flash as [`settings_record`]s, [`crash`] the crash record.
 //!
 //! Decisions about the experiment belong to `damprig-core`, byte formats to `damprig-protocol`, pins to the firmware, simulated
 //! plants to `damprig-simulator`.
@@ -21,6 +21,7 @@ pub mod crash;
 pub mod message_reader;
 pub mod outbox;
 pub mod queues;
+pub mod settings_record;
 pub mod settings_store;
 pub mod upload_buffer;
 

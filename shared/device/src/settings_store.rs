@@ -1,9 +1,8 @@
 //! Stores the rig's settings in flash. A power loss at any instant leaves either the old or the new settings.
 //!
-//! Each of two pages holds one record: the settings in postcard, the hash of their layout, a sequence number, and a
-//! CRC-32 over all of these. A save erases the page that does *not* hold the newest record and writes there. An
-//! interrupted erase or write therefore leaves the other page untouched, and the checksum shows which record is valid
-//! (random bytes pass with a probability of 2⁻³²). A record of another layout is not read. A read of a word with an
+//! Each of two pages holds one record ([`crate::settings_record`]). A save erases the page that does *not* hold the
+//! newest record and writes there. An interrupted erase or write therefore leaves the other page untouched, and the
+//! checksum shows which record is valid (random bytes pass with a probability of 2⁻³²). A read of a word with an
 //! uncorrectable error must return some bytes instead of faulting.
 //!
 //! The crate `sequential-storage` is not used: after an erase that was interrupted bit by bit it found neither the
@@ -13,86 +12,60 @@
 //! when settings may be saved.
 
 use core::ops::Range;
-use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
-use damprig_core::settings::{Prepared, Settings, Source};
+use damprig_core::settings::{Settings, Source};
+use damprig_protocol::StoredPart;
 use embedded_storage::nor_flash::NorFlash;
-use postcard_schema::key::Key;
 
-/// Hash of the layout of [`Settings`], names included.
-const LAYOUT: [u8; 8] = Key::for_path::<Settings>("settings").to_bytes();
-
-const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
-
-/// Size of a record, bytes, a multiple of the flash's word: 66 numbers of four bytes, header, checksum, and a
-/// reserve.
-const RECORD: usize = 320;
-
-/// Size of the header, bytes, the same in every layout: layout hash, sequence number, length of the settings.
-const HEAD: usize = 8 + 4 + 4;
-
-type Bytes = [u8; RECORD];
+use crate::settings_record::{Bytes, RECORD_BYTES, Record, encode};
 
 /// The settings could not be saved. Settings saved before are still stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotSaved;
 
-/// Content of a page.
-#[allow(clippy::large_enum_variant)] // There is no allocator, so a variant cannot be boxed.
-enum Slot {
-    Blank,
-    Damaged,
-    /// A valid record of another layout, with its sequence number.
-    Other(u32),
-    /// Settings of this layout, with their sequence number.
-    Ours(u32, Settings),
-}
+/// The bytes of both pages, for a host that asks for them ([`damprig_protocol::Request::StoredSettings`]).
+#[derive(Clone, Debug)]
+pub struct Records([Bytes; 2]);
 
-impl Slot {
-    fn read(record: &Bytes) -> Self {
-        if record.iter().all(|byte| *byte == 0xff) {
-            return Self::Blank;
-        }
-        Self::sound(record).unwrap_or(Self::Damaged)
-    }
+impl Records {
+    /// Zeros, which are no valid record.
+    pub const UNREAD: Self = Self([[0; RECORD_BYTES]; 2]);
 
-    /// Returns `None` for a record with a wrong checksum or invalid settings.
-    fn sound(record: &Bytes) -> Option<Self> {
-        let (number, length) = (word(record, 8)?, word(record, 12)? as usize);
-        let end = HEAD.checked_add(length)?;
-        if CRC.checksum(record.get(..end)?) != word(record, end)? {
-            return None;
-        }
-        let Some(body) = record.strip_prefix(&LAYOUT).and_then(|rest| rest.get(HEAD - LAYOUT.len()..)) else {
-            return Some(Self::Other(number));
-        };
-        let settings = postcard::from_bytes(body).ok()?;
-        Prepared::new(&settings).ok()?;
-        Some(Self::Ours(number, settings))
-    }
-
-    fn number(&self) -> Option<u32> {
-        match self {
-            Self::Other(number) | Self::Ours(number, _) => Some(*number),
-            Self::Blank | Self::Damaged => None,
+    /// The bytes of a page from `from` on, as many as fit a reply.
+    #[must_use]
+    pub fn part(&self, page: u8, from: u16) -> StoredPart {
+        let Some(record) = self.0.get(usize::from(page)) else { return StoredPart::NONE };
+        let rest = record.get(usize::from(from)..).unwrap_or_default();
+        StoredPart {
+            length: RECORD_BYTES as u16,
+            bytes: rest.iter().copied().take(damprig_protocol::STORED_TOLD).collect(),
         }
     }
 }
 
-fn word(bytes: &Bytes, at: usize) -> Option<u32> {
-    bytes.get(at..)?.first_chunk().map(|bytes| u32::from_le_bytes(*bytes))
-}
-
-/// Encodes `settings` as a record, padded with erased bytes.
-fn record(number: u32, settings: &Settings) -> Option<Bytes> {
-    let mut record = [0xff; RECORD];
-    let length = postcard::to_slice(settings, record.get_mut(HEAD..RECORD - 4)?).ok()?.len();
-    record.get_mut(..8)?.copy_from_slice(&LAYOUT);
-    record.get_mut(8..12)?.copy_from_slice(&number.to_le_bytes());
-    record.get_mut(12..HEAD)?.copy_from_slice(&(length as u32).to_le_bytes());
-    let end = HEAD + length;
-    let checksum = CRC.checksum(record.get(..end)?);
-    record.get_mut(end..end + 4)?.copy_from_slice(&checksum.to_le_bytes());
-    Some(record)
+/// Chooses the settings that act from the records of the pages: those that were saved last, or the defaults.
+#[must_use]
+pub fn choose(records: &[Record]) -> (Settings, Source) {
+    let mut newest: Option<(u32, &Settings, bool)> = None;
+    for record in records {
+        if let Record::Settings { number, settings, is_migrated } = record
+            && newest.is_none_or(|(newest, ..)| newest < *number)
+        {
+            newest = Some((*number, settings, *is_migrated));
+        }
+    }
+    let is_damaged = records.iter().any(|record| matches!(record, Record::Damaged));
+    let other = records.iter().filter(|record| matches!(record, Record::Other { .. })).filter_map(Record::number).max();
+    match newest {
+        // Nobody can tell whether the damaged record was the newer one.
+        Some((number, settings, _)) if is_damaged || other.is_some_and(|other| other > number) => {
+            (*settings, Source::Older)
+        }
+        Some((_, settings, true)) => (*settings, Source::Migrated),
+        Some((_, settings, false)) => (*settings, Source::Stored),
+        None if other.is_some() => (Settings::default(), Source::OtherLayout),
+        None if is_damaged => (Settings::default(), Source::Damaged),
+        None => (Settings::default(), Source::Default),
+    }
 }
 
 /// Stores settings in two pages of a flash.
@@ -106,60 +79,61 @@ impl<F: NorFlash> SettingsStore<F> {
     /// each hold a record.
     pub fn new(flash: F, range: Range<u32>) -> Option<Self> {
         let page = F::ERASE_SIZE as u32;
-        let fits = page as usize >= RECORD && RECORD.is_multiple_of(F::WRITE_SIZE);
+        let fits = page as usize >= RECORD_BYTES && RECORD_BYTES.is_multiple_of(F::WRITE_SIZE);
         let is_whole = range.start.is_multiple_of(page) && range.end.checked_sub(range.start) == page.checked_mul(2);
         (fits && is_whole).then(|| Self { flash, pages: [range.start, range.start + page] })
     }
 
     /// Reads the settings that were saved last, or the defaults, and their source.
     pub fn load(&mut self) -> (Settings, Source) {
-        let mut newest: Option<(u32, Settings)> = None;
-        let (mut is_other, mut is_damaged) = (false, false);
-        for page in self.pages {
-            match self.read(page) {
-                Slot::Blank => {}
-                Slot::Damaged => is_damaged = true,
-                Slot::Other(_) => is_other = true,
-                Slot::Ours(number, settings) => {
-                    if newest.as_ref().is_none_or(|(newest, _)| *newest < number) {
-                        newest = Some((number, settings));
-                    }
-                }
+        let [first, second] = self.pages;
+        choose(&[self.read(first), self.read(second)])
+    }
+
+    /// Copies the bytes of a page. A page that cannot be read is copied as zeros, which are no valid record.
+    pub fn copy(&mut self, records: &mut Records) {
+        for (place, page) in records.0.iter_mut().zip(self.pages) {
+            if self.flash.read(page, place).is_err() {
+                *place = [0; RECORD_BYTES];
             }
-        }
-        match newest {
-            Some((_, settings)) => (settings, Source::Stored),
-            None if is_damaged && !is_other => (Settings::default(), Source::Damaged),
-            None => (Settings::default(), Source::Default),
         }
     }
 
-    /// Saves the settings and verifies them by reading back.
+    /// Saves the settings and verifies them by reading back. A damaged record in the other page is then erased: from now
+    /// on these settings are the last.
     ///
     /// # Errors
     /// The flash did not accept the record.
     pub fn save(&mut self, settings: &Settings) -> Result<(), NotSaved> {
-        let mut numbers = [None; 2];
-        for (number, page) in numbers.iter_mut().zip(self.pages) {
-            *number = self.read(page).number();
+        let (mut numbers, mut is_damaged) = ([None; 2], [false; 2]);
+        for (place, page) in self.pages.into_iter().enumerate() {
+            let record = self.read(page);
+            (numbers[place], is_damaged[place]) = (record.number(), record == Record::Damaged);
         }
         let [first, second] = numbers;
         // `None`, a page without a record, is less than any number.
-        let page = self.pages[usize::from(first > second)];
+        let place = usize::from(first > second);
+        let (page, other) = (self.pages[place], self.pages[1 - place]);
         let number = first.max(second).map_or(0, |newest| newest.saturating_add(1));
-        let record = record(number, settings).ok_or(NotSaved)?;
+        let record = encode(number, settings).ok_or(NotSaved)?;
         self.flash.erase(page, page + F::ERASE_SIZE as u32).map_err(|_| NotSaved)?;
         self.flash.write(page, &record).map_err(|_| NotSaved)?;
-        let mut written = [0; RECORD];
+        let mut written = [0; RECORD_BYTES];
         self.flash.read(page, &mut written).map_err(|_| NotSaved)?;
-        if written == record { Ok(()) } else { Err(NotSaved) }
+        if written != record {
+            return Err(NotSaved);
+        }
+        if is_damaged[1 - place] {
+            self.flash.erase(other, other + F::ERASE_SIZE as u32).map_err(|_| NotSaved)?;
+        }
+        Ok(())
     }
 
-    fn read(&mut self, page: u32) -> Slot {
-        let mut record = [0; RECORD];
-        match self.flash.read(page, &mut record) {
-            Ok(()) => Slot::read(&record),
-            Err(_) => Slot::Damaged,
+    fn read(&mut self, page: u32) -> Record {
+        let mut bytes = [0; RECORD_BYTES];
+        match self.flash.read(page, &mut bytes) {
+            Ok(()) => Record::read(&bytes),
+            Err(_) => Record::Damaged,
         }
     }
 }

@@ -14,7 +14,8 @@
 //! * The board's settings are the base of every limit. [`Request::SetLimits`] tightens some of them for one
 //!   experiment; a looser limit is answered with [`Rejected::Looser`]. The board itself ends the tightening.
 //! * Records are [`upload`]ed in chunks. An upload continues after a broken link.
-//! * [`Request::Identify`] and [`Reply::Identity`] never change, so that two versions can identify each other.
+//! * [`Request::Identify`] with [`Reply::Identity`] and [`Request::StoredSettings`] with [`Reply::Stored`] never change: two
+//!   versions can identify each other, and any later host can read the settings that a board keeps.
 //!
 //! # Known answers
 //! The bytes are part of the contract:
@@ -26,12 +27,21 @@
 //! // body 00 07 00 00 (request, seq 7, no tick, identify), then its CRC-32 in little endian
 //! assert_eq!(out[..length], [0x01, 0x02, 0x07, 0x01, 0x05, 0x99, 0xc9, 0x0b, 0x24, 0x00]);
 //!
+//! // The bytes of page 1 of the settings memory from 256 = 80 02 on, and a page of 320 = c0 02 bytes that ends with 12 34
+//! let request = Request::StoredSettings { page: 1, from: 256 };
+//! let length = frame::encode(&ToDevice::Request(NumberedRequest { seq: 7, at_tick: None, request }), &mut out).unwrap();
+//! assert_eq!(out[..length], [0x01, 0x02, 0x07, 0x09, 0x01, 0x01, 0x80, 0x02, 0xf3, 0x1b, 0x9a, 0xec, 0x00]);
+//! use damprig_protocol::{FromDevice, Reply, StoredPart};
+//! let part = StoredPart { length: 320, bytes: [0x12, 0x34].into_iter().collect() };
+//! let length = frame::encode(&FromDevice::Reply { seq: 7, answer: Ok(Reply::Stored(part)) }, &mut out).unwrap();
+//! assert_eq!(out[..length], [0x01, 0x02, 0x07, 0x0b, 0x01, 0xc0, 0x02, 0x02, 0x12, 0x34, 0x4a, 0xbe, 0x48, 0x3e, 0x00]);
+//!
 //! // Grant { until_tick: 1000 }: body 01 e8 07
 //! let length = frame::encode(&ToDevice::Grant { until_tick: 1000 }, &mut out).unwrap();
 //! assert_eq!(out[..length], [0x08, 0x01, 0xe8, 0x07, 0x62, 0x5f, 0x40, 0xf6, 0x00]);
 //!
 //! // One telemetry row: body 02, seq 1, first tick ac 02 = 300, every 5 ticks, 2 wide, 2 values in IEEE 754 little endian
-//! use damprig_protocol::{FromDevice, Telemetry};
+//! use damprig_protocol::Telemetry;
 //! let values = [1.5, -2.0].into_iter().collect();
 //! let row = FromDevice::Telemetry(Telemetry { seq: 1, first_tick: 300, every_ticks: 5, width: 2, values });
 //! let length = frame::encode(&row, &mut out).unwrap();

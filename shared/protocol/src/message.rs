@@ -21,6 +21,9 @@ pub const SIGNALS_TOLD: usize = 4;
 /// Maximum number of snippet samples in one reply.
 pub const SAMPLES_TOLD: usize = 32;
 
+/// Maximum number of bytes of the settings memory in one reply.
+pub const STORED_TOLD: usize = 128;
+
 /// Number of call addresses in a [`Crash`].
 pub const CALLS_TOLD: usize = 6;
 
@@ -62,6 +65,8 @@ pub enum FromDevice {
 pub enum Reply {
     /// Reply to [`Request::Identify`](crate::Request::Identify).
     Identity(Identity),
+    /// Reply to [`Request::StoredSettings`](crate::Request::StoredSettings). This variant always stays second.
+    Stored(StoredPart),
     /// The request was carried out.
     Done,
     /// Reply to [`Request::Describe`](crate::Request::Describe).
@@ -117,6 +122,21 @@ pub struct Identity {
     pub firmware: String<32>,
     /// Name of the board.
     pub board: String<32>,
+}
+
+/// Bytes of a page of the settings memory, from the requested one on, as many as fit. The layout of this type never
+/// changes; `damprig-device` has the layout of the bytes (`settings_record`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct StoredPart {
+    /// Length of the page's record, bytes; 0 if there is no such page.
+    pub length: u16,
+    /// The bytes.
+    pub bytes: Vec<u8, STORED_TOLD>,
+}
+
+impl StoredPart {
+    /// There is no such page.
+    pub const NONE: Self = Self { length: 0, bytes: Vec::new() };
 }
 
 /// The clock that counts the ticks.

@@ -46,6 +46,14 @@ pub struct NumberedRequest {
 pub enum Request {
     /// Ask for the device's identity. This variant always stays first.
     Identify,
+    /// Ask for the bytes of a page of the settings memory, whatever their layout: to keep them before the firmware is
+    /// replaced. Pages count from 0; beyond the last one the reply has length 0. This variant always stays second.
+    StoredSettings {
+        /// The page.
+        page: u8,
+        /// First byte wanted.
+        from: u16,
+    },
     /// Ask for the device's properties.
     Describe,
     /// Ask for state, tick and counters.
@@ -128,4 +136,8 @@ pub enum Request {
     /// Hold a running stepped sine at its present point (`true`), or release it: see
     /// [`Command::Hold`](damprig_core::rig::Command::Hold).
     Hold(bool),
+    /// Let the rig drive on the settings in use, although settings that somebody saved do not act
+    /// ([`Source::needs_consent`](damprig_core::settings::Source::needs_consent)). Valid until the next
+    /// [`Request::Identify`], that is for one session.
+    AcceptSettings,
 }

@@ -36,7 +36,7 @@ use damprig_device::board::{Board, Saving};
 use damprig_device::control_loop::Step;
 use damprig_device::controller::BootInfo;
 use damprig_device::settings_store::SettingsStore;
-use damprig_protocol::{CALLS_TOLD, CrashCause, Reset, Timing};
+use damprig_protocol::{CALLS_TOLD, CrashCause, Reset, StoredPart, Timing};
 use embassy_executor::{InterruptExecutor, SpawnToken, Spawner};
 use embassy_stm32::adc::AdcChannel;
 use embassy_stm32::dac::{DacChannel, Value};
@@ -223,6 +223,10 @@ impl Board for ControlBoard {
 
     fn saved(&mut self) -> Option<Result<(), Rejected>> {
         tasks::settings::saved()
+    }
+
+    fn stored_settings(&mut self, page: u8, from: u16) -> StoredPart {
+        tasks::settings::stored(page, from)
     }
 
     fn timing(&self) -> Timing {

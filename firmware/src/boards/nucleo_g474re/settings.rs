@@ -24,14 +24,15 @@ fn place() -> Range<u32> {
 }
 
 /// Opens the flash and reads the settings. Returns no store on a chip whose option byte DBANK selects a single bank:
-/// an erase would stop the program, and the driver does not support it.
+/// an erase would stop the program, and the driver does not support it. Whatever was saved cannot be read then.
 pub fn open(
     flash: Peri<'static, peripherals::FLASH>,
 ) -> (Option<SettingsStore<SettingsFlash>>, &'static (Settings, Source)) {
     let has_banks = pac::FLASH.optr().read().dbank();
     let mut store = has_banks.then(|| SettingsStore::new(Flash::new_blocking(flash), place())).flatten();
     static STORED: StaticCell<(Settings, Source)> = StaticCell::new();
-    let stored = STORED.init_with(|| store.as_mut().map(SettingsStore::load).unwrap_or_default());
+    let stored =
+        STORED.init_with(|| store.as_mut().map_or((Settings::default(), Source::Damaged), SettingsStore::load));
     (store, stored)
 }
 

@@ -4,23 +4,28 @@
 //! clock the session grants the ticks. A device that sends nothing within the timeout is an error.
 
 mod checks;
+mod consent;
 mod error;
 mod idle;
+mod opening;
 mod status;
+mod version_5;
 
 use std::collections::VecDeque;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use damprig_core::settings::{Settings, Source};
+use damprig_core::settings::Settings;
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{
-    Clock, ClockSource, Counters, Description, Event, FromDevice, Identity, NumberedRequest, Reply, Request, Reset,
-    SCHEMA, Signal, Telemetry, ToDevice, VERSION,
+    Clock, Counters, Description, Event, FromDevice, Identity, NumberedRequest, Reply, Request, Signal, Telemetry,
+    ToDevice,
 };
 
 pub use error::SessionError;
+pub use opening::AnyBoard;
 
-use crate::client::link::{Address, Closed, Link, Speed};
+use crate::client::link::{Closed, Link, Speed};
 
 /// A message of the device that is not a reply.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,116 +85,13 @@ pub struct Session {
     pub signals: Vec<Signal>,
     /// Its settings when the session was opened.
     pub settings: Settings,
+    /// The file that gave a virtual board its settings.
+    settings_file: Option<PathBuf>,
+    /// The board has been told that the settings in use are accepted.
+    has_accepted_settings: bool,
 }
 
 impl Session {
-    /// Opens the link, identifies the device and checks that both sides have the same protocol.
-    ///
-    /// # Errors
-    /// An unreachable link, a silent device, another protocol.
-    pub fn open(address: &Address, timeout: Duration) -> Result<Self, SessionError> {
-        let link = crate::client::link::open(address)?;
-        let mut session = Self::over(link, address.to_string(), timeout)?;
-        session.speed = address.speed();
-        Ok(session)
-    }
-
-    /// As [`Session::open`], over an open link; `name` is its name in errors.
-    ///
-    /// # Errors
-    /// As [`Session::open`].
-    pub fn over(link: Box<dyn Link>, name: String, timeout: Duration) -> Result<Self, SessionError> {
-        let nobody = Identity { protocol: 0, schema: [0; 8], firmware: Default::default(), board: Default::default() };
-        let nothing = Description {
-            tick_hz: 0.0,
-            clock: Clock::RealTime,
-            plant: damprig_protocol::PlantKind::Real,
-            most_points: 0,
-            signals: 0,
-            most_signals: 0,
-            force_rate_hz: 0.0,
-            clock_source: ClockSource::Granted,
-            revision: Default::default(),
-            profile: Default::default(),
-            reset: Reset::Unknown,
-            last_crash: None,
-            settings: Source::Default,
-            option_bytes: None,
-            supply_v: None,
-        };
-        let now = Instant::now();
-        let mut session = Self {
-            link,
-            name,
-            timeout,
-            speed: Speed::REAL_TIME,
-            reader: Reader::default(),
-            bytes: Vec::new(),
-            reports: VecDeque::new(),
-            reply: None,
-            seq: 0,
-            counters: None,
-            bad_frames: 0,
-            stale_messages: 0,
-            unasked: 0,
-            granted_until: None,
-            clock_tick: 0,
-            heard: now,
-            spoke: now,
-            repeated: now,
-            identity: nobody,
-            description: nothing,
-            signals: Vec::new(),
-            settings: Settings::default(),
-        };
-        // Ends the partial frame that an earlier host may have left in the device's reader.
-        session.send_bytes(&[0])?;
-        session.identity = match session.request("identify itself", Request::Identify)? {
-            Reply::Identity(identity) => identity,
-            _ => return Err(SessionError::UnexpectedReply { what: "identify itself" }),
-        };
-        session.check_version()?;
-        session.description = match session.request("describe itself", Request::Describe)? {
-            Reply::Description(description) => description,
-            _ => return Err(SessionError::UnexpectedReply { what: "describe itself" }),
-        };
-        session.signals = session.read_signals()?;
-        session.settings = session.read_settings()?.0;
-        // Bytes that were in transit before belong to an earlier session.
-        session.bad_frames = 0;
-        Ok(session)
-    }
-
-    fn read_signals(&mut self) -> Result<Vec<Signal>, SessionError> {
-        const WHAT: &str = "list its signals";
-        let mut table = Vec::new();
-        while table.len() < usize::from(self.description.signals) {
-            match self.request(WHAT, Request::Signals { from: table.len() as u8 })? {
-                Reply::Signals(part) if !part.is_empty() => table.extend(part),
-                _ => return Err(SessionError::UnexpectedReply { what: WHAT }),
-            }
-        }
-        self.check_signals(&table)?;
-        Ok(table)
-    }
-
-    fn check_version(&self) -> Result<(), SessionError> {
-        let it = &self.identity;
-        if it.protocol == VERSION && it.schema == SCHEMA {
-            return Ok(());
-        }
-        Err(SessionError::Version {
-            link: self.name.clone(),
-            device_version: it.protocol,
-            device_schema: hex(&it.schema),
-            firmware: it.firmware.to_string(),
-            board: it.board.to_string(),
-            version: VERSION,
-            schema: hex(&SCHEMA),
-            program: env!("CARGO_PKG_VERSION"),
-        })
-    }
-
     /// Name of the link, as given to `--rig`.
     #[must_use]
     pub fn name(&self) -> &str {

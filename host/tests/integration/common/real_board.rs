@@ -16,9 +16,11 @@ use damprig_device::controller::{BootInfo, Controller};
 use damprig_device::message_reader::MessageReader;
 use damprig_device::outbox::Outbox;
 use damprig_device::queues::{LocalQueues, Losses, Requests};
+use damprig_device::settings_store::{Records, SettingsStore};
 use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::frame::{self, LONGEST};
-use damprig_protocol::{NumberedRequest, ToDevice};
+use damprig_protocol::{FromDevice, NumberedRequest, Reply, StoredPart, ToDevice};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 /// Device seconds per host second.
 pub const FAST: f64 = 5.0;
@@ -34,11 +36,72 @@ pub struct Changed {
     pub x_is_lost: AtomicI32,
 }
 
+/// A settings memory: two pages of flash, as on the controller board.
+pub struct Memory(Box<[u8; Memory::BYTES]>);
+
+impl Memory {
+    /// Size of a page, bytes.
+    pub const PAGE: usize = 2048;
+    const BYTES: usize = 2 * Self::PAGE;
+
+    /// Erased pages.
+    pub fn blank() -> Self {
+        Self(Box::new([0xff; Self::BYTES]))
+    }
+
+    /// Pages with arbitrary bytes.
+    pub fn garbage() -> Self {
+        let mut memory = Self::blank();
+        memory.0.iter_mut().enumerate().for_each(|(n, byte)| *byte = (n * n / 7) as u8);
+        memory
+    }
+
+    /// A record at the start of the first page.
+    pub fn with(record: &[u8]) -> Self {
+        let mut memory = Self::blank();
+        memory.0[..record.len()].copy_from_slice(record);
+        memory
+    }
+}
+
+impl ErrorType for Memory {
+    type Error = std::convert::Infallible;
+}
+
+impl ReadNorFlash for Memory {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Self::Error> {
+        bytes.copy_from_slice(&self.0[offset as usize..][..bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        Self::BYTES
+    }
+}
+
+impl NorFlash for Memory {
+    const WRITE_SIZE: usize = 8;
+    const ERASE_SIZE: usize = Self::PAGE;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), Self::Error> {
+        self.0[from as usize..to as usize].fill(0xff);
+        Ok(())
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Self::Error> {
+        self.0[offset as usize..][..bytes.len()].copy_from_slice(bytes);
+        Ok(())
+    }
+}
+
 /// The structure follows the base at twice its amplitude.
 struct Real {
     sensors: Sensors,
     changed: Arc<Changed>,
     ticks: u32,
+    store: Option<SettingsStore<Memory>>,
 }
 
 impl Board for Real {
@@ -60,8 +123,16 @@ impl Board for Real {
         self.sensors.readings.z = Reading::still(actuators.drive_m);
     }
 
-    fn save(&mut self, _: &Settings) -> Result<Saving, Rejected> {
-        Err(Rejected::not_here("this board has no flash to save to"))
+    fn save(&mut self, settings: &Settings) -> Result<Saving, Rejected> {
+        let store = self.store.as_mut().ok_or(Rejected::not_here("this board has no flash to save to"))?;
+        store.save(settings).map(|()| Saving::Done).map_err(|_| Rejected::not_here("not saved"))
+    }
+
+    fn stored_settings(&mut self, page: u8, from: u16) -> StoredPart {
+        let Some(store) = &mut self.store else { return StoredPart::NONE };
+        let mut records = Records::UNREAD;
+        store.copy(&mut records);
+        records.part(page, from)
     }
 }
 
@@ -84,12 +155,26 @@ impl Requests for Received {
 
 /// Serves such a board, one connection after the other until the end of the test; returns the address for `--rig`.
 pub fn real_board(changed: &Arc<Changed>) -> String {
+    serve(changed, None, false)
+}
+
+/// As [`real_board`], with a settings memory; `is_other` gives its firmware another protocol, of which only the messages that
+/// never change are answered.
+pub fn board_with_memory(memory: Memory, is_other: bool) -> String {
+    serve(&Arc::default(), Some(memory), is_other)
+}
+
+fn serve(changed: &Arc<Changed>, memory: Option<Memory>, is_other: bool) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let rig = format!("tcp:{}", listener.local_addr().expect("an address"));
     let changed = Arc::clone(changed);
     std::thread::spawn(move || {
         let mut controller = Controller::new(DeviceInfo::new("0.0.0", "real"), BootInfo::default());
-        let mut board = Real { sensors: Sensors::default(), changed, ticks: 0 };
+        let store = memory.and_then(|memory| SettingsStore::new(memory, 0..Memory::BYTES as u32));
+        let mut board = Real { sensors: Sensors::default(), changed, ticks: 0, store };
+        if let Some((settings, source)) = board.store.as_mut().map(SettingsStore::load) {
+            controller.start_with(&settings, source);
+        }
         let mut upload = UploadBuffer::new();
         'connections: for stream in listener.incoming() {
             let mut stream = stream.expect("a connection");
@@ -114,7 +199,10 @@ pub fn real_board(changed: &Arc<Changed>) -> String {
                 while ticks < begun.elapsed().as_secs_f64() * 1000.0 * FAST {
                     step(&mut controller, &mut upload, &mut board, &mut requests, &mut queues);
                     ticks += 1.0;
-                    while let Some(message) = outbox.next(&mut queues) {
+                    while let Some(mut message) = outbox.next(&mut queues) {
+                        if is_other && !as_of_another_protocol(&mut message) {
+                            continue;
+                        }
                         let mut out = [0; LONGEST];
                         let length = frame::encode(&message, &mut out).expect("it fits");
                         if stream.write_all(&out[..length]).is_err() {
@@ -126,4 +214,16 @@ pub fn real_board(changed: &Arc<Changed>) -> String {
         }
     });
     rig
+}
+
+/// Gives the identity another schema; false for a message that another protocol does not have in common with this one.
+fn as_of_another_protocol(message: &mut FromDevice) -> bool {
+    match message {
+        FromDevice::Reply { answer: Ok(Reply::Identity(identity)), .. } => {
+            identity.schema = [0xab; 8];
+            true
+        }
+        FromDevice::Reply { answer: Ok(Reply::Stored(_)), .. } => true,
+        _ => false,
+    }
 }

@@ -155,7 +155,7 @@ impl Rig {
 
     fn handle_spring(&mut self, command: SpringCommand) -> Result<(), Rejected> {
         let searches = matches!(command, SpringCommand::Home | SpringCommand::TouchOff);
-        let moves = searches || matches!(command, SpringCommand::Set(_));
+        let moves = command.moves();
         let state = self.state();
         if self.emergency_stop && (moves || command == SpringCommand::Release) {
             return Err(Rejected::wrong_state(state, "release the emergency stop first"));

@@ -6,8 +6,10 @@
 //! spring; it may change nothing else.
 
 mod calibrated;
+mod source;
 
 pub use calibrated::{Calibrated, ForceRecord, ImpulseRecord, LengthRecord, Period};
+pub use source::Source;
 
 use crate::control::friction_spring::{FrictionSpring, SpringConfig};
 use crate::control::safety::{Safety, SafetyConfig};
@@ -74,20 +76,6 @@ impl Settings {
         let allowed = "at most 0.9 of spring.largest_force_n";
         require(safety.brake_n <= spring.working_force_n(), "safety.brake_n", f64::from(safety.brake_n), allowed)
     }
-}
-
-/// Origin of the settings in use.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub enum Source {
-    /// The defaults: no settings of this layout are stored.
-    #[default]
-    Default,
-    /// The settings that were saved last.
-    Stored,
-    /// The defaults: the stored settings are damaged.
-    Damaged,
-    /// Set by a host and not saved.
-    Host,
 }
 
 /// Checked settings with everything derived from them. Adopting them is a plain copy.

@@ -1,5 +1,6 @@
 //! Requests that read, set and save the settings: when they are allowed, and that each gets exactly one reply.
 
+use damprig_core::control::friction_spring::{SpringCommand, Target};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::{Actuators, Sensors};
 use damprig_core::measure::steadiness::SteadyLimits;
@@ -209,6 +210,53 @@ fn a_failed_save_is_reported_and_the_settings_stay_in_use() {
     host.send(100, Request::SaveSettings);
     assert_eq!(host.replies(), [(100, Err(why))]);
     assert_eq!(host.settings(), (others(), Source::Host));
+}
+
+/// The saved settings do not act. Setting others does not change that; consent lasts for a session.
+#[test]
+fn nothing_drives_on_settings_other_than_the_saved_ones_without_consent_or_a_save() {
+    for source in [Source::Damaged, Source::OtherLayout, Source::Older] {
+        let mut host = Host::new(false);
+        host.control.start_with(&others(), source);
+        host.ask(Request::SetSettings(Settings::default())).unwrap();
+        host.ask(Request::Configure(experiment())).unwrap();
+        let target = Target::Force { force_n: 2.0 };
+        let moves = [SpringCommand::Home, SpringCommand::TouchOff, SpringCommand::Set(target)];
+        let all_refused = |host: &mut Host| {
+            for ask in moves.map(Request::Spring).into_iter().chain([Request::Start]) {
+                let refused = host.ask(ask).unwrap_err().to_string();
+                assert!(refused.contains("the saved settings do not act"), "{source:?}: {refused}");
+            }
+        };
+        all_refused(&mut host);
+        assert_eq!(host.settings().1, source);
+        host.ask(Request::AcceptSettings).unwrap();
+        // A new session.
+        host.ask(Request::Identify).unwrap();
+        all_refused(&mut host);
+        host.ask(Request::AcceptSettings).unwrap();
+        assert_eq!(host.ask(Request::Spring(SpringCommand::Home)), Ok(Reply::Done));
+        let mut host = Host::new(false);
+        host.control.start_with(&others(), source);
+        host.ask(Request::SaveSettings).unwrap();
+        host.ask(Request::Configure(experiment())).unwrap();
+        assert_eq!(host.ask(Request::Start), Ok(Reply::Done), "{source:?}");
+    }
+    for source in [Source::Default, Source::Stored, Source::Migrated] {
+        let mut host = Host::new(false);
+        host.control.start_with(&others(), source);
+        host.ask(Request::Configure(experiment())).unwrap();
+        assert_eq!(host.ask(Request::Start), Ok(Reply::Done), "{source:?}");
+    }
+}
+
+#[test]
+fn consent_lets_an_experiment_start() {
+    let mut host = Host::new(false);
+    host.control.start_with(&others(), Source::Damaged);
+    host.ask(Request::Configure(experiment())).unwrap();
+    host.ask(Request::AcceptSettings).unwrap();
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
 }
 
 #[test]

@@ -58,7 +58,7 @@ fn with_everything() -> PlantConfig {
 
 /// Requests of a host while an experiment runs; some are refused.
 fn asked(turn: u32) -> Request {
-    match turn % 10 {
+    match turn % 11 {
         0 => Request::Signals { from: 0 },
         1 => Request::Describe,
         2 => Request::ArmSnippet,
@@ -68,6 +68,7 @@ fn asked(turn: u32) -> Request {
         6 => Request::Result { index: 0 },
         7 => Request::SetTwin(None),
         8 => Request::Spring(SpringCommand::TouchOff),
+        9 => Request::StoredSettings { page: 1, from: 128 },
         _ => Request::Status,
     }
 }

@@ -38,7 +38,8 @@ fn a_flash_of_one_bank_keeps_the_board_on_default_settings_and_saves_none() {
     let mut board = Board::new(image, &config).unwrap();
     let mut host = Host::new(&mut board);
     let Reply::Settings { settings, source } = host.ask(Request::Settings) else { panic!("no settings") };
-    assert_eq!((settings, source), (Settings::default(), Source::Default));
+    // Whatever was saved cannot be read, so the board does not drive without consent.
+    assert_eq!((settings, source), (Settings::default(), Source::Damaged));
     let refused = host.try_ask(Request::SaveSettings).unwrap_err();
     assert!(format!("{refused:?}").contains("DBANK"), "{refused:?}");
 }

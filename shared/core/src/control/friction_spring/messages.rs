@@ -62,6 +62,14 @@ pub enum SpringCommand {
     ClearFault,
 }
 
+impl SpringCommand {
+    /// Whether the command moves the spring towards the structure, or to a place that is still unknown.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        matches!(self, Self::Home | Self::TouchOff | Self::Set(_))
+    }
+}
+
 /// Stage of the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum SpringStage {
