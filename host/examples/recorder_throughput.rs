@@ -31,7 +31,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
 fn measure(folder: &std::path::Path, seconds: u32) -> Result<(), Box<dyn std::error::Error>> {
     let signals = (0..SIGNALS).map(|n| SampleColumn { name: format!("s{n}_m"), unit: "m".into() }).collect();
-    let layout = Layout { signals, every_ticks: 1, tick_hz: f64::from(RATE_HZ), order: Vec::new() };
+    let layout =
+        Layout { signals, every_ticks: 1, tick_hz: f64::from(RATE_HZ), order: Vec::new(), about: Default::default() };
     let writer = Writer::new(folder, Journal::open(folder)?, layout, JournalState::default())?;
     let mut random = fastrand::Rng::with_seed(1);
     let stop = AtomicBool::new(false);

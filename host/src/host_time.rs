@@ -3,6 +3,7 @@
 use std::time::SystemTime;
 
 use jiff::civil::{Date, date};
+use jiff::fmt::temporal::Pieces;
 use jiff::tz::TimeZone;
 use jiff::{Span, Timestamp, Zoned};
 
@@ -12,6 +13,32 @@ pub fn now() -> Zoned {
     let now = SystemTime::now();
     let nearest = if now < SystemTime::UNIX_EPOCH { Timestamp::MIN } else { Timestamp::MAX };
     Timestamp::try_from(now).unwrap_or(nearest).to_zoned(TimeZone::system())
+}
+
+/// The local time now in the form of RFC 3339, as every file has it: `2026-11-24T09:04:26.123456+01:00`.
+#[must_use]
+pub fn now_text() -> String {
+    text(&now())
+}
+
+/// A time in the form of RFC 3339, with microseconds: more digits, or the name of the zone in brackets, are refused by many readers.
+#[must_use]
+pub fn text(time: &Zoned) -> String {
+    time.strftime("%Y-%m-%dT%H:%M:%S%.6f%:z").to_string()
+}
+
+/// A time of a file in the form of RFC 3339. Earlier versions added the zone: `2026-11-24T09:04:26+01:00[Europe/Berlin]`.
+#[must_use]
+pub fn plain(text: &str) -> &str {
+    text.split('[').next().unwrap_or(text)
+}
+
+/// A time of a file, of this or an earlier version, at its own offset; `None` for another text.
+#[must_use]
+pub fn parse(text: &str) -> Option<Zoned> {
+    let offset = Pieces::parse(plain(text)).ok()?.to_numeric_offset()?;
+    let time: Timestamp = plain(text).parse().ok()?;
+    Some(time.to_zoned(TimeZone::fixed(offset)))
 }
 
 /// Day 0 of dates in settings.
@@ -43,6 +70,16 @@ pub fn date_text(days: f32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_time_is_read_back_with_its_offset_in_the_form_of_every_version() {
+        let written = "2026-07-03T09:04:26.123456+02:00";
+        let time = parse(written).unwrap();
+        assert_eq!(text(&time), written);
+        assert_eq!(time.strftime("%H:%M %:z").to_string(), "09:04 +02:00");
+        assert_eq!(parse("2026-07-03T09:04:26.123456789+02:00[Europe/Berlin]").map(|t| text(&t)).unwrap(), written);
+        assert_eq!(parse("yesterday"), None);
+    }
 
     #[test]
     fn days_and_dates_are_each_others_inverse() {

@@ -17,6 +17,7 @@ use crate::run_folder::journal::{Begin, Ended, Entry, Journal};
 use crate::run_folder::schema::acting_settings::acting_settings;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::{Durations, Ending, Manifest, SetUpRecord};
+use crate::run_folder::schema::self_description;
 use crate::run_folder::write::writer::{Layout, Writer};
 use crate::run_folder::write::{OutputFolder, Recorder};
 use crate::run_folder::{ResultRow, RunFolder, StorageError};
@@ -33,7 +34,7 @@ pub fn begin_entry(
 ) -> Begin {
     Begin {
         records,
-        at: now.to_string(),
+        at: host_time::text(now),
         damprig: crate::VERSION_LINE.to_string(),
         device: device_record(session),
         signals: selection.signals.clone(),
@@ -110,6 +111,7 @@ impl<'a> RecordedRun<'a> {
             every_ticks: begin.every_ticks,
             tick_hz: begin.device.tick_hz,
             order: campaign.in_order(),
+            about: self_description::of_run(&RunFolder::with_manifest(folder.path(), manifest.clone()).id(), &manifest),
         };
         let mut writer = Writer::new(folder.path(), journal, layout, taken)?;
         writer.note(&Entry::Begin(Box::new(begin)))?;
@@ -139,7 +141,7 @@ impl<'a> RecordedRun<'a> {
         let result = result.and(closed.map_err(RunError::from)).and_then(|()| Ok(writer.join()?));
         let reason = result.as_ref().err().map(ToString::to_string);
         let ended = Ended {
-            at: host_time::now().to_string(),
+            at: host_time::now_text(),
             reason: reason.clone(),
             counters: tally.counters,
             controller: tally.controller,

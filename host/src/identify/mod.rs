@@ -99,7 +99,7 @@ impl Identification {
         Self {
             taken_from: taken_from.into(),
             damprig: crate::VERSION_LINE,
-            date: crate::host_time::now().to_string(),
+            date: crate::host_time::now_text(),
             estimates,
             remarks: Vec::new(),
             words: Vec::new(),

@@ -160,7 +160,7 @@ impl<'a> Run<'a> {
     pub(super) fn interrupted(&mut self, what: &str) {
         self.tally.counters.interruptions += 1;
         self.watcher.link(what);
-        self.note(Entry::Link { what: what.to_string(), at: host_time::now().to_string() });
+        self.note(Entry::Link { what: what.to_string(), at: host_time::now_text() });
     }
 
     pub(super) fn end_telemetry(&mut self) -> Result<(), SessionError> {

@@ -26,7 +26,7 @@ impl Run<'_> {
             set_up: set_up.name.clone(),
             experiment: experiment.name.clone(),
             around,
-            at: host_time::now().to_string(),
+            at: host_time::now_text(),
         };
         self.note(Entry::PeakPoints(Box::new(points.clone())));
         let planned = self.journal.planned(self.campaign);

@@ -55,7 +55,7 @@ impl Run<'_> {
                 }
             }
         }
-        let (what, at) = ("the link is back".to_string(), host_time::now().to_string());
+        let (what, at) = ("the link is back".to_string(), host_time::now_text());
         self.watcher.link(&what);
         self.note(Entry::Link { what, at });
         Ok(())

@@ -152,7 +152,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             first_index: task.points.start,
             points: task.points.len(),
             anew: task.anew,
-            at: host_time::now().to_string(),
+            at: host_time::now_text(),
         }));
         let run = &mut *self.run;
         run.watcher.started(&WatchedStart {

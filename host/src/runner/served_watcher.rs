@@ -69,7 +69,7 @@ impl Run<'_> {
 
     /// Notes in the journal what a person did.
     pub(super) fn note_action(&mut self, what: &str) {
-        self.note(Entry::Action { what: what.to_string(), at: host_time::now().to_string() });
+        self.note(Entry::Action { what: what.to_string(), at: host_time::now_text() });
     }
 
     /// Waits until a person resumes the run. The drive is off.

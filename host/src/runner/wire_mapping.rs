@@ -22,7 +22,7 @@ use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, RigSettings, Sp
 use crate::client::session::Session;
 use crate::input::{Problem, Refusal};
 use crate::run_folder::ResultRow;
-use crate::run_folder::schema::samples::{PointLabel, SampleColumn};
+use crate::run_folder::schema::samples::{PointLabel, SampleColumn, column_name};
 
 /// The signals that a campaign records on a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -73,14 +73,6 @@ pub(super) fn without_twin(campaign: &Campaign, selection: &Selection) -> Vec<St
             format!("set-up {:?} has no twin: the board has no equations of its damper; the signals are 0", set_up.name)
         })
         .collect()
-}
-
-/// `x` in metres becomes `x_m`.
-fn column_name(name: &str, unit: &str) -> String {
-    if unit.is_empty() {
-        return name.to_string();
-    }
-    format!("{name}_{}", unit.to_lowercase().replace('/', "_per_"))
 }
 
 pub(super) fn fault_error(set_up: &CampaignSetUp, fault: Fault) -> RunError {

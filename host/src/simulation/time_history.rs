@@ -21,7 +21,7 @@ use tempfile::TempPath;
 use super::motion::{AccumulationRecord, ImpactRecord, Phase, Piece, Viewer};
 use crate::run_folder::StorageError;
 use crate::run_folder::read::columns::{Value, description, unit, values};
-use crate::run_folder::schema::table::field;
+use crate::run_folder::schema::table::{described, field};
 use crate::run_folder::write::mat_file::{self, sum};
 use crate::run_folder::write::parquet_file::properties;
 
@@ -356,12 +356,6 @@ impl WallEventTable {
         self.flush()?;
         self.table.finish()
     }
-}
-
-fn described(field: Field, about: &str) -> Field {
-    let mut metadata = field.metadata().clone();
-    metadata.insert("description", about);
-    field.with_metadata(metadata)
 }
 
 /// Writes the motion at a constant rate, and every impact and accumulation.

@@ -239,6 +239,7 @@ fn resume(run: &Path) {
         every_ticks: begin.every_ticks,
         tick_hz: begin.device.tick_hz,
         order: earlier.campaign.in_order(),
+        about: Default::default(),
     };
     if let Ok(mut writer) = Writer::new(run, journal, layout, earlier.journal) {
         let _ = (writer.close(), writer.join(), writer.unwritten_rows(0));

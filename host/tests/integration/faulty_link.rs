@@ -132,6 +132,7 @@ fn run(link: Box<dyn Link>, folder: &Path) -> (Writer, Tally) {
         every_ticks: campaign.telemetry.every_ticks(),
         tick_hz: 1000.0,
         order: campaign.in_order(),
+        about: Default::default(),
     };
     let writer = Writer::new(folder, Journal::open(folder).unwrap(), plan, JournalState::default()).unwrap();
     let (mut recorder, mut nobody) = (Recorder::start(writer, true), ());

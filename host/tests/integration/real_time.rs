@@ -191,6 +191,7 @@ fn a_cable_pulled_for_too_long_trips_the_rig_and_the_run_goes_on_after_it_is_plu
         every_ticks: campaign.telemetry.every_ticks(),
         tick_hz: 1000.0,
         order: campaign.in_order(),
+        about: Default::default(),
     };
     let journal = Journal::open(folder.path()).expect("a journal");
     let writer = Writer::new(folder.path(), journal, layout, JournalState::default()).expect("a writer");

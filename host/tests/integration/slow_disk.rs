@@ -126,6 +126,7 @@ fn run(folder: &Path, disturbs: bool) -> (Writer, u64) {
         every_ticks: campaign.telemetry.every_ticks(),
         tick_hz: 1000.0,
         order: campaign.in_order(),
+        about: Default::default(),
     };
     let writer = Writer::new(folder, Journal::open(folder).unwrap(), plan, JournalState::default()).unwrap();
     let gate = Arc::new(Gate::default());

@@ -190,6 +190,7 @@ fn run(link: Box<dyn Link>, folder: &Path) -> Outcome {
         every_ticks: campaign.telemetry.every_ticks(),
         tick_hz: f64::from(session.description.tick_hz),
         order: campaign.in_order(),
+        about: Default::default(),
     };
     let begin = Begin {
         at: String::new(),

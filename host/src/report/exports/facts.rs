@@ -1,11 +1,11 @@
 //! What an export says of the run itself, from the manifest: facts of the whole run, and the parameters of its set-ups.
 
-use std::f64::consts::TAU;
+use damprig_core::model::SetUp;
 
-use damprig_core::model::{SetUp, Wall};
-
+use crate::host_time::plain;
 use crate::run_folder::RunFolder;
 use crate::run_folder::schema::manifest::SetUpRecord;
+use crate::run_folder::schema::set_up_parameters::PARAMETERS;
 
 /// A fact of the whole run.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +21,7 @@ pub(super) fn of_run(run: &RunFolder) -> Vec<(&'static str, Fact)> {
     let mut facts = vec![
         ("id", Fact::Text(run.id())),
         ("campaign", text(&m.campaign)),
-        ("started", text(&m.started)),
+        ("started", text(plain(&m.started))),
         ("status", Fact::Text(m.ending_text())),
         ("program", text(&m.damprig)),
         ("points_planned", Fact::Number(m.points_planned as f64)),
@@ -43,38 +43,6 @@ pub(super) fn of_run(run: &RunFolder) -> Vec<(&'static str, Fact)> {
     }
     facts
 }
-
-/// A parameter of a set-up: its name with the unit, and its value; `None` where the set-up does not have it.
-type Parameter = (&'static str, fn(&SetUp) -> Option<f64>);
-
-/// The parameters of a set-up's model.
-const PARAMETERS: &[Parameter] = &[
-    ("mass_kg", |s| Some(s.structure.mass_kg)),
-    ("stiffness_n_per_m", |s| Some(s.structure.stiffness_n_per_m)),
-    ("damping_n_s_per_m", |s| Some(s.structure.damping_n_s_per_m)),
-    ("natural_frequency_hz", |s| Some(s.structure.angular_frequency_rad_per_s() / TAU)),
-    ("damping_ratio", |s| Some(s.structure.damping_ratio())),
-    ("gravity_m_per_s2", |s| Some(s.gravity_m_per_s2)),
-    ("particle_mass_kg", |s| s.particle.map(|p| p.mass_kg)),
-    ("clearance_m", |s| s.particle.map(|p| p.clearance_m)),
-    ("internal_friction", |s| s.particle.map(|p| p.friction_coefficient)),
-    ("restitution", |s| match s.particle?.wall {
-        Wall::Restitution { coefficient } => Some(coefficient),
-        Wall::Voigt { .. } => None,
-    }),
-    ("wall_stiffness_n_per_m", |s| match s.particle?.wall {
-        Wall::Voigt { stiffness_n_per_m, .. } => Some(stiffness_n_per_m),
-        Wall::Restitution { .. } => None,
-    }),
-    ("wall_damping_n_s_per_m", |s| match s.particle?.wall {
-        Wall::Voigt { damping_n_s_per_m, .. } => Some(damping_n_s_per_m),
-        Wall::Restitution { .. } => None,
-    }),
-    ("friction_force_n", |s| s.friction_damper.map(|d| d.force_n)),
-    ("tuned_mass_kg", |s| s.tmd.map(|t| t.mass_kg)),
-    ("tuned_stiffness_n_per_m", |s| s.tmd.map(|t| t.stiffness_n_per_m)),
-    ("tuned_damping_n_s_per_m", |s| s.tmd.map(|t| t.damping_n_s_per_m)),
-];
 
 /// The parameters of the set-ups: a column for each, NaN where a set-up does not have it.
 pub(super) fn set_up_columns(set_ups: &[SetUpRecord]) -> Vec<(&'static str, Vec<f64>)> {

@@ -19,6 +19,7 @@ use super::atomic_file::{OutFile, to_failure, write_export};
 use super::uff_dataset::{AxisRecord, Dof, FunctionRecord, OrdinateData, header, real, si_units};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable};
 use crate::campaign::Campaign;
+use crate::host_time;
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::samples::SampleColumn;
 use crate::run_folder::{ReadError, RunFolder};
@@ -92,8 +93,8 @@ impl Exporter for Uff {
 
 /// Start of the run in the format's notation; empty if the manifest's time cannot be read.
 fn date_time(run: &RunFolder) -> String {
-    let started = run.manifest().started.parse::<jiff::Zoned>();
-    started.map_or_else(|_| String::new(), |t| t.strftime("%d-%b-%y %H:%M:%S").to_string())
+    let started = host_time::parse(&run.manifest().started);
+    started.map_or_else(String::new, |t| t.strftime("%d-%b-%y %H:%M:%S").to_string())
 }
 
 /// A point of a frequency response.

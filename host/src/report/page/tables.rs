@@ -3,14 +3,15 @@
 use maud::{Markup, html};
 
 use super::data::{PageData, PagePoint};
+use crate::host_time;
 use crate::report::numbers::trimmed;
 use crate::run_folder::schema::results::steadiness_text;
 
 /// Date, time and UTC offset.
 pub(super) fn moment(text: &str) -> String {
-    match text.parse::<jiff::Zoned>() {
-        Ok(time) => time.strftime("%Y-%m-%d %H:%M:%S %:z").to_string(),
-        Err(_) => text.to_string(),
+    match host_time::parse(text) {
+        Some(time) => time.strftime("%Y-%m-%d %H:%M:%S %:z").to_string(),
+        None => text.to_string(),
     }
 }
 

@@ -6,6 +6,7 @@ use arrow_array::RecordBatch;
 use arrow_array::cast::AsArray;
 use arrow_array::types::UInt32Type;
 use arrow_ipc::reader::StreamReader;
+use arrow_schema::Metadata;
 
 use super::arrow_salvage::sound_length;
 use crate::input::regular;
@@ -32,7 +33,7 @@ pub fn salvage(path: &Path) -> Result<Salvaged, StorageError> {
     let mut salvaged = Salvaged::default();
     let Ok(reader) = StreamReader::try_new(&bytes[..sound_length(&bytes)], None) else { return Ok(salvaged) };
     let Some((label, tick_hz, signals)) = read_stream_schema(&reader.schema()) else { return Ok(salvaged) };
-    let schema = samples::schema(&signals);
+    let schema = samples::schema(&signals, &Metadata::new());
     for batch in reader.map_while(Result::ok) {
         let gaps = batch.column(1).as_primitive::<UInt32Type>().values();
         salvaged.gap_ticks += gaps.iter().map(|gap| u64::from(*gap)).sum::<u64>();

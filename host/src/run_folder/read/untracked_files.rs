@@ -151,7 +151,7 @@ mod tests {
         let label = PointLabel { id: id(), point_index: 0, frequency_hz: 2.5 };
         let mut part = OpenPart::create(folder, 3, Arc::new(label), &signals, 1000.0).unwrap();
         (0..20_u16).for_each(|n| part.push(n.into(), 0, &[first + f32::from(n)]).unwrap());
-        part.seal(folder, &signals, 1000.0).unwrap();
+        part.seal(folder, &signals, &arrow_schema::Metadata::new(), 1000.0).unwrap();
     }
 
     #[test]

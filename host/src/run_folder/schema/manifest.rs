@@ -15,6 +15,7 @@ use super::samples::SampleColumn;
 use super::segment_id::SegmentId;
 use crate::campaign::{Campaign, CampaignSetUp, Plan};
 use crate::client::controller::Controller;
+use crate::host_time;
 use crate::run_folder::checksum::{self, FileRecord};
 use crate::setup::{Identified, SetUpFile};
 
@@ -124,6 +125,18 @@ impl SetUpRecord {
         particle.or(tmd).or(self.has_unmodelled_damper.then_some("a damper without a model"))
     }
 
+    /// d/Z as stated; none in lengths.
+    #[must_use]
+    pub fn clearance_ratio(&self) -> Option<f64> {
+        self.clearance_ratio
+    }
+
+    /// Ratio of the friction force to that of the excitation as stated; none in newtons.
+    #[must_use]
+    pub fn friction_ratio(&self) -> Option<f64> {
+        self.friction_ratio
+    }
+
     /// P, N, if a force drives the structure over a fixed base: `base_amplitude_m` is P/k then.
     #[must_use]
     pub fn force_amplitude_n(&self) -> Option<f64> {
@@ -206,7 +219,7 @@ pub struct Manifest {
     /// Whether a program is recording into the folder now; none when unknown. Found when a folder is opened.
     #[serde(skip)]
     pub is_recording: Option<bool>,
-    /// Start, local time with its zone.
+    /// Start, local time in the form of RFC 3339; in older runs with the zone in brackets behind it.
     pub started: String,
     /// Name and version of the program that recorded it.
     pub damprig: String,
@@ -382,9 +395,7 @@ impl Manifest {
     /// The start as an instant; none when the text is not a time.
     #[must_use]
     pub fn started_at(&self) -> Option<jiff::Timestamp> {
-        // The offset is enough where this machine does not know the zone.
-        let zoned = self.started.parse::<jiff::Zoned>().map(|time| time.timestamp());
-        zoned.ok().or_else(|| self.started.split('[').next()?.parse().ok())
+        host_time::parse(&self.started).map(|time| time.timestamp())
     }
 }
 

@@ -12,5 +12,7 @@ pub mod peak_points;
 pub mod results;
 pub mod samples;
 pub mod segment_id;
+pub mod self_description;
+pub mod set_up_parameters;
 pub mod table;
 pub mod transients;

@@ -12,6 +12,9 @@ use super::table::TableBuilder;
 /// The file's name in a run folder.
 pub const RESULTS: &str = "results.parquet";
 
+/// What a row is.
+pub const ROW: &str = "a row for each point of a stepped sine";
+
 /// Results of one measured point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ResultRow {

@@ -10,11 +10,13 @@ use std::sync::Arc;
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Int32Type, UInt64Type};
 use arrow_array::{ArrayRef, DictionaryArray, Float64Array, Int32Array, RecordBatch, StringArray, UInt32Array};
-use arrow_schema::{DataType, Field, Schema, SchemaRef};
+use arrow_schema::{DataType, Field, Metadata, Schema, SchemaRef};
+use damprig_core::rig::{SIGNAL_DOCS, SIGNALS};
 use serde::{Deserialize, Serialize};
 
 use super::segment_id::SegmentId;
-use super::table::field;
+use super::self_description::DESCRIPTION;
+use super::table::{described, field};
 
 /// The joined samples of a complete run.
 pub const JOINED: &str = "samples.parquet";
@@ -62,6 +64,15 @@ pub struct SampleColumn {
     pub unit: String,
 }
 
+/// The column of a signal: `x` in metres becomes `x_m`.
+#[must_use]
+pub fn column_name(name: &str, unit: &str) -> String {
+    if unit.is_empty() {
+        return name.to_string();
+    }
+    format!("{name}_{}", unit.to_lowercase().replace('/', "_per_"))
+}
+
 /// The point that samples belong to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PointLabel {
@@ -73,22 +84,28 @@ pub struct PointLabel {
     pub frequency_hz: f64,
 }
 
-/// The columns of samples with these signals.
+/// What a row of the samples is.
+const ROW: &str = "a row for each recorded tick: the telemetry";
+
+/// The columns of samples with these signals, and what the run says of its files.
 #[must_use]
-pub fn schema(signals: &[SampleColumn]) -> SchemaRef {
+pub fn schema(signals: &[SampleColumn], about: &Metadata) -> SchemaRef {
     let name = || DataType::Dictionary(Box::new(DataType::Int32), Box::new(DataType::Utf8));
     let mut fields = vec![
-        field("set_up", name(), ""),
-        field("experiment", name(), ""),
-        field("segment", DataType::UInt32, "1"),
-        field("point_index", DataType::UInt32, "1"),
-        field("point_frequency_hz", DataType::Float64, "Hz"),
-        field("tick", DataType::UInt64, "tick"),
-        field("gap_before_ticks", DataType::UInt32, "tick"),
-        field("t_s", DataType::Float64, "s"),
+        described(field("set_up", name(), ""), "name of the set-up"),
+        described(field("experiment", name(), ""), "name of the experiment"),
+        described(
+            field("segment", DataType::UInt32, "1"),
+            "times that the experiment had been started before; ticks count from each start",
+        ),
+        described(field("point_index", DataType::UInt32, "1"), "place of the point in the experiment's frequencies"),
+        described(field("point_frequency_hz", DataType::Float64, "Hz"), "drive frequency of the point"),
+        described(field("tick", DataType::UInt64, "tick"), "number of the tick since the start, 1 ms each"),
+        described(field("gap_before_ticks", DataType::UInt32, "tick"), "ticks that are missing before the row"),
+        described(field("t_s", DataType::Float64, "s"), "time since the start: that of the tick"),
     ];
     fields.extend(signals.iter().map(signal_field));
-    Arc::new(Schema::new(fields))
+    Arc::new(Schema::new_with_metadata(fields, about.clone().with(DESCRIPTION, ROW)))
 }
 
 /// The columns and metadata of an open part: tick, gap and signals of each row; the rest once.
@@ -127,7 +144,12 @@ pub(crate) fn read_stream_schema(stream: &Schema) -> Option<(PointLabel, f64, Ve
 }
 
 fn signal_field(signal: &SampleColumn) -> Field {
-    field(&signal.name, DataType::Float32, &signal.unit)
+    let field = field(&signal.name, DataType::Float32, &signal.unit);
+    let known = SIGNALS.iter().zip(SIGNAL_DOCS).find(|((name, unit), _)| column_name(name, unit) == signal.name);
+    match known {
+        Some((_, doc)) => described(field, doc.trim()),
+        None => field,
+    }
 }
 
 /// A batch of an open part with all columns of [`schema`].

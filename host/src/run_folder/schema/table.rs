@@ -13,6 +13,13 @@ pub(crate) fn field(name: &str, kind: DataType, unit: &str) -> Field {
     Field::new(name, kind, false).with_metadata(HashMap::from([("unit".to_string(), unit.to_string())]))
 }
 
+/// The column with its meaning.
+pub(crate) fn described(field: Field, description: &str) -> Field {
+    let mut metadata = field.metadata().clone();
+    metadata.insert("description", description);
+    field.with_metadata(metadata)
+}
+
 /// Name, unit ("1" for a ratio or a count, "" for names and flags) and description (may be empty) of a column.
 type About = (&'static str, &'static str, &'static str);
 
@@ -31,8 +38,7 @@ impl<'r, R> TableBuilder<'r, R> {
     fn column(mut self, (name, unit, description): About, array: ArrayRef) -> Self {
         let mut field = field(name, array.data_type().clone(), unit);
         if !description.is_empty() {
-            let metadata = [("unit", unit), ("description", description)];
-            field.set_metadata(HashMap::from(metadata.map(|(key, value)| (key.to_string(), value.to_string()))));
+            field = described(field, description);
         }
         self.fields.push(field);
         self.arrays.push(array);

@@ -9,6 +9,9 @@ use super::table::TableBuilder;
 /// The file's name in a run folder.
 pub const TRANSIENTS: &str = "transients.parquet";
 
+/// What a row is.
+pub const ROW: &str = "a row for each record, pulse and free vibration";
+
 /// Results of one record, pulse or free vibration. Quantities that an experiment does not have (a decay of a record,
 /// a demand of a free vibration) are NaN.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

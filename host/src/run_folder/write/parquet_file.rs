@@ -4,12 +4,14 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 
 use arrow_array::RecordBatch;
-use arrow_schema::{DataType, Schema, SchemaRef};
+use arrow_schema::{DataType, Metadata, Schema, SchemaRef};
 use parquet::arrow::ArrowWriter;
 use parquet::basic::{Compression, Encoding};
 use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 
 use crate::run_folder::{StorageError, own_files};
@@ -23,12 +25,16 @@ pub(super) enum Durability {
     Disk,
 }
 
-/// Encodings of every table. Measured values hardly ever repeat, so a dictionary of them only adds length. Ticks rise
+/// Encodings of every table, and the metadata of its schema as that of the file: readers without Arrow have no other. Measured values hardly ever repeat, so a dictionary of them only adds length. Ticks rise
 /// evenly, so their differences are short.
 pub(crate) fn properties(schema: &Schema) -> WriterProperties {
     let mut properties = WriterProperties::builder()
         .set_compression(Compression::SNAPPY)
         .set_created_by(crate::VERSION_LINE.to_string());
+    if !schema.metadata().is_empty() {
+        let about = schema.metadata().iter().map(|(key, text)| KeyValue::new(key.clone(), text.clone()));
+        properties = properties.set_key_value_metadata(Some(about.collect()));
+    }
     for field in schema.fields() {
         let encoding = match field.data_type() {
             DataType::Float32 => Encoding::PLAIN,
@@ -51,10 +57,15 @@ fn failure(path: &Path, error: ParquetError) -> StorageError {
     StorageError::new("write", path, message)
 }
 
-/// Writes a file of one table; an earlier file of the name is replaced as a whole.
-pub(super) fn write_table(path: &Path, table: Result<RecordBatch, String>) -> Result<(), StorageError> {
+/// Writes a file of one table with this metadata; an earlier file of the name is replaced as a whole.
+pub(super) fn write_table(
+    path: &Path,
+    table: Result<RecordBatch, String>,
+    about: Metadata,
+) -> Result<(), StorageError> {
     let table = table.map_err(|e| StorageError::new("write", path, e))?;
-    write_whole(path, &table.schema(), std::iter::once(Ok(table)), Durability::Program)
+    let schema = Arc::new(table.schema().as_ref().clone().with_metadata(about));
+    write_whole(path, &schema, std::iter::once(Ok(table)), Durability::Program)
 }
 
 /// Writes a file beside `path`, then renames it.

@@ -4,11 +4,13 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
 
+use arrow_schema::SchemaRef;
+
 use super::parquet_file::{Durability, write_whole};
 use crate::run_folder::file_name::FileName;
 use crate::run_folder::journal::{Joined, Sealed};
 use crate::run_folder::read::parquet_file::read;
-use crate::run_folder::schema::samples::{JOINED, PARTS, SampleColumn, schema};
+use crate::run_folder::schema::samples::{JOINED, PARTS};
 use crate::run_folder::{StorageError, checksum};
 
 /// The parts joined a second time, to compare with an existing file.
@@ -19,7 +21,7 @@ const AGAIN: &str = "samples.again.parquet";
 ///
 /// # Errors
 /// When the file cannot be written, or another file with other content has its name.
-pub fn join(folder: &Path, signals: &[SampleColumn], sealed: &[Sealed]) -> Result<Joined, StorageError> {
+pub fn join(folder: &Path, schema: &SchemaRef, sealed: &[Sealed]) -> Result<Joined, StorageError> {
     let is_intact = |s: &&Sealed| {
         let is_same = checksum::of_file(folder, &s.file.name).is_ok_and(|now| now == s.file);
         is_same && read(&folder.join(&s.file.name)).is_ok_and(|mut batches| batches.all(|batch| batch.is_ok()))
@@ -38,12 +40,12 @@ pub fn join(folder: &Path, signals: &[SampleColumn], sealed: &[Sealed]) -> Resul
         .inspect(|batch| joined.rows += batch.as_ref().map_or(0, |b| b.num_rows() as u64));
     let path = folder.join(JOINED);
     if !path.exists() {
-        write_whole(&path, &schema(signals), counted, Durability::Disk)?;
+        write_whole(&path, schema, counted, Durability::Disk)?;
         return Ok(joined);
     }
     // The program was killed between writing this file and its line in the journal, or the file is not of this run.
     let again = folder.join(AGAIN);
-    write_whole(&again, &schema(signals), counted, Durability::Program)?;
+    write_whole(&again, schema, counted, Durability::Program)?;
     let sum =
         |name: &str| FileName::new(name).ok().and_then(|name| checksum::of_file(folder, &name).ok()).map(|f| f.sha256);
     let is_own = matches!((sum(JOINED), sum(AGAIN)), (Some(there), Some(own)) if there == own);

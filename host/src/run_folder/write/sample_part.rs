@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use arrow_array::{ArrayRef, Float32Array, RecordBatch, UInt32Array, UInt64Array};
 use arrow_ipc::writer::StreamWriter;
-use arrow_schema::SchemaRef;
+use arrow_schema::{Metadata, SchemaRef};
 
 use super::parquet_file::{Durability, write_whole};
 use crate::run_folder::read::open_part::Salvaged;
@@ -96,10 +96,16 @@ impl OpenPart {
     }
 
     /// Writes all its rows as a closed part; the stream stays until the journal lists the part.
-    pub(crate) fn seal(&mut self, folder: &Path, signals: &[SampleColumn], tick_hz: f64) -> Result<(), StorageError> {
+    pub(crate) fn seal(
+        &mut self,
+        folder: &Path,
+        signals: &[SampleColumn],
+        about: &Metadata,
+        tick_hz: f64,
+    ) -> Result<(), StorageError> {
         self.write()?;
         create_folder_of_parts(folder)?;
-        let schema = samples::schema(signals);
+        let schema = samples::schema(signals, about);
         let whole = self.written.iter().map(|batch| samples::complete(&schema, &self.label, tick_hz, batch));
         write_whole(&folder.join(part_name(self.number)), &schema, whole, Durability::Program)
     }
@@ -124,11 +130,18 @@ fn create_folder_of_parts(folder: &Path) -> Result<(), StorageError> {
 ///
 /// # Errors
 /// When it cannot be written.
-pub(super) fn seal_salvaged(folder: &Path, number: u32, salvaged: &Salvaged) -> Result<(), StorageError> {
-    let Some(first) = salvaged.batches.first() else { return Ok(()) };
+pub(super) fn seal_salvaged(
+    folder: &Path,
+    number: u32,
+    salvaged: &Salvaged,
+    schema: &SchemaRef,
+) -> Result<(), StorageError> {
+    if salvaged.batches.is_empty() {
+        return Ok(());
+    }
     create_folder_of_parts(folder)?;
     let batches = salvaged.batches.iter().cloned().map(Ok);
-    write_whole(&folder.join(part_name(number)), &first.schema(), batches, Durability::Disk)
+    write_whole(&folder.join(part_name(number)), schema, batches, Durability::Disk)
 }
 
 #[cfg(test)]

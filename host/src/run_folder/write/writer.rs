@@ -7,6 +7,8 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use arrow_schema::{Metadata, SchemaRef};
+
 use super::parquet_file::write_table;
 use super::recorder::{Message, Rows, Sink};
 use super::sample_join::{join, remove_parts};
@@ -19,7 +21,8 @@ use crate::run_folder::read::sample_files::{closed_parts, open_parts};
 use crate::run_folder::schema::impacts::{self, IMPACTS};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::results::{self, RESULTS, ResultRow};
-use crate::run_folder::schema::samples::{LAST_PART, PARTS, PointLabel, SampleColumn, part_name};
+use crate::run_folder::schema::samples::{self, LAST_PART, PARTS, PointLabel, SampleColumn, part_name};
+use crate::run_folder::schema::self_description::DESCRIPTION;
 use crate::run_folder::schema::transients::{self, TRANSIENTS};
 use crate::run_folder::{StorageError, checksum};
 
@@ -34,6 +37,20 @@ pub struct Layout {
     pub tick_hz: f64,
     /// Set-ups and experiments in the order of the campaign, by name.
     pub order: Vec<(String, String)>,
+    /// What every table says of the run, from [`of_run`](crate::run_folder::schema::self_description::of_run).
+    pub about: Metadata,
+}
+
+impl Layout {
+    /// The columns and metadata of the samples.
+    fn samples(&self) -> SchemaRef {
+        samples::schema(&self.signals, &self.about)
+    }
+
+    /// The metadata of a table with such rows.
+    fn about(&self, description: &str) -> Metadata {
+        self.about.clone().with(DESCRIPTION, description)
+    }
 }
 
 /// A part that is closed and not yet in the journal.
@@ -122,7 +139,7 @@ impl Writer {
                 let salvaged = salvage(&pending.open)?;
                 pending.rows = salvaged.rows;
                 pending.lost_rows = salvaged.gap_ticks / u64::from(self.layout.every_ticks).max(1);
-                seal_salvaged(&self.folder, part, &salvaged)?;
+                seal_salvaged(&self.folder, part, &salvaged, &self.layout.samples())?;
             }
             self.pending.push(pending);
         }
@@ -194,7 +211,7 @@ impl Writer {
     /// Closes the open part.
     fn seal(&mut self) -> Result<(), StorageError> {
         let Some(mut part) = self.open.take() else { return Ok(()) };
-        let sealed = part.seal(&self.folder, &self.layout.signals, self.layout.tick_hz);
+        let sealed = part.seal(&self.folder, &self.layout.signals, &self.layout.about, self.layout.tick_hz);
         if sealed.is_ok() {
             let (rows, lost_rows) = (part.rows, part.lost_rows);
             self.pending.push(Pending { part: part.number, rows, lost_rows, open: part.path.clone() });
@@ -234,7 +251,7 @@ impl Writer {
         self.has_new_results = true;
         if !self.state.impacts.is_empty() {
             let table = impacts::table(&self.state.impacts, self.layout.tick_hz);
-            write_table(&self.folder.join(IMPACTS), table)?;
+            write_table(&self.folder.join(IMPACTS), table, self.layout.about(impacts::ROW))?;
         }
         self.sync()
     }
@@ -253,7 +270,7 @@ impl Writer {
     /// When the joined file cannot be written; the parts stay then.
     pub fn join(&mut self) -> Result<(), StorageError> {
         if self.state.joined.is_none() {
-            let joined = join(&self.folder, &self.layout.signals, &self.state.sealed)?;
+            let joined = join(&self.folder, &self.layout.samples(), &self.state.sealed)?;
             self.note(&Entry::Joined(joined))?;
             self.sync()?;
         }
@@ -291,9 +308,11 @@ impl Sink for Writer {
         }
         self.journal_pending()?;
         if std::mem::take(&mut self.has_new_results) {
-            write_table(&self.folder.join(RESULTS), results::table(&self.results()))?;
+            let about = self.layout.about(results::ROW);
+            write_table(&self.folder.join(RESULTS), results::table(&self.results()), about)?;
             if !self.state.transients().is_empty() {
-                write_table(&self.folder.join(TRANSIENTS), transients::table(self.state.transients()))?;
+                let about = self.layout.about(transients::ROW);
+                write_table(&self.folder.join(TRANSIENTS), transients::table(self.state.transients()), about)?;
             }
         }
         Ok(())

@@ -32,7 +32,7 @@ use damper::Dampers;
 use event_queue::EventQueue;
 use heapless::Deque;
 pub use rejected::{Rejected, clipped};
-pub use signals::{MOTION_SIGNALS, SIGNALS, Signals};
+pub use signals::{MOTION_SIGNALS, SIGNAL_DOCS, SIGNALS, Signals};
 
 /// Number of results that the rig keeps for a host that missed one.
 pub const KEPT_RESULTS: usize = 8;

@@ -12,6 +12,9 @@ macro_rules! signals {
         /// empty.
         pub const SIGNALS: [(&str, &str); [$($unit),+].len()] = [$((stringify!($name), $unit)),+];
 
+        /// Meaning of every signal, in the same order.
+        pub const SIGNAL_DOCS: [&str; SIGNALS.len()] = [$(concat!($($doc),+)),+];
+
         impl Signals {
             /// The values in the order of [`SIGNALS`].
             #[must_use]

@@ -1,0 +1,44 @@
+//! The parameters of a set-up's model as named numbers, as exports and the metadata of Parquet files have them.
+
+use std::f64::consts::TAU;
+
+use damprig_core::model::{SetUp, Wall};
+
+/// A parameter of a set-up: its name with the unit, and its value; `None` where the set-up does not have it.
+pub type Parameter = (&'static str, fn(&SetUp) -> Option<f64>);
+
+/// The parameters of a set-up's model.
+pub const PARAMETERS: &[Parameter] = &[
+    ("mass_kg", |s| Some(s.structure.mass_kg)),
+    ("stiffness_n_per_m", |s| Some(s.structure.stiffness_n_per_m)),
+    ("damping_n_s_per_m", |s| Some(s.structure.damping_n_s_per_m)),
+    ("natural_frequency_hz", |s| Some(s.structure.angular_frequency_rad_per_s() / TAU)),
+    ("damping_ratio", |s| Some(s.structure.damping_ratio())),
+    ("gravity_m_per_s2", |s| Some(s.gravity_m_per_s2)),
+    ("particle_mass_kg", |s| s.particle.map(|p| p.mass_kg)),
+    ("clearance_m", |s| s.particle.map(|p| p.clearance_m)),
+    ("internal_friction", |s| s.particle.map(|p| p.friction_coefficient)),
+    ("restitution", |s| match s.particle?.wall {
+        Wall::Restitution { coefficient } => Some(coefficient),
+        Wall::Voigt { .. } => None,
+    }),
+    ("wall_stiffness_n_per_m", |s| match s.particle?.wall {
+        Wall::Voigt { stiffness_n_per_m, .. } => Some(stiffness_n_per_m),
+        Wall::Restitution { .. } => None,
+    }),
+    ("wall_damping_n_s_per_m", |s| match s.particle?.wall {
+        Wall::Voigt { damping_n_s_per_m, .. } => Some(damping_n_s_per_m),
+        Wall::Restitution { .. } => None,
+    }),
+    ("friction_force_n", |s| s.friction_damper.map(|d| d.force_n)),
+    ("tuned_mass_kg", |s| s.tmd.map(|t| t.mass_kg)),
+    ("tuned_stiffness_n_per_m", |s| s.tmd.map(|t| t.stiffness_n_per_m)),
+    ("tuned_damping_n_s_per_m", |s| s.tmd.map(|t| t.damping_n_s_per_m)),
+    ("mass_ratio", |s| Some(s.particle.map(|p| p.mass_kg).or(s.tmd.map(|t| t.mass_kg))? / s.structure.mass_kg)),
+];
+
+/// The parameters that a set-up has, by name.
+#[must_use]
+pub fn parameters(set_up: &SetUp) -> serde_json::Map<String, serde_json::Value> {
+    PARAMETERS.iter().filter_map(|(name, value)| Some((name.to_string(), value(set_up)?.into()))).collect()
+}
