@@ -8,9 +8,9 @@ use crate::campaign::Campaign;
 use crate::client::session::Session;
 use crate::host_time;
 use crate::prediction::Predicted;
-use crate::report::figures::FigureError;
 use crate::report::figures::campaign::{self as figures, PlottedPoint};
 use crate::report::figures::peak_motion::draw as draw_motions;
+use crate::report::figures::{FigureError, Picture};
 use crate::report::page::page;
 use crate::run_folder::checksum::{self, FileRecord};
 use crate::run_folder::journal::{Begin, Ended, Entry, Journal};
@@ -161,20 +161,22 @@ impl<'a> RecordedRun<'a> {
         manifest.note(self.campaign, &taken, writer.rows());
         manifest.ending = reason.map_or(Ending::Complete, |reason| Ending::Incomplete { reason });
         let path = self.folder.path();
+        let source = source_of(&RunFolder::with_manifest(path, manifest.clone()).id(), &manifest);
+        let write = |picture: Picture, stem: &str| picture.of_source(&source)?.write(path, stem);
         let has_sines = self.campaign.experiments.iter().any(|e| e.stepped_sine().is_some());
         let drawn = if has_sines {
             let points: Vec<PlottedPoint> = rows.iter().map(PlottedPoint::from).collect();
-            figures::response(self.campaign, &points, None).and_then(|picture| picture.write(path, "figure"))
+            figures::response(self.campaign, &points, None).and_then(|picture| write(picture, "figure"))
         } else {
             Ok(())
         };
         let drawn = drawn.and_then(|()| match figures::transients(self.campaign, path, taken.transients())? {
-            Some(picture) => picture.write(path, "transients"),
+            Some(picture) => write(picture, "transients"),
             None => Ok(()),
         });
         let with_samples = RunFolder::with_manifest(path, manifest.clone());
         let drawn = drawn.and_then(|()| match draw_motions(self.campaign, &with_samples, &taken)? {
-            Some(picture) => picture.write(path, "motions"),
+            Some(picture) => write(picture, "motions"),
             None => Ok(()),
         });
         let page_written = self.folder.write_page(&page(&RunFolder::with_manifest(path, manifest.clone())).html);
@@ -183,6 +185,13 @@ impl<'a> RecordedRun<'a> {
         let written = noted.and(page_written).and(self.folder.write_manifest(&manifest)).and(sums.map(|_| ()));
         Some(EndedRun { manifest, taken, rows, result, written, drawn })
     }
+}
+
+/// The run's name and start, as its figures state them.
+fn source_of(id: &str, manifest: &Manifest) -> String {
+    let started = host_time::parse(&manifest.started);
+    let started = started.map_or_else(String::new, |at| at.strftime(" · %Y-%m-%d %H:%M %:z").to_string());
+    format!("{id}{started}")
 }
 
 /// The manifest of a run that begins.

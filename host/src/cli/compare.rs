@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::Args as ClapArgs;
 
@@ -67,6 +67,9 @@ Exit codes:
   2    the command line or the campaign is wrong, or there is no such run; nothing was written
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); nothing was written";
 
+/// How often progress is told without a terminal.
+const TELL_EVERY: Duration = Duration::from_secs(10);
+
 /// Names of the files of `--out`.
 const FILES: [&str; 3] = ["comparison.html", "comparison.csv", "comparison.json"];
 
@@ -123,12 +126,23 @@ fn compared(
     super::watch_for_ctrl_c(&stop)?;
     let done = AtomicUsize::new(0);
     let options = Options { scale_uncertainty, done: &done, stop: &stop };
-    let bar = bar(run.manifest().points_taken as u64);
+    let points = run.manifest().points_taken as u64;
+    let bar = bar(points);
     bar.set_message("simulating");
+    let mut told = Instant::now();
     let comparison = std::thread::scope(|scope| {
         let work = scope.spawn(|| compare(run, set_ups_from, &options));
         while !work.is_finished() {
-            bar.set_position(done.load(Ordering::Relaxed) as u64);
+            let so_far = done.load(Ordering::Relaxed) as u64;
+            if so_far > bar.position() {
+                bar.set_position(so_far);
+            }
+            if bar.is_hidden() && told.elapsed() > TELL_EVERY {
+                told = Instant::now();
+                let left_s = bar.eta().as_secs();
+                let left = if so_far > 0 { format!(", about {left_s} s left") } else { String::new() };
+                warn!("{so_far} of {points} points are compared{left}");
+            }
             std::thread::sleep(Duration::from_millis(20));
         }
         work.join()

@@ -75,8 +75,8 @@ The exit code is 1 if a part of the run cannot be read; the page names it.";
 const EXPORT_HELP: &str = "\
 Formats:
   csv  one table (samples unless --what selects another), any length
-  mat  structs run, results, samples, impacts, units; double column vectors; at most 40 million numbers
-  h5   HDF5: a group per table, a dataset per column with its unit; at most 40 million numbers
+  mat  structs run, results, samples, impacts, units; double column vectors; at most 2 GiB per table
+  h5   HDF5: a group per table, a dataset per column with its unit; any length
   uff  dataset 58: frequency responses x/z (lock-in); a time history per signal, point and gap-free stretch
 
 Examples:

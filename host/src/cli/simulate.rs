@@ -149,9 +149,7 @@ fn simulate_one(
         warn!("warning: {warning}");
     }
     let mut history = match (&args.out, rate_hz) {
-        (Some(path), Some(rate_hz)) => {
-            Some(TimeHistory::create(path, rate_hz, case.has_impacts()).map_err(Failure::failed)?)
-        }
+        (Some(path), Some(rate_hz)) => Some(TimeHistory::create(path, rate_hz, case).map_err(Failure::failed)?),
         _ => None,
     };
     let mut viewer = (&mut history, envelopes);

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use serde::Serialize;
+use serde_json::{Map, Value};
 
 use super::metric::Metric;
 use super::motion::SimulatedMotion;
@@ -17,6 +18,8 @@ pub struct Comparison {
     pub run: String,
     /// Name of its campaign.
     pub campaign: String,
+    /// Its start, local time in the form of RFC 3339.
+    pub started: String,
     /// How the run ended, in words.
     pub state: String,
     /// Where the simulated set-ups are from.
@@ -46,6 +49,8 @@ pub struct ComparedExperiment {
     pub experiment: String,
     /// `stepped_sine`, `playback`, `impulse` or `free_vibration`.
     pub kind: &'static str,
+    /// The parameters of the simulated set-up, by name with the unit.
+    pub parameters: Map<String, Value>,
     /// What has to be known about the comparison.
     pub notes: Vec<String>,
     /// Its points; one of a record, a pulse or a free vibration.

@@ -24,10 +24,12 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use damprig_core::measure::impacts::{ImpactConfig, ImpactRecord};
 
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
+use crate::host_time::plain;
 use crate::prediction::contact_s;
 use crate::run_folder::RunFolder;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::segment_id::SegmentId;
+use crate::run_folder::schema::set_up_parameters::parameters;
 pub use comparison::{
     COVERAGE_FACTOR, ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, History, Predicted, Residual,
     Uncertain, Verdict,
@@ -102,7 +104,8 @@ pub fn compare(
     let varied = ensemble::varied_set_ups(model, is_simulated);
     assumptions.push(ensemble::about_parameters(model, &varied));
     let varied = varied.unwrap_or_default();
-    let recorded = AllRecorded::of(run);
+    let go_on = || !options.stop.load(Ordering::Relaxed);
+    let recorded = AllRecorded::of(run, go_on).map_err(CannotCompare::Run)?;
     unreadable.extend(recorded.unreadable.iter().cloned());
     let missing = source::missing(run, &campaign, &state);
     let compared = Compared {
@@ -134,6 +137,7 @@ pub fn compare(
                     label: own.label.clone(),
                     experiment: experiment.name.clone(),
                     kind: kind_of(experiment),
+                    parameters: parameters(&simulated.model()),
                     notes: compared.notes(own, &models),
                     points,
                 });
@@ -144,6 +148,7 @@ pub fn compare(
     Ok(Comparison {
         run: run.id(),
         campaign: campaign.name.clone(),
+        started: plain(&manifest.started).to_string(),
         state: manifest.ending_text(),
         set_ups_from: set_ups_from.unwrap_or_else(|| "the run's campaign".into()),
         damprig: crate::VERSION_LINE,

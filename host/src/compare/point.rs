@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use damprig_core::control::stepped_sine::DriveMode;
 use damprig_core::io::TICK_HZ;
-use rayon::prelude::*;
 
 use super::base::{self, BaseMotion, SineDrive, Step};
 use super::ensemble::Models;
@@ -60,6 +59,7 @@ impl Compared<'_> {
             Start::FromRest => rows.into_iter().map(|row| vec![row]).collect(),
             Start::CarryOver => rows.chunk_by(|a, b| a.segment == b.segment).map(<[_]>::to_vec).collect(),
         };
+        // One after the other, each on all processors: memory does not grow with their number.
         let of = |rows: Vec<&ResultRow>| {
             if self.is_stopped() {
                 return Vec::new();
@@ -68,7 +68,7 @@ impl Compared<'_> {
             rows.iter().for_each(|_| self.done());
             points
         };
-        let mut points: Vec<ComparedPoint> = together.into_par_iter().flat_map_iter(of).collect();
+        let mut points: Vec<ComparedPoint> = together.into_iter().flat_map(of).collect();
         if self.state.peak(&own.name, &experiment.name).is_some() {
             // Those around the peak are among those of the grid, as in the results.
             let order = self.state.rows_in_order(&[(own.name.clone(), experiment.name.clone())]);
@@ -85,19 +85,26 @@ impl Compared<'_> {
         rows: &[&ResultRow],
     ) -> Vec<ComparedPoint> {
         let id = id_of(rows[0]);
-        let recorded = self.recorded.segment(&id);
-        let drive = match drive(own, sine, rows, recorded) {
+        let mut samples = self.recorded.samples(&id, &self.ticks_around(&id, sine, rows));
+        let mut found = drive(own, sine, rows, samples.as_ref());
+        if found.is_err() {
+            samples = self.recorded.samples(&id, &(0..u64::MAX));
+            found = drive(own, sine, rows, samples.as_ref());
+        }
+        let recorded = samples.as_ref();
+        let drive = match found {
             Ok(drive) => drive,
             Err(why) => return rows.iter().map(|row| self.without_simulation(row, models, &why)).collect(),
         };
         let ticks = drive.sine.from_tick..drive.end_tick;
         let z_m: Vec<f64> = rows.iter().map(|row| f64::from(row.z_amplitude_m)).collect();
         let spring = self.spring_force(own, models, recorded, &ticks, (&z_m, rows[0].frequency_hz));
-        let ideal = self.answer(&drive, models, (&BaseMotion::following(&drive.sine.demand_m), 0.0), &spring);
         let z_noise_m = z_noise_m(rows);
         let measured_base = self.measured_base(recorded, &ticks, models, z_noise_m);
-        let measured =
-            measured_base.as_ref().ok().and_then(|base| self.answer(&drive, models, (base, z_noise_m), &spring));
+        let (ideal, measured) = rayon::join(
+            || self.answer(&drive, models, (&BaseMotion::following(&drive.sine.demand_m), 0.0), &spring),
+            || measured_base.as_ref().ok().and_then(|base| self.answer(&drive, models, (base, z_noise_m), &spring)),
+        );
         let why_not = match (&measured_base, &measured) {
             (Err(why), _) => Some(why.clone()),
             (Ok(_), None) => Some("the set-up cannot be simulated".into()),
@@ -120,6 +127,19 @@ impl Compared<'_> {
                 point
             })
             .collect()
+    }
+
+    /// The ticks whose samples the comparison of some points needs: those of their motion from rest, which begins after the dwell of
+    /// the point before, and what the base's and the spring's motion are read with.
+    fn ticks_around(&self, id: &SegmentId, sine: &SteppedSine, rows: &[&ResultRow]) -> Range<u64> {
+        let beyond = BEYOND as u64 + f64::from(self.campaign.rig.board.spring.average_s * TICK_HZ) as u64;
+        let until = rows.iter().map(|row| row.end_tick).max().unwrap_or(0).saturating_add(beyond);
+        let first = rows.iter().map(|row| row.start_tick).min().unwrap_or(0);
+        let before = self.state.rows().iter().filter(|row| id_of(row) == *id && row.start_tick < first);
+        match sine.start {
+            Start::FromRest => before.map(|row| row.start_tick).max().unwrap_or(0)..until,
+            Start::CarryOver => 0..until,
+        }
     }
 
     /// The values of a point and its predictions.

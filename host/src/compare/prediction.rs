@@ -82,10 +82,12 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
     /// The predictions; `None` for a set-up that cannot be simulated.
     pub(super) fn answer(&self) -> Option<Answer> {
         let stated = self.models.stated(self.start_m);
-        let motion = self.motion(&stated)?;
-        let neighbour = self.models.neighbour(self.start_m).and_then(|member| self.motion(&member));
+        let neighbour = || self.models.neighbour(self.start_m).and_then(|member| self.motion(&member));
+        let (motion, neighbour) = rayon::join(|| self.motion(&stated), neighbour);
+        let motion = motion?;
         let parts = |window: &Window| neighbour.as_ref().is_some_and(|other| parted(&motion, other, &window.ticks));
         let are_sensitive: Vec<bool> = self.windows.iter().map(parts).collect();
+        drop(neighbour);
         let otherwise = self.base_otherwise(&stated).map(|motion| self.measured(&motion, &stated));
         let members = self.models.members(self.start_m, self.spring.uncertainty);
         let of_members: Vec<Vec<Option<Values>>> =
@@ -170,10 +172,9 @@ pub(super) struct Window {
 
 /// Whether two motions differ by more than [`PARTED`] of their size in these ticks.
 fn parted(a: &SimulatedMotion, b: &SimulatedMotion, ticks: &Range<usize>) -> bool {
-    let of = |motion: &SimulatedMotion| motion.readings.get(ticks.clone()).unwrap_or_default().to_vec();
     let square = |x: f32| f64::from(x) * f64::from(x);
-    let (a, b) = (of(a), of(b));
-    let difference: f64 = a.iter().zip(&b).map(|(a, b)| square(a.x_m - b.x_m)).sum();
+    let [a, b] = [a, b].map(|motion| motion.readings.get(ticks.clone()).unwrap_or_default());
+    let difference: f64 = a.iter().zip(b).map(|(a, b)| square(a.x_m - b.x_m)).sum();
     difference > PARTED * PARTED * a.iter().map(|a| square(a.x_m)).sum::<f64>()
 }
 

@@ -1,13 +1,18 @@
 //! The samples of x, z and the friction spring's force of a run, segment by segment.
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+
+use arrow_array::RecordBatch;
 
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::segment_id::SegmentId;
 
-/// Samples of one segment, in the order of their ticks.
+/// Samples of one segment in some ticks, in their order.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Recorded {
     ticks: Vec<u64>,
@@ -103,72 +108,202 @@ impl Recorded {
     }
 }
 
-/// The samples of a run.
+/// Rows of evenly spaced ticks that follow each other in the file.
+#[derive(Clone, Copy, Debug)]
+struct Stretch {
+    first_tick: u64,
+    /// Ticks from row to row.
+    every: u64,
+    rows: u64,
+    /// Place of the first row in the file.
+    place: u64,
+}
+
+impl Stretch {
+    /// The rows of these ticks, counted from the first.
+    fn within(&self, ticks: &Range<u64>) -> Range<u64> {
+        let before = |tick: u64| tick.saturating_sub(self.first_tick).div_ceil(self.every).min(self.rows);
+        before(ticks.start)..before(ticks.end)
+    }
+}
+
+/// The rows of a segment, in the order of their ticks.
 #[derive(Clone, Debug, Default)]
+struct Segment {
+    stretches: Vec<Stretch>,
+    last_tick: Option<u64>,
+    /// A tick is not later than the one before: the file is damaged.
+    is_unordered: bool,
+}
+
+impl Segment {
+    fn push(&mut self, tick: u64, place: u64) {
+        self.is_unordered |= self.last_tick.is_some_and(|last| tick <= last);
+        self.last_tick = Some(tick);
+        if let Some(own) = self.stretches.last_mut()
+            && own.place + own.rows == place
+            && tick > own.first_tick
+        {
+            if own.rows == 1 {
+                own.every = tick - own.first_tick;
+            }
+            let next = own.rows.checked_mul(own.every).and_then(|ticks| own.first_tick.checked_add(ticks));
+            if next == Some(tick) {
+                own.rows += 1;
+                return;
+            }
+        }
+        self.stretches.push(Stretch { first_tick: tick, every: 1, rows: 1, place });
+    }
+}
+
+/// The samples of a run: x, z and the spring's force of each row in a temporary file, and where the rows of each segment are in it.
+/// So memory does not grow with the run.
+#[derive(Debug, Default)]
 pub(super) struct AllRecorded {
-    segments: BTreeMap<(String, String, u32), Recorded>,
+    segments: BTreeMap<(String, String, u32), Segment>,
+    file: Option<Mutex<File>>,
+    rows: u64,
+    has_x: bool,
+    has_spring: bool,
     /// What could not be read.
     pub(super) unreadable: Vec<String>,
 }
 
+/// Bytes of a row in the file: x, z and force in single precision, NaN where one is not recorded.
+const ROW: usize = 3 * size_of::<f32>();
+
 impl AllRecorded {
-    /// Reads the samples of a run that has recorded z.
-    pub(super) fn of(run: &RunFolder) -> Self {
+    /// Reads the samples of a run that has recorded z. `go_on` ends the reading when it is false.
+    ///
+    /// # Errors
+    /// When the temporary file cannot be written.
+    pub(super) fn of(run: &RunFolder, go_on: impl Fn() -> bool) -> Result<Self, String> {
         let mut all = Self::default();
-        if !run.manifest().signals.iter().any(|signal| signal.name == "z_m") {
-            return all;
+        let has = |name: &str| run.manifest().signals.iter().any(|signal| signal.name == name);
+        if !has("z_m") {
+            return Ok(all);
         }
-        for batch in run.samples() {
-            let read = batch.map_err(|error| error.to_string()).and_then(|batch| all.add(&batch));
-            all.unreadable.extend(read.err());
-        }
-        // Rows of a damaged file need not be in order.
-        all.segments.retain(|id, own| {
-            let is_ordered = own.ticks.is_sorted_by(|a, b| a < b);
-            if !is_ordered {
-                all.unreadable.push(format!("samples of {:?} on {:?}: their ticks do not rise", id.1, id.0));
+        // A run may have recorded z alone.
+        (all.has_x, all.has_spring) = (has("x_m"), has("spring_force_n"));
+        let failed = |error: std::io::Error| format!("cannot write a temporary file: {error}; is the disk full?");
+        let mut file = tempfile::tempfile().map_err(failed)?;
+        for batch in run.samples().take_while(|_| go_on()) {
+            let read = batch.map_err(|error| error.to_string()).and_then(|batch| all.note(&batch));
+            match read {
+                Ok(bytes) => file.write_all(&bytes).map_err(failed)?,
+                Err(error) => all.unreadable.push(error),
             }
-            is_ordered
+        }
+        all.file = Some(Mutex::new(file));
+        // Rows of a damaged file need not be in order.
+        let unreadable = &mut all.unreadable;
+        all.segments.retain(|id, own| {
+            if own.is_unordered {
+                unreadable.push(format!("samples of {:?} on {:?}: their ticks do not rise", id.1, id.0));
+            }
+            !own.is_unordered
         });
-        all
+        Ok(all)
     }
 
-    fn add(&mut self, batch: &arrow_array::RecordBatch) -> Result<(), String> {
+    /// Notes where the rows of a batch will be, and gives their bytes.
+    fn note(&mut self, batch: &RecordBatch) -> Result<Vec<u8>, String> {
         let read = |name: &str| numbers(batch, name).map_err(|error| error.to_string());
         let names = |name: &str| texts(batch, name).map_err(|error| error.to_string());
         let (set_ups, experiments, segments) = (names("set_up")?, names("experiment")?, read("segment")?);
         let (ticks, z_m) = (read("tick")?, read("z_m")?);
-        // A run may have recorded z alone.
-        let x_m = if batch.column_by_name("x_m").is_some() { Some(read("x_m")?) } else { None };
-        let spring_n =
-            if batch.column_by_name("spring_force_n").is_some() { Some(read("spring_force_n")?) } else { None };
-        let mut from = 0;
-        while from < ticks.len() {
-            let key = |n: usize| (&set_ups[n], &experiments[n], segments[n] as u32);
-            let until = (from..ticks.len()).find(|n| key(*n) != key(from)).unwrap_or(ticks.len());
-            let (set_up, experiment, segment) = key(from);
+        let optional = |has: bool, name: &str| if has { read(name) } else { Ok(vec![f64::NAN; ticks.len()]) };
+        let (x_m, spring_n) = (optional(self.has_x, "x_m")?, optional(self.has_spring, "spring_force_n")?);
+        let key = |n: usize| (&set_ups[n], &experiments[n], segments[n] as u32);
+        let mut bytes = Vec::with_capacity(ticks.len() * ROW);
+        for rows in (0..ticks.len()).collect::<Vec<_>>().chunk_by(|a, b| key(*a) == key(*b)) {
+            let (set_up, experiment, segment) = key(rows[0]);
             let own = self.segments.entry((set_up.clone(), experiment.clone(), segment)).or_default();
-            own.ticks.extend(ticks[from..until].iter().map(|tick| *tick as u64));
-            own.z_m.extend(z_m[from..until].iter().map(|z| *z as f32));
-            own.x_m.extend(x_m.iter().flat_map(|x| &x[from..until]).map(|x| *x as f32));
-            own.spring_n.extend(spring_n.iter().flat_map(|force| &force[from..until]).map(|force| *force as f32));
-            from = until;
+            for &n in rows {
+                own.push(ticks[n] as u64, self.rows);
+                self.rows += 1;
+                bytes.extend([x_m[n], z_m[n], spring_n[n]].iter().flat_map(|value| (*value as f32).to_le_bytes()));
+            }
         }
-        Ok(())
+        Ok(bytes)
     }
 
-    /// The samples of a segment.
-    pub(super) fn segment(&self, id: &SegmentId) -> Option<&Recorded> {
-        self.segments.get(&(id.set_up.clone(), id.experiment.clone(), id.segment))
+    /// The samples of a segment in these ticks; `None` if there are none of the segment.
+    pub(super) fn samples(&self, id: &SegmentId, ticks: &Range<u64>) -> Option<Recorded> {
+        let segment = self.segments.get(&(id.set_up.clone(), id.experiment.clone(), id.segment))?;
+        let mut file = self.file.as_ref()?.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut recorded = Recorded::default();
+        for stretch in &segment.stretches {
+            let rows = stretch.within(ticks);
+            let mut bytes = vec![0; (rows.end - rows.start) as usize * ROW];
+            file.seek(SeekFrom::Start((stretch.place + rows.start) * ROW as u64)).ok()?;
+            file.read_exact(&mut bytes).ok()?;
+            recorded.ticks.extend(rows.map(|row| stretch.first_tick + row * stretch.every));
+            for row in bytes.chunks_exact(ROW) {
+                let value = |n: usize| f32::from_le_bytes([row[n], row[n + 1], row[n + 2], row[n + 3]]);
+                recorded.x_m.extend(self.has_x.then(|| value(0)));
+                recorded.z_m.push(value(4));
+                recorded.spring_n.extend(self.has_spring.then(|| value(8)));
+            }
+        }
+        Some(recorded)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use arrow_array::{ArrayRef, Float32Array, UInt32Array, UInt64Array};
+    use arrow_schema::Metadata;
+
     use super::*;
+    use crate::run_folder::schema::samples::{PointLabel, SampleColumn, complete, schema, stream_schema};
 
     fn recorded(ticks: impl Iterator<Item = u64> + Clone, z: impl Fn(u64) -> f32) -> Recorded {
         Recorded { z_m: ticks.clone().map(z).collect(), ticks: ticks.collect(), ..Recorded::default() }
+    }
+
+    /// Rows of two segments in turns, with gaps, one row apart and then two, in batches that end anywhere.
+    #[test]
+    fn the_samples_of_any_ticks_are_those_of_the_run() {
+        let signals = ["x_m", "z_m"].map(|name| SampleColumn { name: name.into(), unit: "m".into() });
+        let id = |segment| SegmentId { set_up: "a".into(), experiment: "e".into(), segment };
+        let mut rows: Vec<(u32, u64)> = (0..500).filter(|tick| tick % 97 > 2).map(|tick| (0, tick)).collect();
+        rows.extend((0..300).step_by(2).map(|tick| (1, tick)));
+        rows.extend((900..1000).map(|tick| (0, tick)));
+        let mut all = AllRecorded { has_x: true, ..AllRecorded::default() };
+        let mut file = tempfile::tempfile().unwrap();
+        for part in rows.chunks(33).flat_map(|part| part.chunk_by(|a, b| a.0 == b.0)) {
+            let label = PointLabel { id: id(part[0].0), ..PointLabel::default() };
+            let columns: Vec<ArrayRef> = vec![
+                Arc::new(UInt64Array::from_iter_values(part.iter().map(|row| row.1))),
+                Arc::new(UInt32Array::from(vec![0; part.len()])),
+                Arc::new(Float32Array::from_iter_values(part.iter().map(|row| row.1 as f32))),
+                Arc::new(Float32Array::from_iter_values(part.iter().map(|row| -(row.1 as f32)))),
+            ];
+            let batch = RecordBatch::try_new(stream_schema(&label, &signals, 1000.0), columns).unwrap();
+            let batch = complete(&schema(&signals, &Metadata::new()), &label, 1000.0, &batch).unwrap();
+            file.write_all(&all.note(&batch).unwrap()).unwrap();
+        }
+        all.file = Some(Mutex::new(file));
+        for segment in [0, 1] {
+            for ticks in [0..u64::MAX, 0..1, 3..94, 90..110, 299..301, 499..901, 950..2000, 2000..3000, 5..5] {
+                let expected: Vec<u64> =
+                    rows.iter().filter(|row| row.0 == segment && ticks.contains(&row.1)).map(|row| row.1).collect();
+                let found = all.samples(&id(segment), &ticks).unwrap();
+                assert_eq!(found.ticks, expected, "{segment}: {ticks:?}");
+                assert!(found.x_m.iter().zip(&expected).all(|(x, tick)| *x == *tick as f32), "{segment}: {ticks:?}");
+                assert!(found.z_m.iter().zip(&expected).all(|(z, tick)| *z == -(*tick as f32)), "{segment}: {ticks:?}");
+                assert_eq!(
+                    (found.x_m.len(), found.z_m.len(), found.spring_n.len()),
+                    (expected.len(), expected.len(), 0)
+                );
+            }
+        }
+        assert!(all.samples(&id(2), &(0..10)).is_none());
+        assert!(all.segments.values().all(|segment| segment.stretches.len() < 10), "a stretch has many rows");
     }
 
     #[test]

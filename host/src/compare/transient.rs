@@ -48,7 +48,8 @@ impl Compared<'_> {
         let ticks = row.start_tick..row.end_tick;
         let is_sound = row.end_tick > row.start_tick && row.end_tick < u64::from(u32::MAX);
         let id = SegmentId { set_up: row.set_up.clone(), experiment: row.experiment.clone(), segment: row.segment };
-        let recorded = self.recorded.segment(&id);
+        let samples = self.recorded.samples(&id, &(0..u64::MAX));
+        let recorded = samples.as_ref();
         let noise_m = self.noise_m(self.recorded_x_m(recorded, &ticks));
         // The spring keeps its force during a transient.
         let spring = self.spring_force(own, models, recorded, &ticks, (&[], 0.0)).mean();

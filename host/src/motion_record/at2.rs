@@ -3,7 +3,8 @@
 //! The third line has quantity and unit (`ACCELERATION TIME SERIES IN UNITS OF G`), the fourth the number of values and the
 //! time step.
 
-use super::units::{STANDARD_GRAVITY, finite};
+use super::record::Quantity;
+use super::units::{STANDARD_GRAVITY, ToSi, finite};
 
 /// Header lines that are searched at most.
 const HEADER_LINES: usize = 6;
@@ -12,17 +13,16 @@ const HEADER_LINES: usize = 6;
 pub(super) struct At2 {
     /// Time step, s.
     pub step_s: f64,
-    /// Accelerations in the file's unit.
+    /// Accelerations, m/s².
     pub values: Vec<f64>,
-    /// m/s² per unit, from the header or the case; g when neither states it, as the format defines.
-    pub unit_si: f64,
 }
 
-/// Parses the text of an AT2 file. `unit_si` is the case's unit, which takes precedence over the header's.
+/// Parses the text of an AT2 file. `unit_si` is the case's unit, which takes precedence over the header's; g when neither states
+/// one, as the format defines. `scale` is a factor on every value.
 ///
 /// # Errors
 /// Names line and value.
-pub(super) fn at2(text: &str, unit_si: Option<f64>) -> Result<At2, String> {
+pub(super) fn at2(text: &str, unit_si: Option<f64>, scale: f64) -> Result<At2, String> {
     let mut lines = text.lines().enumerate();
     let mut stated = None;
     let mut head = None;
@@ -45,12 +45,15 @@ pub(super) fn at2(text: &str, unit_si: Option<f64>) -> Result<At2, String> {
             header.trim()
         )
     })?;
+    let unit_si = unit_si.or(stated).unwrap_or(STANDARD_GRAVITY);
+    let to_si = ToSi { quantity: Quantity::Acceleration, unit_si, scale };
     let mut values = Vec::new();
     for (n, line) in lines {
-        for word in line.split_whitespace() {
+        for (column, word) in line.split_whitespace().enumerate() {
             let value = finite(word)
                 .ok_or_else(|| format!("line {}: {word:?} is not allowed: must be a finite number", n + 1))?;
-            values.push(value);
+            let si = to_si.value(word, value);
+            values.push(si.map_err(|why| format!("line {}, column {}: {why}", n + 1, column + 1))?);
         }
     }
     if values.len() != count {
@@ -61,7 +64,7 @@ pub(super) fn at2(text: &str, unit_si: Option<f64>) -> Result<At2, String> {
             at + 1
         ));
     }
-    Ok(At2 { step_s, values, unit_si: unit_si.or(stated).unwrap_or(STANDARD_GRAVITY) })
+    Ok(At2 { step_s, values })
 }
 
 /// NPTS and DT of an AT2 header in either of its forms: `NPTS= 5372, DT= .0100 SEC`, `5372 0.0100 NPTS, DT`.

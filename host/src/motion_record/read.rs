@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 
 use super::at2::at2;
 use super::record::{Quantity, Record};
-use super::units::{finite, unit_list};
+use super::units::{ToSi, finite, unit_list};
+use crate::input::key::Unit;
 use crate::input::{Files, near};
 
 /// Allowed deviation of a time step from the mean one, as a share: times printed with few decimals deviate.
@@ -64,12 +65,13 @@ fn parse(path: &Path, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> Result<Re
     let text = String::from_utf8_lossy(&text);
     let is_at2 = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("at2")) || text.starts_with("PEER ");
     let answer = |message: String| RecordError(format!("{}: {message}", path.display()));
-    let (quantity, unit_si, step_s, mut samples) = if is_at2 {
+    let scale = spec.scale.unwrap_or(1.0);
+    let (quantity, step_s, samples) = if is_at2 {
         if spec.quantity.is_some_and(|q| q != Quantity::Acceleration) {
             return Err(answer("an AT2 file holds accelerations; leave out `quantity`".into()));
         }
-        let at2 = at2(&text, spec.unit_si).map_err(answer)?;
-        (Quantity::Acceleration, at2.unit_si, spec.time_step_s.unwrap_or(at2.step_s), at2.values)
+        let at2 = at2(&text, spec.unit_si, scale).map_err(answer)?;
+        (Quantity::Acceleration, spec.time_step_s.unwrap_or(at2.step_s), at2.values)
     } else {
         let quantity = spec.quantity.ok_or_else(|| {
             answer("what the values are is not known: give quantity = \"acceleration\" or \"displacement\"".into())
@@ -77,15 +79,14 @@ fn parse(path: &Path, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> Result<Re
         let unit_si = spec.unit_si.ok_or_else(|| {
             answer(format!("the unit of the values is not known: give unit = {}", unit_list(quantity)))
         })?;
-        let (step_s, samples) = table(&text, spec).map_err(answer)?;
-        (quantity, unit_si, step_s, samples)
+        let (step_s, samples) = table(&text, spec, &ToSi { quantity, unit_si, scale }).map_err(answer)?;
+        (quantity, step_s, samples)
     };
     if samples.len() < 2 {
         return Err(answer(format!("{} samples; a motion has at least 2", samples.len())));
     }
-    let factor = unit_si * spec.scale.unwrap_or(1.0);
-    for sample in &mut samples {
-        *sample *= factor;
+    if let Some(refusal) = Unit::of("time_step_s").and_then(|unit| unit.refusal(step_s)) {
+        return Err(answer(format!("a time step of {step_s:e} s is not allowed: {refusal}")));
     }
     Ok(Record { file: Some(path.to_path_buf()), quantity, step_s, samples })
 }
@@ -166,8 +167,8 @@ impl Rows {
 /// Characters of the columns' names in a message.
 const MOST_OF_NAMES: usize = 200;
 
-/// The time step, s, and the values of a table.
-fn table(text: &str, spec: &Spec) -> Result<(f64, Vec<f64>), String> {
+/// The time step, s, and the values of a table in SI units.
+fn table(text: &str, spec: &Spec, to_si: &ToSi) -> Result<(f64, Vec<f64>), String> {
     let rows = rows(text)?;
     if rows.rows.is_empty() {
         return Err("it holds no row of numbers".into());
@@ -228,7 +229,8 @@ fn table(text: &str, spec: &Spec) -> Result<(f64, Vec<f64>), String> {
             }
             times.push(t);
         }
-        values.push(number(value)?);
+        let si = to_si.value(&fields[value], number(value)?);
+        values.push(si.map_err(|why| format!("line {line}, column {}: {why}", value + 1))?);
     }
     let step_s = match (spec.time_step_s, times.as_slice()) {
         (Some(step_s), _) => step_s,

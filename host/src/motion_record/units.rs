@@ -1,6 +1,7 @@
 //! Units of recorded motions, and their numbers as text.
 
 use super::record::Quantity;
+use crate::input::key::Unit;
 
 /// Standard gravity by definition, m/s²: the unit "g" of a record.
 pub(super) const STANDARD_GRAVITY: f64 = 9.806_65;
@@ -20,6 +21,39 @@ pub(super) const UNITS: [(&str, Quantity, f64); 7] = [
 pub(super) fn unit_list(quantity: Quantity) -> String {
     let of = UNITS.iter().filter(|(_, of, _)| *of == quantity);
     of.map(|(name, ..)| format!("{name:?}")).collect::<Vec<_>>().join(" or ")
+}
+
+/// From the values of a file to SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ToSi {
+    /// Quantity of the values.
+    pub quantity: Quantity,
+    /// SI units per unit of the file.
+    pub unit_si: f64,
+    /// Factor on every value.
+    pub scale: f64,
+}
+
+impl ToSi {
+    /// A value in SI units; `text` is as the file has it.
+    ///
+    /// # Errors
+    /// Why it is too large. The limits are those of the keys in these units: what is computed from a value within them is finite.
+    pub(super) fn value(&self, text: &str, value: f64) -> Result<f64, String> {
+        let si = value * (self.unit_si * self.scale);
+        let suffix = match self.quantity {
+            Quantity::Acceleration => "_m_per_s2",
+            Quantity::Displacement => "_m",
+        };
+        let Some(limit) = Unit::of(suffix).filter(|limit| !(si.abs() <= limit.most)) else { return Ok(si) };
+        let unit =
+            UNITS.iter().find(|(_, of, si)| *of == self.quantity && *si == self.unit_si).map_or("", |unit| unit.0);
+        let scaled = if self.scale == 1.0 { String::new() } else { format!(" times scale = {}", self.scale) };
+        Err(format!(
+            "{text:?} {unit}{scaled} is not allowed: must be at most {:e} {} in magnitude; is the unit right?",
+            limit.most, limit.symbol
+        ))
+    }
 }
 
 /// A finite number.

@@ -9,7 +9,8 @@ use arrow_schema::{DataType, Schema};
 use crate::report::figures::{bifurcation as figure, symbols};
 use crate::report::numbers::significant;
 use crate::run_folder::own_files;
-use crate::run_folder::schema::table::field;
+use crate::run_folder::schema::self_description::DESCRIPTION;
+use crate::run_folder::schema::table::{described, field};
 use crate::simulation::Case;
 use crate::study::bifurcation::{Sample, Sweep};
 use crate::study::data_set::table_bytes;
@@ -40,7 +41,7 @@ pub fn write(
     sweep: &Sweep,
     section: Option<f64>,
 ) -> Result<Option<String>, Unwritten> {
-    let batch = batch(samples, &sweep.key).map_err(Unwritten::of)?;
+    let batch = batch(samples, &sweep.key, case).map_err(Unwritten::of)?;
     let bytes = table_bytes(&batch).map_err(Unwritten::of)?;
     own_files::replace(&out.join(TABLE), &bytes).map_err(Unwritten::of)?;
     let reference = || symbols::reference(case);
@@ -64,24 +65,25 @@ fn title(case: &Case, Sweep { key, cycles, settle_cycles, .. }: &Sweep) -> Strin
     format!("{}: each dot is a cycle, {cycles} at each value of {name} after {settle_cycles} to settle", case.name)
 }
 
-fn batch(samples: &[Sample], key: &str) -> Result<RecordBatch, arrow_schema::ArrowError> {
+fn batch(samples: &[Sample], key: &str, case: &Case) -> Result<RecordBatch, arrow_schema::ArrowError> {
     let unit = crate::input::key::Unit::of(key).map_or("1", |unit| unit.symbol);
     let numbers = |of: fn(&Sample) -> f64| Arc::new(samples.iter().map(of).collect::<Float64Array>()) as ArrayRef;
     let directions = samples.iter().map(|sample| sample.direction.name());
-    let columns: [(&str, &str, ArrayRef); 6] = [
-        (key, if unit.is_empty() { "1" } else { unit }, numbers(|s| s.value)),
-        ("x_m", "m", numbers(|s| s.x_m)),
-        ("v_m_per_s", "m/s", numbers(|s| s.v_m_per_s)),
-        ("y_minus_x_m", "m", numbers(|s| s.offset_m)),
-        ("u_minus_v_m_per_s", "m/s", numbers(|s| s.slide_m_per_s)),
-        ("cycle_max_m", "m", numbers(|s| s.cycle_max_m)),
+    let columns: [(&str, &str, &str, ArrayRef); 6] = [
+        (key, if unit.is_empty() { "1" } else { unit }, "the varied key of the case", numbers(|s| s.value)),
+        ("x_m", "m", "structure: x at the end of the cycle", numbers(|s| s.x_m)),
+        ("v_m_per_s", "m/s", "structure: x′ at the end of the cycle", numbers(|s| s.v_m_per_s)),
+        ("y_minus_x_m", "m", "second mass relative to the structure", numbers(|s| s.offset_m)),
+        ("u_minus_v_m_per_s", "m/s", "its velocity relative to the structure", numbers(|s| s.slide_m_per_s)),
+        ("cycle_max_m", "m", "largest |x| in the cycle", numbers(|s| s.cycle_max_m)),
     ];
-    let mut fields = vec![field("direction", DataType::Utf8, "")];
+    let direction = "whether the values rise or fall from branch to branch";
+    let mut fields = vec![described(field("direction", DataType::Utf8, ""), direction)];
     let mut arrays: Vec<ArrayRef> = vec![Arc::new(StringArray::from_iter_values(directions))];
-    for (name, unit, array) in columns {
-        fields.push(field(name, DataType::Float64, unit));
+    for (name, unit, about, array) in columns {
+        fields.push(described(field(name, DataType::Float64, unit), about));
         arrays.push(array);
     }
-    let metadata = [("damprig.version".to_string(), crate::VERSION_LINE.to_string())];
-    RecordBatch::try_new(Arc::new(Schema::new_with_metadata(fields, std::collections::HashMap::from(metadata))), arrays)
+    let about = case.description().with(DESCRIPTION, "a row for each sampled cycle: the state at its end");
+    RecordBatch::try_new(Arc::new(Schema::new_with_metadata(fields, about)), arrays)
 }

@@ -13,7 +13,8 @@ use crate::continuation::{Found, FoundOrbit};
 use crate::report::exports::atomic_file::{OutFile, to_failure, write_new};
 use crate::run_folder::ReadError;
 use crate::run_folder::read::columns::values;
-use crate::run_folder::schema::table::field;
+use crate::run_folder::schema::self_description::of_file;
+use crate::run_folder::schema::table::{described, field};
 use crate::run_folder::write::parquet_file::properties;
 
 /// Most multipliers of an orbit.
@@ -66,7 +67,7 @@ pub fn write(table: Result<RecordBatch, ArrowError>, out: &OutFile) -> Result<us
 
 /// The column of a parameter: its unit, and its key in a case.
 fn parameter_field(parameter: &ParameterKey) -> Field {
-    let mut field = field(&parameter.column(), DataType::Float64, parameter.unit());
+    let mut field = described(field(&parameter.column(), DataType::Float64, parameter.unit()), "parameter of the case");
     let mut metadata = field.metadata().clone();
     metadata.insert("key", parameter.key);
     field.set_metadata(metadata);
@@ -86,25 +87,29 @@ pub fn curves(found: &Found) -> Result<RecordBatch, ArrowError> {
     let text = |values: Vec<String>| -> ArrayRef { Arc::new(StringArray::from(values)) };
     let mut columns: Vec<(Field, ArrayRef)> = vec![
         (
-            field("curve", DataType::UInt32, "1"),
+            described(field("curve", DataType::UInt32, "1"), "number of the curve, from 1"),
             Arc::new(UInt32Array::from_iter_values(rows().map(|(number, _, _)| number))),
         ),
         (
-            field("branch", DataType::UInt32, "1"),
+            described(field("branch", DataType::UInt32, "1"), "number of the branch"),
             Arc::new(UInt32Array::from_iter_values(rows().map(|(_, curve, _)| curve.branch as u32))),
         ),
-        (field("kind", DataType::Utf8, ""), text(rows().map(|(_, curve, _)| curve.kind.to_string()).collect())),
+        (
+            described(field("kind", DataType::Utf8, ""), "kind of the special point that the curve follows"),
+            text(rows().map(|(_, curve, _)| curve.kind.to_string()).collect()),
+        ),
     ];
     for (place, parameter) in found.curve_parameters.iter().flatten().enumerate() {
         columns.push((parameter_field(parameter), number(place)));
     }
-    columns.push((field("peak_x_m", DataType::Float64, "m"), number(2)));
+    columns.push((described(field("peak_x_m", DataType::Float64, "m"), "largest |x|"), number(2)));
     columns.push((
-        field("meaning", DataType::Utf8, ""),
+        described(field("meaning", DataType::Utf8, ""), "what that point means"),
         text(rows().map(|(_, curve, _)| curve.meaning.clone()).collect()),
     ));
     let (fields, arrays): (Vec<Field>, Vec<ArrayRef>) = columns.into_iter().unzip();
-    RecordBatch::try_new(Arc::new(Schema::new(fields)), arrays)
+    let about = of_file("a row for each point of the curves").with("damprig.name", found.case.as_str());
+    RecordBatch::try_new(Arc::new(Schema::new_with_metadata(fields, about)), arrays)
 }
 
 /// A row for each orbit, branch after branch.
@@ -118,34 +123,50 @@ pub fn orbits(found: &Found) -> Result<RecordBatch, ArrowError> {
     };
     let mut columns: Vec<(Field, ArrayRef)> = vec![
         (
-            field("branch", DataType::UInt32, "1"),
+            described(field("branch", DataType::UInt32, "1"), "number of the branch"),
             Arc::new(UInt32Array::from_iter_values(rows().map(|(branch, _)| branch.number as u32))),
         ),
         (
-            field("periods", DataType::UInt32, "1"),
+            described(field("periods", DataType::UInt32, "1"), "periods of the drive in a period of the orbit"),
             Arc::new(UInt32Array::from_iter_values(rows().map(|(branch, _)| branch.periods))),
         ),
         (parameter_field(&found.key), number(&|orbit| orbit.parameter)),
         (
-            field("is_stable", DataType::Boolean, ""),
+            described(field("is_stable", DataType::Boolean, ""), "whether neighbouring motions return to the orbit"),
             Arc::new(BooleanArray::from_iter(rows().map(|(_, orbit)| Some(orbit.is_stable)))),
         ),
-        (field("peak_x_m", DataType::Float64, "m"), number(&|orbit| orbit.peak_x_m)),
-        (field("mean_cycle_peak_x_m", DataType::Float64, "m"), number(&|orbit| orbit.mean_cycle_peak_x_m)),
-        (field("peak_offset_m", DataType::Float64, "m"), number(&|orbit| orbit.peak_offset_m)),
+        (described(field("peak_x_m", DataType::Float64, "m"), "largest |x|"), number(&|orbit| orbit.peak_x_m)),
         (
-            field("impacts", DataType::UInt32, "1"),
+            described(
+                field("mean_cycle_peak_x_m", DataType::Float64, "m"),
+                "mean over the cycles of their largest |x|",
+            ),
+            number(&|orbit| orbit.mean_cycle_peak_x_m),
+        ),
+        (
+            described(field("peak_offset_m", DataType::Float64, "m"), "largest |y - x|"),
+            number(&|orbit| orbit.peak_offset_m),
+        ),
+        (
+            described(field("impacts", DataType::UInt32, "1"), "impacts in a period of the orbit"),
             Arc::new(UInt32Array::from_iter_values(rows().map(|(_, orbit)| orbit.impacts))),
         ),
-        (field("fastest_impact_m_per_s", DataType::Float64, "m/s"), number(&|orbit| orbit.fastest_impact_m_per_s)),
+        (
+            described(field("fastest_impact_m_per_s", DataType::Float64, "m/s"), "largest approach speed of an impact"),
+            number(&|orbit| orbit.fastest_impact_m_per_s),
+        ),
     ];
     for n in 0..MULTIPLIERS {
         for (part, name) in ["re", "im"].into_iter().enumerate() {
             // A structure alone has two multipliers.
             let value = number(&|orbit| orbit.multipliers.get(n).map_or(f64::NAN, |m| m[part]));
-            columns.push((field(&format!("multiplier_{}_{name}", n + 1), DataType::Float64, "1"), value));
+            columns.push((
+                described(field(&format!("multiplier_{}_{name}", n + 1), DataType::Float64, "1"), "Floquet multiplier"),
+                value,
+            ));
         }
     }
     let (fields, arrays): (Vec<Field>, Vec<ArrayRef>) = columns.into_iter().unzip();
-    RecordBatch::try_new(Arc::new(Schema::new(fields)), arrays)
+    let about = of_file("a row for each orbit").with("damprig.name", found.case.as_str());
+    RecordBatch::try_new(Arc::new(Schema::new_with_metadata(fields, about)), arrays)
 }

@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
+use arrow_schema::Metadata;
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Initial, SetUp};
 use damprig_particles::Damper;
@@ -17,6 +18,7 @@ use crate::input::locate::Step::Key;
 use crate::input::locate::locate_in;
 use crate::input::{Problem, Refusal, Section, Source};
 use crate::motion_record::{Record, resolve};
+use crate::run_folder::schema::self_description::of_case;
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, set_up_file};
 
 /// Usual rows per period of a time history.
@@ -126,6 +128,12 @@ impl Case {
             _ => return None,
         };
         (reference.0 > 0.0).then_some(reference)
+    }
+
+    /// What the Parquet files of its motion say of it.
+    #[must_use]
+    pub fn description(&self) -> Metadata {
+        of_case(&self.name, &self.set_up, self.reference_m())
     }
 
     /// Usual rows per second of a time history: 200 per drive or natural period, whichever is shorter; with a record at least its

@@ -31,6 +31,12 @@ pub fn simulate<V: Viewer>(case: &Case, viewer: &mut V, options: RunOptions) -> 
     if is_complete {
         collector.samples.fill(end);
     }
+    for (parameter, value) in [("rms_x_m", summary.rms_x_m), ("max_abs_x_m", summary.max_abs_x_m)] {
+        if !value.is_finite() {
+            let allowed = "finite: the case has values that are too large to compute with";
+            return Err(Invalid { parameter, value, allowed });
+        }
+    }
     let states = &collector.samples.states;
     let column = |value: fn(&ExactState) -> f64| states.iter().map(value).collect();
     Ok(SimulationResult {

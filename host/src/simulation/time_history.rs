@@ -13,14 +13,16 @@ use std::sync::Arc;
 use arrow_array::builder::{Float64Builder, Int32Builder, StringDictionaryBuilder};
 use arrow_array::types::Int32Type;
 use arrow_array::{ArrayRef, RecordBatch};
-use arrow_schema::{DataType, Field, Schema, SchemaRef};
+use arrow_schema::{DataType, Field, Metadata, Schema, SchemaRef};
 use matrw::MatFile;
 use parquet::arrow::ArrowWriter;
 use tempfile::TempPath;
 
+use super::case::Case;
 use super::motion::{AccumulationRecord, ImpactRecord, Phase, Piece, Viewer};
 use crate::run_folder::StorageError;
 use crate::run_folder::read::columns::{Value, description, unit, values};
+use crate::run_folder::schema::self_description::DESCRIPTION;
 use crate::run_folder::schema::table::{described, field};
 use crate::run_folder::write::mat_file::{self, sum};
 use crate::run_folder::write::parquet_file::properties;
@@ -195,7 +197,7 @@ impl MatTable {
 
 impl TableFile {
     /// `name`: that of the variable of a `.mat` file.
-    fn create(to: &TablePath, name: &'static str, fields: Vec<Field>) -> Result<Self, StorageError> {
+    fn create(to: &TablePath, name: &'static str, fields: Vec<Field>, about: Metadata) -> Result<Self, StorageError> {
         let folder = to.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let mut builder = tempfile::Builder::new();
         builder.prefix(".damprig-").suffix(".tmp");
@@ -204,7 +206,7 @@ impl TableFile {
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let (file, beside) =
             builder.tempfile_in(folder).map_err(|e| StorageError::new("create", &to.path, e))?.into_parts();
-        let schema = Arc::new(Schema::new(fields));
+        let schema = Arc::new(Schema::new_with_metadata(fields, about));
         let failed = |e: &dyn std::fmt::Display| StorageError::new("write", &to.path, e);
         let writer = match to.format {
             TableFormat::Parquet => {
@@ -259,7 +261,8 @@ struct MotionTable {
 }
 
 impl MotionTable {
-    fn create(to: &TablePath) -> Result<Self, StorageError> {
+    fn create(to: &TablePath, about: &Metadata) -> Result<Self, StorageError> {
+        let about = about.clone().with(DESCRIPTION, "the motion at a constant rate");
         let number = |name: &str, unit: &str, about: &str| described(field(name, DataType::Float64, unit), about);
         let word = |name: &str, about: &str| {
             let kind = DataType::Dictionary(Box::new(DataType::Int32), Box::new(DataType::Utf8));
@@ -277,7 +280,12 @@ impl MotionTable {
             word("particle", "between the walls, held by friction, resting on a wall, in the wall"),
         ];
         let labels = Default::default();
-        Ok(Self { table: TableFile::create(to, "motion", fields)?, numbers: Default::default(), labels, rows: 0 })
+        Ok(Self {
+            table: TableFile::create(to, "motion", fields, about)?,
+            numbers: Default::default(),
+            labels,
+            rows: 0,
+        })
     }
 
     fn flush(&mut self) -> Result<(), StorageError> {
@@ -302,21 +310,30 @@ struct WallEventTable {
 }
 
 impl WallEventTable {
-    fn impacts(to: &TablePath) -> Result<Self, StorageError> {
+    fn impacts(to: &TablePath, about: &Metadata) -> Result<Self, StorageError> {
+        let about = about.clone().with(DESCRIPTION, "a row for each impact");
         let speed = described(field("approach_speed_m_per_s", DataType::Float64, "m/s"), "|x' - y'| just before");
-        Self::create(&to.impacts(), "impacts", "time", Some(speed))
+        Self::create(&to.impacts(), "impacts", "time", Some(speed), about)
     }
 
-    fn accumulations(to: &TablePath) -> Result<Self, StorageError> {
+    fn accumulations(to: &TablePath, about: &Metadata) -> Result<Self, StorageError> {
+        let about = about.clone().with(DESCRIPTION, "a row for each accumulation");
         Self::create(
             &to.accumulations(),
             "accumulations",
             "when the chatter ended and the particle rested on the wall",
             None,
+            about,
         )
     }
 
-    fn create(to: &TablePath, name: &'static str, time: &str, speed: Option<Field>) -> Result<Self, StorageError> {
+    fn create(
+        to: &TablePath,
+        name: &'static str,
+        time: &str,
+        speed: Option<Field>,
+        about: Metadata,
+    ) -> Result<Self, StorageError> {
         let mut fields = vec![
             described(field("t_s", DataType::Float64, "s"), time),
             described(field("side", DataType::Int32, ""), "+1 where y - x = +d, -1 where y - x = -d"),
@@ -324,7 +341,7 @@ impl WallEventTable {
         let has_speed = speed.is_some();
         fields.extend(speed);
         Ok(Self {
-            table: TableFile::create(to, name, fields)?,
+            table: TableFile::create(to, name, fields, about)?,
             time: Float64Builder::new(),
             side: Int32Builder::new(),
             speed: has_speed.then(Float64Builder::new),
@@ -370,14 +387,15 @@ pub struct TimeHistory {
 }
 
 impl TimeHistory {
-    /// Creates the files: `rate_hz` rows per second from t = 0, and tables of impacts and accumulations if `has_walls`.
+    /// Creates the files: `rate_hz` rows per second from t = 0, and tables of impacts and accumulations if the case has impacts.
     ///
     /// # Errors
     /// When a file cannot be created.
-    pub fn create(to: &TablePath, rate_hz: f64, has_walls: bool) -> Result<Self, StorageError> {
-        let motion = MotionTable::create(to)?;
-        let impacts = has_walls.then(|| WallEventTable::impacts(to)).transpose()?;
-        let accumulations = has_walls.then(|| WallEventTable::accumulations(to)).transpose()?;
+    pub fn create(to: &TablePath, rate_hz: f64, case: &Case) -> Result<Self, StorageError> {
+        let (about, has_walls) = (case.description(), case.has_impacts());
+        let motion = MotionTable::create(to, &about)?;
+        let impacts = has_walls.then(|| WallEventTable::impacts(to, &about)).transpose()?;
+        let accumulations = has_walls.then(|| WallEventTable::accumulations(to, &about)).transpose()?;
         Ok(Self { rate_hz, next: 0, rows: 0, motion, impacts, accumulations, failure: None })
     }
 

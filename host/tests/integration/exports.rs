@@ -1,12 +1,12 @@
 //! `damprig runs export`: contents of the files, read with users' software, and failed or partial exports.
 //!
-//! `tests/python/check_exports.py` reads them with scipy, pandas, h5py and pyuff. `DAMPRIG_PYTHON` names the Python with these
+//! The scripts of `tests/python` read them with scipy, pandas, h5py, PyTables and pyuff. `DAMPRIG_PYTHON` names the Python with these
 //! packages (`required`: that of `tests/toolchain.sh`, and a failure without it); otherwise the test says that it was skipped.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::common::{damprig, folder_with, python, read_parquet, short};
+use crate::common::{cut_off, damprig, folder_with, python, read_parquet, short};
 use arrow_array::{BooleanArray, RecordBatch};
 use arrow_select::filter::filter_record_batch;
 use parquet::arrow::ArrowWriter;
@@ -44,19 +44,20 @@ fn readers_agree(folder: &TempDir, run: &Path) {
         let table = what.map_or(vec![], |what| vec!["--what", what]);
         export(folder, &[&[format, "--out", file][..], &table].concat()).success();
     }
+    script(folder, "check_exports.py", &[&[run.to_str().unwrap()], &files[..]].concat());
+}
+
+/// Runs a script of tests/python, if there is a Python for it.
+fn script(folder: &TempDir, name: &str, arguments: &[&str]) {
     let Some(python) = python() else {
         println!(
-            "left out: no Python with scipy, pandas, h5py and pyuff (tests/run makes one; DAMPRIG_PYTHON names one)"
+            "left out: no Python with the packages of tests/python (tests/run makes one; DAMPRIG_PYTHON names one)"
         );
         return;
     };
-    let checked = Command::new(python)
-        .current_dir(folder.path())
-        .arg(root().canonicalize().unwrap().join("tests/python/check_exports.py"))
-        .arg(run)
-        .args(files)
-        .output()
-        .expect("Python starts");
+    let script = root().canonicalize().unwrap().join("tests/python").join(name);
+    let checked = Command::new(python).current_dir(folder.path()).arg(script).args(arguments).output();
+    let checked = checked.expect("Python starts");
     let said = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     assert!(checked.status.success(), "{}{}", said(&checked.stdout), said(&checked.stderr));
     println!("{}", said(&checked.stdout));
@@ -83,6 +84,79 @@ fn users_software_reads_the_recorded_values() {
     // Rows lost: the first one, and two gaps in one point with a single row between them.
     lose(&run, |row| row != 0 && !(100..140).contains(&row) && row != 141);
     readers_agree(&folder, &run);
+}
+
+/// Lengths around those of a chunk (32 768 rows), of a dimension of two bytes in HDF5, and of a row group of Parquet.
+#[test]
+fn exports_of_every_length_are_read_by_two_readers() {
+    let (folder, run) = with_run();
+    let whole = arrow_select::concat::concat_batches(
+        &read_parquet(run.join("samples.parquet"))[0].schema(),
+        &read_parquet(run.join("samples.parquet")),
+    )
+    .unwrap();
+    let mut list = String::new();
+    for rows in [1, 32_767, 32_768, 32_769, 65_535, 65_536, 65_537, 131_073, (1 << 20) + 1] {
+        let copy = folder.path().join(format!("run-{rows}"));
+        std::fs::create_dir(&copy).unwrap();
+        for name in ["manifest.json", "results.parquet", "campaign.toml", "journal.jsonl"] {
+            std::fs::copy(run.join(name), copy.join(name)).unwrap();
+        }
+        let file = std::fs::File::create(copy.join("samples.parquet")).unwrap();
+        let mut writer = ArrowWriter::try_new(file, whole.schema(), None).unwrap();
+        let mut left: usize = rows;
+        while left > 0 {
+            // The length of the run has no divisor in common with that of a chunk.
+            let part = whole.slice(0, left.min(whole.num_rows() - 1 - whole.num_rows() % 2));
+            writer.write(&part).unwrap();
+            left -= part.num_rows();
+        }
+        writer.close().unwrap();
+        for format in ["h5", "mat"] {
+            let arguments =
+                ["runs", "export", copy.to_str().unwrap(), "--format", format, "--what", "samples", "--out"];
+            damprig(&folder).args(arguments).arg(format!("{rows}.{format}")).assert().success();
+        }
+        list += &format!("run-{rows}\t{rows}.h5\t{rows}.mat\n");
+    }
+    std::fs::write(folder.path().join("list"), list).unwrap();
+    script(&folder, "check_lengths.py", &["list"]);
+}
+
+/// Of a complete run, of one whose samples are in parts, and of one that was resumed.
+#[test]
+fn every_table_and_figure_of_a_run_says_by_itself_what_it_is() {
+    let (folder, _) = with_run();
+    script(&folder, "check_descriptions.py", &["out"]);
+    let (folder, _) = cut_off(&short());
+    assert!(folder.path().join("out/samples.parts/000001.parquet").exists());
+    script(&folder, "check_descriptions.py", &["out"]);
+    damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    script(&folder, "check_descriptions.py", &["out"]);
+}
+
+/// The start of a run of an earlier version has the name of its zone behind it.
+#[test]
+fn the_start_of_a_run_of_an_earlier_version_is_exported_without_its_zone() {
+    let (folder, run) = with_run();
+    let mut manifest = crate::common::manifest(&run);
+    let earlier = "2026-07-03T09:04:26.123456789+02:00[Europe/Berlin]";
+    manifest["started"] = earlier.into();
+    manifest.as_object_mut().unwrap().remove("manifest_sha256");
+    std::fs::write(run.join("manifest.json"), manifest.to_string()).unwrap();
+    for format in ["h5", "mat"] {
+        let file = format!("run.{format}");
+        export(&folder, &[format, "--out", &file]).success();
+        let bytes = std::fs::read(folder.path().join(&file)).unwrap();
+        let has = |text: &str| bytes.windows(text.len()).any(|part| part == text.as_bytes());
+        assert!(has("2026-07-03T09:04:26.123456789+02:00") && !has("Europe/Berlin"), "{file}");
+    }
+    export(&folder, &["uff", "--what", "results", "--out", "run.uff"]).success();
+    let uff = std::fs::read_to_string(folder.path().join("run.uff")).unwrap();
+    assert!(uff.contains("03-Jul-26 09:04:26"), "the local time of the run");
+    damprig(&folder).args(["runs", "report", "out", "--out", "page.html"]).assert().success();
+    let page = std::fs::read_to_string(folder.path().join("page.html")).unwrap();
+    assert!(page.contains("started 2026-07-03 09:04:26 +02:00"));
 }
 
 #[test]

@@ -145,6 +145,58 @@ fn values_outside_the_range_of_their_unit_are_refused() {
     told(&format!("{STRUCTURE}run = {{ duration_s = 1, cycle_s = 1e-10 }}\n"), &cycle);
 }
 
+/// 1e308 g has no number in m/s², and the square of 1e200 m none either. The limits are those of a key in these units.
+#[test]
+fn a_value_of_a_record_that_is_too_large_in_si_units_is_refused_with_its_place() {
+    let told = |words: &str, file: (&str, &str), expected: &[&str]| {
+        let base = format!("base = {{ kind = \"record\", file = \"{}\"{words} }}\n", file.0);
+        let case = format!("{STRUCTURE}run = {{ duration_s = 1 }}\n{base}");
+        refused(&[("case.toml", &case), file], &["case.toml"], expected);
+    };
+    let acceleration = |unit: &str| format!(", quantity = \"acceleration\", unit = \"{unit}\"");
+    let displacement = |unit: &str| format!(", quantity = \"displacement\", unit = \"{unit}\"");
+    let csv = |value: &str| format!("t_s,value\n0,0\n0.01,{value}\n0.02,0\n");
+    let place = |value: &str| format!("shake.csv: line 3, column 2: \"{value}\"");
+    let file = csv("1e308");
+    told(
+        &acceleration("g"),
+        ("shake.csv", &file),
+        &[&place("1e308"), "g is not allowed", "at most 1e6 m/s² in magnitude"],
+    );
+    let file = csv("-1e200");
+    told(
+        &displacement("m"),
+        ("shake.csv", &file),
+        &[&place("-1e200"), "m is not allowed", "at most 1e6 m in magnitude"],
+    );
+    let file = csv("1.1e9");
+    told(&displacement("mm"), ("shake.csv", &file), &[&place("1.1e9"), "mm is not allowed", "is the unit right?"]);
+    let file = csv("0.5");
+    let scaled = format!("{}, scale = 1e300", displacement("mm"));
+    told(&scaled, ("shake.csv", &file), &[&place("0.5"), "mm times scale = 1", "at most 1e6 m"]);
+    let far = "t_s,value\n0,0\n1e300,1\n2e300,0\n";
+    told(&displacement("mm"), ("shake.csv", far), &["a time step of 1e300 s is not allowed", "at most 1e12 s"]);
+    let peer = at2("ACCELERATION TIME SERIES IN UNITS OF G", &[0.1, 1e308]);
+    told("", ("shake.at2", &peer), &["line 6, column 1", "g is not allowed", "at most 1e6 m/s²"]);
+}
+
+/// The largest allowed values give finite results.
+#[test]
+fn a_record_at_its_bounds_gives_finite_results() {
+    for (quantity, unit, most) in [("acceleration", "cm/s2", "1e8"), ("displacement", "mm", "1e9")] {
+        let keys = format!("quantity = \"{quantity}\", unit = \"{unit}\"");
+        let base = format!("base = {{ kind = \"record\", file = \"shake.csv\", {keys} }}\n");
+        let case = format!("{STRUCTURE}run = {{ duration_s = 1 }}\n{base}{PARTICLE}");
+        let shake = format!("t_s,value\n0,0\n0.01,{most}\n0.02,-{most}\n0.03,0\n");
+        let output = simulate(&folder(&[("case.toml", &case), ("shake.csv", &shake)]), &["case.toml", "--json"]);
+        assert!(output.status.success(), "{unit}: {}", String::from_utf8_lossy(&output.stderr));
+        let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+        for name in ["rms_x_m", "max_abs_x_m", "max_abs_x_minus_z_m"] {
+            assert!(answer["summary"][name].as_f64().is_some_and(f64::is_finite), "{unit}: {answer}");
+        }
+    }
+}
+
 /// All values at the ends of their ranges.
 #[test]
 fn runs_with_values_at_the_bounds_end_with_finite_results() {

@@ -9,9 +9,6 @@ use super::{ExportSelection, ExportSummary, RunTable};
 use crate::run_folder::read::columns::{Value, description, unit, values};
 use crate::run_folder::{ReadError, RunFolder};
 
-/// Most numbers in one file: 320 MB as doubles (400 MB of memory were measured). MATLAB's own limit is 2 GiB per variable.
-pub(super) const MAX_NUMBERS: usize = 40_000_000;
-
 /// Longest name of a field in MATLAB.
 const LONGEST_NAME: usize = 63;
 
@@ -40,21 +37,23 @@ pub(super) struct Column {
 /// most runs have none.
 ///
 /// # Errors
-/// More than [`MAX_NUMBERS`] numbers; a column of an unknown type, or one that only some files of the run have.
+/// More than `most` values in a table; a column of an unknown type, or one that only some files of the run have.
 pub(super) fn tables(
     run: &RunFolder,
     part: &ExportSelection,
+    most: usize,
     exported: &mut ExportSummary,
 ) -> Result<Vec<(RunTable, Vec<Column>)>, ReadError> {
-    let (mut tables, mut count) = (Vec::new(), 0);
+    let mut tables = Vec::new();
     for &table in &part.tables {
-        let mut columns = Vec::new();
+        let (mut columns, mut count) = (Vec::new(), 0);
         part.each(run, table, exported, |batch| {
             count += batch.num_rows() * batch.num_columns();
-            if count > MAX_NUMBERS {
+            if count > most {
                 return Err(ReadError(format!(
-                    "more than {MAX_NUMBERS} numbers, the limit of this format; select fewer with --set-up, --from-s and \
-                     --to-s, or use --format csv, which has no limit"
+                    "the {} have more than {most} numbers, all that a variable of a .mat file holds (2 GiB); select fewer \
+                     with --set-up, --from-s and --to-s, or use --format h5 or csv, which have no limit",
+                    table.name()
                 )));
             }
             gather(&mut columns, &batch, table)
@@ -67,7 +66,11 @@ pub(super) fn tables(
     Ok(tables)
 }
 
-fn gather(columns: &mut Vec<Column>, batch: &RecordBatch, table: RunTable) -> Result<(), ReadError> {
+/// Adds the rows of a batch to the columns, which are made from the first batch.
+///
+/// # Errors
+/// A column of an unknown type, or one that only some files of the run have.
+pub(super) fn gather(columns: &mut Vec<Column>, batch: &RecordBatch, table: RunTable) -> Result<(), ReadError> {
     let schema = batch.schema();
     if columns.is_empty() {
         let mut taken = HashSet::new();
@@ -97,6 +100,24 @@ fn gather(columns: &mut Vec<Column>, batch: &RecordBatch, table: RunTable) -> Re
 }
 
 impl Values {
+    /// Number of values.
+    pub(super) fn len(&self) -> usize {
+        match self {
+            Self::Numbers(all) => all.len(),
+            Self::Texts(all) => all.len(),
+            Self::Places(all, _) => all.len(),
+        }
+    }
+
+    /// Takes the first values out, places as numbers.
+    pub(super) fn take_numbers(&mut self, count: usize) -> Vec<f64> {
+        match self {
+            Self::Numbers(all) => all.drain(..count).collect(),
+            Self::Places(all, _) => all.drain(..count).map(|place| place as f64).collect(),
+            Self::Texts(_) => Vec::new(),
+        }
+    }
+
     fn extend(&mut self, read: Vec<Value>) {
         match self {
             Self::Numbers(all) => all.extend(read.iter().map(|v| v.number().unwrap_or(f64::NAN))),

@@ -1,22 +1,28 @@
-//! Exports to HDF5, readable by h5py, MATLAB's `h5read`, Julia and Octave.
+//! Exports to HDF5, readable by h5py, PyTables, MATLAB's `h5read`, Julia and Octave.
 //!
 //! The root's attributes are the facts of the run. A group per table (`results`, `samples` and, if the run has any, `transients`
 //! and `impacts`) has a dataset per column: numbers as doubles, names as UTF-8 texts, with the attributes `unit` and
 //! `description`. In `samples` and `impacts` the datasets `set_up` and `experiment` are indices, from 0, into `set_up_names` and
 //! `experiment_names` beside them. The group `set_ups` has the set-ups' names, labels, base amplitudes and parameters.
+//!
+//! Samples and impacts are appended chunk by chunk, so their number is not limited and memory does not grow with it.
 
 use std::io::Write;
 
-use hdf5_pure::{AttrValue, DatasetBuilder, FileBuilder, FormatError, make_f64_type};
+use hdf5_pure::{
+    AttrValue, Dataset, DatasetBuilder, Error, File, FileAccessProperties, FileBuilder, FormatError, MaxExtent,
+    SyncPolicy, make_f64_type,
+};
 
 use super::atomic_file::{OutFile, to_failure, write_export};
-use super::columns::{self, Column, Values};
+use super::columns::{self, Column, Values, gather};
 use super::facts::{self, Fact};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable};
 use crate::run_folder::{ReadError, RunFolder};
 
-/// Numbers that are compressed together.
-const CHUNK: usize = 1 << 16;
+/// Numbers that are compressed together. The library writes the dimensions of a chunk in 1, 2 or 4 bytes, and the HDF5 library
+/// refuses more bytes than they need: from 65 536 on that would be 3.
+const CHUNK: usize = 1 << 15;
 
 /// The HDF5 exporter.
 #[derive(Clone, Copy, Debug)]
@@ -44,34 +50,141 @@ impl Exporter for Hdf5 {
                 builder.set_attr(name, value);
             }
             add_set_ups(&mut builder, run).map_err(|e| failed(&e))?;
-            for (table, columns) in columns::tables(run, part, &mut exported).map_err(|e| failed(&e))? {
+            let is_long = |table: &RunTable| matches!(table, RunTable::Samples | RunTable::Impacts);
+            let (long, short): (Vec<_>, Vec<_>) = part.tables.iter().copied().partition(is_long);
+            let short = ExportSelection { tables: short, ..part.clone() };
+            for (table, columns) in columns::tables(run, &short, usize::MAX, &mut exported).map_err(|e| failed(&e))? {
                 add_table(&mut builder, table.name(), &columns).map_err(|e| failed(&e))?;
             }
-            let bytes = builder.finish().map_err(|e| failed(&e))?;
-            file.write_all(&bytes).map_err(|e| failed(&e))?;
+            builder.finish_to(&mut *file).map_err(|e| failed(&e))?;
+            file.flush().map_err(|e| failed(&e))?;
+            // The caller syncs the file.
+            let access = FileAccessProperties::new().with_sync_policy(SyncPolicy::OnClose);
+            let growing = File::open_rw_with_options(file.path(), access).map_err(|e| failed(&e))?;
+            for table in long {
+                LongTable::append(&growing, run, part, table, &mut exported, &failed)?;
+            }
+            growing.close().map_err(|e| failed(&e))?;
             Ok(exported)
         })
     }
 }
 
-/// Adds a group with a dataset for each column of a table, and for the names that its places refer to.
-fn add_table(builder: &mut FileBuilder, name: &str, columns: &[Column]) -> Result<(), FormatError> {
-    let mut group = builder.create_group(name);
-    for Column { name, unit, description, values } in columns {
-        let dataset = group.create_dataset(name);
-        match values {
-            Values::Numbers(all) => numbers(dataset, all),
-            Values::Texts(all) => texts(dataset, all)?,
-            Values::Places(all, _) => numbers(dataset, &all.iter().map(|place| *place as f64).collect::<Vec<_>>()),
+/// A table that is written while it is read.
+struct LongTable<'f> {
+    file: &'f File,
+    name: &'static str,
+    /// With the rows that are not yet in the file.
+    columns: Vec<Column>,
+    /// Those of the columns, once there are more rows than a chunk has.
+    datasets: Vec<Dataset>,
+}
+
+impl<'f> LongTable<'f> {
+    /// Reads the selected rows of a table and appends them to the file.
+    fn append(
+        file: &'f File,
+        run: &RunFolder,
+        part: &ExportSelection,
+        table: RunTable,
+        exported: &mut ExportSummary,
+        failed: &impl Fn(&dyn std::fmt::Display) -> ReadError,
+    ) -> Result<(), ReadError> {
+        let mut long = Self { file, name: table.name(), columns: Vec::new(), datasets: Vec::new() };
+        part.each(run, table, exported, |batch| {
+            gather(&mut long.columns, &batch, table).map_err(|e| failed(&e))?;
+            long.write_chunks().map_err(|e| failed(&e))
+        })?;
+        if table == RunTable::Impacts && long.columns.is_empty() {
+            return Ok(());
         }
-        for (attribute, text) in [("unit", unit), ("description", description)] {
-            if !text.is_empty() {
-                dataset.set_attr(attribute, AttrValue::VarLenString(text.clone()));
+        long.finish().map_err(|e| failed(&e))
+    }
+
+    fn path(&self, column: &str) -> String {
+        format!("{}/{column}", self.name)
+    }
+
+    /// Writes the whole chunks of the rows so far.
+    fn write_chunks(&mut self) -> Result<(), Error> {
+        let rows = self.columns.first().map_or(0, |column| column.values.len());
+        if rows <= CHUNK {
+            return Ok(());
+        }
+        if self.datasets.is_empty() {
+            self.create(|_, dataset| {
+                let extent = dataset.with_f64_data(&[]).with_shape(&[0]).with_maxshape(&[MaxExtent::Unlimited]);
+                extent.with_chunks(&[CHUNK as u64]).with_shuffle().with_deflate(4);
+            })?;
+        }
+        self.write_rows(rows - rows % CHUNK)
+    }
+
+    /// Creates the group with a dataset for each column, which `fill` completes.
+    fn create(&mut self, fill: impl Fn(&mut Column, &mut DatasetBuilder)) -> Result<(), Error> {
+        let root = self.file.root();
+        root.create_group(self.name)?;
+        for mut column in std::mem::take(&mut self.columns) {
+            let path = self.path(&column.name);
+            let create = |dataset: &mut DatasetBuilder| {
+                fill(&mut column, dataset);
+                describe(dataset, &column);
+            };
+            self.datasets.push(root.create_dataset(&path, create)?);
+            self.columns.push(column);
+        }
+        self.file.commit()
+    }
+
+    fn write_rows(&mut self, count: usize) -> Result<(), Error> {
+        for (column, dataset) in self.columns.iter_mut().zip(&mut self.datasets) {
+            dataset.append(&column.values.take_numbers(count))?;
+        }
+        Ok(())
+    }
+
+    /// Writes the remaining rows, and the names that places refer to. A table of no more rows than a chunk has is not chunked:
+    /// every reader has that layout.
+    fn finish(mut self) -> Result<(), Error> {
+        let rows = self.columns.first().map_or(0, |column| column.values.len());
+        if self.datasets.is_empty() {
+            self.create(|column, dataset| numbers(dataset, &column.values.take_numbers(rows)))?;
+        } else {
+            self.write_rows(rows)?;
+        }
+        for Column { name, values, .. } in &self.columns {
+            if let Values::Places(_, names) = values {
+                // A wrong width would leave the dataset without a type, which is refused here.
+                let fill = |dataset: &mut DatasetBuilder| drop(texts(dataset, names));
+                self.file.root().create_dataset(&self.path(&format!("{name}_names")), fill)?;
             }
         }
-        if let Values::Places(_, names) = values {
-            texts(group.create_dataset(&format!("{name}_names")), names)?;
+        self.file.commit()
+    }
+}
+
+/// Unit and description as attributes.
+fn describe(dataset: &mut DatasetBuilder, column: &Column) {
+    for (attribute, text) in [("unit", &column.unit), ("description", &column.description)] {
+        if !text.is_empty() {
+            dataset.set_attr(attribute, AttrValue::VarLenString(text.clone()));
         }
+    }
+}
+
+/// Adds a group with a dataset for each column of a table.
+fn add_table(builder: &mut FileBuilder, name: &str, columns: &[Column]) -> Result<(), FormatError> {
+    let mut group = builder.create_group(name);
+    for column in columns {
+        let dataset = group.create_dataset(&column.name);
+        match &column.values {
+            Values::Numbers(all) => numbers(dataset, all),
+            Values::Texts(all) => texts(dataset, all)?,
+            Values::Places(all, names) => {
+                texts(dataset, &all.iter().map(|place| names[*place].clone()).collect::<Vec<_>>())?
+            }
+        }
+        describe(dataset, column);
     }
     builder.add_group(group.finish());
     Ok(())
@@ -96,9 +209,6 @@ fn numbers(dataset: &mut DatasetBuilder, values: &[f64]) {
         return;
     }
     dataset.with_f64_data(values);
-    if values.len() > CHUNK {
-        dataset.with_chunks(&[CHUNK as u64]).with_shuffle().with_deflate(4);
-    }
 }
 
 /// Texts of one width, that of the longest.

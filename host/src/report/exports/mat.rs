@@ -6,7 +6,7 @@
 //! them. `units` has the unit of each field, `descriptions` its meaning. `run.set_ups` has the parameters of the set-ups'
 //! models, in the order of `run.set_up_names`.
 //!
-//! The library keeps the whole file in memory, hence the limit on its size.
+//! The library keeps the whole file in memory. A variable has at most 2 GiB, which MATLAB sets.
 
 use indexmap::IndexMap;
 use matrw::{MatFile, MatVariable};
@@ -18,6 +18,9 @@ use super::{ExportSelection, ExportSummary, Exporter, RunTable};
 use crate::run_folder::schema::manifest::SetUpRecord;
 use crate::run_folder::write::mat_file::{Sum, cells, numbers, structure, sum, text, write_checked};
 use crate::run_folder::{ReadError, RunFolder};
+
+/// Most numbers of a table: the 2 GiB of a variable, less room for the names and dimensions of its fields.
+const MOST_NUMBERS: usize = ((1 << 31) - (1 << 20)) / size_of::<f64>();
 
 /// The MATLAB exporter.
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +43,7 @@ impl Exporter for Mat {
             let mut mat = MatFile::new();
             mat.insert("run", run_struct(run));
             let (mut units, mut descriptions, mut sums) = (IndexMap::new(), IndexMap::new(), Vec::new());
-            for (table, columns) in columns::tables(run, part, &mut exported).map_err(|e| failed(&e))? {
+            for (table, columns) in columns::tables(run, part, MOST_NUMBERS, &mut exported).map_err(|e| failed(&e))? {
                 let of_columns = |what: fn(&Column) -> &str| {
                     structure(columns.iter().map(|column| (column.name.clone(), text(what(column)))))
                 };

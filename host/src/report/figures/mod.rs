@@ -30,7 +30,9 @@ use std::sync::{Arc, Once};
 
 use plotters::backend::SVGBackend;
 use plotters::coord::Shift;
+use plotters::element::Text;
 use plotters::prelude::{DrawingArea, IntoDrawingArea};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontFamily, FontStyle, IntoTextStyle, RGBColor, TextStyle, WHITE};
 use resvg::{tiny_skia, usvg};
 
@@ -61,6 +63,10 @@ pub const FINE: i32 = 10;
 
 /// Pixels of the PNG per point of the SVG.
 const PNG_SCALE: f32 = 2.0;
+
+/// Size of the text that states where a figure's data are from, and its distance from the edges, points.
+const SOURCE_SIZE: f64 = 8.0;
+const SOURCE_MARGIN: i32 = 3;
 
 /// Text, axes and frames.
 pub const INK: RGBColor = RGBColor(0x22, 0x22, 0x22);
@@ -135,10 +141,25 @@ pub fn png_of(svg: &str, scale: f32) -> Result<Vec<u8>, FigureError> {
     pixels.encode_png().map_err(FigureError::of)
 }
 
+/// Length of a PNG's signature and first chunk.
+const PNG_HEAD: usize = 33;
+
+/// A PNG with a text chunk of UTF-8 (`iTXt`) after its first one, which is its size.
+fn with_text(mut png: Vec<u8>, keyword: &str, text: &str) -> Vec<u8> {
+    let content = [b"iTXt", keyword.as_bytes(), &[0; 5], text.as_bytes()].concat();
+    let length = u32::try_from(content.len() - 4).unwrap_or(0).to_be_bytes();
+    let sum = crc32fast::hash(&content).to_be_bytes();
+    png.splice(PNG_HEAD..PNG_HEAD, [&length[..], &content, &sum].concat());
+    png
+}
+
 /// A finished drawing.
 #[derive(Clone, Debug)]
 pub struct Picture {
     svg: String,
+    size: (u32, u32),
+    /// Where its data are from.
+    source: Option<String>,
 }
 
 impl Picture {
@@ -160,7 +181,7 @@ impl Picture {
             canvas.present().map_err(FigureError::of)?;
         }
         // XML forbids most control characters, and labels may have any.
-        Ok(Self { svg: shown(&svg).into_owned() })
+        Ok(Self { svg: shown(&svg).into_owned(), size: (width, height), source: None })
     }
 
     /// Draws an overlay in tenths of a point, because curves need finer steps than whole points.
@@ -198,6 +219,24 @@ impl Picture {
         Ok(self)
     }
 
+    /// States where the data are from: in small letters in the lower right corner, and in the metadata of SVG and PNG.
+    ///
+    /// # Errors
+    /// The drawing library's error.
+    pub fn of_source(self, source: &str) -> Result<Self, FigureError> {
+        let (right, bottom) = (self.size.0 as i32 - SOURCE_MARGIN, self.size.1 as i32 - SOURCE_MARGIN);
+        let style = text(SOURCE_SIZE, GREY).pos(Pos::new(HPos::Right, VPos::Bottom));
+        let mut picture = self.above(|canvas| {
+            canvas.draw(&Text::new(source.to_string(), (right, bottom), style)).map_err(FigureError::of)
+        })?;
+        let metadata = maud::html! { metadata { (shown(source)) " · " (crate::VERSION_LINE) } }.into_string();
+        if let Some(inside) = picture.svg.find("<svg").and_then(|at| Some(at + picture.svg[at..].find('>')? + 1)) {
+            picture.svg.insert_str(inside, &metadata);
+        }
+        picture.source = Some(source.to_string());
+        Ok(picture)
+    }
+
     /// Adds elements of SVG that the drawing library does not have, above everything so far. `elements` must be well-formed.
     #[must_use]
     pub fn with_elements(mut self, elements: &str) -> Self {
@@ -218,7 +257,11 @@ impl Picture {
     /// # Errors
     /// When the figure is too large for memory.
     pub fn png(&self) -> Result<Vec<u8>, FigureError> {
-        png_of(&self.svg, PNG_SCALE)
+        let png = png_of(&self.svg, PNG_SCALE)?;
+        Ok(match &self.source {
+            Some(source) => with_text(png, "Source", &format!("{source} · {}", crate::VERSION_LINE)),
+            None => png,
+        })
     }
 
     /// Writes `stem.svg` and `stem.png` into `folder`.

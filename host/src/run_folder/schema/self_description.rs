@@ -4,6 +4,7 @@
 //! Only what is known when a run begins is among it: a part that is written again after a kill must have the same bytes.
 
 use arrow_schema::Metadata;
+use damprig_core::model::SetUp;
 use serde_json::{Map, Value};
 
 use super::manifest::{Manifest, SetUpRecord};
@@ -35,6 +36,22 @@ pub fn of_run(id: &str, manifest: &Manifest) -> Metadata {
     about.insert("damprig.campaign", manifest.campaign.as_str());
     about.insert("damprig.started", plain(&manifest.started));
     about.insert("damprig.set_ups", Value::from(set_ups).to_string());
+    about
+}
+
+/// The metadata of the files of a simulated case: its name, and the parameters of its set-up as JSON, with the length that its
+/// ratios refer to and the symbol of that length.
+#[must_use]
+pub fn of_case(name: &str, set_up: &SetUp, reference: Option<(f64, &str)>) -> Metadata {
+    let mut all = parameters(set_up);
+    if let Some((reference_m, symbol)) = reference {
+        all.insert("reference_m".into(), reference_m.into());
+        all.insert("reference".into(), symbol.into());
+    }
+    let mut about = Metadata::new();
+    about.insert(VERSION, crate::VERSION_LINE);
+    about.insert("damprig.name", name);
+    about.insert("damprig.set_up", Value::Object(all).to_string());
     about
 }
 

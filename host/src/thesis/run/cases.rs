@@ -48,7 +48,7 @@ fn simulate_into(
     let path: TablePath =
         folder.join(format!("{stem}.parquet")).display().to_string().parse().map_err(RunFailure::Failed)?;
     let rate_hz = case.usual_rate_hz();
-    let history = TimeHistory::create(&path, rate_hz, case.set_up.particle.is_some()).map_err(RunFailure::of)?;
+    let history = TimeHistory::create(&path, rate_hz, case).map_err(RunFailure::of)?;
     let envelope = simulated_motion::envelope(case, 0.0, case.run.duration_s, case_overlay::COLUMNS);
     let whole = simulated_motion::usual_envelopes(case);
     let mut viewer = ((history, CycleMaxima::new(case.cycle_s())), (envelope, whole));
