@@ -45,7 +45,7 @@ impl ToSi {
             Quantity::Acceleration => "_m_per_s2",
             Quantity::Displacement => "_m",
         };
-        let Some(limit) = Unit::of(suffix).filter(|limit| !(si.abs() <= limit.most)) else { return Ok(si) };
+        let Some(limit) = Unit::of(suffix).filter(|limit| si.is_nan() || si.abs() > limit.most) else { return Ok(si) };
         let unit =
             UNITS.iter().find(|(_, of, si)| *of == self.quantity && *si == self.unit_si).map_or("", |unit| unit.0);
         let scaled = if self.scale == 1.0 { String::new() } else { format!(" times scale = {}", self.scale) };

@@ -15,8 +15,7 @@ use damprig_core::rig::{SIGNAL_DOCS, SIGNALS};
 use serde::{Deserialize, Serialize};
 
 use super::segment_id::SegmentId;
-use super::self_description::DESCRIPTION;
-use super::table::{described, field};
+use super::table::{DESCRIPTION, described, field};
 
 /// The joined samples of a complete run.
 pub const JOINED: &str = "samples.parquet";

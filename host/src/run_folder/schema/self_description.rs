@@ -9,13 +9,11 @@ use serde_json::{Map, Value};
 
 use super::manifest::{Manifest, SetUpRecord};
 use super::set_up_parameters::parameters;
+pub use super::table::DESCRIPTION;
 use crate::host_time::plain;
 
 /// Key of the program and its version.
 pub const VERSION: &str = "damprig.version";
-
-/// Key of what a row of the table is.
-pub const DESCRIPTION: &str = "damprig.description";
 
 /// The metadata of a file of this program whose table has such rows: `a row for each impact`.
 #[must_use]

@@ -8,6 +8,9 @@ use arrow_array::{
 };
 use arrow_schema::{DataType, Field, Schema};
 
+/// Key of what a row of the table is, in the metadata of its schema.
+pub const DESCRIPTION: &str = "damprig.description";
+
 /// A column without missing values, with its unit.
 pub(crate) fn field(name: &str, kind: DataType, unit: &str) -> Field {
     Field::new(name, kind, false).with_metadata(HashMap::from([("unit".to_string(), unit.to_string())]))
