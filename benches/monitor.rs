@@ -30,7 +30,6 @@ fn main() {
         table: Vec::new(),
         curves: Vec::new(),
         points_planned: 0,
-        expected_s: None,
         limits: Limits::default(),
     })));
     let url = monitor.url().expect("a page");

@@ -116,11 +116,15 @@ class Rig:
                 "spring_force_n": self.force, "spring_target_n": self.target if self.set_up == "hybrid" else 0.0,
                 "wall_low_n": self.pulse[0], "wall_high_n": self.pulse[1]}
 
+    def left(self):
+        seconds = (self.planned - self.place) * self.dwell_s
+        return {"low_s": seconds, "high_s": 2 * seconds, "text": f"{seconds:.0f} s to {2 * seconds:.0f} s left"}
+
     def state(self):
         return {
             "activity": "running", "headline": f"Running: set-up {self.set_up}, {self.frequency_hz:.2f} Hz",
             "set_up": self.set_up, "experiment": "sweep", "points_taken": self.place, "points_planned": self.planned,
-            "rig_s": self.t_s, "left_s": (self.planned - self.place) * self.dwell_s, "speed": None, "replay": None,
+            "rig_s": self.t_s, "age_s": 0.0, "left": self.left(), "speed": None, "replay": None,
             "numbers": {
                 "tick": self.tick, "frequency_hz": self.frequency_hz, "x_over_z_lock_in": self.cycle_high / self.z_m,
                 "x_amplitude_m": self.cycle_high, "x_phase_rad": -math.atan2(2 * DAMPING * self.frequency_hz / NATURAL_HZ,
@@ -129,7 +133,7 @@ class Rig:
                 "twin_predicted": self.impacts_seen, "twin_detected": self.impacts_seen, "twin_missing": 0, "twin_alarm": False,
                 "spring_force_n": self.force, "spring_target_n": self.slow()["spring_target_n"], "spring_position_m": 0.0042,
                 "spring_stage": "moving to the target" if self.force < 0.95 * self.target else "at target",
-                "wall_low_n": self.pulse[0], "wall_high_n": self.pulse[1], "safety": "clear"},
+                "wall_low_n": self.pulse[0], "wall_high_n": self.pulse[1], "x_mean_m": None, "z_mean_m": None, "safety": "clear"},
             "limits": {"x_m": 0.08, "z_m": 0.01, "wall_force_n": 450.0, "clearance_m": self.clearance_m},
             "link": {"name": "virtual:realtime", "state": "connected", "rows": self.tick, "lost_rows": 0, "dropped_rows": 0,
                      "bad_frames": 0, "interruptions": 0, "viewers": 1, "skipped_frames": 0},

@@ -128,7 +128,7 @@ class Server:
         return serve
 
     async def _live(self, request):
-        socket = web.WebSocketResponse(max_msg_size=4096)
+        socket = web.WebSocketResponse(max_msg_size=4096, protocols=("damprig",))
         await socket.prepare(request)
         text = json.dumps(self.snapshot())
         self.sockets.add(socket)

@@ -87,17 +87,60 @@ def test_a_run_is_watched_from_the_first_sample_to_the_stop(tmp_path, open_page)
         assert page.locator("#ignored").text_content() == "0"
         # Stop.
         page.locator("#stop").click()
-        assert damprig.process.wait(60) != 0
-        expect(page.locator("#badge")).to_have_text(re.compile("Stopping|Ended|Offline"))
+        expect(page.locator("#badge")).to_have_text("Ended")
+        expect(page.locator("#headline")).to_contain_text(f"`damprig run --resume {tmp_path / 'run'}` continues the run.")
+        for one in (page, late):
+            one.close()
+        assert damprig.process.wait(60) == 130
 
 
 def test_the_end_of_a_run_is_no_lost_connection(tmp_path, open_page):
     with run(tmp_path / "run", "--control", "--speed", "2") as damprig:
         page = ready(open_page(damprig.address, token=damprig.token, is_loss_expected=True))
-        assert damprig.process.wait(60) == 0
+        expect(page.locator("#headline")).to_contain_text("The run is complete.", timeout=60_000)
         expect(page.locator("#badge")).to_have_text("Ended")
-        expect(page.locator("#headline")).to_contain_text("The run is complete.")
         expect(page.locator("#points")).to_contain_text("6 of 6 points")
+        # It is served as long as somebody looks at it.
+        page.reload()
+        expect(ready(page).locator("#headline")).to_contain_text("The run is complete.")
+        page.close()
+        assert damprig.process.wait(60) == 0
+
+
+def test_a_fault_stays_with_the_decay_and_what_to_do(tmp_path, open_page):
+    with run(tmp_path / "run", "--control", "--speed", "1") as damprig:
+        page = ready(open_page(damprig.address, token=damprig.token, is_loss_expected=True))
+        expect(page.locator("#n-ratio")).not_to_have_text("–")
+        page.get_by_role("button", name="Press", exact=True).click()
+        expect(page.locator("#badge")).to_have_text("Fault")
+        expect(page.locator("#headline")).to_contain_text("The drive was cut at once at t = ")
+        expect(page.locator("#advice")).to_have_text(f"`damprig run --resume {tmp_path / 'run'}` continues the run.")
+        # The drive is off, so nothing is measured over its cycle; the structure rings.
+        expect(page.locator("#n-ratio")).to_have_text("–")
+        expect(page.locator("#l-x")).to_have_text("x, mean of 1 s (mm)")
+        await_change(page, "plot-x", picture(page, "plot-x"))
+        late = ready(open_page(damprig.address, is_loss_expected=True))
+        expect(late.locator("#headline")).to_contain_text("The drive was cut at once")
+        for one in (page, late):
+            one.close()
+        assert damprig.process.wait(60) == 1
+
+
+def test_a_paused_run_shows_no_zeros(tmp_path, open_page):
+    with run(tmp_path / "run", "--control", "--speed", "1") as damprig:
+        page = ready(open_page(damprig.address, token=damprig.token, is_loss_expected=True))
+        expect(page.locator("#n-ratio")).not_to_have_text("–")
+        page.locator("#pause-run").click()
+        expect(page.locator("#badge")).to_have_text("Paused")
+        for name in ("frequency", "ratio", "phase", "impacts"):
+            expect(page.locator(f"#n-{name}")).to_have_text("–")
+        expect(page.locator("#l-x")).to_have_text("x, mean of 1 s (mm)")
+        expect(page.locator("#n-x")).to_have_text(re.compile(r"^−?\d+\.\d{3}$"))
+        # The time left stands.
+        text = page.locator("#points").text_content()
+        assert " left" in text
+        page.wait_for_timeout(1500)
+        expect(page.locator("#points")).to_have_text(text)
 
 
 def test_a_resumed_run_shows_what_was_measured_before(tmp_path, open_page):
@@ -106,6 +149,8 @@ def test_a_resumed_run_shows_what_was_measured_before(tmp_path, open_page):
         page = ready(open_page(damprig.address, token=damprig.token, is_loss_expected=True))
         expect(page.locator("#points")).to_contain_text(re.compile("[1-5] of 6 points"))
         page.locator("#stop").click()
+        expect(page.locator("#badge")).to_have_text("Ended")
+        page.close()
         assert damprig.process.wait(60) == 130
     assert '"stopped on the live page"' in (folder / "journal.jsonl").read_text()
     page.close()
@@ -189,12 +234,23 @@ def test_a_finished_run_is_replayed(tmp_path, open_page):
     with Damprig("monitor", "--run", folder, "--listen", "127.0.0.1:0", "--speed", "2") as damprig:
         page = ready(open_page(damprig.address, is_loss_expected=True))
         expect(page.locator("#replay")).to_be_visible()
-        # On a loaded machine the page may be ready after the replay's end.
-        page.locator("#replay-time").fill("2")
-        await_change(page, "plot-x", picture(page, "plot-x"))
-        expect(page.locator("#response-legend")).to_contain_text("1 points")
+        # It stands at its first sample.
+        expect(page.locator("#badge")).to_have_text("Replay")
+        expect(page.locator("#headline")).to_contain_text("Paused: set-up bare")
+        expect(page.locator("#replay-play")).to_have_text("Play")
+        expect(page.locator("#replay-clock")).to_contain_text("0 s of")
+        before = picture(page, "plot-x")
+        page.locator("#replay-play").click()
+        await_change(page, "plot-x", before)
+        expect(page.locator("#badge")).to_have_text("Replay")
+        page.locator("#replay-time").fill("20")
+        expect(page.locator("#response-legend")).to_contain_text("3 points")
+        # Back: nothing of the later time is left.
         page.locator("#replay-play").click()
         expect(page.locator("#replay-play")).to_have_text("Play")
+        page.locator("#replay-time").fill("0.05")
+        expect(page.locator("#n-ratio")).to_have_text("–")
+        expect(page.locator("#points")).to_contain_text("0 of 6 points")
 
 
 def test_an_idle_rig_is_watched(open_page):
@@ -202,3 +258,54 @@ def test_an_idle_rig_is_watched(open_page):
         page = ready(open_page(damprig.address, is_loss_expected=True))
         expect(page.locator("#badge")).to_have_text("Idle")
         await_change(page, "plot-x", picture(page, "plot-x"))
+
+
+def monitored_rig(open_page):
+    """An idle rig in real time with its page."""
+    damprig = Damprig("monitor", "--rig", "virtual:realtime", "--listen", "127.0.0.1:0", "--control")
+    damprig.__enter__()
+    return damprig, ready(open_page(damprig.address, token=damprig.token, is_loss_expected=True))
+
+
+def test_an_idle_rig_shows_where_its_sensors_stand_and_which_is_unplugged(open_page):
+    damprig, page = monitored_rig(open_page)
+    try:
+        strip = page.locator("#strip")
+        for name in ("x", "z"):
+            expect(page.locator(f"#l-{name}")).to_have_text(f"{name}, mean of 1 s (mm)")
+            expect(page.locator(f"#n-{name}")).to_have_text(re.compile(r"^−?\d+\.\d{3}$"))
+        expect(page.locator("#n-ratio")).to_have_text("–")
+        expect(strip).to_have_attribute("data-tone", "quiet")
+        page.get_by_role("button", name="Apply", exact=True).click()
+        expect(page.locator("#n-x")).to_have_text("–")
+        expect(page.locator("#n-z")).not_to_have_text("–")
+        expect(page.locator("#badge")).to_have_text("Idle")
+        expect(strip).to_have_attribute("data-tone", "warn")
+        expect(page.locator("#advice")).to_contain_text("Alarm: The x sensor reads an end of its span")
+        expect(page.locator("#alarms")).to_contain_text("check its cable")
+        page.get_by_label("Fault of the sensor").select_option("repaired")
+        page.get_by_role("button", name="Apply", exact=True).click()
+        expect(page.locator("#n-x")).not_to_have_text("–")
+        expect(strip).to_have_attribute("data-tone", "quiet")
+    finally:
+        damprig.__exit__()
+
+
+def test_numbers_of_a_dead_link_are_dimmed_long_before_the_link_counts_as_lost(open_page):
+    damprig, page = monitored_rig(open_page)
+    try:
+        expect(page.locator("#n-x")).not_to_have_text("–")
+        expect(page.locator("body")).not_to_have_class("stale")
+        page.get_by_role("button", name="Pull", exact=True).click()
+        pulled = time.monotonic()
+        expect(page.locator("#age")).to_have_text(re.compile(r"^Newest sample [1-4] s old$"))
+        expect(page.locator("body")).to_have_class("stale")
+        took = time.monotonic() - pulled
+        # At 1 s, and what a busy machine adds; the link counts as lost after 10 s.
+        assert took < 5, took
+        expect(page.locator("#badge")).to_have_text("Link lost")
+        page.get_by_role("button", name="Plug in", exact=True).click()
+        expect(page.locator("body")).not_to_have_class("stale")
+        expect(page.locator("#age")).to_be_hidden()
+    finally:
+        damprig.__exit__()

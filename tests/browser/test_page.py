@@ -29,7 +29,7 @@ def test_a_late_viewer_sees_the_history(still, open_page):
     expect(page.locator("#headline")).to_have_text("Set-up bare, 2.25 Hz")
     expect(page.locator("#n-frequency")).to_have_text("2.250")
     expect(page.locator("#response-legend")).to_contain_text("bare5 points")
-    expect(page.locator("#points")).to_have_text("5 of 63 points · 3 min 52 s left")
+    expect(page.locator("#points")).to_have_text("5 of 63 points · 232 s to 464 s left")
     expect(page.locator("#log")).to_contain_text("Set-up bare: the sweep begins.")
     # The curve reaches over the whole window: there is ink in its left half.
     ink = page.evaluate("""() => {
@@ -82,7 +82,7 @@ def test_a_fault_is_unmissable_and_goes_again(still, open_page):
 def test_every_state_has_words(still, open_page):
     page = ready(open_page(still.address))
     words = {"held": "Held", "paused": "Paused", "waiting": "Waiting", "stopping": "Stopping", "idle": "Idle", "lost": "Link lost",
-             "over": "Ended", "something new": "Unknown"}
+             "over": "Ended", "replay": "Replay", "something new": "Unknown"}
     for activity, word in words.items():
         still.frame(state=still.rig.state() | {"activity": activity, "headline": f"About {activity}"})
         expect(page.locator("#badge")).to_have_text(word)
@@ -97,6 +97,36 @@ def test_unknown_numbers_are_dashes(still, open_page):
     still.frame(state=state)
     for name in ("frequency", "ratio", "x", "z", "phase", "impacts", "residual"):
         expect(page.locator(f"#n-{name}")).to_have_text("–")
+
+
+def test_old_numbers_are_dimmed_with_their_age(still, open_page):
+    page = ready(open_page(still.address))
+    expect(page.locator("body")).not_to_have_class("stale")
+    for age_s, words in ((1.2, "Newest sample 1 s old"), (75, "Newest sample 1 min 15 s old")):
+        still.state = {"age_s": age_s}
+        still.frame()
+        expect(page.locator("body")).to_have_class("stale")
+        expect(page.locator("#age")).to_have_text(re.compile(words[:-5]))
+        opacity = "getComputedStyle(document.querySelector('{}')).opacity"
+        assert float(page.evaluate(opacity.format("#numbers"))) < 0.6 and float(page.evaluate(opacity.format(".panels"))) < 0.6
+    still.state = {}
+    still.frame()
+    expect(page.locator("#age")).to_be_hidden()
+    # A server that says nothing more is no reason to show old numbers as new ones.
+    expect(page.locator("#age")).to_have_text(re.compile("Newest sample [1-9] s old"))
+    assert page.evaluate("seen.shift") < 0.001, page.evaluate("seen.shifts")
+
+
+def test_a_replay_is_not_running(still, open_page):
+    still.about = {"source": {"kind": "replay", "name": "hybrid"}, "is_replay": True, "can_control": False}
+    still.state = {"activity": "replay", "headline": "Paused: set-up bare", "left": None, "age_s": 7.5,
+                   "replay": {"t_s": 3, "end_s": 40, "speed": 1, "paused": True}}
+    page = ready(open_page(still.address))
+    expect(page.locator("#badge")).to_have_text("Replay")
+    # In a gap of the record nothing is shown as measured; its age is that of the record.
+    expect(page.locator("#age")).to_have_text("Nothing recorded for 7 s")
+    page.wait_for_timeout(1500)
+    expect(page.locator("#age")).to_have_text("Nothing recorded for 7 s")
 
 
 def test_panels_without_data_fold_and_late_ones_open_behind(still, open_page):
@@ -127,7 +157,7 @@ def test_nothing_moves_while_data_arrive(live, open_page):
     for state in ({"headline": "Running: set-up with a rather long name of some sixty characters, 12.345 Hz, held by hand"},
                   {"activity": "faulted", "fault": {"what": "A long fault. " * 20, "advice": "A long advice. " * 20}},
                   {"alarms": [f"Alarm number {n}" for n in range(9)]}, {"injected": ["sensor x is unplugged"]},
-                  {"points_taken": 126000, "points_planned": 999999, "left_s": 1e6, "speed": 12.5}, {}):
+                  {"points_taken": 126000, "points_planned": 999999, "left": {"text": "10 days 20 h to 40 days left"}, "speed": 12.5}, {}):
         live.state = state
         page.wait_for_timeout(400)
     assert page.evaluate("seen.shift") < 0.001, page.evaluate("seen.shifts")

@@ -47,6 +47,7 @@ mod simulate;
 mod study;
 mod study_figures;
 mod study_work;
+mod terminal_line;
 mod thesis;
 mod thesis_work;
 

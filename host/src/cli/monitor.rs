@@ -46,25 +46,29 @@ impl PageArgs {
         self.control
     }
 
-    /// Starts the monitor and its page, and prints the page's address. Faults can be injected into a rig that is simulated in
-    /// real time.
-    pub(super) fn start(&self, rig: &Address, where_to_stop: String, handles: Handles) -> Result<Monitor, Failure> {
+    /// Starts the monitor and takes the address of its page. Faults can be injected into a rig that is simulated in real time.
+    pub(super) fn prepare(&self, rig: &Address, where_to_stop: String, handles: Handles) -> Result<Monitor, Failure> {
         let can_inject = matches!(rig, Address::RealTime { .. });
         let token = self.control.then(Token::new).transpose().map_err(Failure::Failed)?;
         let permissions = Permissions { can_control: self.control, can_inject, where_to_stop };
         let serving = Serving { listen: self.listen, token };
-        let monitor = Monitor::start(Some(serving), permissions, handles).map_err(Failure::failed)?;
-        monitor.url().iter().for_each(|url| warn!("Monitor: {url}"));
-        if monitor.is_public() {
-            let what = if self.control {
-                "those with the token can control the rig, and the connection is not encrypted"
-            } else {
-                "they cannot control the rig"
-            };
-            warn!("warning: every machine that reaches this one can open the page; {what}");
-        }
-        Ok(monitor)
+        Monitor::prepare(Some(serving), permissions, handles).map_err(Failure::failed)
     }
+}
+
+/// Serves the page of a monitor, if it has one, and prints its address.
+pub(super) fn serve(monitor: &mut Monitor) -> Outcome {
+    monitor.serve().map_err(Failure::failed)?;
+    monitor.url().iter().for_each(|url| warn!("Monitor: {url}"));
+    if monitor.is_public() {
+        let what = if monitor.can_control() {
+            "those with the token can control the rig, and the connection is not encrypted"
+        } else {
+            "they cannot control the rig"
+        };
+        warn!("warning: every machine that reaches this one can open the page; {what}");
+    }
+    Ok(())
 }
 
 /// What viewers may do besides asking the session: pull the cable of a rig in this process.
@@ -94,7 +98,7 @@ pub(super) fn open_terminal(
     owns_run: bool,
     mount_without_asking: bool,
 ) -> Result<(TerminalView, TerminalWatcher), Failure> {
-    TerminalView::open(&monitor.feed(), stop, owns_run, mount_without_asking)
+    TerminalView::open(&monitor.feed(), stop, monitor.player(), owns_run, mount_without_asking)
         .map_err(|e| Failure::Failed(format!("--tui: the terminal cannot be used: {e}")))
 }
 
@@ -183,8 +187,12 @@ fn watch_folder(args: &Args, wanted: &std::path::Path, stop: &Arc<AtomicBool>) -
     }
     let path = find(wanted).map_err(Failure::input)?;
     RunFolder::open(&path).map_err(Failure::failed)?;
-    let mut monitor =
-        args.page.start(&Address::VIRTUAL, ABOUT_FOLDERS.into(), Handles { can_replay: true, ..Handles::default() })?;
+    let mut monitor = args.page.prepare(
+        &Address::VIRTUAL,
+        ABOUT_FOLDERS.into(),
+        Handles { can_replay: true, ..Handles::default() },
+    )?;
+    serve(&mut monitor)?;
     let terminal = args.tui.then(|| open_terminal(&monitor, stop, false, true)).transpose()?;
     let (feed, actions) = (monitor.feed(), monitor.take_actions());
     let watched = match actions {
@@ -217,7 +225,8 @@ fn watch_rig(args: &Args, rig: &Rig, stop: &Arc<AtomicBool>) -> Outcome {
         );
     }
     drop(session);
-    let mut monitor = args.page.start(&address, where_to_stop(), handles(&address))?;
+    let mut monitor = args.page.prepare(&address, where_to_stop(), handles(&address))?;
+    serve(&mut monitor)?;
     let terminal = args.tui.then(|| open_terminal(&monitor, stop, false, true)).transpose()?;
     let (feed, actions) = (monitor.feed(), monitor.take_actions());
     let watched = match actions {

@@ -7,12 +7,21 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::input::shown_in_line;
 
-/// A bar, hidden without a terminal.
+/// A bar with the time left at the pace so far, hidden without a terminal.
 pub(super) fn bar(length: u64) -> ProgressBar {
+    bar_with(length, "{msg} {wide_bar} {percent:>3} %  {eta} left")
+}
+
+/// A bar that states no time.
+pub(super) fn bar_without_time(length: u64) -> ProgressBar {
+    bar_with(length, "{msg} {wide_bar} {percent:>3} %")
+}
+
+fn bar_with(length: u64, template: &str) -> ProgressBar {
     let target =
         if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
     let bar = ProgressBar::with_draw_target(Some(length), target);
-    let style = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %  {eta} left");
+    let style = ProgressStyle::with_template(template);
     if let Ok(style) = style {
         bar.set_style(style.progress_chars("━╸─"));
     }

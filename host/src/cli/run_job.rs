@@ -1,20 +1,21 @@
 //! Runs a checked campaign for `damprig run`, with its live views, and prints the results. [`crate::recorded_run`] records it.
 
+use std::io::IsTerminal;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::sync::mpsc::Receiver;
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use super::arguments::Rig;
-use super::monitor::{PageArgs, handles, open_terminal, where_to_stop};
+use super::monitor::{PageArgs, handles, open_terminal, serve, where_to_stop};
 use super::outcome::{Failure, Outcome};
 use super::run_progress::{Display, Log, RunProgress};
+use super::terminal_line::has_typed_line;
 use crate::campaign::Campaign;
 use crate::client::link::Address;
 use crate::client::session::Session;
 use crate::monitor::run::{MonitoredRun, RunFacts};
 use crate::monitor::terminal::{TerminalView, TerminalWatcher};
-use crate::monitor::{Asked, Handles, Monitor, Permissions};
+use crate::monitor::{Actions, Handles, Monitor, Permissions, rig};
 use crate::prediction::Predicted;
 use crate::recorded_run::{EndedRun, RecordedRun, RunStart};
 use crate::report::compared::predicted_and_measured;
@@ -22,17 +23,26 @@ use crate::report::terminal;
 use crate::run_folder::journal::{Begin, Journal};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::write::OutputFolder;
-use crate::runner::{Reconnect, Run, RunError, Selection, Watcher};
+use crate::runner::{Reconnect, Run, RunError, Selection, Tally, Watcher};
+
+/// Time in which a viewer of a run that is over may come back, as after a reload.
+const VIEWERS_RETURN: Duration = Duration::from_secs(3);
+
+/// Longest time for which the page of a run that is over is served when no person is at a terminal.
+const WITHOUT_PERSON: Duration = Duration::from_secs(60);
+
+/// Time between two looks whether the viewers have left.
+const TURN: Duration = Duration::from_millis(100);
 
 /// The live views of a run: the page with the actions of its viewers, the terminal's, or both.
 pub(super) struct LiveViews {
     monitor: Monitor,
-    actions: Receiver<Asked>,
+    actions: Actions,
     terminal: Option<(TerminalView, TerminalWatcher)>,
 }
 
 impl LiveViews {
-    /// Starts the views that are wanted; none if none is. `stop` ends the run.
+    /// Starts the views that are wanted; none if none is. The page is served once the run's files are open. `stop` ends the run.
     ///
     /// # Errors
     /// The page's address or the terminal cannot be used.
@@ -45,7 +55,7 @@ impl LiveViews {
     ) -> Result<Option<Self>, Failure> {
         let handles = Handles { stop: Some(Arc::clone(stop)), ..handles(rig) };
         let mut monitor = match page {
-            Some(page) => page.start(rig, where_to_stop(), handles)?,
+            Some(page) => page.prepare(rig, where_to_stop(), handles)?,
             None if terminal => {
                 let permissions = Permissions { where_to_stop: where_to_stop(), ..Permissions::default() };
                 Monitor::start(None, permissions, handles).map_err(Failure::failed)?
@@ -90,7 +100,7 @@ impl Job<'_> {
         selection: Selection,
         begin: Begin,
         journal: Journal,
-        stop: &AtomicBool,
+        stop: &Arc<AtomicBool>,
     ) -> Outcome {
         let device = &begin.device;
         let has_terminal_view = self.live.as_ref().is_some_and(|views| views.terminal.is_some());
@@ -106,42 +116,88 @@ impl Job<'_> {
         let display = Display {
             is_hidden: self.is_quiet || has_terminal_view,
             log: self.log.take(),
+            stop: Arc::clone(stop),
             mount_without_asking: self.mount_without_asking,
         };
         let mut progress = RunProgress::new(self.campaign, session, &taken, display);
-        let recorder = &mut recorded.recorder;
-        let (tally, result) = match self.live.take() {
-            None => {
-                let run = Run::new(self.campaign, session, recorder, &mut progress, stop, selection, taken);
-                run.with_reconnect(self.reconnect()).carry_out()
-            }
-            Some(LiveViews { monitor, actions, terminal }) => {
-                let facts = RunFacts {
-                    campaign: self.campaign,
-                    session,
-                    predicted: self.predicted,
-                    folder: self.folder.path().display().to_string(),
-                    taken: &taken,
-                };
-                let (view, mut keys) = terminal.unzip();
-                let own: &mut dyn Watcher = match &mut keys {
-                    Some(keys) => keys,
-                    None => &mut progress,
-                };
-                let mut watched = MonitoredRun::new(&facts, monitor.feed(), actions, own);
-                let run = Run::new(self.campaign, session, recorder, &mut watched, stop, selection, taken.clone());
-                let ended = run.with_reconnect(self.reconnect()).carry_out();
-                watched.ended(&ended.1);
-                monitor.end();
-                view.into_iter().for_each(TerminalView::close);
-                ended
-            }
+        let Some(LiveViews { mut monitor, actions, terminal }) = self.live.take() else {
+            let recorder = &mut recorded.recorder;
+            let run = Run::new(self.campaign, session, recorder, &mut progress, stop, selection, taken);
+            let (tally, result) = run.with_reconnect(self.reconnect()).carry_out();
+            progress.end();
+            return self.conclude(recorded, tally, result);
         };
-        progress.end();
+        serve(&mut monitor)?;
+        let facts = RunFacts {
+            campaign: self.campaign,
+            session,
+            predicted: self.predicted,
+            folder: self.folder.path().display().to_string(),
+            taken: &taken,
+        };
+        let (view, mut keys) = terminal.unzip();
+        let own: &mut dyn Watcher = match &mut keys {
+            Some(keys) => keys,
+            None => &mut progress,
+        };
+        let mut watched = MonitoredRun::new(&facts, monitor.feed(), &actions, own);
+        let recorder = &mut recorded.recorder;
+        let run = Run::new(self.campaign, session, recorder, &mut watched, stop, selection, taken.clone());
+        let (tally, result) = run.with_reconnect(self.reconnect()).carry_out();
+        let after = watched.ended(&result);
+        let was_interrupted = stop.load(Ordering::Relaxed) && !after.was_stopped_by_viewer;
+        let is_lost = matches!(result, Err(RunError::Session(_)));
+        let (feed, ends) = (monitor.feed(), &AtomicBool::new(false));
+        let outcome = std::thread::scope(|scope| {
+            // The decay of the structure is shown while the files are completed.
+            if monitor.viewers() > 0 && !was_interrupted && !is_lost {
+                scope.spawn(move || rig::watch_after_run(session, after, &feed, &actions, ends));
+            }
+            view.into_iter().for_each(TerminalView::close);
+            progress.end();
+            let outcome = self.conclude(recorded, tally, result);
+            if !was_interrupted {
+                self.keep_page(&monitor, stop);
+            }
+            ends.store(true, Ordering::Relaxed);
+            outcome
+        });
+        monitor.end();
+        outcome
+    }
+
+    /// Completes the files of a run that has ended, and prints its results.
+    fn conclude(&self, recorded: RecordedRun, tally: Tally, result: Result<(), RunError>) -> Outcome {
         let Some(ended) = recorded.end(tally, result) else {
             return Err(Failure::failed("the recorder thread has stopped; the run is incomplete"));
         };
         self.show(ended)
+    }
+
+    /// Serves the page of a run that has ended until its last viewer has left, Enter or Ctrl-C: a fault must be read by whoever
+    /// looks at it. Nothing is waited for without viewers. Without a person at a terminal, or with --yes, a script may go on after
+    /// this run: it waits for a limited time, whoever watches.
+    fn keep_page(&self, monitor: &Monitor, stop: &AtomicBool) {
+        if monitor.viewers() == 0 {
+            return;
+        }
+        let has_person = std::io::stdin().is_terminal() && !self.mount_without_asking;
+        let how = if has_person {
+            "Enter or Ctrl-C ends it".into()
+        } else {
+            format!("at most {} s", WITHOUT_PERSON.as_secs())
+        };
+        warn!("The page stays until its last viewer has left ({how}).");
+        let was_stopped = stop.load(Ordering::Relaxed);
+        let (begun, mut seen) = (Instant::now(), Instant::now());
+        while seen.elapsed() < VIEWERS_RETURN && (was_stopped || !stop.load(Ordering::Relaxed)) {
+            if monitor.viewers() > 0 {
+                seen = Instant::now();
+            }
+            if has_typed_line(TURN) || !has_person && begun.elapsed() > WITHOUT_PERSON {
+                return;
+            }
+        }
     }
 
     fn reconnect(&self) -> Option<Reconnect<'_>> {

@@ -1,21 +1,23 @@
 //! Progress of a run: a bar with the present numbers on a terminal, otherwise lines; and the log file.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, IsTerminal, Write};
+use std::io::{IsTerminal, Write};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use damprig_core::control::friction_spring::SpringEvent;
 use indicatif::ProgressBar;
 
 use super::outcome::Failure;
-use super::progress::bar;
+use super::progress::bar_without_time;
+use super::terminal_line::{forget_typed, typed_line};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::client::session::Session;
 use crate::host_time;
 use crate::input::shown_in_line;
 use crate::report::describe;
-use crate::report::numbers::duration;
 use crate::report::terminal::transients::in_words;
 use crate::run_folder::ResultRow;
 use crate::run_folder::journal::Losses;
@@ -23,16 +25,10 @@ use crate::run_folder::schema::journal_state::{JournalState, Planned};
 use crate::run_folder::schema::peak_points::PeakPoints;
 use crate::run_folder::schema::results::steadiness_text;
 use crate::run_folder::schema::transients::TransientRow;
-use crate::runner::{RestAnswer, RestFinding, RunError, WatchedStart, Watcher};
-
-/// Bar steps per second of rig time.
-const STEPS_PER_S: f64 = 10.0;
+use crate::runner::{RestAnswer, RestFinding, RunError, TimeLeft, WatchedStart, Watcher};
 
 /// Time from line to line without a terminal.
 const LINE_EVERY: Duration = Duration::from_secs(10);
-
-/// Longest time between two advances of rig time in a run that goes on.
-const LONGEST_STEP: Duration = Duration::from_secs(5);
 
 /// Shows the progress of a run.
 pub struct RunProgress {
@@ -43,19 +39,10 @@ pub struct RunProgress {
     is_real_time: bool,
     log: Option<Log>,
     places: Places,
-    expected_s: f64,
-    /// Points may be measured again, so the expected rig time follows from the points so far.
-    repeats_dwells: bool,
-    /// Points measured since the start of the display.
-    measured: u32,
-    rig_s: f64,
-    /// Rig time at which this program began to measure, s.
-    began_s: Option<f64>,
-    /// Host time in which rig time passed, and the last moment at which it did.
-    moving: Duration,
-    moved_at: Instant,
+    left: Option<TimeLeft>,
     points: (usize, usize),
     mount_without_asking: bool,
+    stop: Arc<AtomicBool>,
     set_ups: Vec<String>,
     mounted: usize,
     summary: Option<Summary>,
@@ -125,37 +112,6 @@ fn is_pipe(_: &Path) -> bool {
     false
 }
 
-/// What was typed before a question is no answer to it: an answer may start the drive.
-#[cfg(unix)]
-fn forget_typed() {
-    let _ = rustix::termios::tcflush(std::io::stdin(), rustix::termios::QueueSelector::IFlush);
-}
-
-#[cfg(not(unix))]
-fn forget_typed() {}
-
-/// A typed line with its end; empty at the end of input. Byte by byte, so that nothing that follows is kept for the next question.
-#[cfg(unix)]
-fn typed_line() -> io::Result<String> {
-    let (mut line, mut byte) = (Vec::new(), [0]);
-    while line.last() != Some(&b'\n') {
-        match rustix::io::read(std::io::stdin(), &mut byte) {
-            Ok(0) => break,
-            Ok(_) => line.push(byte[0]),
-            Err(rustix::io::Errno::INTR) => {}
-            Err(error) => return Err(error.into()),
-        }
-    }
-    Ok(String::from_utf8_lossy(&line).into_owned())
-}
-
-#[cfg(not(unix))]
-fn typed_line() -> io::Result<String> {
-    let mut line = String::new();
-    std::io::stdin().read_line(&mut line)?;
-    Ok(line)
-}
-
 /// What is shown, and how.
 pub struct Display {
     /// Nothing is shown: `--quiet`, or the terminal view is open.
@@ -164,14 +120,17 @@ pub struct Display {
     pub log: Option<Log>,
     /// Set-ups are mounted without confirmation.
     pub mount_without_asking: bool,
+    /// Ends a question.
+    pub stop: Arc<AtomicBool>,
 }
 
 impl RunProgress {
     /// For a run of this campaign on the rig of `session`; `taken` is what is measured already.
     #[must_use]
     pub fn new(campaign: &Campaign, session: &Session, taken: &JournalState, display: Display) -> Self {
-        let Planned { points, expected_s } = taken.planned(campaign);
-        let bar = if display.is_hidden { ProgressBar::hidden() } else { bar((expected_s * STEPS_PER_S) as u64) };
+        let points = taken.planned(campaign).points;
+        let bar = if display.is_hidden { ProgressBar::hidden() } else { bar_without_time(points as u64) };
+        bar.set_position(taken.points() as u64);
         let used = (0..campaign.set_ups.len()).filter(|i| campaign.experiments.iter().any(|e| e.set_ups.contains(i)));
         let at = |name: &str| session.signals.iter().position(|signal| signal.name == name);
         Self {
@@ -185,15 +144,10 @@ impl RunProgress {
                 z_amplitude: at("z_amplitude"),
                 impacts_in_cycle: at("impacts_in_cycle"),
             },
-            expected_s,
-            repeats_dwells: campaign.longest_s() > campaign.expected_s(),
-            measured: 0,
-            rig_s: 0.0,
-            began_s: None,
-            moving: Duration::ZERO,
-            moved_at: Instant::now(),
+            left: None,
             points: (taken.points(), points),
             mount_without_asking: display.mount_without_asking,
+            stop: display.stop,
             set_ups: used.map(|i| campaign.set_ups[i].name.clone()).collect(),
             mounted: 0,
             summary: None,
@@ -225,15 +179,6 @@ impl RunProgress {
         }
     }
 
-    /// Host time left, estimated from the pace so far.
-    fn left(&self) -> Option<String> {
-        let passed_s = self.rig_s - self.began_s?;
-        let wall_s = self.moving.as_secs_f64();
-        let left_s = wall_s * (self.expected_s - self.rig_s).max(0.0) / passed_s;
-        let stands = self.moved_at.elapsed() > LONGEST_STEP;
-        (passed_s > 0.0 && wall_s > 1.0 && !stands).then(|| duration(left_s))
-    }
-
     /// Asks a person to do something, and waits until it is confirmed. `what` names it in errors.
     fn ask(&self, request: &str, what: &str) -> Result<bool, RunError> {
         self.line(&format!("{request} Press Enter when ready. "), request, what).map(|_| true)
@@ -249,8 +194,10 @@ impl RunProgress {
         self.bar.suspend(|| {
             forget_typed();
             let _ = write!(std::io::stderr(), "{prompt}");
-            match typed_line() {
-                Ok(answer) if !answer.is_empty() => Ok(answer.trim().to_string()),
+            match typed_line(|| !self.stop.load(Ordering::Relaxed)) {
+                // Ctrl-C, or a stop on the live page.
+                Ok(None) => Err(RunError::Interrupted),
+                Ok(Some(answer)) if !answer.is_empty() => Ok(answer.trim().to_string()),
                 _ => Err(RunError::NobodyThere(format!("{what} was not confirmed"))),
             }
         })
@@ -258,12 +205,12 @@ impl RunProgress {
 
     /// The present numbers on the bar, or on a line now and then.
     fn show(&mut self) {
-        let Self { present, numbers, .. } = self;
-        self.bar.set_message(format!("{present}{numbers}"));
+        let Self { present, numbers, left, .. } = self;
+        let left = left.map_or(String::new(), |left| format!(", {left}"));
+        self.bar.set_message(format!("{present}{numbers}{left}"));
         if self.has_lines && self.line_at.elapsed() >= LINE_EVERY {
             self.line_at = Instant::now();
             let (taken, planned) = self.points;
-            let left = self.left().map_or(String::new(), |left| format!(", about {left} left"));
             say!("{}{}; {taken} of {planned} points{left}", self.present, self.numbers);
         }
     }
@@ -312,16 +259,10 @@ impl Watcher for RunProgress {
         }
     }
 
-    fn progress(&mut self, rig_s: f64) {
-        self.began_s.get_or_insert(rig_s);
-        if rig_s > self.rig_s {
-            // Not the time of a pause or of a lost link.
-            self.moving += self.moved_at.elapsed().min(LONGEST_STEP);
-            self.moved_at = Instant::now();
-        }
-        self.rig_s = rig_s;
-        // A structure that comes to rest slowly makes the run longer than expected.
-        self.bar.set_position((rig_s.min(self.expected_s) * STEPS_PER_S) as u64);
+    fn progress(&mut self, _: f64) {}
+
+    fn time_left(&mut self, left: TimeLeft) {
+        self.left = Some(left);
     }
 
     fn started(&mut self, start: &WatchedStart) {
@@ -353,13 +294,8 @@ impl Watcher for RunProgress {
 
     fn point(&mut self, row: &ResultRow) {
         self.points.0 += 1;
-        self.measured += 1;
         let (taken, planned) = self.points;
-        if self.repeats_dwells {
-            let point_s = (self.rig_s - self.began_s.unwrap_or(0.0)) / f64::from(self.measured);
-            self.expected_s = self.rig_s + planned.saturating_sub(taken) as f64 * point_s;
-            self.bar.set_length((self.expected_s * STEPS_PER_S) as u64);
-        }
+        self.bar.set_position(taken as u64);
         self.numbers = format!("  {} Hz  X/Z (cycle maxima) {:.2}", row.frequency_hz, row.x_over_z());
         self.show();
         let steady = steadiness_text(row.steadiness);
@@ -389,14 +325,12 @@ impl Watcher for RunProgress {
             say!("{text}");
         }
         self.points.1 = planned.points;
-        if !self.repeats_dwells {
-            self.expected_s = planned.expected_s;
-            self.bar.set_length((self.expected_s * STEPS_PER_S) as u64);
-        }
+        self.bar.set_length(planned.points as u64);
     }
 
     fn transient(&mut self, row: &TransientRow) {
         self.points.0 += 1;
+        self.bar.set_position(self.points.0 as u64);
         self.log(&format!("set-up {}, experiment {}: {}", row.set_up, row.experiment, in_words(row)));
         if let Some(summary) = &mut self.summary {
             summary.points += 1;

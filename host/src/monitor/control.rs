@@ -1,4 +1,4 @@
-//! Actions of viewers on their way to the source: checked for the token, queued, and answered.
+//! Actions of viewers on their way to the source: checked for the token, queued, and answered. A stop is never queued.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -39,6 +39,38 @@ impl Asked {
     }
 }
 
+/// The source's end of the actions.
+#[derive(Debug)]
+pub struct Actions {
+    stop: Arc<AtomicBool>,
+    queue: Receiver<Asked>,
+}
+
+impl Actions {
+    /// The next action, a stop before all others: it was answered already, however often it was asked for.
+    pub fn next(&self) -> Option<Asked> {
+        if self.stop.swap(false, Ordering::Relaxed) {
+            let (answer, _) = oneshot::channel();
+            return Some(Asked { action: Action::Stop, answer });
+        }
+        self.queue.try_recv().ok()
+    }
+}
+
+/// Plays and pauses a replay from the terminal.
+#[derive(Clone, Debug)]
+pub struct Player(SyncSender<Asked>);
+
+impl Player {
+    /// Pauses the replay, or lets it go on.
+    pub(super) fn pause(&self, paused: bool) {
+        let (answer, _) = oneshot::channel();
+        let action = Action::Replay { speed: None, paused: Some(paused), to_s: None };
+        // Keys that come faster than the replay takes them are lost.
+        let _ = self.0.try_send(Asked { action, answer });
+    }
+}
+
 /// What the source gives so that viewers can act: some actions do not wait for it.
 #[derive(Default)]
 pub struct Handles {
@@ -61,6 +93,7 @@ impl fmt::Debug for Handles {
 pub(super) struct Control {
     token: Option<Token>,
     handles: Handles,
+    stop: Arc<AtomicBool>,
     actions: SyncSender<Asked>,
     feed: Feed,
     where_to_stop: String,
@@ -68,34 +101,75 @@ pub(super) struct Control {
 }
 
 impl Control {
-    /// The desk, and the queue of the source. Without a token viewers can only watch.
-    pub(super) fn new(
-        token: Option<Token>,
-        handles: Handles,
-        feed: Feed,
-        where_to_stop: String,
-    ) -> (Self, Receiver<Asked>) {
+    /// The desk, and the source's end. Without a token viewers can only watch.
+    pub(super) fn new(token: Option<Token>, handles: Handles, feed: Feed, where_to_stop: String) -> (Self, Actions) {
         let (actions, queue) = sync_channel(MOST_ACTIONS);
-        (Self { token, handles, actions, feed, where_to_stop, wrong_token_at: Mutex::default() }, queue)
+        let stop = Arc::new(AtomicBool::new(false));
+        let own = Actions { stop: Arc::clone(&stop), queue };
+        (Self { token, handles, stop, actions, feed, where_to_stop, wrong_token_at: Mutex::default() }, own)
     }
 
-    /// Carries out a viewer's message.
-    pub(super) async fn answer(&self, text: &str) -> Answer {
-        let request: Request = match serde_json::from_str(text) {
-            Ok(request) => request,
-            Err(error) => return Answer { id: 0, ok: false, text: format!("the message is no action: {error}") },
+    /// The terminal's access to a replay.
+    pub(super) fn player(&self) -> Player {
+        Player(self.actions.clone())
+    }
+
+    /// Whether `given` is the token.
+    pub(super) fn is_token(&self, given: &str) -> bool {
+        self.token.as_ref().is_some_and(|token| token.is(given))
+    }
+
+    /// Reads a viewer's message.
+    ///
+    /// # Errors
+    /// It is malformed, or the viewer may not act.
+    pub(super) fn read(&self, text: &str) -> Result<Request, Refused> {
+        let refused = |id, text| Refused(Answer { id, ok: false, text });
+        let request: Request =
+            serde_json::from_str(text).map_err(|error| refused(0, format!("the message is no action: {error}")))?;
+        self.permit(&request).map_err(|why| refused(request.id, why))?;
+        Ok(request)
+    }
+
+    fn permit(&self, request: &Request) -> Result<(), String> {
+        // Moving a replay moves no rig.
+        if matches!(request.action, Action::Replay { .. }) {
+            return if self.handles.can_replay { Ok(()) } else { Err("nothing is replayed here".into()) };
+        }
+        if self.token.is_none() {
+            return Err(format!("this monitor is view only. {}", self.where_to_stop));
+        }
+        if request.token.is_empty() {
+            return Err("this needs the token: open the address that damprig printed at its start".into());
+        }
+        if !self.is_token(&request.token) {
+            self.warn_of_wrong_token();
+            return Err("wrong token: open the address that damprig printed at its start".into());
+        }
+        Ok(())
+    }
+
+    /// Stops at once, ahead of everything that waits; as often as it is asked for.
+    pub(super) fn stop(&self, id: u64) -> Answer {
+        // It is noted first: the run may end at once.
+        let is_known = self.stop.swap(true, Ordering::Relaxed);
+        let (is_known, text) = match &self.handles.stop {
+            Some(stop) => (stop.swap(true, Ordering::Relaxed), "The run stops; what was measured is kept."),
+            None => (is_known, "The rig is told to stop before anything else."),
         };
+        if !is_known {
+            in_words(&Action::Stop).into_iter().for_each(|what| self.feed.log(Level::Action, what));
+        }
+        Answer { id, ok: true, text: text.into() }
+    }
+
+    /// Carries out an action that [`Control::read`] has permitted.
+    pub(super) async fn act(&self, request: Request) -> Answer {
         let id = request.id;
-        match self.act(request).await {
+        match self.carry_out(request.action).await {
             Ok(text) => Answer { id, ok: true, text },
             Err(text) => Answer { id, ok: false, text },
         }
-    }
-
-    /// Tells the source what was done already, so that it is noted; nobody waits for an answer.
-    fn tell(&self, action: Action) {
-        let (answer, _) = oneshot::channel();
-        let _ = self.actions.try_send(Asked { action, answer });
     }
 
     /// Logs a wrong token, once a minute at most: anybody can send one.
@@ -107,44 +181,20 @@ impl Control {
         }
     }
 
-    async fn act(&self, request: Request) -> Result<String, String> {
-        // Moving a replay moves no rig.
-        if matches!(request.action, Action::Replay { .. }) && !self.handles.can_replay {
-            return Err("nothing is replayed here".into());
-        }
-        if !matches!(request.action, Action::Replay { .. }) {
-            let Some(token) = &self.token else {
-                return Err(format!("this monitor is view only. {}", self.where_to_stop));
-            };
-            if request.token.is_empty() {
-                return Err("this needs the token: open the address that damprig printed at its start".into());
-            }
-            if !token.is(&request.token) {
-                self.warn_of_wrong_token();
-                return Err("wrong token: open the address that damprig printed at its start".into());
-            }
-            if let Some(what) = in_words(&request.action) {
-                self.feed.log(Level::Action, what);
-            }
-        }
-        match (&request.action, &self.handles) {
-            (Action::Stop, Handles { stop: Some(stop), .. }) => {
-                // It is noted first: the run may end at once.
-                self.tell(request.action);
-                stop.store(true, Ordering::Relaxed);
-                return Ok("The run stops; what was measured is kept.".into());
-            }
-            (Action::Inject { fault: Injection::Cable { on } }, Handles { cable: Some(cable), .. }) => {
-                cable(*on);
-                let done = if *on { "The cable is pulled." } else { "The cable is plugged in." };
-                self.tell(request.action);
-                return Ok(done.into());
-            }
-            _ => {}
+    async fn carry_out(&self, action: Action) -> Result<String, String> {
+        let what = in_words(&action);
+        if let (Action::Inject { fault: Injection::Cable { on } }, Some(cable)) = (&action, &self.handles.cable) {
+            cable(*on);
+            what.into_iter().for_each(|what| self.feed.log(Level::Action, what));
+            let done = if *on { "The cable is pulled." } else { "The cable is plugged in." };
+            // It is only noted; nobody waits for an answer.
+            let (answer, _) = oneshot::channel();
+            let _ = self.actions.try_send(Asked { action, answer });
+            return Ok(done.into());
         }
         let (answer, answered) = oneshot::channel();
-        match self.actions.try_send(Asked { action: request.action, answer }) {
-            Ok(()) => {}
+        match self.actions.try_send(Asked { action, answer }) {
+            Ok(()) => what.into_iter().for_each(|what| self.feed.log(Level::Action, what)),
             Err(TrySendError::Full(_)) => return Err("earlier actions are still waiting; try again in a moment".into()),
             Err(TrySendError::Disconnected(_)) => return Err("nothing runs that could do this".into()),
         }
@@ -155,6 +205,9 @@ impl Control {
         }
     }
 }
+
+/// A message that is malformed, or from a viewer who may not act, and its answer.
+pub(super) struct Refused(pub(super) Answer);
 
 /// An action in words, for the log.
 fn in_words(action: &Action) -> Option<String> {

@@ -5,12 +5,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 
+use damprig_core::io::SensorSet;
 use tokio::sync::{broadcast, oneshot};
 
 use super::message::{
     Activity, Curve, FaultText, Impact, Level, Limits, LinkState, Point, ReplayState, SharedFrame, SignalName,
     Snapshot, Source, Transient,
 };
+use crate::runner::TimeLeft;
 
 /// Most updates that wait for the monitor before rows are skipped.
 const MOST_WAITING: usize = 2048;
@@ -28,8 +30,6 @@ pub struct Watched {
     pub curves: Vec<Curve>,
     /// Points of the whole campaign; 0 without one.
     pub points_planned: usize,
-    /// Rig time that the whole campaign is expected to take, s.
-    pub expected_s: Option<f64>,
     /// Limits in force.
     pub limits: Limits,
 }
@@ -74,6 +74,10 @@ pub enum Update {
     },
     /// Rig time so far, s.
     Progress(f64),
+    /// What the run still takes.
+    TimeLeft(TimeLeft),
+    /// The sensors without a signal.
+    LostSensors(SensorSet),
     /// A measured point.
     Point(Point),
     /// A measured transient.

@@ -43,6 +43,17 @@ impl History {
         self.push(t_s, &[]);
     }
 
+    /// Mean of a column over the rows since a time, s; none without a value.
+    #[must_use]
+    pub fn mean_since(&self, column: usize, from_s: f64) -> Option<f32> {
+        let start = self.t_s.partition_point(|t_s| *t_s < from_s);
+        let values = self.values[start * self.width..].iter().skip(column).step_by(self.width);
+        let (sum, count) = values
+            .filter(|value| value.is_finite())
+            .fold((0.0, 0u32), |(sum, count), value| (sum + f64::from(*value), count + 1));
+        (count > 0 && column < self.width).then(|| (sum / f64::from(count)) as f32)
+    }
+
     /// Removes all rows.
     pub fn clear(&mut self) {
         self.t_s.clear();
@@ -168,6 +179,15 @@ mod tests {
         let rows = history.columns(&names(), 100, 10);
         let gaps = rows.values["x"].iter().filter(|v| v.is_none()).count();
         assert_eq!(gaps, 1);
+    }
+
+    #[test]
+    fn a_mean_is_of_the_newest_rows_of_its_column() {
+        let mut history = History::new(2);
+        (0..2000u16).for_each(|i| history.push(f64::from(i) * 1e-3, &[f32::from(i / 1000), 7.0]));
+        history.push_gap(2.0);
+        assert_eq!((history.mean_since(0, 1.0), history.mean_since(1, 0.0)), (Some(1.0), Some(7.0)));
+        assert_eq!((history.mean_since(0, 2.0), history.mean_since(2, 0.0)), (None, None));
     }
 
     #[test]

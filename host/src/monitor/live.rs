@@ -3,16 +3,20 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
+use damprig_core::control::fault::FaultCause;
 use damprig_core::control::friction_spring::SpringStage;
 use damprig_core::control::safety::SafeStage;
+use damprig_core::io::{Sensor, SensorSet};
 
 use super::Permissions;
 use super::feed::{Update, Watched};
 use super::history::History;
 use super::message::{
-    Frame, Impact, Level, Limits, LinkState, Log, News, Numbers, Point, Snapshot, Source, SourceKind, State, Transient,
+    Activity, Frame, Impact, Level, Limits, LinkState, Log, News, Numbers, Point, Snapshot, Source, SourceKind, State,
+    Transient,
 };
 use super::section::Section;
+use super::words;
 use crate::host_time;
 
 /// Rows kept for new viewers: 20 s at 1 kHz.
@@ -36,21 +40,21 @@ const MOST_LOG: usize = 200;
 /// Time over which the pace of rig time is measured.
 const PACE_OVER: Duration = Duration::from_secs(2);
 
-/// The controller's numbers that are shown over time: name in the signal table and name in the message.
-const SLOW: [(&str, &str); 9] = [
-    ("x_over_z_lock_in", "x_over_z_lock_in"),
-    ("x_amplitude", "x_amplitude_m"),
-    ("z_amplitude", "z_amplitude_m"),
-    ("impacts_in_cycle", "impacts_in_cycle"),
-    ("twin_residual", "twin_residual_m"),
-    ("spring_force", "spring_force_n"),
-    ("spring_target", "spring_target_n"),
-    ("wall_low", "wall_low_n"),
-    ("wall_high", "wall_high_n"),
-];
+/// Time over which x and z are averaged while nothing is driven.
+const MEAN_OVER: Duration = Duration::from_secs(1);
 
-/// Place of the twin's residual in [`SLOW`].
-const RESIDUAL: usize = 4;
+/// The controller's numbers that are shown over time.
+const SLOW: [&str; 9] = [
+    "x_over_z_lock_in",
+    "x_amplitude_m",
+    "z_amplitude_m",
+    "impacts_in_cycle",
+    "twin_residual_m",
+    "spring_force_n",
+    "spring_target_n",
+    "wall_low_n",
+    "wall_high_n",
+];
 
 /// A bounded list of which the newest entries have not been sent yet.
 #[derive(Debug)]
@@ -122,8 +126,6 @@ pub(super) struct Live {
     permissions: Permissions,
     watched: Watched,
     row_names: Vec<String>,
-    /// Columns of [`SLOW`] in the device's table.
-    slow_at: Vec<Option<usize>>,
     state: State,
     recent: History,
     unsent: History,
@@ -139,6 +141,13 @@ pub(super) struct Live {
     restart: bool,
     changed: bool,
     pace: VecDeque<(Instant, f64)>,
+    /// Sensors without a signal.
+    lost: SensorSet,
+    /// When the newest row arrived, and the newest sample of any kind.
+    rows_at: Option<Instant>,
+    heard_at: Option<Instant>,
+    /// The next row does not follow the one before.
+    is_gap: bool,
 }
 
 impl Live {
@@ -158,11 +167,9 @@ impl Live {
                 table: Vec::new(),
                 curves: Vec::new(),
                 points_planned: 0,
-                expected_s: None,
                 limits: Limits::default(),
             },
             row_names: Vec::new(),
-            slow_at: Vec::new(),
             state: State::default(),
             recent: History::default(),
             unsent: History::default(),
@@ -178,6 +185,10 @@ impl Live {
             restart: false,
             changed: true,
             pace: VecDeque::new(),
+            lost: SensorSet::default(),
+            rows_at: None,
+            heard_at: None,
+            is_gap: false,
         };
         live.watch(live.watched.clone());
         live
@@ -199,14 +210,23 @@ impl Live {
             Update::Restart => self.restart(),
             Update::Activity(activity, headline) => {
                 (self.state.activity, self.state.headline) = (activity, headline);
+                if activity == Activity::Over {
+                    self.state.left = None;
+                }
             }
             Update::Experiment { set_up, experiment, clearance_m } => {
+                self.is_gap = true;
                 self.state.limits.clearance_m = clearance_m;
                 (self.state.set_up, self.state.experiment) = (Some(set_up), Some(experiment));
             }
             Update::Rows { t_s, values, longest_step_s } => self.rows(&t_s, &values, longest_step_s),
             Update::Values { rig_s, tick, values } => self.values(rig_s, tick, &values),
-            Update::Progress(rig_s) => self.progress(rig_s),
+            Update::Progress(rig_s) => self.state.rig_s = rig_s,
+            Update::TimeLeft(left) => self.state.left = Some(left.into()),
+            Update::LostSensors(lost) => {
+                self.lost = lost;
+                self.forget_lost();
+            }
             Update::Point(point) => self.point(point),
             Update::Transient(transient) => {
                 self.transients.push(transient);
@@ -232,8 +252,6 @@ impl Live {
 
     fn watch(&mut self, watched: Watched) {
         self.row_names = watched.signals.iter().map(|signal| signal.name.clone()).collect();
-        let at = |(name, _): &(&str, &str)| watched.table.iter().position(|known| known == name);
-        self.slow_at = SLOW.iter().map(at).collect();
         self.state.points_planned = watched.points_planned;
         self.state.limits = watched.limits;
         self.watched = watched;
@@ -249,6 +267,8 @@ impl Live {
         self.section.clear();
         self.impacts.clear();
         self.pace.clear();
+        // They are of another time.
+        self.state.numbers = Numbers::default();
         self.restart = true;
     }
 
@@ -263,16 +283,19 @@ impl Live {
                     // A row of a segment before, or one that came twice.
                     continue;
                 }
-                if t - last > longest_step_s {
+                if self.is_gap || t - last > longest_step_s {
                     self.section_of.restart();
                     self.recent.push_gap(last);
                     self.unsent.push_gap(last);
                 }
             }
+            self.is_gap = false;
             self.recent.push(t, row);
             self.unsent.push(t, row);
             self.section_of.push(t, row).into_iter().for_each(|point| self.section.push(point));
         }
+        self.rows_at = Some(Instant::now());
+        self.heard_at = self.rows_at;
         self.state.link.rows += t_s.len() as u64;
         self.recent.bound(MOST_ROWS);
         self.unsent.bound(MOST_ROWS);
@@ -285,15 +308,22 @@ impl Live {
             values.get(at).copied().filter(|value| value.is_finite())
         };
         let index = |name: &str| value(name).map(|index| index as usize);
+        // Without a drive, and in the first cycle, the controller's amplitudes are 0: nothing is measured.
+        let is_driven = value("frequency").is_some_and(|hz| hz > 0.0) && value("z_amplitude") != Some(0.0);
+        let driven = |name: &str| value(name).filter(|_| is_driven);
+        let is_at_work = matches!(self.state.activity, Activity::Running | Activity::Held);
+        let mean = |name: &str| self.mean(name).or_else(|| value(name)).filter(|_| !is_driven && !is_at_work);
         self.state.numbers = Numbers {
             tick: Some(tick),
             frequency_hz: value("frequency"),
-            x_over_z_lock_in: value("x_over_z_lock_in"),
-            x_amplitude_m: value("x_amplitude"),
-            x_phase_rad: value("x_phase"),
-            z_amplitude_m: value("z_amplitude"),
-            z_phase_rad: value("z_phase"),
-            impacts_in_cycle: value("impacts_in_cycle"),
+            x_over_z_lock_in: driven("x_over_z_lock_in"),
+            x_amplitude_m: driven("x_amplitude"),
+            x_phase_rad: driven("x_phase"),
+            z_amplitude_m: driven("z_amplitude"),
+            z_phase_rad: driven("z_phase"),
+            impacts_in_cycle: driven("impacts_in_cycle"),
+            x_mean_m: mean("x"),
+            z_mean_m: mean("z"),
             impacts: value("impacts"),
             // Exactly 0 without a twin.
             twin_residual_m: value("twin_residual").filter(|residual| *residual > 0.0),
@@ -309,10 +339,21 @@ impl Live {
             wall_high_n: value("wall_high"),
             safety: index("safety").and_then(|i| SafeStage::ALL.get(i)).map(|stage| stage.text()),
         };
-        self.state.alarms = alarms(&self.state.numbers);
-        let mut row: Vec<f32> =
-            self.slow_at.iter().map(|at| at.and_then(|at| values.get(at)).copied().unwrap_or(f32::NAN)).collect();
-        row[RESIDUAL] = self.state.numbers.twin_residual_m.unwrap_or(f32::NAN);
+        self.heard_at = Some(Instant::now());
+        self.forget_lost();
+        let numbers = &self.state.numbers;
+        let row = [
+            numbers.x_over_z_lock_in,
+            numbers.x_amplitude_m,
+            numbers.z_amplitude_m,
+            numbers.impacts_in_cycle,
+            numbers.twin_residual_m,
+            numbers.spring_force_n,
+            numbers.spring_target_n,
+            numbers.wall_low_n,
+            numbers.wall_high_n,
+        ]
+        .map(|value| value.unwrap_or(f32::NAN));
         let t_s = self.slow_clock.time_s(rig_s);
         self.slow.push(t_s, &row);
         self.slow_unsent.push(t_s, &row);
@@ -320,9 +361,39 @@ impl Live {
         self.slow_unsent.bound(MOST_VALUES);
     }
 
-    fn progress(&mut self, rig_s: f64) {
-        self.state.rig_s = rig_s;
-        self.state.left_s = self.watched.expected_s.map(|expected_s| (expected_s - rig_s).max(0.0));
+    /// Mean of a recorded signal over the last second, while rows arrive.
+    fn mean(&self, name: &str) -> Option<f32> {
+        let column = self.row_names.iter().position(|known| known == name)?;
+        self.rows_at.filter(|at| at.elapsed() < MEAN_OVER)?;
+        self.recent.mean_since(column, self.recent.last_s()? - MEAN_OVER.as_secs_f64())
+    }
+
+    /// Removes the numbers of sensors without a signal, and raises the alarms.
+    fn forget_lost(&mut self) {
+        let numbers = &mut self.state.numbers;
+        for sensor in Sensor::ALL.into_iter().filter(|sensor| self.lost.contains(*sensor)) {
+            let own: &mut [&mut Option<f32>] = match sensor {
+                Sensor::X => &mut [&mut numbers.x_amplitude_m, &mut numbers.x_mean_m],
+                Sensor::Z => &mut [&mut numbers.z_amplitude_m, &mut numbers.z_mean_m, &mut numbers.z_phase_rad],
+                Sensor::SpringForce => &mut [&mut numbers.spring_force_n],
+                Sensor::WallLow => &mut [&mut numbers.wall_low_n],
+                Sensor::WallHigh => &mut [&mut numbers.wall_high_n],
+            };
+            own.iter_mut().for_each(|value| **value = None);
+            if matches!(sensor, Sensor::X | Sensor::Z) {
+                (numbers.x_over_z_lock_in, numbers.x_phase_rad) = (None, None);
+            }
+        }
+        self.state.alarms = alarms(&self.state.numbers, self.lost);
+    }
+
+    /// The present state, with the age of the newest sample.
+    fn state(&self) -> State {
+        let age_s = match (self.state.replay, self.recent.last_s()) {
+            (Some(replay), last_s) => last_s.map(|last_s| (replay.t_s - last_s).max(0.0)),
+            (None, _) => self.heard_at.map(|at| at.elapsed().as_secs_f64()),
+        };
+        State { age_s, ..self.state.clone() }
     }
 
     fn point(&mut self, point: Point) {
@@ -368,7 +439,7 @@ impl Live {
         };
         self.unsent.clear();
         self.slow_unsent.clear();
-        Frame { restart: std::mem::take(&mut self.restart), news, state: self.state.clone() }
+        Frame { restart: std::mem::take(&mut self.restart), news, state: self.state() }
     }
 
     /// Everything for a new viewer. What has not been sent in a frame yet comes again in the next one, so a snapshot is taken
@@ -392,7 +463,7 @@ impl Live {
                 rows: self.recent.columns(&self.row_names, SNAPSHOT_ROWS, TAIL),
                 slow: self.slow.columns(&slow_names(), SNAPSHOT_VALUES, TAIL),
             },
-            state: self.state.clone(),
+            state: self.state(),
         }
     }
 
@@ -411,13 +482,14 @@ impl Live {
 }
 
 fn slow_names() -> Vec<String> {
-    SLOW.iter().map(|(_, name)| (*name).to_string()).collect()
+    SLOW.map(String::from).into()
 }
 
-/// Alarms that follow from the controller's numbers.
-fn alarms(numbers: &Numbers) -> Vec<String> {
+/// Alarms that follow from the controller's numbers and the sensors without a signal.
+fn alarms(numbers: &Numbers, lost: SensorSet) -> Vec<String> {
     let count = |value: Option<f32>| value.unwrap_or(0.0) as u64;
-    let mut alarms = Vec::new();
+    let lost = Sensor::ALL.into_iter().filter(|sensor| lost.contains(*sensor));
+    let mut alarms: Vec<String> = lost.map(|sensor| words::sentence(FaultCause::SensorAtRail(sensor).text())).collect();
     if numbers.twin_alarm {
         alarms.push(format!(
             "Impacts are missing: the twin predicted {}, {} were measured, {} are missing. Check the walls' force sensors.",

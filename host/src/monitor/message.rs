@@ -11,6 +11,8 @@ use damprig_core::io::TICK_HZ;
 use damprig_core::measure::impacts::ImpactRecord;
 use serde::Serialize;
 
+use crate::runner::TimeLeft;
+
 /// A message to a viewer.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
@@ -193,9 +195,11 @@ pub enum Activity {
     Lost,
     /// The run is over.
     Over,
+    /// A run that is over is replayed.
+    Replay,
 }
 
-/// What the controller computes in real time, as in its last report.
+/// What the controller computes in real time, as in its last report. What needs a drive, or a sensor that is lost, is unknown without.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)] // Names and units are those of the device's signal table (`damprig_core::rig::signals`).
 pub struct Numbers {
@@ -219,6 +223,9 @@ pub struct Numbers {
     pub spring_stage: Option<&'static str>,
     pub wall_low_n: Option<f32>,
     pub wall_high_n: Option<f32>,
+    /// Means over the last second while nothing is driven: what a sensor is aligned with, m.
+    pub x_mean_m: Option<f32>,
+    pub z_mean_m: Option<f32>,
     pub safety: Option<&'static str>,
 }
 
@@ -280,6 +287,23 @@ pub struct ReplayState {
     pub paused: bool,
 }
 
+/// What a run still takes, in wall time.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Left {
+    /// The shortest time, s.
+    pub low_s: f64,
+    /// The longest time, s.
+    pub high_s: f64,
+    /// The same in words.
+    pub text: String,
+}
+
+impl From<TimeLeft> for Left {
+    fn from(left: TimeLeft) -> Self {
+        Self { low_s: left.low_s, high_s: left.high_s, text: left.to_string() }
+    }
+}
+
 /// The present state.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct State {
@@ -297,8 +321,10 @@ pub struct State {
     pub points_planned: usize,
     /// Rig time so far, s.
     pub rig_s: f64,
-    /// Rig time left, s.
-    pub left_s: Option<f64>,
+    /// Age of the newest sample when this was told, s: host time, in a replay the run's own; none before the first.
+    pub age_s: Option<f64>,
+    /// What the run still takes; it stands while the run waits for a person.
+    pub left: Option<Left>,
     /// Rig seconds per second, as measured over the last seconds; none when the rig stands.
     pub speed: Option<f64>,
     /// Position of a replay.

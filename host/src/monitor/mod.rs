@@ -7,6 +7,7 @@
 
 mod access;
 pub mod action;
+mod connections;
 mod control;
 pub mod feed;
 pub mod folder;
@@ -15,6 +16,7 @@ mod hub;
 mod live;
 pub mod message;
 mod page;
+mod places;
 pub mod rig;
 pub mod run;
 mod screen;
@@ -25,21 +27,20 @@ mod words;
 
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::Receiver;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use tokio::sync::oneshot;
 
 pub use access::Token;
-pub use control::{Asked, Handles};
+pub use control::{Actions, Asked, Handles, Player};
 pub use feed::Feed;
 pub use words::spring as spring_event;
 
 use control::Control;
 use feed::Update;
 use live::Live;
+use places::Places;
 use server::Shared;
 
 /// The port of the page when none is given and it is free.
@@ -80,17 +81,27 @@ pub struct StartError(String);
 #[derive(Debug)]
 pub struct Monitor {
     feed: Feed,
-    actions: Option<Receiver<Asked>>,
+    actions: Option<Actions>,
+    player: Player,
     hub: JoinHandle<()>,
     page: Option<Page>,
 }
 
-/// The web server of a monitor.
+/// The page of a monitor.
 #[derive(Debug)]
 struct Page {
     address: SocketAddr,
     token: Option<Token>,
-    /// The server ends soon after this is dropped.
+    places: Arc<Places>,
+    /// What the web server needs, until it is started.
+    waits: Option<(TcpListener, Shared)>,
+    server: Option<Server>,
+}
+
+/// The web server of a page.
+#[derive(Debug)]
+struct Server {
+    /// It ends soon after this is dropped.
     ended: oneshot::Sender<()>,
     thread: JoinHandle<()>,
 }
@@ -105,15 +116,40 @@ impl Monitor {
     /// # Errors
     /// The address cannot be used.
     pub fn start(serving: Option<Serving>, permissions: Permissions, handles: Handles) -> Result<Self, StartError> {
+        let mut monitor = Self::prepare(serving, permissions, handles)?;
+        monitor.serve()?;
+        Ok(monitor)
+    }
+
+    /// Starts the monitor and takes the address of its page, which is served from [`Monitor::serve`] on.
+    ///
+    /// # Errors
+    /// The address cannot be used.
+    pub fn prepare(serving: Option<Serving>, permissions: Permissions, handles: Handles) -> Result<Self, StartError> {
         let listener = serving.as_ref().map(|serving| listen(serving.listen)).transpose()?;
         let (feed, updates) = feed::feed();
         let token = serving.and_then(|serving| serving.token);
         let (control, actions) = Control::new(token.clone(), handles, feed.clone(), permissions.where_to_stop.clone());
+        let player = control.player();
         let live = Live::new(permissions);
         let hub = std::thread::Builder::new().name("monitor".into());
         let hub = hub.spawn(move || hub::run(live, &updates)).map_err(failed)?;
-        let page = listener.map(|listener| Page::serve(listener, token, feed.clone(), control)).transpose()?;
-        Ok(Self { feed, actions: Some(actions), hub, page })
+        let page = listener.map(|listener| Page::new(listener, token, feed.clone(), control)).transpose()?;
+        Ok(Self { feed, actions: Some(actions), player, hub, page })
+    }
+
+    /// Serves the page, if there is one, from now on.
+    ///
+    /// # Errors
+    /// The system has no room for another thread.
+    pub fn serve(&mut self) -> Result<(), StartError> {
+        self.page.as_mut().map_or(Ok(()), Page::serve)
+    }
+
+    /// Number of viewers of the page.
+    #[must_use]
+    pub fn viewers(&self) -> usize {
+        self.page.as_ref().map_or(0, |page| page.places.viewers())
     }
 
     /// The source's end.
@@ -123,8 +159,14 @@ impl Monitor {
     }
 
     /// The actions of viewers; once.
-    pub fn take_actions(&mut self) -> Option<Receiver<Asked>> {
+    pub fn take_actions(&mut self) -> Option<Actions> {
         self.actions.take()
+    }
+
+    /// Plays and pauses a replay.
+    #[must_use]
+    pub fn player(&self) -> Player {
+        self.player.clone()
     }
 
     /// The address of the page, with the token if there is one.
@@ -142,6 +184,12 @@ impl Monitor {
         })
     }
 
+    /// Whether viewers with the token can act.
+    #[must_use]
+    pub fn can_control(&self) -> bool {
+        self.page.as_ref().is_some_and(|page| page.token.is_some())
+    }
+
     /// Whether other machines can open the page.
     #[must_use]
     pub fn is_public(&self) -> bool {
@@ -152,7 +200,7 @@ impl Monitor {
     pub fn end(self) {
         self.feed.send(Update::End);
         let _ = self.hub.join();
-        if let Some(Page { ended, thread, .. }) = self.page {
+        if let Some(Server { ended, thread }) = self.page.and_then(|page| page.server) {
             drop(ended);
             let _ = thread.join();
         }
@@ -160,30 +208,36 @@ impl Monitor {
 }
 
 impl Page {
-    fn serve(listener: TcpListener, token: Option<Token>, feed: Feed, control: Control) -> Result<Self, StartError> {
+    fn new(listener: TcpListener, token: Option<Token>, feed: Feed, control: Control) -> Result<Self, StartError> {
         let address = listener.local_addr().map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
-        let shared = Arc::new(Shared { address, feed, control, viewers: AtomicUsize::new(0) });
-        let viewers = Arc::clone(&shared);
+        let places = Arc::new(Places::default());
+        let shared = Shared { address, feed, control, places: Arc::clone(&places) };
+        Ok(Self { address, token, places, waits: Some((listener, shared)), server: None })
+    }
+
+    fn serve(&mut self) -> Result<(), StartError> {
+        let Some((listener, shared)) = self.waits.take() else { return Ok(()) };
+        let places = Arc::clone(&self.places);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
         let (ended, ends) = oneshot::channel();
         let thread = std::thread::Builder::new().name("monitor page".into());
         let thread = thread.spawn(move || {
             runtime.block_on(async {
                 let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
-                let serve = axum::serve(listener, server::routes(shared));
                 tokio::select! {
-                    _ = serve.into_future() => {}
+                    () = connections::accept(listener, server::routes(Arc::new(shared))) => {}
                     _ = ends => {
                         let until = Instant::now() + FAREWELL;
-                        while viewers.viewers.load(Ordering::Relaxed) > 0 && Instant::now() < until {
+                        while places.viewers() > 0 && Instant::now() < until {
                             tokio::time::sleep(TURN).await;
                         }
                     }
                 }
             });
         });
-        Ok(Self { address, token, ended, thread: thread.map_err(failed)? })
+        self.server = Some(Server { ended, thread: thread.map_err(failed)? });
+        Ok(())
     }
 }
 

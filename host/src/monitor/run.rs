@@ -1,13 +1,11 @@
 //! A run as a source of the monitor: passes what the run's watcher sees to the feed, and the viewers' actions to the run.
 
-use std::sync::mpsc::Receiver;
-
 use damprig_core::control::friction_spring::SpringEvent;
-use damprig_core::io::TICK_HZ;
+use damprig_core::io::{SensorSet, TICK_HZ};
 use damprig_core::measure::impacts::ImpactRecord;
 
 use super::action::{Action, Injection};
-use super::control::Asked;
+use super::control::{Actions, Asked};
 use super::feed::{Feed, Update, Watched};
 use super::message::{
     Activity, Curve, FaultText, Impact, Level, Limits, LinkState, Point, SignalName, Source, SourceKind, Transient,
@@ -24,7 +22,7 @@ use crate::run_folder::schema::journal_state::{JournalState, Planned};
 use crate::run_folder::schema::peak_points::PeakPoints;
 use crate::run_folder::schema::results::steadiness_text;
 use crate::run_folder::schema::transients::TransientRow;
-use crate::runner::{RestAnswer, RestFinding, RunAction, RunError, WatchedStart, Watcher};
+use crate::runner::{RestAnswer, RestFinding, RunAction, RunError, TimeLeft, WatchedStart, Watcher};
 
 /// What is known of a run before it starts.
 pub struct RunFacts<'a> {
@@ -44,7 +42,7 @@ pub struct RunFacts<'a> {
 pub struct MonitoredRun<'a> {
     terminal: &'a mut dyn Watcher,
     feed: Feed,
-    actions: Receiver<Asked>,
+    actions: &'a Actions,
     asked: Option<(RunAction, Asked)>,
     /// The last action of the terminal.
     from_terminal: Option<RunAction>,
@@ -55,6 +53,21 @@ pub struct MonitoredRun<'a> {
     injected: Vec<(&'static str, &'static str)>,
     present: Option<Present>,
     is_held: bool,
+    was_stopped: bool,
+    rig_s: f64,
+}
+
+/// What is needed to watch the rig when its run has ended.
+#[derive(Debug)]
+pub struct AfterRun {
+    pub(super) watched: Watched,
+    pub(super) link: LinkState,
+    /// Places of the signals in the device's table, ticks from row to row and rig time of tick 0 of the last start.
+    pub(super) selection: Option<(Vec<usize>, u32, f64)>,
+    /// Rig time at the end, s.
+    pub(super) rig_s: f64,
+    /// Whether a viewer has stopped the run.
+    pub was_stopped_by_viewer: bool,
 }
 
 /// The present start of the device.
@@ -62,6 +75,7 @@ struct Present {
     set_up: String,
     experiment: String,
     from_s: f64,
+    places: Vec<usize>,
     every_ticks: u32,
     /// Tick that the next row has if none is lost.
     next_tick: Option<u32>,
@@ -69,7 +83,7 @@ struct Present {
 
 impl<'a> MonitoredRun<'a> {
     /// Watches a run; `actions` are those of the monitor's viewers.
-    pub fn new(facts: &RunFacts, feed: Feed, actions: Receiver<Asked>, terminal: &'a mut dyn Watcher) -> Self {
+    pub fn new(facts: &RunFacts, feed: Feed, actions: &'a Actions, terminal: &'a mut dyn Watcher) -> Self {
         let RunFacts { campaign, session, predicted, folder, taken } = facts;
         let table: Vec<SignalName> = session
             .signals
@@ -90,7 +104,6 @@ impl<'a> MonitoredRun<'a> {
             table: table.iter().map(|signal| signal.name.clone()).collect(),
             curves: curves(campaign, predicted),
             points_planned: planned.points,
-            expected_s: Some(planned.expected_s),
             limits: Limits {
                 x_m: Some(campaign.rig.structure_limit_m()),
                 z_m: Some(campaign.rig.base_limit_m()),
@@ -117,22 +130,35 @@ impl<'a> MonitoredRun<'a> {
             injected: Vec::new(),
             present: None,
             is_held: false,
+            was_stopped: false,
+            rig_s: 0.0,
         }
     }
 
-    /// Tells how the run has ended.
-    pub fn ended(&self, result: &Result<(), RunError>) {
-        match result {
-            Ok(()) => self.feed.send(Update::Activity(Activity::Over, "The run is complete.".into())),
-            Err(RunError::Interrupted) => {
-                self.feed.send(Update::Activity(Activity::Over, "The run was stopped; --resume continues it.".into()));
-            }
+    /// Tells how the run has ended, and how it goes on. Returns what is needed to watch the rig from here on.
+    pub fn ended(mut self, result: &Result<(), RunError>) -> AfterRun {
+        // An action just before the end.
+        while let Some(asked) = self.actions.next() {
+            self.for_run(asked);
+        }
+        let folder = self.watched.source.folder.clone().unwrap_or_default();
+        let resume = format!("`damprig run --resume {folder}` continues the run.");
+        let headline = match result {
+            Ok(()) => "The run is complete.".into(),
+            Err(RunError::Interrupted) => format!("The run was stopped. {resume}"),
             Err(error) => {
                 let what = words::sentence(&error.to_string());
-                let advice = "The drive is off. `damprig run --resume` continues the run.".into();
-                self.feed.send(Update::Fault(Some(FaultText { what: what.clone(), advice })));
-                self.feed.send(Update::Activity(Activity::Over, format!("The run has ended early. {what}")));
+                self.feed.send(Update::Fault(Some(FaultText { what: what.clone(), advice: resume.clone() })));
+                format!("The run has ended early. {resume}")
             }
+        };
+        self.feed.send(Update::Activity(Activity::Over, headline));
+        AfterRun {
+            selection: self.present.map(|present| (present.places, present.every_ticks, present.from_s)),
+            rig_s: self.rig_s,
+            was_stopped_by_viewer: self.was_stopped,
+            watched: self.watched,
+            link: self.link,
         }
     }
 
@@ -150,7 +176,10 @@ impl<'a> MonitoredRun<'a> {
             Action::Hold => RunAction::Hold(true),
             Action::Release => RunAction::Hold(false),
             // These were done already: the run only notes them.
-            Action::Stop => RunAction::Noted("stopped on the live page"),
+            Action::Stop => {
+                self.was_stopped = true;
+                RunAction::Noted("stopped on the live page")
+            }
             Action::Inject { fault: fault @ Injection::Cable { on } } => {
                 words::note_injection(&mut self.injected, fault);
                 self.feed.send(Update::Injected(words::injected(&self.injected)));
@@ -226,8 +255,19 @@ impl Watcher for MonitoredRun<'_> {
     }
 
     fn progress(&mut self, rig_s: f64) {
+        self.rig_s = rig_s;
         self.feed.send(Update::Progress(rig_s));
         self.terminal.progress(rig_s);
+    }
+
+    fn time_left(&mut self, left: TimeLeft) {
+        self.feed.send(Update::TimeLeft(left));
+        self.terminal.time_left(left);
+    }
+
+    fn lost_sensors(&mut self, lost: SensorSet) {
+        self.feed.send(Update::LostSensors(lost));
+        self.terminal.lost_sensors(lost);
     }
 
     fn started(&mut self, start: &WatchedStart) {
@@ -246,7 +286,14 @@ impl Watcher for MonitoredRun<'_> {
             clearance_m: start.set_up.model().particle.map(|particle| particle.clearance_m),
         });
         let every_ticks = u32::from(start.every_ticks.max(1));
-        self.present = Some(Present { set_up, experiment, from_s: start.from_s, every_ticks, next_tick: None });
+        self.present = Some(Present {
+            set_up,
+            experiment,
+            from_s: start.from_s,
+            places: start.places.to_vec(),
+            every_ticks,
+            next_tick: None,
+        });
         self.is_held = false;
         self.running();
         self.terminal.started(start);
@@ -286,7 +333,7 @@ impl Watcher for MonitoredRun<'_> {
         if self.from_terminal.is_some() {
             return self.from_terminal;
         }
-        while let Ok(asked) = self.actions.try_recv() {
+        while let Some(asked) = self.actions.next() {
             if let Some(action) = self.for_run(asked) {
                 return Some(action);
             }
@@ -321,7 +368,6 @@ impl Watcher for MonitoredRun<'_> {
         self.feed.log(level, words::sentence(&points.text()));
         if planned.points != self.watched.points_planned {
             self.watched.points_planned = planned.points;
-            self.watched.expected_s = Some(planned.expected_s);
             self.feed.send(Update::Watch(Box::new(self.watched.clone())));
             self.feed.send(Update::Link(self.link.clone()));
         }

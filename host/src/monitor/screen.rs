@@ -9,7 +9,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Axis, Block, Chart, Dataset, Gauge, GraphType, Paragraph, Sparkline, Wrap};
 
-use super::message::{Activity, Level};
+use super::message::{Activity, Level, Numbers};
 use super::terminal::Picture;
 use crate::input::shown_in_line;
 use crate::report::numbers::duration;
@@ -60,10 +60,10 @@ fn text_alone(frame: &mut Frame, picture: &Picture) {
     let mut lines = vec![status, Line::from(keys_text(picture)).reversed()];
     lines.extend(trouble(picture));
     lines.push(Line::from(shown_in_line(&state.headline).into_owned()));
+    lines.extend(age(picture).map(Line::from));
     lines.push(Line::from(format!("X/Z (lock-in) {}", decimals(numbers.x_over_z_lock_in, 1.0, 2))));
     lines.push(Line::from(format!("f (Hz) {}", decimals(numbers.frequency_hz, 1.0, 3))));
-    lines.push(Line::from(format!("X (mm) {}", decimals(numbers.x_amplitude_m, 1e3, 2))));
-    lines.push(Line::from(format!("Z (mm) {}", decimals(numbers.z_amplitude_m, 1e3, 3))));
+    lines.extend(displacements(numbers).map(|(name, value)| Line::from(format!("{name} {value}"))));
     lines.extend(share_done(picture).map(|(_, label)| Line::from(label)));
     frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: true }), frame.area());
 }
@@ -73,7 +73,7 @@ fn share_done(picture: &Picture) -> Option<(f64, String)> {
     let state = &picture.snapshot.state;
     if state.points_planned > 0 {
         let ratio = (state.points_taken as f64 / state.points_planned as f64).clamp(0.0, 1.0);
-        let left = state.left_s.map_or(String::new(), |s| format!(", {} of rig time left", duration(s)));
+        let left = state.left.as_ref().map_or(String::new(), |left| format!(", {}", left.text));
         return Some((ratio, format!("{} of {} points{left}", state.points_taken, state.points_planned)));
     }
     let replay = state.replay?;
@@ -82,7 +82,10 @@ fn share_done(picture: &Picture) -> Option<(f64, String)> {
 }
 
 fn keys_text(picture: &Picture) -> &'static str {
-    match (picture.owns_run, picture.snapshot.state.activity) {
+    let state = &picture.snapshot.state;
+    match (picture.owns_run, state.activity) {
+        (false, _) if state.replay.is_some_and(|replay| replay.paused) => " p play   q end ",
+        (false, _) if state.replay.is_some() => " p pause   q end ",
         (false, _) => " q end ",
         (true, Activity::Paused) => " s stop   p resume ",
         (true, Activity::Held) => " s stop   p pause   h release ",
@@ -99,10 +102,12 @@ fn status(picture: &Picture) -> Line<'static> {
         Activity::Paused => ("PAUSED", Color::Yellow),
         Activity::Waiting => ("WAITING", Color::Yellow),
         Activity::Stopping => ("STOPPING", Color::Yellow),
+        Activity::Idle if !snapshot.state.alarms.is_empty() => ("IDLE", Color::Yellow),
         Activity::Idle => ("IDLE", Color::Blue),
         Activity::Faulted => ("FAULT", Color::Red),
         Activity::Lost => ("LINK LOST", Color::Red),
         Activity::Over => ("OVER", Color::Blue),
+        Activity::Replay => ("REPLAY", Color::Blue),
     };
     let name = shown_in_line(&snapshot.source.name).into_owned();
     let at = format!("  {} at {}", shown_in_line(&snapshot.source.board), shown_in_line(&snapshot.source.rig));
@@ -124,6 +129,28 @@ fn trouble(picture: &Picture) -> Option<Line<'static>> {
     Some(Line::from(shown_in_line(&text).into_owned()).style(colour).bold())
 }
 
+/// How old the newest sample is, when it is old.
+fn age(picture: &Picture) -> Option<String> {
+    picture.old_s().map(|age_s| format!("newest sample {} old", duration(age_s.floor())))
+}
+
+/// A number; grey when it is old.
+fn number(text: String, is_old: bool) -> Span<'static> {
+    if is_old { Span::from(text).fg(Color::DarkGray) } else { Span::from(text).bold() }
+}
+
+/// Amplitudes of x and z, or their means while nothing is driven.
+fn displacements(numbers: &Numbers) -> [(&'static str, String); 2] {
+    let one = |names: [&'static str; 2], amplitude: Option<f32>, mean: Option<f32>, digits| match mean {
+        Some(_) => (names[1], decimals(mean, 1e3, 3)),
+        None => (names[0], decimals(amplitude, 1e3, digits)),
+    };
+    [
+        one(["X (mm)", "x mean (mm)"], numbers.x_amplitude_m, numbers.x_mean_m, 2),
+        one(["Z (mm)", "z mean (mm)"], numbers.z_amplitude_m, numbers.z_mean_m, 3),
+    ]
+}
+
 /// A number times `factor`; a dash without one.
 fn decimals(value: Option<f32>, factor: f32, digits: usize) -> String {
     value.map_or_else(|| "–".to_string(), |value| format!("{:.digits$}", value * factor))
@@ -133,12 +160,13 @@ fn values(frame: &mut Frame, area: Rect, picture: &Picture) {
     let numbers = &picture.snapshot.state.numbers;
     let link = &picture.snapshot.state.link;
     let degrees = 180.0 / std::f32::consts::PI;
+    let [x, z] = displacements(numbers);
     let cells = [
         [
             ("f (Hz)", decimals(numbers.frequency_hz, 1.0, 3)),
             ("X/Z (lock-in)", decimals(numbers.x_over_z_lock_in, 1.0, 2)),
-            ("X (mm)", decimals(numbers.x_amplitude_m, 1e3, 2)),
-            ("Z (mm)", decimals(numbers.z_amplitude_m, 1e3, 3)),
+            x,
+            z,
         ],
         [
             ("phase (°)", decimals(numbers.x_phase_rad, degrees, 0)),
@@ -153,14 +181,16 @@ fn values(frame: &mut Frame, area: Rect, picture: &Picture) {
             ("lost rows", link.lost_rows.to_string()),
         ],
     ];
-    let block = Block::bordered();
+    let age = age(picture);
+    let is_old = age.is_some();
+    let block = Block::bordered().title(age.unwrap_or_default());
     let inner = block.inner(area);
-    frame.render_widget(block, area);
+    frame.render_widget(block.style(if is_old { Color::DarkGray } else { Color::Reset }), area);
     let rows = Layout::vertical([Constraint::Length(1); 3]).split(inner);
     for (row, cells) in rows.iter().zip(cells) {
         let columns = Layout::horizontal([Constraint::Fill(1); 4]).split(*row);
         for (column, (name, text)) in columns.iter().zip(cells) {
-            let line = Line::from(vec![Span::from(format!("{name:>13} ")).dim(), Span::from(text).bold()]);
+            let line = Line::from(vec![Span::from(format!("{name:>13} ")).dim(), number(text, is_old)]);
             frame.render_widget(line, *column);
         }
     }

@@ -1,18 +1,18 @@
 //! The web server of the page: fixed files and one WebSocket for each viewer.
 //!
 //! Every viewer reads the same frames at its own pace. One that is too slow skips frames and gets a new snapshot; one that takes
-//! nothing for a while is disconnected. Nothing here can delay the source.
+//! nothing, or answers no ping, is disconnected. Nothing here can delay the source.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::Router;
 use axum::extract::State;
 use axum::extract::ws::{CloseFrame, Message as Packet, WebSocket, WebSocketUpgrade, close_code};
 use axum::http::header::{
-    CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, ORIGIN, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS,
+    CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, ORIGIN, REFERRER_POLICY, SEC_WEBSOCKET_PROTOCOL,
+    X_CONTENT_TYPE_OPTIONS,
 };
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
@@ -21,13 +21,12 @@ use tokio::sync::{broadcast, mpsc, oneshot};
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
 use super::access::check_origin;
-use super::control::Control;
+use super::action::Action;
+use super::control::{Control, Refused};
 use super::feed::{Feed, Update};
 use super::message::{Answer, Message, SharedFrame, json};
 use super::page;
-
-/// Most viewers at a time.
-const MOST_VIEWERS: usize = 64;
+use super::places::{MOST_VIEWERS, Place, Places};
 
 /// Longest message of a viewer, bytes.
 const LONGEST_MESSAGE: usize = 4096;
@@ -35,21 +34,27 @@ const LONGEST_MESSAGE: usize = 4096;
 /// Time in which a viewer must take a message.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Time from ping to ping: a viewer that has vanished is noticed.
-const PING_EVERY: Duration = Duration::from_secs(15);
+/// Time from ping to ping, and time without an answer after which a viewer has vanished.
+const PING_EVERY: Duration = Duration::from_secs(10);
+const SILENT_AFTER: Duration = Duration::from_secs(29);
 
-/// Refused messages after which a viewer is disconnected.
+/// The protocol of the WebSocket. A viewer with the token offers [`TOKEN`] and the token beside it.
+const PROTOCOL: &str = "damprig";
+const TOKEN: &str = "token.";
+
+/// Messages that are malformed, or from a viewer who may not act, after which it is disconnected.
 const MOST_MISTAKES: u32 = 10;
 
 /// Actions of a viewer that wait for their answers.
 const MOST_ACTIONS: usize = 4;
 
 /// What every connection needs.
+#[derive(Debug)]
 pub(super) struct Shared {
     pub(super) address: SocketAddr,
     pub(super) feed: Feed,
     pub(super) control: Control,
-    pub(super) viewers: AtomicUsize,
+    pub(super) places: Arc<Places>,
 }
 
 /// The routes of the server.
@@ -89,26 +94,19 @@ async fn live(upgrade: WebSocketUpgrade, headers: HeaderMap, State(shared): Stat
     if let Err(refusal) = check(&headers, &shared) {
         return refusal;
     }
-    if shared.viewers.fetch_add(1, Ordering::Relaxed) >= MOST_VIEWERS {
-        shared.viewers.fetch_sub(1, Ordering::Relaxed);
+    // A browser tells the token here too, so that it gets a place whoever else watches.
+    let offered = headers.get_all(SEC_WEBSOCKET_PROTOCOL).iter().filter_map(|value| value.to_str().ok());
+    let mut offered = offered.flat_map(|list| list.split(',')).filter_map(|one| one.trim().strip_prefix(TOKEN));
+    let has_token = offered.any(|token| shared.control.is_token(token));
+    let Some(place) = shared.places.take(has_token) else {
         let text = format!("{MOST_VIEWERS} viewers are connected already; close one of them\n");
         return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
-    }
-    let leaves = Leaves(Arc::clone(&shared));
-    upgrade.max_message_size(LONGEST_MESSAGE).max_frame_size(LONGEST_MESSAGE).on_upgrade(|socket| async move {
+    };
+    let upgrade = upgrade.protocols([PROTOCOL]).max_message_size(LONGEST_MESSAGE).max_frame_size(LONGEST_MESSAGE);
+    upgrade.on_upgrade(|socket| async move {
         // A viewer that is gone has no use for an error.
-        let _ = Viewer { socket, shared: Arc::clone(&leaves.0), mistakes: 0 }.serve().await;
-        drop(leaves);
+        let _ = Viewer { socket, shared, place, mistakes: 0 }.serve().await;
     })
-}
-
-/// Counts a viewer until it is dropped.
-struct Leaves(Arc<Shared>);
-
-impl Drop for Leaves {
-    fn drop(&mut self) {
-        self.0.viewers.fetch_sub(1, Ordering::Relaxed);
-    }
 }
 
 /// The viewer has left, or takes nothing.
@@ -117,6 +115,7 @@ struct Gone;
 struct Viewer {
     socket: WebSocket,
     shared: Arc<Shared>,
+    place: Place,
     mistakes: u32,
 }
 
@@ -127,6 +126,7 @@ impl Viewer {
         let (answers, mut answered) = mpsc::channel(MOST_ACTIONS);
         let mut pings = interval(PING_EVERY);
         pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut heard = Instant::now();
         loop {
             tokio::select! {
                 frame = frames.recv() => match frame {
@@ -134,15 +134,26 @@ impl Viewer {
                     // Too slow, or something else is watched from now on.
                     Err(_) => frames = self.join().await?,
                 },
-                packet = self.socket.recv() => match packet {
-                    Some(Ok(Packet::Text(text))) => self.act(text.to_string(), &answers).await?,
-                    Some(Ok(Packet::Binary(_))) => self.act(String::new(), &answers).await?,
-                    Some(Ok(Packet::Ping(_) | Packet::Pong(_))) => {}
-                    // Closed, broken, or a message that is too long.
-                    Some(Ok(Packet::Close(_)) | Err(_)) | None => return Err(Gone),
-                },
+                packet = self.socket.recv() => {
+                    heard = Instant::now();
+                    match packet {
+                        Some(Ok(Packet::Text(text))) => self.act(&text, &answers).await?,
+                        Some(Ok(Packet::Binary(_))) => self.act("", &answers).await?,
+                        Some(Ok(Packet::Ping(_) | Packet::Pong(_))) => {}
+                        // Closed, broken, or a message that is too long.
+                        Some(Ok(Packet::Close(_)) | Err(_)) | None => return Err(Gone),
+                    }
+                }
                 Some(answer) = answered.recv() => self.answer(&answer).await?,
-                _ = pings.tick() => self.send(Packet::Ping(Default::default())).await?,
+                _ = pings.tick() => {
+                    if heard.elapsed() > SILENT_AFTER {
+                        return Err(Gone);
+                    }
+                    self.send(Packet::Ping(Default::default())).await?;
+                }
+                () = self.place.is_needed() => {
+                    return self.close(close_code::POLICY, "newer viewers with the token have taken its place").await;
+                }
             }
         }
     }
@@ -158,19 +169,33 @@ impl Viewer {
         Ok(frames)
     }
 
-    async fn act(&mut self, text: String, answers: &mpsc::Sender<Answer>) -> Result<(), Gone> {
+    async fn act(&mut self, text: &str, answers: &mpsc::Sender<Answer>) -> Result<(), Gone> {
+        let request = match self.shared.control.read(text) {
+            Ok(request) => request,
+            Err(Refused(answer)) => return self.refuse(&answer).await,
+        };
+        // A stop waits for nothing.
+        if request.action == Action::Stop {
+            let answer = self.shared.control.stop(request.id);
+            return self.answer(&answer).await;
+        }
         let Ok(place) = answers.clone().try_reserve_owned() else {
             let text = "earlier actions are still waiting; try again in a moment".into();
-            return self.answer(&Answer { id: 0, ok: false, text }).await;
+            return self.answer(&Answer { id: request.id, ok: false, text }).await;
         };
         let shared = Arc::clone(&self.shared);
-        tokio::spawn(async move { place.send(shared.control.answer(&text).await) });
+        tokio::spawn(async move { place.send(shared.control.act(request).await) });
         Ok(())
     }
 
     async fn answer(&mut self, answer: &Answer) -> Result<(), Gone> {
-        self.mistakes += u32::from(!answer.ok);
-        self.send(Packet::Text(json(&Message::Answer(answer)))).await?;
+        self.send(Packet::Text(json(&Message::Answer(answer)))).await
+    }
+
+    /// Answers a message that is malformed, or from a viewer who may not act.
+    async fn refuse(&mut self, answer: &Answer) -> Result<(), Gone> {
+        self.answer(answer).await?;
+        self.mistakes += 1;
         if self.mistakes >= MOST_MISTAKES {
             return self.close(close_code::POLICY, "too many refused messages").await;
         }

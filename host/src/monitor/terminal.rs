@@ -7,7 +7,7 @@ use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use ratatui::backend::CrosstermBackend;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
@@ -18,6 +18,7 @@ use tokio::sync::broadcast::Receiver as Frames;
 use tokio::sync::broadcast::error::TryRecvError;
 use tokio::sync::oneshot;
 
+use super::control::Player;
 use super::feed::{Feed, Update};
 use super::message::{Activity, Frame, Level, Log, News, SharedFrame, Snapshot};
 use super::screen;
@@ -36,6 +37,9 @@ const MOST_VALUES: usize = 400;
 const MOST_LOG: usize = 50;
 const MOST_POINTS: usize = 2000;
 
+/// Age from which numbers are shown as old, s.
+const OLD_S: f64 = 1.0;
+
 /// What the picture is drawn from.
 #[derive(Debug)]
 pub(super) struct Picture {
@@ -51,6 +55,8 @@ pub(super) struct Picture {
     pub(super) question: Option<String>,
     /// Whether the terminal owns a run.
     pub(super) owns_run: bool,
+    /// When the state was told.
+    told_at: Instant,
 }
 
 impl Picture {
@@ -65,6 +71,7 @@ impl Picture {
             question: None,
             owns_run,
             snapshot,
+            told_at: Instant::now(),
         };
         let news = picture.snapshot.news.clone();
         picture.add(&news);
@@ -77,8 +84,15 @@ impl Picture {
                 list.clear();
             }
         }
-        self.snapshot.state = frame.state.clone();
+        (self.snapshot.state, self.told_at) = (frame.state.clone(), Instant::now());
         self.add(&frame.news);
+    }
+
+    /// Age of the newest sample, s, when it is so old that the numbers are no longer those of the rig.
+    pub(super) fn old_s(&self) -> Option<f64> {
+        let state = &self.snapshot.state;
+        let since_s = if state.replay.is_some() { 0.0 } else { self.told_at.elapsed().as_secs_f64() };
+        state.age_s.map(|age_s| age_s + since_s).filter(|age_s| *age_s > OLD_S)
     }
 
     fn add(&mut self, news: &News) {
@@ -140,6 +154,7 @@ enum Answer {
 /// What the keys lead to.
 struct Keys {
     stop: Arc<AtomicBool>,
+    player: Player,
     actions: Sender<RunAction>,
     answers: Sender<Answer>,
 }
@@ -152,13 +167,14 @@ impl TerminalView {
     pub fn open(
         feed: &Feed,
         stop: &Arc<AtomicBool>,
+        player: Player,
         owns_run: bool,
         mount_without_asking: bool,
     ) -> io::Result<(Self, TerminalWatcher)> {
         let shared = Arc::new(Shared::default());
         let (actions, asked) = channel();
         let (answers, answered) = channel();
-        let keys = Keys { stop: Arc::clone(stop), actions, answers };
+        let keys = Keys { stop: Arc::clone(stop), player, actions, answers };
         let (theirs, own_feed) = (Arc::clone(&shared), feed.clone());
         let terminal = take_terminal()?;
         let (ends, ended) = channel();
@@ -255,6 +271,7 @@ fn press(key: KeyEvent, keys: &Keys, picture: &Picture) {
     let control_c = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
     let is_held = picture.snapshot.state.activity == Activity::Held;
     let is_paused = picture.snapshot.state.activity == Activity::Paused;
+    let replay = picture.snapshot.state.replay;
     match key.code {
         // As without the view: the second one ends the program at once.
         _ if control_c && keys.stop.swap(true, Ordering::Relaxed) => {
@@ -264,6 +281,7 @@ fn press(key: KeyEvent, keys: &Keys, picture: &Picture) {
         _ if control_c => {}
         KeyCode::Char('s') if picture.owns_run => keys.stop.store(true, Ordering::Relaxed),
         KeyCode::Char('q') if !picture.owns_run => keys.stop.store(true, Ordering::Relaxed),
+        KeyCode::Char('p') if replay.is_some() => keys.player.pause(!replay.is_some_and(|replay| replay.paused)),
         KeyCode::Char('p') if picture.owns_run => {
             let _ = keys.actions.send(if is_paused { RunAction::Resume } else { RunAction::Pause });
         }

@@ -2,8 +2,10 @@
 
 use damprig_core::control::fault::Fault;
 use damprig_core::control::friction_spring::SpringEvent;
+use damprig_core::control::safety::SafeStage;
 
 use super::action::Injection;
+use crate::runner::fault_text::cause_text;
 
 /// A text as a sentence: with a capital and a full stop.
 #[must_use]
@@ -21,18 +23,18 @@ pub fn spring(event: &SpringEvent) -> String {
         SpringEvent::Homed => "The spring is homed.".into(),
         SpringEvent::Touched(_) => "The spring has touched the structure: its zero reading is known.".into(),
         SpringEvent::OnTarget { force_n } => format!("The spring is on target: {force_n:.2} N."),
-        SpringEvent::Fault(fault) => sentence(fault.cause.text()),
+        SpringEvent::Fault(fault) => sentence(&cause_text(fault.cause, fault.value, fault.limit)),
     }
 }
 
-/// A fault of the rig, with its value and limit if it has them.
-pub(super) fn fault(fault: &Fault) -> String {
-    let values = if fault.value == 0.0 && fault.limit == 0.0 {
-        String::new()
-    } else {
-        format!(" (value {}, limit {})", fault.value, fault.limit)
+/// A fault of a rig as it is now: its drive, the cause, value and limit if it has them.
+pub(super) fn fault(fault: &Fault, stage: SafeStage) -> String {
+    let drive = match stage {
+        SafeStage::Fading => "The drive fades out",
+        // A fault of the spring alone finds the drive off.
+        SafeStage::Clear | SafeStage::Ringing | SafeStage::Safe => "The drive is off",
     };
-    sentence(&format!("{}{values}", fault.cause.text()))
+    sentence(&format!("{drive}: {}", cause_text(fault.cause, fault.value, fault.limit)))
 }
 
 /// Adds an injected fault to the list of what is injected, or removes it.

@@ -54,7 +54,7 @@ impl Run<'_> {
             let own = || own.iter().map(|&place| &campaign.experiments[place]);
             // Each set-up is mounted once, or never when all its points are taken.
             if own().any(|e| self.is_open(set_up, e)) {
-                if self.watcher.mount(set_up, simulated)? {
+                if self.with_person(|watcher| watcher.mount(set_up, simulated))? {
                     self.note_action(&format!(
                         "confirmed: set-up {:?} is mounted{}",
                         set_up.name,
@@ -79,7 +79,7 @@ impl Run<'_> {
     /// Asks a person for what an experiment needs, and returns whether it needs something; a simulated rig needs nobody.
     fn instruct(&mut self, experiment: &Experiment, simulated: bool) -> Result<bool, RunError> {
         let Some(instruction) = experiment.instruction.as_ref().filter(|_| !simulated) else { return Ok(false) };
-        if self.watcher.instruct(experiment, instruction)? {
+        if self.with_person(|watcher| watcher.instruct(experiment, instruction))? {
             self.note_action(&format!("confirmed before experiment {:?}: {instruction}", experiment.name));
         }
         Ok(true)
@@ -122,6 +122,7 @@ impl Run<'_> {
             let whole = self.journal.known(&set_up.name, experiment).into_owned();
             self.measure(set_up, &whole, &(known..whole.known_points()))?;
         }
+        self.estimate.is_whole();
         Ok(())
     }
 
@@ -138,7 +139,9 @@ impl Run<'_> {
             let last = match Segment::carry_out(self, &task) {
                 Ok(End::Finished) => "results were lost on the link and the device no longer has them".to_string(),
                 Ok(End::Paused) => {
+                    self.estimate.stand();
                     self.wait_for_resumption()?;
+                    self.estimate.go_on();
                     continue;
                 }
                 Ok(End::Reset) => {
@@ -150,7 +153,9 @@ impl Run<'_> {
                 }
                 Err(RunError::Session(error)) if reconnect::is_recoverable(&error) => {
                     let text = error.to_string();
+                    self.estimate.stand();
                     self.reconnect(error)?;
+                    self.estimate.go_on();
                     text
                 }
                 Err(error) => return Err(error),

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use damprig_core::io::TICK_HZ;
 use damprig_protocol::{ClockSource, PlantKind, Request};
 
+use super::time_left::Estimate;
 use super::watcher::Watcher;
 use super::wire_mapping::Selection;
 use crate::campaign::Campaign;
@@ -90,6 +91,7 @@ pub struct Run<'a> {
     pub(super) began: Instant,
     /// When the watcher last got the controller's values.
     pub(super) values_shown: Instant,
+    pub(super) estimate: Estimate,
 }
 
 impl<'a> Run<'a> {
@@ -105,6 +107,7 @@ impl<'a> Run<'a> {
     ) -> Self {
         let every_ticks = campaign.telemetry.every_ticks();
         let tally = Tally { rig_s: journal.ticks() as f64 / f64::from(TICK_HZ), ..Tally::default() };
+        let estimate = Estimate::new((!session.is_granted()).then(|| session.speed()));
         Self {
             campaign,
             session,
@@ -120,6 +123,7 @@ impl<'a> Run<'a> {
             has_rows_at_rest: false,
             began: Instant::now(),
             values_shown: Instant::now(),
+            estimate,
         }
     }
 

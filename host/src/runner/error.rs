@@ -2,6 +2,7 @@
 
 use damprig_core::control::friction_spring;
 
+use super::fault_text::{cause_text, drive_text};
 use crate::client::session::SessionError;
 use crate::input::Refusal;
 use crate::run_folder::StorageError;
@@ -19,7 +20,11 @@ pub enum RunError {
     #[error(transparent)]
     Storage(#[from] StorageError),
     /// An interlock ended the drive.
-    #[error("set-up {set_up:?}: {} at t = {t_s:.3} s (value {value}, limit {limit}); the drive was stopped", cause.text())]
+    #[error(
+        "{} at t = {t_s:.3} s of set-up {set_up:?}: {}",
+        drive_text(*cause),
+        cause_text(*cause, *value, *limit)
+    )]
     Fault {
         /// The set-up.
         set_up: String,
@@ -33,7 +38,7 @@ pub enum RunError {
         limit: f32,
     },
     /// The friction damper's spring could not be set.
-    #[error("set-up {set_up:?}: {} (value {value}, limit {limit})", cause.text())]
+    #[error("the drive was not started on set-up {set_up:?}: {}", cause_text(*cause, *value, *limit))]
     Spring {
         /// The set-up.
         set_up: String,

@@ -202,7 +202,7 @@ impl Run<'_> {
             if finding.is_at_rest() {
                 break;
             }
-            let answer = self.watcher.not_at_rest(&finding)?;
+            let answer = self.with_person(|watcher| watcher.not_at_rest(&finding))?;
             // Ctrl-C while the question stood.
             if self.stop.load(Ordering::Relaxed) {
                 return Err(RunError::Interrupted);

@@ -235,6 +235,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             }
             self.run.tally.rig_s = self.before_s + f64::from(self.progress.latest_tick()) / f64::from(TICK_HZ);
             self.run.watcher.progress(self.run.tally.rig_s);
+            self.run.tell_time_left();
             self.run.show_values()?;
             if self.act()? == Some(End::Paused) {
                 self.record_all()?;
@@ -452,6 +453,13 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         // A point that is in the journal is not measured again: its impacts must be there before it.
         self.note_impacts();
         self.run.note(Entry::Result(Box::new(row)));
+        self.count_point();
+    }
+
+    /// Tells the estimate of the time left that a point was measured.
+    fn count_point(&mut self) {
+        let experiment = self.task.experiment;
+        self.run.estimate.point(experiment.expected_s() / experiment.points().max(1) as f64);
     }
 
     fn take_transient(&mut self, result: &TransientResult) {
@@ -460,6 +468,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         self.run.watcher.transient(&row);
         self.note_impacts();
         self.run.note(Entry::Transient(Box::new(row)));
+        self.count_point();
     }
 
     /// Requests the results before `until` that have not arrived.

@@ -3,18 +3,20 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use damprig_core::io::SensorSet;
 use damprig_simulator::messages::ToSimulator;
 use damprig_simulator::plant::InjectedFault;
 
 use super::context::Run;
 use super::error::RunError;
-use super::watcher::RunAction;
+use super::watcher::{RunAction, Watcher};
 use crate::client::session::SessionError;
 use crate::host_time;
 use crate::run_folder::journal::Entry;
 
-/// Host time between two questions for the controller's values.
+/// Host time between two questions for the controller's values, and for the status of a rig in a pause.
 const VALUES_EVERY: Duration = Duration::from_millis(100);
+const STATUS_EVERY: Duration = Duration::from_millis(500);
 
 impl Run<'_> {
     /// Asks for the controller's values, if the watcher wants them and it is time.
@@ -29,6 +31,19 @@ impl Run<'_> {
         self.watcher.values(self.tally.rig_s, &values, &losses);
         self.values_shown = Instant::now();
         Ok(())
+    }
+
+    /// Tells the watcher what the run still takes, if it is time.
+    pub(super) fn tell_time_left(&mut self) {
+        self.estimate.next(self.campaign, &self.journal).into_iter().for_each(|left| self.watcher.time_left(left));
+    }
+
+    /// Waits for a person: this time is no part of what the run takes.
+    pub(super) fn with_person<T>(&mut self, wait: impl FnOnce(&mut dyn Watcher) -> T) -> T {
+        self.estimate.stand();
+        let answer = wait(self.watcher);
+        self.estimate.go_on();
+        answer
     }
 
     /// Answers the last action, and notes it in the journal if it was done.
@@ -75,11 +90,17 @@ impl Run<'_> {
     /// Waits until a person resumes the run. The drive is off.
     pub(super) fn wait_for_resumption(&mut self) -> Result<(), RunError> {
         self.watcher.answer(Ok("paused: the drive is off; the interrupted point is repeated"));
+        let mut status_at: Option<Instant> = None;
         loop {
             if self.stop.load(Ordering::Relaxed) {
                 return Err(RunError::Interrupted);
             }
             self.recorder.check()?;
+            if self.watcher.wants_values() && status_at.is_none_or(|at| at.elapsed() >= STATUS_EVERY) {
+                status_at = Some(Instant::now());
+                let (status, _) = self.session.status()?;
+                self.watcher.lost_sensors(status.sensors.lost);
+            }
             // Keeps the link alive; reports of the ended experiment are out of date.
             self.session.idle_turn()?;
             self.show_values()?;
@@ -87,6 +108,7 @@ impl Run<'_> {
                 None => {}
                 Some(RunAction::Resume) => {
                     self.note_action("resumed");
+                    self.watcher.lost_sensors(SensorSet::default());
                     self.watcher.answer(Ok("resumed"));
                     return Ok(self.make_ready()?);
                 }

@@ -49,6 +49,9 @@ impl Run<'_> {
         let begun = Instant::now();
         let mut asked = false;
         loop {
+            if self.stop.load(Ordering::Relaxed) {
+                return Err(RunError::Interrupted);
+            }
             let (status, _) = self.session.status()?;
             match status.spring.stage {
                 SpringStage::Ready | SpringStage::Setting | SpringStage::Holding if !asked => {

@@ -1,11 +1,13 @@
 //! Observes the progress of a run, for people, and brings what they ask of it.
 
 use damprig_core::control::friction_spring;
+use damprig_core::io::SensorSet;
 use damprig_core::measure::impacts::ImpactRecord;
 use damprig_simulator::plant::InjectedFault;
 
 use super::error::RunError;
 use super::rest_check::RestFinding;
+use super::time_left::TimeLeft;
 use crate::campaign::{CampaignSetUp, Experiment};
 use crate::run_folder::ResultRow;
 use crate::run_folder::journal::Losses;
@@ -108,6 +110,16 @@ pub trait Watcher {
     /// Values of all signals of the device's table at this rig time, s, and what was lost so far.
     fn values(&mut self, rig_s: f64, values: &[f32], losses: &Losses) {
         let _ = (rig_s, values, losses);
+    }
+
+    /// What the run still takes; it is told again and again while the run goes on, and not while it waits for a person.
+    fn time_left(&mut self, left: TimeLeft) {
+        let _ = left;
+    }
+
+    /// The sensors without a signal while the run is paused.
+    fn lost_sensors(&mut self, lost: SensorSet) {
+        let _ = lost;
     }
 
     /// What a person asks of the run; each action gets one [`Watcher::answer`].

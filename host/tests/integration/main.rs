@@ -31,6 +31,8 @@ mod limits;
 mod many_particles;
 mod monitor;
 mod monitor_folder;
+#[cfg(unix)]
+mod monitor_run;
 mod mutations;
 mod noise;
 mod not_files;

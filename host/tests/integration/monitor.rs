@@ -6,9 +6,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use damprig::monitor::action::Action;
 use damprig::monitor::feed::{Feed, Update, Watched};
 use damprig::monitor::message::{Activity, Level, Limits, Point, SignalName, Source, SourceKind};
-use damprig::monitor::{Handles, Monitor, Permissions, Serving, Token};
+use damprig::monitor::{Actions, Asked, Handles, Monitor, Permissions, Serving, Token};
+use damprig_core::io::{Sensor, SensorSet};
 use serde_json::{Value, json};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::http::StatusCode;
@@ -30,6 +32,10 @@ fn watched(name: &str) -> Update {
 }
 
 fn watched_signals(name: &str, signals: &[&str]) -> Update {
+    watched_table(name, signals, &["x_over_z_lock_in"])
+}
+
+fn watched_table(name: &str, signals: &[&str], table: &[&str]) -> Update {
     let signal = |name: &&str| SignalName { name: (*name).into(), unit: "m".into() };
     Update::Watch(Box::new(Watched {
         source: Source {
@@ -40,10 +46,9 @@ fn watched_signals(name: &str, signals: &[&str]) -> Update {
             folder: None,
         },
         signals: signals.iter().map(signal).collect(),
-        table: vec!["x_over_z_lock_in".into()],
+        table: table.iter().map(|name| (*name).into()).collect(),
         curves: Vec::new(),
         points_planned: 3,
-        expected_s: Some(10.0),
         limits: Limits::default(),
     }))
 }
@@ -81,12 +86,21 @@ impl Viewer {
         Self::connect(&address(monitor), None).expect("the monitor accepts a viewer")
     }
 
-    fn connect(address: &str, origin: Option<&str>) -> Result<Self, StatusCode> {
+    pub fn connect(address: &str, origin: Option<&str>) -> Result<Self, StatusCode> {
+        Self::connect_with(address, origin.map(|origin| ("Origin", origin.to_string())))
+    }
+
+    /// A viewer with the token, as the page is one.
+    pub fn with_token(address: &str, token: &str) -> Result<Self, StatusCode> {
+        Self::connect_with(address, Some(("Sec-WebSocket-Protocol", format!("damprig, token.{token}"))))
+    }
+
+    fn connect_with(address: &str, header: Option<(&'static str, String)>) -> Result<Self, StatusCode> {
         let stream = TcpStream::connect(address).expect("the monitor listens");
         stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
         let mut request = format!("ws://{address}/live").into_client_request().expect("an address");
-        if let Some(origin) = origin {
-            request.headers_mut().insert("Origin", origin.parse().expect("a header"));
+        if let Some((name, value)) = header {
+            request.headers_mut().insert(name, value.parse().expect("a header"));
         }
         match tungstenite::client(request, stream) {
             Ok((socket, _)) => Ok(Self(socket)),
@@ -96,7 +110,7 @@ impl Viewer {
     }
 
     /// The next message; none when the monitor has closed the connection.
-    fn next(&mut self) -> Option<Value> {
+    pub fn next(&mut self) -> Option<Value> {
         loop {
             match self.0.read() {
                 Ok(Message::Text(text)) => return Some(serde_json::from_str(&text).expect("JSON")),
@@ -121,7 +135,7 @@ impl Viewer {
                 return all;
             }
         }
-        panic!("{all:?}");
+        panic!("not among {} messages; the last: {:?}", all.len(), all.last());
     }
 
     /// Reads until the monitor closes the connection.
@@ -132,8 +146,13 @@ impl Viewer {
         }
     }
 
-    pub fn ask(&mut self, action: Value) -> Value {
+    /// Sends an action without waiting for its answer.
+    pub fn send(&mut self, action: &Value) {
         self.0.send(Message::text(action.to_string())).expect("a connection");
+    }
+
+    pub fn ask(&mut self, action: Value) -> Value {
+        self.send(&action);
         self.until(|message| message["kind"] == "answer").pop().expect("an answer")
     }
 }
@@ -197,16 +216,16 @@ fn a_viewer_that_reads_nothing_delays_nobody_and_catches_up_with_a_snapshot() {
     // Wide rows: many times what the sockets of a sleeping viewer hold.
     let names: Vec<String> = (0..40).map(|n| format!("s{n}")).collect();
     feed.send(watched_signals("wide", &names.iter().map(String::as_str).collect::<Vec<_>>()));
-    for block in 0..150u32 {
+    for block in 0..100u32 {
         let t_s = (1..=500).map(|row| f64::from(500 * block + row) * 1e-3).collect();
         let values = (0..20_000).map(|n| 0.1 + n as f32).collect();
         feed.send(Update::Rows { t_s, values, longest_step_s: 1.5e-3 });
         settle(&feed, &mut viewer, &format!("block {block}"));
     }
-    let all = sleeper.until(|message| last_t_s(message).is_some_and(|t_s| t_s >= 75.0));
+    let all = sleeper.until(|message| last_t_s(message).is_some_and(|t_s| t_s >= 50.0));
     // Those of its start, and at least one after it was too slow.
     let snapshots = all.iter().filter(|message| message["kind"] == "snapshot").count();
-    assert!(snapshots >= 2 && all.len() < 150, "{snapshots} snapshots among {} messages", all.len());
+    assert!(snapshots >= 2 && all.len() < 100, "{snapshots} snapshots among {} messages", all.len());
 }
 
 #[test]
@@ -234,6 +253,123 @@ fn gaps_and_values_that_are_no_numbers_are_null() {
     assert_eq!(snapshot["rows"]["t_s"], json!([0.001, 0.002, 0.002, 0.5]));
     assert_eq!(snapshot["rows"]["values"]["x"], json!([1.0, 2.0, null, null]));
     assert_eq!(snapshot["state"]["numbers"]["x_over_z_lock_in"], Value::Null);
+}
+
+/// The next action for the source.
+fn next(actions: &Actions) -> Asked {
+    let begun = Instant::now();
+    loop {
+        match actions.next() {
+            Some(asked) => return asked,
+            None => assert!(begun.elapsed() < PATIENCE, "no action"),
+        }
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn a_stop_goes_before_all_that_waits_and_is_answered_however_often_it_is_asked_for() {
+    let token = Token::new().unwrap();
+    let mut monitor = monitor(Some(token.clone()), Handles::default());
+    let actions = monitor.take_actions().unwrap();
+    let mut viewers: Vec<Viewer> = (0..4).map(|_| Viewer::join(&monitor)).collect();
+    // Far more than can wait for the source, which takes none of them; the rest is refused.
+    for viewer in &mut viewers {
+        (10..30).for_each(|id| viewer.send(&json!({"id": id, "do": "hold", "token": token.text()})));
+    }
+    for id in 0..40 {
+        let viewer = &mut viewers[id % 4];
+        let stop = json!({"id": 100 + id, "do": "stop", "token": token.text()});
+        viewer.send(&stop);
+        let answers = viewer.until(|message| message["kind"] == "answer" && message["id"] == 100 + id);
+        assert_eq!(answers[answers.len() - 1]["ok"], true);
+    }
+    // The source gets it once, and first.
+    assert_eq!(next(&actions).action, Action::Stop);
+    assert_eq!(next(&actions).action, Action::Hold);
+    // It is known when an action was asked for before the stop: nothing is left of it after all that waited.
+    while actions.next().is_some() {}
+    assert!(viewers[0].ask(json!({"id": 1, "do": "stop", "token": token.text()}))["ok"] == true);
+    assert_eq!(next(&actions).action, Action::Stop);
+}
+
+#[test]
+fn a_person_who_may_act_is_not_sent_away_for_actions_that_cannot_be_done() {
+    let token = Token::new().unwrap();
+    let mut monitor = monitor(Some(token.clone()), Handles::default());
+    let actions = monitor.take_actions().unwrap();
+    std::thread::spawn(move || (0..30).for_each(|_| next(&actions).answer(Err("It cannot be done.".into()))));
+    let mut viewer = Viewer::join(&monitor);
+    for id in 0..30 {
+        assert_eq!(viewer.ask(json!({"id": id, "do": "clear_fault", "token": token.text()}))["ok"], false);
+    }
+}
+
+#[test]
+fn a_sensor_without_a_signal_has_no_number_and_an_alarm() {
+    let monitor = monitor(None, Handles::default());
+    let (feed, mut viewer) = (monitor.feed(), Viewer::join(&monitor));
+    let table = ["frequency", "x", "z", "x_amplitude"];
+    feed.send(watched_table("rig", &["x", "z"], &table));
+    feed.send(Update::Activity(Activity::Idle, "The rig is idle.".into()));
+    let values = |x: f32| Update::Values { rig_s: 1.5, tick: 1500, values: vec![0.0, x, 0.5, 0.0] };
+    // Rows give the mean over the last second: rows 501 to 1500.
+    feed.send(rows(1, 1500));
+    feed.send(values(7.0));
+    settle(&feed, &mut viewer, "measured");
+    let numbers = |viewer: &mut Viewer, what: &str| {
+        feed.log(Level::Info, what);
+        let all = viewer.until(|message| message["log"].to_string().contains(what));
+        all[all.len() - 1]["state"].clone()
+    };
+    let state = numbers(&mut viewer, "before");
+    let mean = state["numbers"]["x_mean_m"].as_f64().unwrap();
+    assert!((mean - 1000.0).abs() <= 1.0, "{mean}");
+    assert_eq!((&state["numbers"]["x_amplitude_m"], &state["alarms"]), (&Value::Null, &json!([])));
+    let mut lost = SensorSet::default();
+    lost.insert(Sensor::X);
+    feed.send(Update::LostSensors(lost));
+    let state = numbers(&mut viewer, "unplugged");
+    assert_eq!(state["numbers"]["x_mean_m"], Value::Null);
+    assert_eq!(state["numbers"]["z_mean_m"], 0.0);
+    assert!(state["alarms"][0].as_str().unwrap().starts_with("The x sensor reads an end of its span"), "{state}");
+    // It stays unknown while values arrive.
+    feed.send(values(8.0));
+    assert_eq!(numbers(&mut viewer, "later")["numbers"]["x_mean_m"], Value::Null);
+    feed.send(Update::LostSensors(SensorSet::default()));
+    feed.send(values(8.0));
+    let state = numbers(&mut viewer, "back");
+    assert!(state["numbers"]["x_mean_m"].is_number() && state["alarms"] == json!([]), "{state}");
+}
+
+#[test]
+fn the_age_of_the_newest_sample_grows_while_none_arrives() {
+    let monitor = monitor(None, Handles::default());
+    let (feed, mut viewer) = (monitor.feed(), Viewer::join(&monitor));
+    assert_eq!(viewer.next().unwrap()["state"]["age_s"], Value::Null);
+    feed.send(rows(1, 10));
+    let age = |message: &Value| message["state"]["age_s"].as_f64();
+    viewer.until(|message| age(message).is_some_and(|age_s| age_s < 1.0));
+    // A frame comes at least once a second.
+    viewer.until(|message| age(message).is_some_and(|age_s| age_s > 1.5));
+    feed.send(rows(11, 10));
+    viewer.until(|message| age(message).is_some_and(|age_s| age_s < 1.0));
+}
+
+#[test]
+fn the_oldest_viewer_with_the_token_makes_room_for_a_new_one() {
+    let token = Token::new().unwrap();
+    let monitor = monitor(Some(token.clone()), Handles::default());
+    let own = address(&monitor);
+    let mut first = Viewer::with_token(&own, token.text()).unwrap();
+    let mut others: Vec<Viewer> = (0..16).map(|_| Viewer::with_token(&own, token.text()).unwrap()).collect();
+    first.until_closed();
+    assert!(others.iter_mut().all(|viewer| viewer.next().is_some()));
+    // A wrong token takes a place of those without.
+    let everybody: Vec<Viewer> = (0..64).map(|_| Viewer::with_token(&own, "0123").unwrap()).collect();
+    assert_eq!(Viewer::with_token(&own, "0123").err(), Some(StatusCode::SERVICE_UNAVAILABLE));
+    assert!(Viewer::with_token(&own, token.text()).is_ok());
+    drop(everybody);
 }
 
 #[test]
@@ -274,7 +410,7 @@ fn an_action_reaches_the_source_and_its_answer_the_viewer() {
     let mut monitor = monitor(Some(token.clone()), Handles::default());
     let actions = monitor.take_actions().unwrap();
     let source = std::thread::spawn(move || {
-        let asked = actions.recv_timeout(PATIENCE).expect("an action");
+        let asked = next(&actions);
         let text = format!("{:?}", asked.action);
         asked.answer(Ok(text));
     });

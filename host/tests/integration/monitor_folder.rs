@@ -13,6 +13,7 @@ use tempfile::TempDir;
 use crate::common::{PATIENCE, damprig, folder_with, short};
 use crate::monitor::{Viewer, monitor};
 use damprig::monitor::{Handles, Monitor, folder};
+use damprig::run_folder::read::columns::{numbers, texts};
 
 /// A monitor of a run folder, until it is dropped.
 struct Watching {
@@ -57,6 +58,10 @@ fn journal(folder: &TempDir) -> String {
     std::fs::read_to_string(folder.path().join("out/journal.jsonl")).unwrap_or_default()
 }
 
+fn last_s(message: &Value) -> Option<f64> {
+    message["rows"]["t_s"].as_array()?.iter().rev().find_map(Value::as_f64)
+}
+
 fn times(message: &Value) -> impl Iterator<Item = f64> {
     message["rows"]["t_s"].as_array().into_iter().flatten().filter_map(Value::as_f64)
 }
@@ -87,7 +92,15 @@ fn a_finished_run_is_replayed_and_can_be_moved() {
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let watching = Watching::start(&folder.path().join("out"), 20.0);
     let mut viewer = Viewer::join(&watching.monitor);
-    let all = viewer.until(|message| message["state"]["points_taken"] == 6);
+    // It stands at its first sample until somebody plays it.
+    let mut all = viewer.until(|message| message["state"]["replay"].is_object());
+    let state = &all[all.len() - 1]["state"];
+    assert_eq!((&state["activity"], &state["replay"]["paused"]), (&json!("replay"), &json!(true)));
+    assert_eq!((&state["link"]["rows"], &state["age_s"], &state["points_taken"]), (&json!(1), &json!(0.0), &json!(0)));
+    assert_eq!(viewer.ask(json!({"do": "replay", "paused": false}))["ok"], true);
+    all.extend(viewer.until(|message| message["state"]["points_taken"] == 6));
+    // It never claims to run.
+    assert!(all.iter().all(|message| message["state"]["activity"] != "running"));
     let first = all.iter().find(|message| message["kind"] == "snapshot" && message["is_replay"] == true);
     assert_eq!(first.expect("a replay")["curves"].as_array().unwrap().len(), 2);
     // Amplitudes are computed again from the samples, points come when their rows have.
@@ -103,6 +116,77 @@ fn a_finished_run_is_replayed_and_can_be_moved() {
     for speed in [json!(0.0), json!(-1), json!(1e9)] {
         assert_eq!(viewer.ask(json!({"do": "replay", "speed": speed}))["ok"], false);
     }
+    watching.end();
+}
+
+/// Everything that a replay shows up to its end, and the time of the gap between its two set-ups.
+#[test]
+fn a_replay_shows_samples_and_impacts_when_they_were_recorded_and_its_gaps() {
+    let folder = folder_with(&short());
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let run = damprig::run_folder::RunFolder::open(&folder.path().join("out")).unwrap();
+    let column = |batches: &[arrow_array::RecordBatch], name: &str| -> Vec<f64> {
+        batches.iter().flat_map(|batch| numbers(batch, name).unwrap()).collect()
+    };
+    let samples: Vec<_> = run.samples().map(Result::unwrap).collect();
+    let impacts = run.impacts().unwrap();
+    // The clock of the run counts on from set-up to set-up: its second part begins at the last tick of the first.
+    let names: Vec<String> = samples.iter().flat_map(|batch| texts(batch, "set_up").unwrap()).collect();
+    let second = names.iter().position(|name| *name != names[0]).expect("two set-ups");
+    let ticks = column(&samples, "tick");
+    let journal = journal(&folder);
+    let finished: Value = journal
+        .lines()
+        .map(|line| serde_json::from_str::<Value>(line).unwrap())
+        .find(|entry| entry["entry"] == "finished")
+        .expect("an end");
+    let start_s = finished["end_tick"].as_f64().unwrap() * 1e-3;
+    let recorded_s = |set_up: &str, t_s: f64| t_s + if set_up == names[0] { 0.0 } else { start_s };
+    let watching = Watching::start(&folder.path().join("out"), 1.0);
+    let mut viewer = Viewer::join(&watching.monitor);
+    viewer.until(|message| message["state"]["replay"].is_object());
+    let close = |a: f64, b: f64| (a - b).abs() < 1e-6;
+    // The 20 s around the border are shown as they were recorded, without a line across it.
+    let to_s = start_s + 5.0;
+    viewer.ask(json!({"do": "replay", "to_s": to_s}));
+    // A row every 10 ms.
+    let shown = viewer.until(|message| last_s(message).is_some_and(|t_s| (0.0..0.0101).contains(&(to_s - t_s))));
+    let begun = shown.iter().rposition(|message| message["kind"] == "snapshot").unwrap_or(0);
+    let mut rows: Vec<(f64, Option<f64>)> = Vec::new();
+    for message in &shown[begun..] {
+        let values = message["rows"]["values"]["x"].as_array().into_iter().flatten().map(Value::as_f64);
+        rows.extend(times(message).zip(values));
+    }
+    let all_s: Vec<f64> = ticks.iter().zip(&names).map(|(tick, set_up)| recorded_s(set_up, tick * 1e-3)).collect();
+    for (t_s, _) in &rows {
+        let at = all_s.partition_point(|recorded_s| *recorded_s < t_s - 1e-6);
+        assert!(close(all_s[at], *t_s), "nothing was recorded at {t_s} s");
+    }
+    // A frame with very many rows has the extremes of about 20 of them, and the gap among these.
+    let gaps: Vec<f64> = rows.iter().filter(|(_, x)| x.is_none()).map(|(t_s, _)| *t_s).collect();
+    assert!(gaps.iter().any(|t_s| (t_s - all_s[second]).abs() < 0.3), "{gaps:?}, {}", all_s[second]);
+    // The impacts of the table up to there.
+    let told = |messages: &[Value]| -> Vec<f64> {
+        let all = messages.iter().filter_map(|message| message["impacts"].as_array()).flatten();
+        all.map(|impact| impact["t_s"].as_f64().unwrap()).collect()
+    };
+    let set_ups: Vec<String> = impacts.iter().flat_map(|batch| texts(batch, "set_up").unwrap()).collect();
+    let table = column(&impacts, "t_s");
+    let mut expected: Vec<f64> = table.iter().zip(&set_ups).map(|(t_s, set_up)| recorded_s(set_up, *t_s)).collect();
+    // An impact is told with the row of its tick; its centre is within a few milliseconds.
+    expected.retain(|t_s| *t_s < to_s - 0.02);
+    let shown_s = told(&shown[begun..]);
+    assert!(!expected.is_empty(), "the campaign has impacts");
+    for impact_s in &expected {
+        assert!(shown_s.iter().any(|t_s| close(*t_s, *impact_s)), "no impact at {impact_s} s among {shown_s:?}");
+    }
+    assert!(shown_s.iter().all(|t_s| *t_s < to_s + 0.02));
+    // Back before the first whole cycle: no number of a later time is left.
+    viewer.ask(json!({"do": "replay", "to_s": 0.05}));
+    let back = viewer.until(|message| last_s(message).is_some_and(|t_s| t_s <= 0.05)).pop().unwrap();
+    let numbers = &back["state"]["numbers"];
+    assert!(numbers["x_over_z_lock_in"].is_null() && numbers["x_amplitude_m"].is_null(), "{numbers}");
+    assert_eq!((&back["state"]["points_taken"], &back["state"]["set_up"]), (&json!(0), &json!(names[0])));
     watching.end();
 }
 

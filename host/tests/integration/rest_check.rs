@@ -11,11 +11,13 @@ use std::sync::atomic::Ordering;
 
 use predicates::prelude::*;
 use predicates::str::contains;
+use serde_json::json;
 use serialport::{SerialPort, TTYPort};
 use tempfile::TempDir;
 
 use crate::common::real_board::{Changed, real_board};
 use crate::common::{damprig, folder_with, result_rows, short};
+use crate::monitor::Viewer;
 
 /// One point on the bare structure; a sweep that carries its motion over starts without waiting for rest.
 fn campaign(start: &str) -> String {
@@ -119,6 +121,41 @@ fn a_zero_that_has_shifted_is_told_before_the_drive_starts_and_measured_again() 
     let journal = journal(&folder);
     assert_eq!(journal.matches("not at rest: set-up").count(), 2, "{journal}");
     assert!(journal.contains("\"at rest: set-up") && journal.contains("x mean +0.020 mm, RMS about it 0.000 mm"));
+}
+
+/// Stops the run on its page while it waits at a question.
+fn stop_on_the_page(person: &mut Operated) {
+    let url = person.told.lines().find_map(|line| line.strip_prefix("Monitor: http://")).expect("a page").to_string();
+    let (address, token) = url.split_once("/#token=").expect("a token");
+    let mut viewer = Viewer::with_token(address, token).expect("a place");
+    let answer = viewer.ask(json!({"id": 1, "do": "stop", "token": token}));
+    assert_eq!(answer["ok"], true, "{answer}");
+    viewer.until(|message| message["state"]["activity"] == "over");
+}
+
+#[test]
+fn a_stop_on_the_page_ends_a_run_that_waits_for_an_answer_in_the_terminal() {
+    let served = ["--monitor", "--control", "--listen", "127.0.0.1:0"];
+    let (folder, changed) = (folder_with(&campaign("from_rest")), Arc::new(Changed::default()));
+    changed.x_um.store(2000, Ordering::Relaxed);
+    let rig = real_board(&changed);
+    let start = [["test.toml", "--rig", &rig, "--out", "out"].as_slice(), &served].concat();
+    let mut person = Operated::start(&folder, &start);
+    person.hears("Press Enter when ready. ");
+    stop_on_the_page(&mut person);
+    let (code, told) = person.ends();
+    assert_eq!(code, Some(130), "{told}");
+    assert!(journal(&folder).contains("\"stopped on the live page\""));
+    // And at the question of the check at rest.
+    let again = [["--resume", "out", "--rig", &rig].as_slice(), &served].concat();
+    let mut person = Operated::start(&folder, &again);
+    person.hears("Press Enter when ready. ");
+    person.types("");
+    person.hears(ASKED);
+    stop_on_the_page(&mut person);
+    let (code, told) = person.ends();
+    assert_eq!(code, Some(130), "{told}");
+    assert!(!journal(&folder).contains("\"segment\""), "nothing was started: {}", journal(&folder));
 }
 
 #[test]

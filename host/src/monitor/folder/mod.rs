@@ -7,12 +7,11 @@ mod replay;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use damprig_core::io::TICK_HZ;
 
-use super::control::Asked;
+use super::control::Actions;
 use super::feed::{Feed, Update, Watched};
 use super::message::{Activity, Level, Limits, SignalName, Source, SourceKind};
 use super::run::curves;
@@ -37,13 +36,7 @@ const TURN: Duration = Duration::from_millis(50);
 ///
 /// # Errors
 /// The folder holds no run, or its manifest or samples cannot be read.
-pub fn watch(
-    path: &Path,
-    speed: f64,
-    feed: &Feed,
-    actions: &Receiver<Asked>,
-    stop: &AtomicBool,
-) -> Result<(), ReadError> {
+pub fn watch(path: &Path, speed: f64, feed: &Feed, actions: &Actions, stop: &AtomicBool) -> Result<(), ReadError> {
     let run = RunFolder::open(path)?;
     let grows = journal::is_being_written(path) == Some(true);
     let kind = if grows { SourceKind::Folder } else { SourceKind::Replay };
@@ -55,7 +48,7 @@ pub fn watch(
 }
 
 /// Follows a folder that grows, until `stop`. Results from before are shown, samples from the present part on.
-fn follow(reader: &mut Reader, actions: &Receiver<Asked>, stop: &AtomicBool) -> Result<(), ReadError> {
+fn follow(reader: &mut Reader, actions: &Actions, stop: &AtomicBool) -> Result<(), ReadError> {
     let path = reader.run.path().to_path_buf();
     reader.start_over()?;
     reader.begin_at(present_segment_s(reader));
@@ -63,7 +56,7 @@ fn follow(reader: &mut Reader, actions: &Receiver<Asked>, stop: &AtomicBool) -> 
     let mut is_over = false;
     while !stop.load(Ordering::Relaxed) {
         let looked = Instant::now();
-        while let Ok(asked) = actions.try_recv() {
+        while let Some(asked) = actions.next() {
             asked.answer(Err("This page only follows a run that another program records.".into()));
         }
         let is_written = journal::is_being_written(&path) == Some(true);
@@ -129,7 +122,7 @@ fn describe(run: &RunFolder, kind: SourceKind) -> (Watched, Option<String>) {
             wall_force_n: Some(f64::from(campaign.rig.acting.wall_force_n)).filter(|limit| *limit > 0.0),
             clearance_m: None,
         };
-        Ok((curves(&campaign, &predicted), limits, campaign.expected_s()))
+        Ok((curves(&campaign, &predicted), limits))
     });
     let (warning, predicted) = match predicted {
         Ok(predicted) => (None, Some(predicted)),
@@ -138,7 +131,7 @@ fn describe(run: &RunFolder, kind: SourceKind) -> (Watched, Option<String>) {
             (Some(format!("Without a prediction: the copy of the campaign cannot be used: {first}")), None)
         }
     };
-    let (curves, limits, expected_s) = predicted.unwrap_or_default();
+    let (curves, limits) = predicted.unwrap_or_default();
     let watched = Watched {
         source: Source {
             kind,
@@ -152,7 +145,6 @@ fn describe(run: &RunFolder, kind: SourceKind) -> (Watched, Option<String>) {
         signals,
         curves,
         points_planned: manifest.points_planned,
-        expected_s: (kind == SourceKind::Folder).then_some(expected_s),
         limits,
     };
     (watched, warning)

@@ -8,7 +8,7 @@ use damprig_core::io::TICK_HZ;
 
 use super::recomputed::Recomputed;
 use crate::monitor::feed::{Feed, Update, Watched};
-use crate::monitor::message::{Activity, Impact, Level, LinkState};
+use crate::monitor::message::{Activity, Impact, Level, LinkState, SourceKind};
 use crate::monitor::run::{point, transient};
 use crate::monitor::words;
 use crate::run_folder::journal::{self, Entry};
@@ -40,9 +40,20 @@ pub(super) struct Reader {
     recomputed: Recomputed,
     /// Journal entries whose tick the rows have not reached.
     waiting: VecDeque<Entry>,
-    /// Bytes of the journal that were read, and the segments among its entries.
+    /// Impacts whose tick the rows have not reached.
+    impacts: VecDeque<TimedImpact>,
+    /// Bytes of the journal that were read, and the segments among its entries with the last tick that an entry states.
     journal_bytes: u64,
-    segments: Vec<SegmentId>,
+    segments: Vec<(SegmentId, u64)>,
+    /// What the run does is not what the page does.
+    is_replay: bool,
+}
+
+/// An impact of a segment, its time from the segment's tick 0.
+struct TimedImpact {
+    id: SegmentId,
+    tick: u64,
+    impact: Impact,
 }
 
 impl Reader {
@@ -61,8 +72,10 @@ impl Reader {
             base_s: 0.0,
             recomputed: Recomputed::new(&watched.signals),
             waiting: VecDeque::new(),
+            impacts: VecDeque::new(),
             journal_bytes: 0,
             segments: Vec::new(),
+            is_replay: watched.source.kind == SourceKind::Replay,
         }
     }
 
@@ -71,6 +84,11 @@ impl Reader {
         (self.present, self.base_s, self.journal_bytes) = (None, 0.0, 0);
         self.segments.clear();
         self.waiting.clear();
+        self.impacts.clear();
+        if self.is_replay {
+            // The table of a run that is over; the journal of one that grows.
+            self.impacts.extend(self.run.impacts().map_or_else(|_| Vec::new(), |table| timed(&table)));
+        }
         self.feed.send(Update::Forget);
         self.feed.send(Update::Link(self.link.clone()));
         self.read_journal()
@@ -84,12 +102,62 @@ impl Reader {
         }
         let new = journal::read_after(self.run.path(), &mut self.journal_bytes);
         for entry in new.map_err(|e| ReadError(e.to_string()))? {
-            if let Entry::Segment(start) = &entry {
-                self.segments.push(start.id.clone());
+            match &entry {
+                Entry::Segment(start) => self.segments.push((start.id.clone(), 0)),
+                Entry::Result(row) => self.note_end(&row.set_up, &row.experiment, row.segment, row.end_tick),
+                Entry::Transient(row) => self.note_end(&row.set_up, &row.experiment, row.segment, row.end_tick),
+                Entry::Finished(end) => {
+                    self.note_end(&end.id.set_up, &end.id.experiment, end.id.segment, end.end_tick.into());
+                }
+                Entry::Impacts(some) if !self.is_replay => {
+                    let own = some.impacts.iter().map(|impact| TimedImpact {
+                        id: some.id.clone(),
+                        tick: impact.tick.into(),
+                        impact: Impact::of(impact, 0.0),
+                    });
+                    self.impacts.extend(own);
+                }
+                _ => {}
             }
             self.waiting.push_back(entry);
         }
         Ok(())
+    }
+
+    fn note_end(&mut self, set_up: &str, experiment: &str, segment: u32, tick: u64) {
+        let is_own = |id: &SegmentId| id.segment == segment && id.set_up == set_up && id.experiment == experiment;
+        if let Some((_, end)) = self.segments.iter_mut().rfind(|(id, _)| is_own(id)) {
+            *end = tick.max(*end);
+        }
+    }
+
+    /// Rig time between the start of the present segment and that of a later one, s. Its own rows may go on beyond the last
+    /// entry, when it was interrupted.
+    fn between_starts_s(&self, is_next: impl Fn(&SegmentId) -> bool) -> f64 {
+        let at = |is_it: &dyn Fn(&SegmentId) -> bool| self.segments.iter().position(|(id, _)| is_it(id));
+        let own = match &self.present {
+            Some(present) => at(&|id| *id == present.id),
+            // A follower has set the time of the first segment that it sees.
+            None => self.is_replay.then_some(0),
+        };
+        let ticks = match (own, at(&is_next)) {
+            (Some(own), Some(next)) if own < next => {
+                self.segments[own..next].iter().fold(0, |sum: u64, (_, end)| sum.saturating_add(*end))
+            }
+            _ => 0,
+        };
+        let told_s = self.present.as_ref().map_or(0.0, |present| present.last_s - self.base_s);
+        (ticks as f64 / f64::from(TICK_HZ)).max(told_s)
+    }
+
+    /// Time of the first row of a run, in its first batch, s.
+    pub(super) fn first_s(&self, first: &RecordBatch) -> Result<f64, ReadError> {
+        let (set_ups, experiments) = (texts(first, "set_up")?, texts(first, "experiment")?);
+        let (segments, ticks) = (numbers(first, "segment")?, numbers(first, "tick")?);
+        let (Some(set_up), Some(experiment)) = (set_ups.first(), experiments.first()) else { return Ok(0.0) };
+        let is_own =
+            |id: &SegmentId| id.segment == segments[0] as u32 && id.set_up == *set_up && id.experiment == *experiment;
+        Ok(self.between_starts_s(is_own) + ticks[0] / f64::from(TICK_HZ))
     }
 
     /// The entries that wait for their rows.
@@ -136,7 +204,8 @@ impl Reader {
                 _ if self.has_passed(is_at) => continue,
                 _ => {
                     self.tell_rows(&mut t_s, &mut values);
-                    self.base_s = self.present.as_ref().map_or(self.base_s, |present| present.last_s);
+                    self.tell_impacts();
+                    self.base_s += self.between_starts_s(is_at);
                     let (set_up, experiment) = (set_ups[row].clone(), experiments[row].clone());
                     let id = SegmentId { set_up: set_up.clone(), experiment: experiment.clone(), segment };
                     self.present = Some(Present { id, next_tick: tick, last_s: self.base_s });
@@ -165,8 +234,8 @@ impl Reader {
     /// Whether the rows are beyond the segment of which `is_it` says so: it is told already.
     fn has_passed(&self, is_it: impl Fn(&SegmentId) -> bool) -> bool {
         let Some(present) = &self.present else { return false };
-        let own = self.segments.iter().position(is_it);
-        let present = self.segments.iter().position(|id| *id == present.id);
+        let own = self.segments.iter().position(|(id, _)| is_it(id));
+        let present = self.segments.iter().position(|(id, _)| *id == present.id);
         own.zip(present).is_some_and(|(own, present)| own < present)
     }
 
@@ -183,9 +252,24 @@ impl Reader {
 
     /// Tells the entries whose tick the rows have reached, or all of them. They are in the order of the rows.
     pub(super) fn tell_due(&mut self, all: bool) {
+        self.tell_impacts();
         while self.waiting.front().is_some_and(|entry| all || self.is_due(entry)) {
             if let Some(entry) = self.waiting.pop_front() {
                 self.tell(&entry);
+            }
+        }
+    }
+
+    /// Tells the impacts that the rows have reached. Those of segments without rows have no place in time.
+    fn tell_impacts(&mut self) {
+        while let Some(TimedImpact { id, tick, .. }) = self.impacts.front() {
+            let is_present =
+                self.present.as_ref().is_some_and(|present| present.id == *id && present.next_tick > *tick);
+            if !is_present && !self.has_passed(|other| other == id) {
+                break;
+            }
+            if let Some(TimedImpact { impact, .. }) = self.impacts.pop_front().filter(|_| is_present) {
+                self.feed.send(Update::Impact(Impact { t_s: self.base_s + impact.t_s, ..impact }));
             }
         }
     }
@@ -194,9 +278,9 @@ impl Reader {
         let (set_up, experiment, segment, tick) = match entry {
             Entry::Result(row) => (&row.set_up, &row.experiment, row.segment, row.end_tick),
             Entry::Transient(row) => (&row.set_up, &row.experiment, row.segment, row.end_tick),
-            Entry::Impacts(some) => {
-                let tick = some.impacts.iter().map(|impact| u64::from(impact.tick)).min();
-                (&some.id.set_up, &some.id.experiment, some.id.segment, tick.unwrap_or(0))
+            // In a replay a link, an action and the start of a segment wait for the rows of their segment.
+            Entry::Segment(start) if self.is_replay && self.has_samples() => {
+                (&start.id.set_up, &start.id.experiment, start.id.segment, 0)
             }
             _ => return true,
         };
@@ -212,10 +296,7 @@ impl Reader {
         match entry {
             Entry::Result(row) => self.feed.send(Update::Point(point(row))),
             Entry::Transient(row) => self.feed.send(Update::Transient(transient(row))),
-            Entry::Impacts(some) if self.present.as_ref().is_some_and(|present| present.id == some.id) => {
-                some.impacts.iter().for_each(|i| self.feed.send(Update::Impact(Impact::of(i, self.base_s))));
-            }
-            Entry::Segment(start) => {
+            Entry::Segment(start) if !self.is_replay => {
                 let SegmentId { set_up, experiment, .. } = &start.id;
                 let text = format!("Running: set-up {set_up}, experiment {experiment}");
                 self.feed.send(Update::Activity(Activity::Running, text));
@@ -244,4 +325,28 @@ impl Reader {
             _ => {}
         }
     }
+}
+
+/// The impacts of a table; none of one that lacks a column.
+fn timed(table: &[RecordBatch]) -> Vec<TimedImpact> {
+    let of = |batch: &RecordBatch| -> Result<Vec<TimedImpact>, ReadError> {
+        let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
+        let (segments, ticks) = (numbers(batch, "segment")?, numbers(batch, "tick")?);
+        let (times_s, sides, peaks_n) = (numbers(batch, "t_s")?, numbers(batch, "side")?, numbers(batch, "peak_n")?);
+        let one = |row: usize| TimedImpact {
+            id: SegmentId {
+                set_up: set_ups[row].clone(),
+                experiment: experiments[row].clone(),
+                segment: segments[row] as u32,
+            },
+            tick: ticks[row] as u64,
+            impact: Impact {
+                t_s: times_s[row],
+                side: if sides[row] < 0.0 { -1 } else { 1 },
+                peak_n: Some(peaks_n[row]).filter(|peak| peak.is_finite()),
+            },
+        };
+        Ok((0..batch.num_rows()).map(one).collect())
+    };
+    table.iter().flat_map(|batch| of(batch).unwrap_or_default()).collect()
 }

@@ -1,14 +1,13 @@
 //! Replays a run that is over, at any speed.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use arrow_array::RecordBatch;
 
 use super::reader::Reader;
 use crate::monitor::action::Action;
-use crate::monitor::control::Asked;
+use crate::monitor::control::{Actions, Asked};
 use crate::monitor::feed::{Update, Watched};
 use crate::monitor::message::{Activity, Level, ReplayState};
 use crate::run_folder::ReadError;
@@ -32,21 +31,22 @@ pub(super) fn replay(
     reader: &mut Reader,
     watched: &Watched,
     speed: f64,
-    actions: &Receiver<Asked>,
+    actions: &Actions,
     stop: &AtomicBool,
 ) -> Result<(), ReadError> {
     warn_of_missing(reader);
     // A manifest may state anything.
     let rig_s = reader.run.manifest().clock.rig_s;
     let end_s = if rig_s.is_finite() { rig_s.clamp(0.0, LONGEST_S) } else { 0.0 };
-    let mut state = ReplayState { t_s: 0.0, end_s, speed, paused: false };
     reader.start_over()?;
     let mut batches = reader.run.samples();
-    let mut batch: Option<RecordBatch> = None;
+    let mut batch: Option<RecordBatch> = batches.next().transpose()?;
+    let first_s = batch.as_ref().map_or(Ok(0.0), |first| reader.first_s(first))?.clamp(0.0, end_s);
+    let mut state = ReplayState { t_s: first_s, end_s, speed, paused: true };
     let mut then = Instant::now();
     while !stop.load(Ordering::Relaxed) {
         let mut moved = None;
-        while let Ok(asked) = actions.try_recv() {
+        while let Some(asked) = actions.next() {
             moved = control(&mut state, asked).or(moved);
         }
         if let Some(to_s) = moved {
@@ -70,8 +70,7 @@ pub(super) fn replay(
         }
         let is_over = state.t_s >= state.end_s;
         reader.tell_due(is_over);
-        let activity = if state.paused || is_over { Activity::Paused } else { Activity::Running };
-        reader.feed.send(Update::Activity(activity, headline(reader, &state, is_over)));
+        reader.feed.send(Update::Activity(Activity::Replay, headline(reader, &state, is_over)));
         reader.feed.send(Update::Progress(state.t_s));
         reader.feed.send(Update::Replay(state));
         std::thread::sleep(STEP);
@@ -94,9 +93,9 @@ fn headline(reader: &Reader, state: &ReplayState, is_over: bool) -> String {
         .present()
         .map_or(String::new(), |(set_up, experiment)| format!(": set-up {set_up}, experiment {experiment}"));
     match (is_over, state.paused) {
-        (true, _) => format!("Replay at its end. State of the run: {}.", reader.run.manifest().ending_text()),
-        (false, true) => format!("Replay stands{what}"),
-        (false, false) => format!("Replay{what}"),
+        (true, _) => format!("At its end. State of the run: {}.", reader.run.manifest().ending_text()),
+        (false, true) => format!("Paused{what}"),
+        (false, false) => format!("Plays{what}"),
     }
 }
 

@@ -62,7 +62,9 @@ export class Connection {
   #open() {
     clearTimeout(this.timer);
     this.timer = undefined;
-    const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
+    // Those with the token have places of their own.
+    const protocols = this.token === null ? ["damprig"] : ["damprig", `token.${this.token}`];
+    const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`, protocols);
     this.#socket = socket;
     this.#heard = performance.now();
     socket.onmessage = (event) => {

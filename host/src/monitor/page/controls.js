@@ -86,7 +86,7 @@ export class Controls {
     label("pause-run", this.#is("paused"), "Resume run", "Pause run");
     label("hold", this.#is("held"), "Release point", "Hold point");
     $("clear-fault").disabled = state.fault === null;
-    $("pause-run").disabled = ["idle", "over"].includes(state.activity);
+    $("pause-run").disabled = ["idle", "over", "replay"].includes(state.activity);
     $("hold").disabled = !["running", "held"].includes(state.activity);
     put($("injected"), state.injected.length > 0 ? `Now: ${state.injected.join(", ")}.` : "No fault is injected.");
     $("injected").dataset.tone = state.injected.length > 0 ? "warn" : "quiet";

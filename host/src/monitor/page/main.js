@@ -134,7 +134,7 @@ for (const panel of panels) observer.observe(panel.element);
 document.addEventListener("visibilitychange", drawAll);
 
 // Ages of messages and the time to the next attempt, also while nothing arrives.
-setInterval(() => document.hidden || status.strip(model, link, performance.now()), 500);
+setInterval(() => document.hidden || status.strip(model, link, performance.now()), 200);
 
 const connection = new Connection(takeToken(), {
   message: take,

@@ -85,9 +85,9 @@ export function signalOf(raw) {
 const NUMBERS = [
   "frequency_hz", "x_over_z_lock_in", "x_amplitude_m", "x_phase_rad", "z_amplitude_m", "z_phase_rad", "impacts_in_cycle", "impacts",
   "twin_residual_m", "twin_predicted", "twin_detected", "twin_missing", "spring_force_n", "spring_target_n",
-  "spring_position_m", "wall_low_n", "wall_high_n",
+  "spring_position_m", "wall_low_n", "wall_high_n", "x_mean_m", "z_mean_m",
 ];
-const ACTIVITIES = ["running", "held", "paused", "waiting", "stopping", "idle", "faulted", "lost", "over"];
+const ACTIVITIES = ["running", "held", "paused", "waiting", "stopping", "idle", "faulted", "lost", "over", "replay"];
 const COUNTERS = ["rows", "lost_rows", "dropped_rows", "bad_frames", "interruptions", "viewers", "skipped_frames"];
 
 const pick = (names, raw) => Object.fromEntries(names.map((name) => [name, number(raw[name])]));
@@ -107,7 +107,8 @@ export function stateOf(raw) {
     points_taken: number(raw.points_taken),
     points_planned: number(raw.points_planned),
     rig_s: number(raw.rig_s),
-    left_s: number(raw.left_s),
+    age_s: number(raw.age_s),
+    left: isObject(raw.left) ? text(raw.left.text, 60) : "",
     speed: number(raw.speed),
     replay: replay && {
       t_s: number(replay.t_s) ?? 0,

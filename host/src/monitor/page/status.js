@@ -7,11 +7,14 @@ const $ = (id) => document.getElementById(id);
 const WORDS = {
   running: ["Running", "good"], held: ["Held", "warn"], paused: ["Paused", "warn"], waiting: ["Waiting", "warn"],
   stopping: ["Stopping", "warn"], idle: ["Idle", "quiet"], faulted: ["Fault", "bad"], lost: ["Link lost", "bad"],
-  over: ["Ended", "quiet"], unknown: ["Unknown", "quiet"],
+  over: ["Ended", "quiet"], replay: ["Replay", "quiet"], unknown: ["Unknown", "quiet"],
 };
 const SOURCES = { run: "run", rig: "rig", folder: "following a run folder", replay: "replay of a run" };
 // damprig sends at least one message a second.
 const STALE_MS = 3000;
+// From this age on a sample is not shown as one of now; a folder is read up to a second behind, as it is written.
+const OLD_S = 1;
+const OLD_IN_FOLDER_S = 4;
 
 export function source({ source: s }) {
   put($("name"), s.name || "damprig");
@@ -27,7 +30,10 @@ export function strip(model, connection, now) {
   const isStale = connection.isOpen && now - connection.heardAt > STALE_MS;
   const state = model.state;
   lamp(connection, isStale, now, state);
-  document.body.classList.toggle("stale", model.source !== null && (!connection.isOpen || isStale));
+  const age = oldAge(model, connection, now);
+  document.body.classList.toggle("stale", model.source !== null && (!connection.isOpen || age !== null));
+  $("age").hidden = age === null;
+  put($("age"), age === null ? "" : state.replay ? `Nothing recorded for ${duration(age)}` : `Newest sample ${duration(age)} old`);
   // Also what came just before the connection closed.
   if (state !== null) progress(state);
   if (!connection.isOpen) {
@@ -35,9 +41,11 @@ export function strip(model, connection, now) {
     const again = retry > 0 ? `Trying again in ${retry} s.` : "Trying again now.";
     const isFirst = model.source === null;
     if (state !== null && state.fault !== null) {
-      // damprig ends with the run: its last fault stays in sight.
-      set("bad", "Offline", state.fault.what, `The connection to damprig was lost after this fault. ${again}`);
-      announce(`Fault. ${state.fault.what} The connection to damprig was lost.`);
+      // The last fault stays in sight, and how the run goes on.
+      const about = connection.hasEnded ? `damprig has ended. ${state.fault.advice}`
+        : `The connection to damprig was lost after this fault. ${again}`;
+      set("bad", connection.hasEnded ? "Ended" : "Offline", state.fault.what, about);
+      announce(`Fault. ${state.fault.what} ${about}`);
       return;
     }
     if (connection.hasEnded && state !== null) {
@@ -71,6 +79,13 @@ export function strip(model, connection, now) {
   }
 }
 
+// Age of the newest sample in s, rounded down, when it is too old to be one of now.
+function oldAge({ source, state }, connection, now) {
+  if (source === null || state === null || state.age_s === null) return null;
+  const age = state.age_s + (state.replay ? 0 : (now - connection.heardAt) / 1000);
+  return age > (source.kind === "folder" ? OLD_IN_FOLDER_S : OLD_S) ? Math.floor(age) : null;
+}
+
 function set(tone, word, headline, advice) {
   $("strip").dataset.tone = tone;
   put($("badge"), word);
@@ -93,12 +108,12 @@ function lamp(connection, isStale, now, state) {
 }
 
 function progress(state) {
-  const { points_taken: taken, points_planned: planned, left_s, rig_s, speed } = state;
+  const { points_taken: taken, points_planned: planned, left, rig_s, speed } = state;
   const hasPoints = planned > 0;
   $("progress").hidden = !hasPoints && rig_s === null;
   $("bar").hidden = !hasPoints;
   const parts = hasPoints ? [`${count(taken)} of ${count(planned)} points`] : [];
-  if (left_s !== null) parts.push(`${duration(left_s / (speed > 0 ? speed : 1))} left`);
+  if (left !== "") parts.push(left);
   put($("points"), parts.join(" · "));
   if (hasPoints) {
     $("bar").setAttribute("aria-valuemax", String(planned));
@@ -113,8 +128,12 @@ export function numbers({ state }) {
   const n = state.numbers;
   put($("n-frequency"), n.frequency_hz > 0 ? fixed(n.frequency_hz, 3) : "–");
   put($("n-ratio"), fixed(n.x_over_z_lock_in, n.x_over_z_lock_in >= 100 ? 1 : 2));
-  put($("n-x"), millimetres(n.x_amplitude_m, 2));
-  put($("n-z"), millimetres(n.z_amplitude_m, 3));
+  // Without a drive a sensor is aligned with the means; they have more decimals.
+  const isStill = n.x_mean_m !== null || n.z_mean_m !== null || ["idle", "paused"].includes(state.activity);
+  for (const [name, amplitude, mean, decimals] of [["x", n.x_amplitude_m, n.x_mean_m, 2], ["z", n.z_amplitude_m, n.z_mean_m, 3]]) {
+    put($(`l-${name}`), isStill ? `${name}, mean of 1 s (mm)` : `${name.toUpperCase()} (mm)`);
+    put($(`n-${name}`), isStill ? millimetres(mean, 3) : millimetres(amplitude, decimals));
+  }
   put($("n-phase"), fixed(degrees(n.x_phase_rad), 1));
   put($("n-impacts"), fixed(n.impacts_in_cycle, 0));
   put($("n-residual"), millimetres(n.twin_residual_m, 3));

@@ -1,7 +1,6 @@
-//! An idle rig as a source of the monitor: holds its link, shows what its controller measures, and carries out viewers' actions.
+//! Follows a rig over an open link.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use damprig_core::control::friction_spring::{SpringCommand, SpringStage, Target};
@@ -10,13 +9,15 @@ use damprig_core::rig::{State, Status};
 use damprig_protocol::{Event, PlantKind, Request, Telemetry};
 use damprig_simulator::messages::ToSimulator;
 
-use super::action::{Action, Injection};
-use super::control::Asked;
-use super::feed::{Feed, Update, Watched};
-use super::message::{Activity, FaultText, Impact, Level, Limits, LinkState, SignalName, Source, SourceKind};
-use super::words;
+use super::{RUN_IS_OVER, TURN};
 use crate::client::controller::Controller;
 use crate::client::session::{Report, Session, SessionError};
+use crate::monitor::action::{Action, Injection};
+use crate::monitor::control::{Actions, Asked};
+use crate::monitor::feed::{Feed, Update, Watched};
+use crate::monitor::message::{Activity, FaultText, Impact, Level, Limits, LinkState, SignalName, Source, SourceKind};
+use crate::monitor::run::AfterRun;
+use crate::monitor::words;
 use crate::report::numbers::significant;
 
 /// The signals that are streamed at the tick rate, as far as the device has them.
@@ -26,77 +27,20 @@ const SIGNALS: [&str; 8] = ["x", "z", "drive", "frequency", "x_velocity", "sprin
 const VALUES_EVERY: Duration = Duration::from_millis(100);
 const STATUS_EVERY: Duration = Duration::from_millis(500);
 
-/// Pause before a lost link is opened again.
-const RETRY_AFTER: Duration = Duration::from_secs(1);
-
-/// Longest pause before Ctrl-C is checked again.
-const TURN: Duration = Duration::from_millis(50);
-
-/// Watches a rig until `stop` is set. A link that is lost later is opened again for as long as it takes.
-///
-/// # Errors
-/// The rig cannot be reached at the start, or it is not one that this program can work with.
-pub fn watch(
-    open: &dyn Fn() -> Result<Session, SessionError>,
-    feed: &Feed,
-    actions: &Receiver<Asked>,
-    stop: &AtomicBool,
-) -> Result<(), SessionError> {
-    let mut session = open()?;
-    let mut link = LinkState { name: session.name().to_string(), ..LinkState::default() };
-    loop {
-        match RigWatch::new(&mut session, feed, actions, &mut link).and_then(|mut watch| watch.follow(stop)) {
-            Ok(()) => return Ok(()),
-            Err(error) => {
-                session.close();
-                link.interruptions += 1;
-                link.state = "lost; trying to connect".into();
-                let what = words::sentence(&error.to_string());
-                feed.log(Level::Warning, what.clone());
-                feed.send(Update::Activity(Activity::Lost, what));
-                feed.send(Update::Link(link.clone()));
-            }
-        }
-        match reopen(open, actions, stop) {
-            Some(opened) => session = opened,
-            None => return Ok(()),
-        }
-        feed.log(Level::Info, "The link is back.");
-    }
-}
-
-/// Opens the link again; none when `stop` is set.
-fn reopen(
-    open: &dyn Fn() -> Result<Session, SessionError>,
-    actions: &Receiver<Asked>,
-    stop: &AtomicBool,
-) -> Option<Session> {
-    loop {
-        let again = Instant::now() + RETRY_AFTER;
-        while Instant::now() < again {
-            if stop.load(Ordering::Relaxed) {
-                return None;
-            }
-            // The rig cannot be told anything.
-            while let Ok(asked) = actions.try_recv() {
-                asked.answer(Err("The link to the rig is lost.".into()));
-            }
-            std::thread::sleep(TURN);
-        }
-        if let Ok(session) = open() {
-            return Some(session);
-        }
-    }
-}
-
-struct RigWatch<'a> {
+/// A rig that is watched.
+pub(super) struct RigWatch<'a> {
     session: &'a mut Session,
     feed: &'a Feed,
-    actions: &'a Receiver<Asked>,
+    actions: &'a Actions,
     /// Its counts go on over interruptions.
     link: &'a mut LinkState,
-    /// Values in a row of telemetry.
+    /// Values in a row of telemetry, and ticks from row to row.
     width: usize,
+    every_ticks: u16,
+    /// Rig time of tick 0, s.
+    from_s: f64,
+    /// The run is over: its end stays in sight.
+    is_after_run: bool,
     /// The last tick of any row, and whether there was a row since the link was opened.
     tick: u32,
     has_rows: bool,
@@ -111,18 +55,13 @@ struct RigWatch<'a> {
 }
 
 impl<'a> RigWatch<'a> {
-    fn new(
+    pub(super) fn new(
         session: &'a mut Session,
         feed: &'a Feed,
-        actions: &'a Receiver<Asked>,
+        actions: &'a Actions,
         link: &'a mut LinkState,
     ) -> Result<Self, SessionError> {
-        let places: Vec<usize> =
-            SIGNALS.iter().filter_map(|name| session.signals.iter().position(|signal| signal.name == *name)).collect();
-        let named = |place: &usize| {
-            let signal = &session.signals[*place];
-            SignalName { name: signal.name.to_string(), unit: signal.unit.to_string() }
-        };
+        let places = places(session);
         link.state = "connected".into();
         let safety = &session.settings.safety;
         let known = |limit: f32| (limit > 0.0).then_some(f64::from(limit));
@@ -134,11 +73,10 @@ impl<'a> RigWatch<'a> {
                 board: session.identity.board.to_string(),
                 folder: None,
             },
-            signals: places.iter().map(named).collect(),
+            signals: names(session, &places),
             table: session.signals.iter().map(|signal| signal.name.to_string()).collect(),
             curves: Vec::new(),
             points_planned: 0,
-            expected_s: None,
             limits: Limits {
                 x_m: known(safety.limits.structure_m),
                 z_m: known(safety.limits.base_m),
@@ -157,8 +95,42 @@ impl<'a> RigWatch<'a> {
                 "The rig was running an experiment that no program follows any more: it was stopped.",
             );
         }
+        Self::start(session, feed, actions, link, (&places, 1), status.tick)
+    }
+
+    /// On the time axis of a run that has ended, with its signals if they have x and z.
+    pub(super) fn after_run(
+        session: &'a mut Session,
+        after: AfterRun,
+        feed: &'a Feed,
+        actions: &'a Actions,
+        link: &'a mut LinkState,
+    ) -> Result<Self, SessionError> {
+        let AfterRun { mut watched, selection, rig_s, .. } = after;
+        let has = |places: &[usize], name: &str| places.iter().any(|place| session.signals[*place].name == name);
+        let own = selection.filter(|(places, ..)| has(places, "x") && has(places, "z"));
+        let (status, _) = session.status()?;
+        let (places, every_ticks, from_s) = own.unwrap_or_else(|| {
+            let places = places(session);
+            watched.signals = names(session, &places);
+            feed.send(Update::Watch(Box::new(watched)));
+            (places, 1, rig_s - time_s(status.tick))
+        });
+        let every_ticks = u16::try_from(every_ticks).unwrap_or(1).max(1);
+        let watch = Self::start(session, feed, actions, link, (&places, every_ticks), 0)?;
+        Ok(Self { from_s, is_after_run: true, ..watch })
+    }
+
+    fn start(
+        session: &'a mut Session,
+        feed: &'a Feed,
+        actions: &'a Actions,
+        link: &'a mut LinkState,
+        (places, every_ticks): (&[usize], u16),
+        tick: u32,
+    ) -> Result<Self, SessionError> {
         let ask = Request::SetTelemetry {
-            every_ticks: 1,
+            every_ticks,
             signals: places.iter().map(|place| *place as u8).collect(),
             impacts: true,
         };
@@ -170,7 +142,10 @@ impl<'a> RigWatch<'a> {
             actions,
             link,
             width: places.len(),
-            tick: status.tick,
+            every_ticks,
+            from_s: 0.0,
+            is_after_run: false,
+            tick,
             has_rows: false,
             values_at: now,
             status_at: now.checked_sub(STATUS_EVERY).unwrap_or(now),
@@ -182,8 +157,8 @@ impl<'a> RigWatch<'a> {
         })
     }
 
-    fn follow(&mut self, stop: &AtomicBool) -> Result<(), SessionError> {
-        while !stop.load(Ordering::Relaxed) {
+    pub(super) fn follow(&mut self, stop: &AtomicBool, until: Option<Instant>) -> Result<(), SessionError> {
+        while !stop.load(Ordering::Relaxed) && until.is_none_or(|until| Instant::now() < until) {
             // Reports never pause on a rig at its work: the rest has its turn too.
             let turn = Instant::now();
             while turn.elapsed() < TURN
@@ -194,14 +169,17 @@ impl<'a> RigWatch<'a> {
             if self.values_at.elapsed() >= VALUES_EVERY {
                 self.values_at = Instant::now();
                 let values = self.session.signal_values()?;
-                self.feed.send(Update::Values { rig_s: time_s(self.tick), tick: self.tick, values });
-                self.feed.send(Update::Progress(time_s(self.tick)));
+                let rig_s = self.from_s + time_s(self.tick);
+                self.feed.send(Update::Values { rig_s, tick: self.tick, values });
+                if !self.is_after_run {
+                    self.feed.send(Update::Progress(rig_s));
+                }
             }
             if self.status_at.elapsed() >= STATUS_EVERY {
                 self.status_at = Instant::now();
                 self.show_status()?;
             }
-            while let Ok(asked) = self.actions.try_recv() {
+            while let Some(asked) = self.actions.next() {
                 self.act(asked)?;
             }
         }
@@ -213,10 +191,10 @@ impl<'a> RigWatch<'a> {
         match report {
             Report::Telemetry(message) => self.show_rows(&message)?,
             Report::Event { event: Event::Impact(impact), .. } => {
-                self.feed.send(Update::Impact(Impact::of(&impact, 0.0)));
+                self.feed.send(Update::Impact(Impact::of(&impact, self.from_s)));
             }
             Report::Event { event: Event::Spring(event), .. } => self.feed.log(Level::Info, words::spring(&event)),
-            Report::Event { event: Event::Fault(_), .. } => self.show_status()?,
+            Report::Event { event: Event::Fault(_), .. } if !self.is_after_run => self.show_status()?,
             Report::Event { .. } => {}
         }
         Ok(())
@@ -224,20 +202,25 @@ impl<'a> RigWatch<'a> {
 
     fn show_rows(&mut self, message: &Telemetry) -> Result<(), SessionError> {
         let rows = message.values.len() / self.width.max(1);
-        if usize::from(message.width) != self.width || message.every_ticks != 1 {
+        if usize::from(message.width) != self.width || message.every_ticks != self.every_ticks {
             // Rows that were asked for before.
             return self.session.note_misfit();
         }
         if message.first_tick < self.tick {
-            // The board was reset, or counts from 0 again.
-            self.feed.send(Update::Restart);
+            // The board was reset, or counts from 0 again; after a run these are rows that were shown already.
+            if !self.is_after_run {
+                self.feed.send(Update::Restart);
+            }
         } else if self.has_rows {
-            self.link.lost_rows += u64::from(message.first_tick - self.tick).saturating_sub(1);
+            let ticks = message.first_tick - self.tick;
+            self.link.lost_rows += u64::from(ticks / u32::from(self.every_ticks)).saturating_sub(1);
         }
         self.has_rows = true;
-        self.tick = message.first_tick.saturating_add((rows as u32).saturating_sub(1));
-        let t_s = (0..rows as u32).map(|row| time_s(message.first_tick.saturating_add(row))).collect();
-        let longest_step_s = 1.5 / f64::from(TICK_HZ);
+        let every_ticks = u32::from(self.every_ticks);
+        let tick = |row: u32| message.first_tick.saturating_add(row.saturating_mul(every_ticks));
+        self.tick = tick((rows as u32).saturating_sub(1));
+        let t_s = (0..rows as u32).map(|row| self.from_s + time_s(tick(row))).collect();
+        let longest_step_s = 1.5 * time_s(every_ticks);
         self.feed.send(Update::Rows { t_s, values: message.values.to_vec(), longest_step_s });
         Ok(())
     }
@@ -260,9 +243,14 @@ impl<'a> RigWatch<'a> {
             self.feed.log(if lost.is_empty() { Level::Info } else { Level::Warning }, text);
             self.lost_sensors = lost;
         }
+        self.feed.send(Update::LostSensors(status.sensors.lost));
+        if self.is_after_run {
+            return Ok(());
+        }
         self.feed.send(activity(&status, &self.lost_sensors));
         let fault = status.fault.or(status.spring.fault);
-        let fault = fault.map(|fault| FaultText { what: words::fault(&fault), advice: advice(&status).into() });
+        let fault =
+            fault.map(|fault| FaultText { what: words::fault(&fault, status.safe), advice: advice(&status).into() });
         self.feed.send(Update::Fault(fault));
         self.advance_spring(&status)
     }
@@ -293,6 +281,10 @@ impl<'a> RigWatch<'a> {
     }
 
     fn act(&mut self, asked: Asked) -> Result<(), SessionError> {
+        if self.is_after_run {
+            asked.answer(Err(RUN_IS_OVER.into()));
+            return Ok(());
+        }
         let (request, done) = match &asked.action {
             Action::Stop => {
                 self.spring_goal_n = None;
@@ -349,7 +341,13 @@ impl<'a> RigWatch<'a> {
             }
         };
         match self.session.execute("act", request) {
-            Ok(()) => asked.answer(Ok(done.into())),
+            Ok(()) => {
+                // A stop was answered when it was asked for.
+                if asked.action == Action::Stop {
+                    self.feed.log(Level::Info, done);
+                }
+                asked.answer(Ok(done.into()));
+            }
             Err(SessionError::Refused { why, .. }) => asked.answer(Err(words::sentence(&why))),
             Err(error) => {
                 asked.answer(Err(words::sentence(&error.to_string())));
@@ -371,6 +369,19 @@ impl<'a> RigWatch<'a> {
             Request::ClearFault
         }
     }
+}
+
+/// Places in the device's table of the signals that are shown.
+fn places(session: &Session) -> Vec<usize> {
+    SIGNALS.iter().filter_map(|name| session.signals.iter().position(|signal| signal.name == *name)).collect()
+}
+
+fn names(session: &Session, places: &[usize]) -> Vec<SignalName> {
+    let named = |place: &usize| {
+        let signal = &session.signals[*place];
+        SignalName { name: signal.name.to_string(), unit: signal.unit.to_string() }
+    };
+    places.iter().map(named).collect()
 }
 
 fn time_s(tick: u32) -> f64 {

@@ -1,0 +1,72 @@
+//! Places of the viewers: some for everybody, and some that only those with the token can take.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use tokio::sync::Notify;
+
+/// Most viewers without the token.
+pub(super) const MOST_VIEWERS: usize = 64;
+
+/// Most viewers with the token. The oldest makes room for one more: it may be a page that nobody looks at.
+pub(super) const MOST_WITH_TOKEN: usize = 16;
+
+/// The places.
+#[derive(Debug, Default)]
+pub(super) struct Places(Mutex<Vec<Arc<Taken>>>);
+
+/// A place that is taken.
+#[derive(Debug)]
+struct Taken {
+    has_token: bool,
+    /// It is told to leave.
+    leaves: Notify,
+}
+
+/// A viewer's place, until it is dropped.
+#[derive(Debug)]
+pub(super) struct Place {
+    own: Arc<Taken>,
+    all: Arc<Places>,
+}
+
+impl Places {
+    fn taken(&self) -> MutexGuard<'_, Vec<Arc<Taken>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Number of viewers.
+    pub(super) fn viewers(&self) -> usize {
+        self.taken().len()
+    }
+
+    /// Takes a place; none when all of those without the token are taken.
+    pub(super) fn take(self: &Arc<Self>, has_token: bool) -> Option<Place> {
+        let mut taken = self.taken();
+        let count = taken.iter().filter(|place| place.has_token == has_token).count();
+        if !has_token && count >= MOST_VIEWERS {
+            return None;
+        }
+        if has_token
+            && count >= MOST_WITH_TOKEN
+            && let Some(oldest) = taken.iter().position(|place| place.has_token)
+        {
+            taken.remove(oldest).leaves.notify_one();
+        }
+        let own = Arc::new(Taken { has_token, leaves: Notify::new() });
+        taken.push(Arc::clone(&own));
+        Some(Place { own, all: Arc::clone(self) })
+    }
+}
+
+impl Place {
+    /// Returns when another viewer needs the place.
+    pub(super) async fn is_needed(&self) {
+        self.own.leaves.notified().await;
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.all.taken().retain(|place| !Arc::ptr_eq(place, &self.own));
+    }
+}
