@@ -158,8 +158,9 @@ def test_a_resumed_run_shows_what_was_measured_before(tmp_path, open_page):
     with resumed as damprig:
         page = ready(open_page(damprig.address, is_loss_expected=True))
         expect(page.locator("#response-legend")).to_contain_text(re.compile("[1-5] points"))
+        expect(page.locator("#points")).to_contain_text("6 of 6 points", timeout=60_000)
+        page.close()
         assert damprig.process.wait(60) == 0
-        expect(page.locator("#points")).to_contain_text("6 of 6 points")
 
 
 def test_an_idle_rig_answers_at_once(tmp_path, open_page):

@@ -1,12 +1,15 @@
 """The terminal view of `damprig run --tui` and `damprig monitor --tui`, in tmux."""
 
+import asyncio
 import os
+import re
 import shutil
 import subprocess
 import time
 import uuid
 from pathlib import Path
 
+import aiohttp
 import pytest
 
 COMMAND = os.environ.get("DAMPRIG_COMMAND")
@@ -104,6 +107,52 @@ def test_a_terminal_that_closes_ends_the_run_in_an_orderly_way(terminal, tmp_pat
 def test_an_idle_rig_is_shown_in_the_terminal(terminal):
     view = terminal("monitor --rig virtual:realtime --listen 127.0.0.1:0 --tui")
     view.until("IDLE", "The rig is idle.", "q end")
+    view.press("q")
+    view.until("exit=0")
+
+
+def ask(url, action):
+    """Sends an action to the page of the rig, as a viewer with the token."""
+    address, token = re.fullmatch(r"(http://[\d.:]+)/#token=([0-9a-f]+)", url).groups()
+
+    async def send():
+        async with aiohttp.ClientSession() as session:
+            async with session.ws_connect(f"{address}/live", protocols=("damprig", f"token.{token}")) as socket:
+                await socket.send_json({"id": 1, "token": token, **action})
+                while True:
+                    message = await socket.receive_json()
+                    if message["kind"] == "answer":
+                        return message
+
+    answer = asyncio.run(send())
+    assert answer["ok"], answer
+
+
+def test_old_numbers_and_a_sensor_without_a_signal_are_seen_in_the_terminal(terminal, tmp_path):
+    view = terminal("monitor --rig virtual:realtime --listen 127.0.0.1:0 --control --tui 2>err.txt")
+    view.until("IDLE", "x mean (mm) ")
+    url = re.search(r"Monitor: (\S+)", (tmp_path / "err.txt").read_text()).group(1)
+    ask(url, {"do": "inject", "fault": {"kind": "sensor", "sensor": "x", "how": "unplugged"}})
+    view.until("IDLE", "The x sensor reads an end of its span", "X (mm) –", "z mean (mm) ")
+    assert "newest sample" not in view.screen()
+    ask(url, {"do": "inject", "fault": {"kind": "cable", "on": True}})
+    # Long before the link counts as lost.
+    assert "LINK LOST" not in view.until("newest sample", " s old")
+    ask(url, {"do": "inject", "fault": {"kind": "cable", "on": False}})
+    view.press("q")
+    view.until("exit=0")
+
+
+def test_a_replay_stands_until_it_is_played_in_the_terminal(terminal, tmp_path):
+    done = subprocess.run([COMMAND, "run", str(CAMPAIGNS / "short.toml"), "--out", str(tmp_path / "run")],
+                          capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    view = terminal("monitor --run run --listen 127.0.0.1:0 --speed 20 --tui")
+    screen = view.until("REPLAY", "p play", "0 of 6 points")
+    assert "RUNNING" not in screen
+    view.press("p")
+    view.until("REPLAY", "p pause", "of 6 points", "X/Z (lock-in) ")
+    view.until("6 of 6 points")
     view.press("q")
     view.until("exit=0")
 

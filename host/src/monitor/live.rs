@@ -40,6 +40,9 @@ const MOST_LOG: usize = 200;
 /// Time over which the pace of rig time is measured.
 const PACE_OVER: Duration = Duration::from_secs(2);
 
+/// Fastest replay that shows every row, rig seconds per second.
+const SLOW_REPLAY: f64 = 2.0;
+
 /// Time over which x and z are averaged while nothing is driven.
 const MEAN_OVER: Duration = Duration::from_secs(1);
 
@@ -434,7 +437,7 @@ impl Live {
             impacts: self.impacts.take_new(),
             section: self.section.take_new(),
             log: self.log.take_new(),
-            rows: self.unsent.columns(&self.row_names, FRAME_ROWS, TAIL),
+            rows: self.unsent.columns(&self.row_names, self.most_rows(FRAME_ROWS), TAIL),
             slow: self.slow_unsent.columns(&slow_names(), FRAME_ROWS, TAIL),
         };
         self.unsent.clear();
@@ -460,11 +463,18 @@ impl Live {
                 impacts: self.impacts.everything(),
                 section: self.section.everything(),
                 log: self.log.everything(),
-                rows: self.recent.columns(&self.row_names, SNAPSHOT_ROWS, TAIL),
+                rows: self.recent.columns(&self.row_names, self.most_rows(SNAPSHOT_ROWS), TAIL),
                 slow: self.slow.columns(&slow_names(), SNAPSHOT_VALUES, TAIL),
             },
             state: self.state(),
         }
+    }
+
+    /// Most rows of a message. A replay that stands or goes slowly shows every row: its times are looked at closely, and extremes
+    /// have the times of their bucket.
+    fn most_rows(&self, usual: usize) -> usize {
+        let is_slow = self.state.replay.is_some_and(|replay| replay.paused || replay.speed <= SLOW_REPLAY);
+        if is_slow { 2 * MOST_ROWS } else { usual }
     }
 
     /// Measures how fast rig time passes.

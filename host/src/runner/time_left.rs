@@ -1,9 +1,9 @@
 //! Estimates how long a run still takes: the one estimate that page, terminal view and terminal show.
 //!
 //! It is a range of wall time. Each point that is missing takes what the campaign expects of it times a ratio of wall time to
-//! expected rig time: at least the smallest and at most the largest ratio of the points measured so far. Before there are
-//! enough of them, bounds from the campaign take their place: no wait at the low end, longest dwells and the structure's decay
-//! from its limit before each point at the high end. Time in which the run waits for a person is not counted.
+//! expected rig time: at least the smallest and at most the largest ratio of the points measured so far. While there are
+//! few of them, bounds from the campaign help: no wait at the low end, longest dwells and the structure's decay from its limit
+//! before each point at the high end, or a multiple of the slowest point if that is less. Time in which the run waits for a person is not counted.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -17,7 +17,9 @@ const EVERY: Duration = Duration::from_millis(500);
 /// Points after which their ratios are used alone.
 const ENOUGH: u32 = 3;
 
-/// How much slower than the slowest point so far a point may be while no experiment has been measured to its end.
+/// How much slower than the slowest point so far a point may be: while there are few, and while no experiment has been measured to
+/// its end.
+const SLOWER_THAN_FEW: f64 = 3.0;
 const SLOWER: f64 = 1.5;
 
 /// Time for messages, settings and what the campaign does not state, as a share of the rest.
@@ -154,10 +156,11 @@ impl Estimate {
         let bound_s = longest_s * pace * OVERHEAD;
         let low_s = expected_s * if self.points < ENOUGH { pace } else { self.ratios.0 };
         let slowest_s = expected_s * self.ratios.1;
-        let high_s = match (self.points < ENOUGH, self.has_whole) {
-            (true, _) => bound_s.max(slowest_s),
-            (false, false) => (SLOWER * slowest_s).min(bound_s.max(slowest_s)),
-            (false, true) => slowest_s,
+        let high_s = match (self.points, self.has_whole) {
+            (0, _) => bound_s,
+            (points, _) if points < ENOUGH => (SLOWER_THAN_FEW * slowest_s).min(bound_s.max(slowest_s)),
+            (_, false) => (SLOWER * slowest_s).min(bound_s.max(slowest_s)),
+            (_, true) => slowest_s,
         };
         let since_s = self.active().saturating_sub(self.point_at).as_secs_f64();
         let low_s = (low_s - since_s).max(0.0);

@@ -85,7 +85,7 @@ export class Controls {
     const label = (id, isOn, on, off) => put($(id), isOn ? on : off);
     label("pause-run", this.#is("paused"), "Resume run", "Pause run");
     label("hold", this.#is("held"), "Release point", "Hold point");
-    $("clear-fault").disabled = state.fault === null;
+    $("clear-fault").disabled = state.fault === null || this.#is("over");
     $("pause-run").disabled = ["idle", "over", "replay"].includes(state.activity);
     $("hold").disabled = !["running", "held"].includes(state.activity);
     put($("injected"), state.injected.length > 0 ? `Now: ${state.injected.join(", ")}.` : "No fault is injected.");

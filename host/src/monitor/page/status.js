@@ -133,6 +133,7 @@ export function numbers({ state }) {
   for (const [name, amplitude, mean, decimals] of [["x", n.x_amplitude_m, n.x_mean_m, 2], ["z", n.z_amplitude_m, n.z_mean_m, 3]]) {
     put($(`l-${name}`), isStill ? `${name}, mean of 1 s (mm)` : `${name.toUpperCase()} (mm)`);
     put($(`n-${name}`), isStill ? millimetres(mean, 3) : millimetres(amplitude, decimals));
+    $(`n-${name}`).classList.toggle("mean", isStill);
   }
   put($("n-phase"), fixed(degrees(n.x_phase_rad), 1));
   put($("n-impacts"), fixed(n.impacts_in_cycle, 0));
