@@ -86,7 +86,7 @@ fn a_saved_limit_trips_at_its_value_not_at_the_default() {
     lab.settings(&["set", "safety.wall_force_n=300", "--save"]);
     let (code, words) = lab.run(&campaign("", HARD), "saved");
     assert_eq!(code, 1, "{words}");
-    assert!(words.contains("the force on a wall reached its limit") && words.contains("limit 300)"), "{words}");
+    assert!(words.contains("the force on a wall reached its limit") && words.contains("limit 300 N)"), "{words}");
     let manifest = lab.manifest("saved");
     let force = acting(&manifest, "safety.wall_force_n");
     assert_eq!((&force["value"], &force["origin"]), (&300.0.into(), &"board (stored)".into()));
@@ -149,7 +149,7 @@ fn a_tightened_limit_acts_only_in_its_campaign_however_the_campaign_ends() {
         let output = child.wait_with_output().unwrap();
         let words = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.success(), end == End::Complete, "{end:?}: {words}");
-        assert_eq!(words.contains("limit 50)"), end == End::Trip, "{end:?}: {words}");
+        assert_eq!(words.contains("limit 50 N)"), end == End::Trip, "{end:?}: {words}");
         let manifest = lab.manifest("tightened");
         let force = acting(&manifest, "safety.wall_force_n");
         let expected = if end == End::Trip { 50.0 } else { 200.0 };
@@ -160,7 +160,7 @@ fn a_tightened_limit_acts_only_in_its_campaign_however_the_campaign_ends() {
         let (code, words) = lab.run(&campaign("", SOFT), "soft");
         assert_eq!(code, 0, "{end:?}: {words}");
         let (code, words) = lab.run(&campaign("", HARD), "hard");
-        assert!(code == 1 && words.contains("limit 300)"), "{end:?}: {code} {words}");
+        assert!(code == 1 && words.contains("limit 300 N)"), "{end:?}: {code} {words}");
         assert!(lab.settings(&["show"]).contains("wall_force_n = 300.0"), "{end:?}");
     }
 }
