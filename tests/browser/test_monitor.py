@@ -113,7 +113,7 @@ def test_a_fault_stays_with_the_decay_and_what_to_do(tmp_path, open_page):
         expect(page.locator("#n-ratio")).not_to_have_text("–")
         page.get_by_role("button", name="Press", exact=True).click()
         expect(page.locator("#badge")).to_have_text("Fault")
-        expect(page.locator("#headline")).to_contain_text("The drive was cut at once at t = ")
+        expect(page.locator("#headline")).to_contain_text("The drive was cut at once: the emergency stop is pressed; set-up \"bare\", t = ")
         expect(page.locator("#advice")).to_have_text(f"`damprig run --resume {tmp_path / 'run'}` continues the run.")
         # The drive is off, so nothing is measured over its cycle; the structure rings.
         expect(page.locator("#n-ratio")).to_have_text("–")

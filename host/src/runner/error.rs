@@ -21,7 +21,7 @@ pub enum RunError {
     Storage(#[from] StorageError),
     /// An interlock ended the drive.
     #[error(
-        "{} at t = {t_s:.3} s of set-up {set_up:?}: {}",
+        "{}: {}; set-up {set_up:?}, t = {t_s:.3} s",
         drive_text(*cause),
         cause_text(*cause, *value, *limit)
     )]
