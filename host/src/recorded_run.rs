@@ -12,11 +12,12 @@ use crate::report::figures::campaign::{self as figures, PlottedPoint};
 use crate::report::figures::peak_motion::draw as draw_motions;
 use crate::report::figures::{FigureError, Picture};
 use crate::report::page::page;
-use crate::run_folder::checksum::{self, FileRecord};
-use crate::run_folder::journal::{Begin, Ended, Entry, Journal};
+use crate::run_folder::checksum;
+use crate::run_folder::journal::{Begin, CopiedFile, Ended, Entry, Journal, Withdrawn};
 use crate::run_folder::schema::acting_settings::acting_settings;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::{Durations, Ending, Manifest, SetUpRecord};
+use crate::run_folder::read::folder::id_of;
 use crate::run_folder::schema::self_description;
 use crate::run_folder::write::writer::{Layout, Writer};
 use crate::run_folder::write::{OutputFolder, Recorder};
@@ -29,10 +30,11 @@ pub fn begin_entry(
     campaign: &Campaign,
     session: &Session,
     selection: &Selection,
-    records: Vec<FileRecord>,
+    records: Vec<CopiedFile>,
     now: &jiff::Zoned,
 ) -> Begin {
     Begin {
+        run: String::new(),
         records,
         at: host_time::text(now),
         damprig: crate::VERSION_LINE.to_string(),
@@ -40,6 +42,7 @@ pub fn begin_entry(
         signals: selection.signals.clone(),
         every_ticks: campaign.telemetry.every_ticks(),
         campaign: campaign.source.text().to_string(),
+        sums: true,
     }
 }
 
@@ -62,6 +65,8 @@ pub struct RunStart {
     pub journal: Journal,
     /// State of a resumed run.
     pub taken: JournalState,
+    /// Results of a resumed run that do not count any more.
+    pub withdrawn: Vec<Withdrawn>,
     /// Whether the recorder waits for the disk instead of dropping rows: under a granted clock.
     pub waits_for_room: bool,
 }
@@ -104,17 +109,20 @@ impl<'a> RecordedRun<'a> {
         folder: &'a OutputFolder,
         start: RunStart,
     ) -> Result<Self, StorageError> {
-        let RunStart { begin, journal, taken, waits_for_room } = start;
+        let RunStart { mut begin, journal, taken, withdrawn, waits_for_room } = start;
+        let name = || id_of(folder.path());
+        begin.run = taken.begun.first().map(|first| first.run.clone()).filter(|run| !run.is_empty()).unwrap_or_else(name);
         let mut manifest = first_manifest(campaign, predicted, &begin, &taken);
         let layout = Layout {
             signals: begin.signals.clone(),
             every_ticks: begin.every_ticks,
             tick_hz: begin.device.tick_hz,
             order: campaign.in_order(),
-            about: self_description::of_run(&RunFolder::with_manifest(folder.path(), manifest.clone()).id(), &manifest),
+            about: self_description::of_run(&begin.run, &manifest),
         };
         let mut writer = Writer::new(folder.path(), journal, layout, taken)?;
         writer.note(&Entry::Begin(Box::new(begin)))?;
+        withdrawn.into_iter().try_for_each(|result| writer.note(&Entry::Withdrawn(result)))?;
         manifest.note(campaign, writer.state(), writer.rows());
         folder.write_manifest(&manifest)?;
         let taken = writer.state().clone();
@@ -182,7 +190,10 @@ impl<'a> RecordedRun<'a> {
         let page_written = self.folder.write_page(&page(&RunFolder::with_manifest(path, manifest.clone())).html);
         let sums = checksum::of_folder(path);
         manifest.files = sums.clone().unwrap_or_default();
-        let written = noted.and(page_written).and(self.folder.write_manifest(&manifest)).and(sums.map(|_| ()));
+        // What the manifest states is on the disk before it.
+        let synced = self.folder.sync(&manifest.files);
+        let written =
+            noted.and(page_written).and(synced).and(self.folder.write_manifest(&manifest)).and(sums.map(|_| ()));
         Some(EndedRun { manifest, taken, rows, result, written, drawn })
     }
 }

@@ -111,8 +111,9 @@ impl Bench {
             None => OutputFolder::create_dated(Path::new("."), &campaign.name, &now),
         }?;
         let journal = folder.keep_campaign(&campaign)?;
-        let begin = begin_entry(&campaign, &self.session, &selection, folder.records()?, &now);
-        let start = RunStart { begin, journal, taken: JournalState::default(), waits_for_room: true };
+        let begin = begin_entry(&campaign, &self.session, &selection, folder.records(&campaign)?, &now);
+        let (taken, withdrawn) = (JournalState::default(), Vec::new());
+        let start = RunStart { begin, journal, taken, withdrawn, waits_for_room: true };
         let mut recorded = RecordedRun::begin(&campaign, &predicted, &folder, start)?;
         let (stop, taken) = (AtomicBool::new(false), recorded.taken().clone());
         let mut watch = Watch::new(&stop);

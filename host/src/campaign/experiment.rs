@@ -18,6 +18,8 @@ use crate::input::{Problem, Section, Text, listed, near};
 pub struct Experiment {
     /// Name, for tables.
     pub name: String,
+    /// Number of its `[[experiment]]` in the campaign, from 1, the same for all of its repeats.
+    pub number: usize,
     /// Its name as written, the same for all of its repeats.
     pub series: String,
     /// Which of its repeats it is, from 0.
@@ -181,11 +183,8 @@ pub(super) fn read_all(
     let plan = plan?;
     let mut all = Vec::new();
     for (experiment, repeats) in read {
-        for repeat in 0..repeats {
-            let mut one = Experiment { repeat: repeat as u32, ..experiment.clone() };
-            if repeats > 1 {
-                one.name = repeat_name(&experiment.series, repeat, repeats);
-            }
+        for (repeat, name) in repeat_names(&experiment.series, repeats).into_iter().enumerate() {
+            let mut one = Experiment { repeat: repeat as u32, name, ..experiment.clone() };
             if let Kind::SteppedSine(sine) = &mut one.kind
                 && sine.start == Start::FromRest
             {
@@ -204,9 +203,18 @@ const FREQUENCIES_PLACE: u64 = 1 << 16;
 /// Where those of the points around peaks begin.
 const PEAKS_PLACE: u64 = 1 << 24;
 
-/// Name of one of several repeats, counted from 1.
-fn repeat_name(series: &str, repeat: usize, repeats: usize) -> String {
-    format!("{series} {} of {repeats}", repeat + 1)
+/// Name of the `[[experiment]]` of this number, from 1, if it has none of its own.
+pub(crate) fn default_name(number: usize) -> String {
+    format!("experiment {number}")
+}
+
+/// Names of the repeats of an experiment.
+pub(crate) fn repeat_names(series: &str, repeats: usize) -> Vec<String> {
+    if repeats > 1 {
+        (1..=repeats).map(|repeat| format!("{series} {repeat} of {repeats}")).collect()
+    } else {
+        vec![series.to_string()]
+    }
 }
 
 fn read(
@@ -217,13 +225,11 @@ fn read(
     rig: Option<&RigSettings>,
 ) -> Option<(Experiment, usize)> {
     let own = section.text_of(&experiment::NAME);
-    let name = own.as_ref().map_or_else(|| format!("experiment {}", index + 1), |t| t.value.clone());
+    let number = index + 1;
+    let name = own.as_ref().map_or_else(|| default_name(number), |t| t.value.clone());
     let repeats = section.scalar(&experiment::REPEATS).map(|repeats| repeats as usize);
     let instruction = section.text_of(&experiment::INSTRUCTION).map(|text| text.value);
-    let own_names: Vec<String> = match repeats {
-        Some(repeats) if repeats > 1 => (0..repeats).map(|n| repeat_name(&name, n, repeats)).collect(),
-        _ => vec![name.clone()],
-    };
+    let own_names = repeat_names(&name, repeats.unwrap_or(1));
     if own_names.iter().any(|name| names.contains(name)) {
         let help = Some("give each experiment a name of its own: tables and --resume tell them apart by it".into());
         section.refuse("name", &own.map_or(section.span(), |t| t.span), "is the name of an earlier experiment", help);
@@ -237,7 +243,7 @@ fn read(
         return None;
     }
     let read = match kind {
-        Some(1) => playback::read(&section, index).map(Kind::Playback),
+        Some(1) => playback::read(&section, number).map(Kind::Playback),
         Some(2) => transient::impulse(&section).map(Kind::Playback),
         Some(3) => transient::free_vibration(&section, rig).map(Kind::FreeVibration),
         // Without a kind, the keys of the most frequent one are checked.
@@ -251,7 +257,8 @@ fn read(
     }
     section.finish();
     kind?;
-    let experiment = Experiment { series: name.clone(), name, repeat: 0, set_ups: chosen?, instruction, kind: read? };
+    let experiment =
+        Experiment { number, series: name.clone(), name, repeat: 0, set_ups: chosen?, instruction, kind: read? };
     Some((experiment, repeats?))
 }
 

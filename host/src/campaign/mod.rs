@@ -27,6 +27,7 @@ use crate::setup::{SetUpFile, set_up_file};
 pub use crate::setup::{SetUpSpec, SpringSpec, SpringTarget};
 pub use difference::differences;
 pub use experiment::{Experiment, Kind};
+pub(crate) use experiment::{default_name, repeat_names};
 pub use keys::{PLAYED, TABLES};
 pub use limits::CampaignLimits;
 pub use peak::{AroundPeak, GridPeak};
@@ -142,7 +143,7 @@ fn parts(root: &Section) -> Option<Parts> {
     let telemetry = rig::read_telemetry(root);
     let plan = plan::read(root);
     let source = root.source();
-    let file = set_up_file::attach(root, Some(transient::RECORDS));
+    let file = set_up_file::attach(root);
     let document = file.as_ref().and_then(|file| file.parse(source));
     let set_up_file = file.as_ref().zip(document.as_ref()).and_then(|(file, document)| file.check(source, document));
     let set_ups = set_up::read_all(root, document.as_ref().map(|document| document.get_ref()));

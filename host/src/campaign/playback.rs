@@ -17,14 +17,16 @@ use super::transient::{Origin, Playback, kept_record, two_digits_down};
 use crate::input::{Number, Section, Span};
 use crate::motion_record::{Motion, Noise, Quantity, RECORD_FILE, RECORD_SCALE, Record, read_motion};
 
-/// Reads a playback; `index` is the experiment's place in the campaign.
-pub(super) fn read(section: &Section, index: usize) -> Option<Playback> {
-    let campaign = Path::new(section.source().name());
-    // A run folder has a copy of the file; its campaign names the original.
-    let find = |file: &str| {
-        let folder = campaign.parent().unwrap_or(Path::new("")).to_path_buf();
-        let kept = kept_record(&folder, index, Path::new(file));
-        if kept.is_file() { kept } else { folder.join(file) }
+/// Reads a playback; `number` is that of its `[[experiment]]`, from 1.
+pub(super) fn read(section: &Section, number: usize) -> Option<Playback> {
+    let folder = Path::new(section.source().name()).parent().unwrap_or(Path::new(""));
+    // The campaign of a run folder names the originals.
+    let find = |file: &str| match section.source().copies() {
+        Some(copies) => {
+            let copy = copies.records.get(&number).cloned();
+            copy.unwrap_or_else(|| kept_record(folder, number, Path::new(file)))
+        }
+        None => folder.join(file),
     };
     let target = section.placed(&playback_keys::TARGET);
     let baseline = section.word(&playback_keys::BASELINE);

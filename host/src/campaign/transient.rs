@@ -56,6 +56,9 @@ pub enum Origin {
 /// Counts on either side of zero.
 const COUNTS: f64 = i16::MAX as f64;
 
+/// Name under which a run folder keeps noise.
+pub const NOISE_FILE: &str = "noise.csv";
+
 impl Playback {
     /// Largest |z|, m.
     #[must_use]
@@ -134,11 +137,11 @@ impl FreeVibration {
     }
 }
 
-/// Where the run folder keeps the record of the experiment at `index` of its campaign.
+/// Where a new run folder keeps the record of the `[[experiment]]` of this number, from 1. Its journal has the number of each copy.
 #[must_use]
-pub fn kept_record(folder: &Path, index: usize, file: &Path) -> PathBuf {
+pub fn kept_record(folder: &Path, number: usize, file: &Path) -> PathBuf {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
-    folder.join(RECORDS).join(format!("{}-{name}", index + 1))
+    folder.join(RECORDS).join(format!("{number}-{name}"))
 }
 
 /// Reads an impulse.

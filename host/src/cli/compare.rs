@@ -18,6 +18,7 @@ use crate::report::exports::comparison::write_csv;
 use crate::report::page::comparison::comparison_page;
 use crate::report::terminal;
 use crate::run_folder::RunFolder;
+use crate::run_folder::read::campaign_copy::new_campaign;
 use crate::run_folder::read::folder::find;
 
 /// Compares a run with simulations of its set-ups, with uncertainties and normalised errors.
@@ -82,7 +83,7 @@ pub fn run(args: &Args) -> Outcome {
     if let Some(out) = &args.out {
         check_target(out, args.force)?;
     }
-    let set_ups = args.set_ups.as_ref().map(|file| Campaign::read(file)).transpose().map_err(Failure::input)?;
+    let set_ups = args.set_ups.as_ref().map(|file| new_campaign(file)).transpose().map_err(Failure::input)?;
     let run = RunFolder::open(&path).map_err(Failure::failed)?;
     let comparison = compared(&run, set_ups, args.scale_uncertainty)?;
     if args.json {

@@ -26,6 +26,7 @@ use crate::report::numbers::duration;
 use crate::report::terminal;
 use crate::run_folder::RunFolder;
 use crate::run_folder::journal::{self, Journal};
+use crate::run_folder::read::campaign_copy::new_campaign;
 use crate::run_folder::read::folder::find;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::write::OutputFolder;
@@ -156,7 +157,7 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 fn begin(args: &Args, file: &Path) -> Outcome {
-    let mut campaign = Campaign::read(file).map_err(Failure::input)?;
+    let mut campaign = new_campaign(file).map_err(Failure::input)?;
     campaign.source.warnings().iter().for_each(|warning| warn!("warning: {warning}"));
     let rig = args.speed.apply(args.rig.as_ref().unwrap_or(&Rig::At(Address::VIRTUAL)).find()?)?;
     let mut session = open(&rig, args)?;
@@ -202,7 +203,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     }
     .map_err(Failure::failed)?;
     let journal = folder.keep_campaign(&campaign).map_err(Failure::failed)?;
-    let records = folder.records().map_err(Failure::failed)?;
+    let records = folder.records(&campaign).map_err(Failure::failed)?;
     let begin = begin_entry(&campaign, &session, &selection, records, &now);
     let job = Job {
         given_rig: args.rig.as_ref(),
@@ -218,6 +219,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         live,
         log,
         taken: JournalState::default(),
+        withdrawn: Vec::new(),
     };
     job.run(&mut session, selection, begin, journal, &stop)
 }
@@ -271,7 +273,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     let log = args.log.as_deref().map(Log::open).transpose()?;
     let live = args.live_views(&rig, &stop)?;
     let folder = OutputFolder::existing(&path);
-    let records = folder.records().map_err(Failure::failed)?;
+    let records = folder.records(campaign).map_err(Failure::failed)?;
     let begin = begin_entry(campaign, &session, &selection, records, &host_time::now());
     let different = earlier.differences(&begin);
     if !different.is_empty() {
@@ -300,6 +302,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         live,
         log,
         taken: earlier.journal.clone(),
+        withdrawn: earlier.withdrawn.clone(),
     };
     job.run(&mut session, selection, begin, journal, &stop)
 }

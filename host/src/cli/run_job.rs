@@ -20,7 +20,7 @@ use crate::prediction::Predicted;
 use crate::recorded_run::{EndedRun, RecordedRun, RunStart};
 use crate::report::compared::predicted_and_measured;
 use crate::report::terminal;
-use crate::run_folder::journal::{Begin, Journal};
+use crate::run_folder::journal::{Begin, Journal, Withdrawn};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::write::OutputFolder;
 use crate::runner::{Reconnect, Run, RunError, Selection, Tally, Watcher};
@@ -90,6 +90,8 @@ pub(super) struct Job<'a> {
     pub log: Option<Log>,
     /// State of a resumed run.
     pub taken: JournalState,
+    /// Results of a resumed run that do not count any more.
+    pub withdrawn: Vec<Withdrawn>,
 }
 
 impl Job<'_> {
@@ -109,7 +111,8 @@ impl Job<'_> {
             say!("Rig {}: {} (firmware {}), tick {} Hz", device.link, device.board, device.firmware, device.tick_hz);
         }
         let taken = std::mem::take(&mut self.taken);
-        let start = RunStart { begin, journal, taken, waits_for_room: session.is_granted() };
+        let withdrawn = std::mem::take(&mut self.withdrawn);
+        let start = RunStart { begin, journal, taken, withdrawn, waits_for_room: session.is_granted() };
         let mut recorded =
             RecordedRun::begin(self.campaign, self.predicted, &self.folder, start).map_err(Failure::failed)?;
         let taken = recorded.taken().clone();

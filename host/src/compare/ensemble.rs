@@ -15,7 +15,7 @@ use super::CannotCompare;
 use super::metric::{Metric, Values};
 use crate::campaign::{Campaign, CampaignSetUp};
 use crate::identify::statistics::student_95;
-use crate::input::Source;
+use crate::input::{Copies, Source};
 use crate::setup::{Identified, set_up_file};
 
 /// Members of an ensemble.
@@ -203,6 +203,7 @@ pub(super) fn varied_set_ups(campaign: &Campaign, is_simulated: bool) -> Result<
         let varied = toml::to_string(&values).map_err(|error| error.to_string())?;
         std::fs::write(&copy, varied).map_err(|error| format!("{}: {error}", copy.display()))?;
         let source = Source::new(folder.path().join("campaign.toml").display().to_string(), text.clone()).recorded();
+        let source = source.with_copies(Copies { set_up_file: Some(copy.clone()), ..Copies::default() });
         let mut read = Campaign::parse(source).map_err(|error| error.to_string())?;
         // Limits were checked before the run.
         let _ = read.on_board(&campaign.rig.board, is_simulated);

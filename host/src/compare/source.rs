@@ -2,9 +2,9 @@
 
 use super::CannotCompare;
 use crate::campaign::Campaign;
-use crate::input::Source;
 use crate::run_folder::RunFolder;
 use crate::run_folder::journal::{self, JOURNAL};
+use crate::run_folder::read::campaign_copy;
 use crate::run_folder::schema::journal_state::JournalState;
 
 /// The campaign as run, the journal's sum, and what cannot be read.
@@ -24,9 +24,7 @@ pub(super) fn read(run: &RunFolder) -> Result<(Campaign, JournalState, Vec<Strin
         return Err(failed("no point has been measured: there is nothing to compare".into()));
     }
     let (board, is_simulated) = (begin.device.settings.clone(), begin.device.simulated);
-    let source =
-        Source::read(&run.path().join("campaign.toml")).map_err(|error| CannotCompare::Run(error.to_string()))?;
-    let mut campaign = Campaign::parse(source.recorded()).map_err(|error| CannotCompare::Run(error.to_string()))?;
+    let mut campaign = campaign_copy::campaign(run.path()).map_err(|error| CannotCompare::Run(error.to_string()))?;
     if let Some(board) = &board {
         // Limits were checked before the run.
         let _ = campaign.on_board(&board.settings, is_simulated);

@@ -11,9 +11,10 @@ pub mod section;
 mod shown;
 mod suggest;
 
+use std::collections::BTreeMap;
 use std::io::{Error, ErrorKind};
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
@@ -46,12 +47,22 @@ pub struct Problem {
     pub help: Option<String>,
 }
 
+/// The files that a campaign names, as copied into its run folder.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Copies {
+    /// Motion records and noise by the number of their `[[experiment]]`, from 1.
+    pub records: BTreeMap<usize, PathBuf>,
+    /// The set-up file.
+    pub set_up_file: Option<PathBuf>,
+}
+
 /// A text with its name, and the problems found in it so far.
 #[derive(Debug)]
 pub struct Source {
     name: String,
     text: String,
     is_recorded: bool,
+    copies: Option<Copies>,
     files: Arc<Files>,
     problems: Mutex<Vec<Problem>>,
     warnings: Mutex<Vec<Problem>>,
@@ -107,6 +118,7 @@ impl Source {
             name: name.into(),
             text: text.into(),
             is_recorded: false,
+            copies: None,
             files: Arc::default(),
             problems: Mutex::default(),
             warnings: Mutex::default(),
@@ -125,6 +137,19 @@ impl Source {
     #[must_use]
     pub fn is_recorded(&self) -> bool {
         self.is_recorded
+    }
+
+    /// The campaign of a run folder: the files that it names are these copies, and no others.
+    #[must_use]
+    pub fn with_copies(mut self, copies: Copies) -> Self {
+        self.copies = Some(copies);
+        self
+    }
+
+    /// The copies of a run folder, if it is the campaign of one.
+    #[must_use]
+    pub fn copies(&self) -> Option<&Copies> {
+        self.copies.as_ref()
     }
 
     fn problems(&self) -> MutexGuard<'_, Vec<Problem>> {

@@ -1,7 +1,7 @@
 //! `journal.jsonl`: the append-only log of a run, one JSON object a line.
 //!
 //! A run is resumed from it, and `results.parquet` is made from it. A line is there whole, or it is the cut-off end of the
-//! file of a program that was killed, which is ignored. [`JournalState`](super::schema::journal_state::JournalState) is the
+//! file of a program that was killed, which is ignored. Each line ends with its checksum ([`with_sum`]). [`JournalState`](super::schema::journal_state::JournalState) is the
 //! sum of the lines.
 
 use std::fs::{File, OpenOptions, TryLockError};
@@ -9,9 +9,12 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use super::checksum::of_bytes;
 use super::error::StorageError;
 use super::own_files::refuse_links;
-pub use super::schema::journal_entry::{Begin, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart};
+pub use super::schema::journal_entry::{
+    Begin, CopiedFile, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart, Withdrawn,
+};
 use crate::input::regular;
 
 /// The journal's name in a run folder.
@@ -101,7 +104,8 @@ impl Journal {
     /// # Errors
     /// When it cannot be written.
     pub fn append(&mut self, entry: &Entry) -> Result<(), StorageError> {
-        let mut line = serde_json::to_string(entry).map_err(|e| StorageError::new("write", &self.path, e))?;
+        let text = serde_json::to_string(entry).map_err(|e| StorageError::new("write", &self.path, e))?;
+        let mut line = with_sum(&text);
         line.push('\n');
         let failed = |e: std::io::Error| StorageError::new("write", &self.path, e);
         match self.fragment {
@@ -161,6 +165,52 @@ fn has_one_name(_: &File, _: &Path) -> Result<(), StorageError> {
     Ok(())
 }
 
+/// Beginning and end of the checksum at the end of a line, and its length.
+const SUM: (&[u8], &[u8], usize) = (b",\"sum\":\"", b"\"}", 16);
+
+/// A JSON object as a line: with the beginning of its SHA-256 as its last value, `sum`.
+#[must_use]
+pub fn with_sum(object: &str) -> String {
+    let inner = object.strip_suffix('}').unwrap_or(object);
+    format!("{inner},\"sum\":\"{}\"}}", &of_bytes(object.as_bytes())[..SUM.2])
+}
+
+/// A line without its checksum, and whether that is right; `None` of a line without one.
+fn sum_of(line: &[u8]) -> Option<(Vec<u8>, bool)> {
+    let (rest, sum) = line.strip_suffix(SUM.1)?.split_last_chunk::<{ SUM.2 }>()?;
+    let object = [rest.strip_suffix(SUM.0)?, b"}"].concat();
+    let is_right = of_bytes(&object).as_bytes().starts_with(sum);
+    Some((object, is_right))
+}
+
+/// Reads lines one after the other. Once a `begin` states that its program writes checksums, each line has one.
+#[derive(Clone, Copy, Debug, Default)]
+struct LineReader {
+    has_sums: bool,
+}
+
+/// A line that is not an entry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum NoEntry {
+    /// The beginning of one.
+    Torn,
+    Damaged,
+}
+
+impl LineReader {
+    fn read(&mut self, line: &[u8]) -> Result<Entry, NoEntry> {
+        let (object, sum) = sum_of(line).map_or((None, None), |(object, is_right)| (Some(object), Some(is_right)));
+        let read = serde_json::from_slice::<Entry>(object.as_deref().unwrap_or(line));
+        let entry = read.map_err(|error| if error.is_eof() { NoEntry::Torn } else { NoEntry::Damaged })?;
+        let has_sums = if let Entry::Begin(begin) = &entry { begin.sums } else { self.has_sums };
+        if !sum.unwrap_or(!has_sums) || !entry.is_consistent() {
+            return Err(NoEntry::Damaged);
+        }
+        self.has_sums = has_sums;
+        Ok(entry)
+    }
+}
+
 /// What a journal holds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Lines {
@@ -184,9 +234,9 @@ pub fn read(folder: &Path) -> Result<Lines, StorageError> {
     // A torn line ends in the middle of an entry. The program's next entry is its new beginning; before that it may close
     // the parts that were open.
     let mut cut_short: Option<usize> = None;
+    let mut reader = LineReader::default();
     for (n, line) in bytes[..whole].split(|b| *b == b'\n').enumerate().filter(|(_, line)| !line.is_empty()) {
-        match serde_json::from_slice::<Entry>(line) {
-            Ok(entry) if !entry.is_consistent() => lines.damaged.push(n + 1),
+        match reader.read(line) {
             Ok(entry) => {
                 match (&entry, cut_short) {
                     (Entry::Begin(_), Some(torn)) => lines.torn.push(torn),
@@ -198,9 +248,9 @@ pub fn read(folder: &Path) -> Result<Lines, StorageError> {
                 }
                 lines.entries.push(entry);
             }
-            Err(error) => {
+            Err(what) => {
                 lines.damaged.extend(cut_short.take());
-                if error.is_eof() { cut_short = Some(n + 1) } else { lines.damaged.push(n + 1) }
+                if what == NoEntry::Torn { cut_short = Some(n + 1) } else { lines.damaged.push(n + 1) }
             }
         }
     }
@@ -223,8 +273,8 @@ pub fn read_after(folder: &Path, bytes: &mut u64) -> Result<Vec<Entry>, StorageE
     file.read_to_end(&mut new).map_err(failed)?;
     let whole = new.iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
     *bytes += whole as u64;
-    let entries = new[..whole].split(|b| *b == b'\n').filter_map(|line| serde_json::from_slice::<Entry>(line).ok());
-    Ok(entries.filter(Entry::is_consistent).collect())
+    let mut reader = LineReader::default();
+    Ok(new[..whole].split(|b| *b == b'\n').filter_map(|line| reader.read(line).ok()).collect())
 }
 
 /// Whether a program is appending to the journal of a folder now; none without a journal, or when the system cannot tell.

@@ -67,13 +67,34 @@ pub fn beside(path: &Path) -> PathBuf {
     name.into()
 }
 
-/// Writes a file beside its name and renames it: the file is there whole or not at all; an earlier one is replaced.
+/// Syncs the names of a folder to the disk: files that were created, renamed or removed in it are so after a power cut.
+///
+/// # Errors
+/// When the disk fails.
+pub fn sync_folder(folder: &Path) -> io::Result<()> {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    // Other systems open no folders.
+    if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
+}
+
+/// Gives a file that is whole and synced its own name, for good.
+///
+/// # Errors
+/// When it cannot be renamed, or the disk fails.
+pub fn name_for_good(beside: &Path, path: &Path) -> io::Result<()> {
+    fs::rename(beside, path)?;
+    sync_folder(path.parent().unwrap_or(Path::new("")))
+}
+
+/// Writes a file beside its name, syncs it to the disk and renames it: the file is there whole or not at all, after a power cut too; an
+/// earlier one is replaced.
 ///
 /// # Errors
 /// When it cannot be written; the earlier file stays.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), StorageError> {
     let beside = beside(path);
-    let written = create(&beside).and_then(|mut file| file.write_all(bytes)).and_then(|()| fs::rename(&beside, path));
+    let write = |mut file: File| file.write_all(bytes).and_then(|()| file.sync_data());
+    let written = create(&beside).and_then(write).and_then(|()| name_for_good(&beside, path));
     written.map_err(|e| {
         remove_left(&beside);
         StorageError::new("write", path, e)

@@ -10,6 +10,7 @@ mod context;
 mod error;
 pub mod fault_text;
 mod held_impacts;
+mod held_results;
 mod peak_points;
 mod plan_check;
 mod progress;

@@ -5,9 +5,13 @@ use std::path::Path;
 use crate::campaign::{Campaign, differences};
 use crate::input::Source;
 use crate::run_folder::checksum;
-use crate::run_folder::journal::{self, Begin, Lines};
+use crate::run_folder::journal::{self, Begin, Entry, Lines, Withdrawn};
 use crate::run_folder::own_files::refuse_links;
+use crate::run_folder::read::campaign_copy;
+use crate::run_folder::read::cut_results::cut_off;
 use crate::run_folder::read::folder::manifest_of;
+use crate::run_folder::read::open_part;
+use crate::run_folder::read::sample_files::open_parts;
 use crate::run_folder::read::untracked_files::untracked;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::settings;
@@ -22,8 +26,10 @@ pub struct CannotResume(pub String);
 pub struct EarlierRun {
     /// The campaign as run.
     pub campaign: Campaign,
-    /// The sum of the journal.
+    /// The sum of the journal, less the results that are withdrawn.
     pub journal: JournalState,
+    /// Results whose samples were lost: their points are measured again.
+    pub withdrawn: Vec<Withdrawn>,
     /// Damage that does not prevent the run from being resumed.
     pub warnings: Vec<String>,
 }
@@ -49,7 +55,7 @@ impl EarlierRun {
             }
             Err(error) => return Err(CannotResume(error.to_string())),
         };
-        let taken = JournalState::of(&lines.entries);
+        let mut taken = JournalState::of(&lines.entries);
         let source = Source::read(&folder.join("campaign.toml")).map_err(|e| {
             CannotResume(format!("{e}\n  the first line of {shown}/{} holds the campaign as run", journal::JOURNAL))
         })?;
@@ -71,7 +77,7 @@ impl EarlierRun {
             return Err(CannotResume(message));
         }
         let records = taken.begun.first().map_or(&[][..], |begin| &begin.records);
-        let changed: Vec<String> = records.iter().filter_map(|record| record.difference(folder)).collect();
+        let changed: Vec<String> = records.iter().filter_map(|copy| copy.file.difference(folder)).collect();
         if !changed.is_empty() {
             let message = format!(
                 "{shown}: the motion records are not those that the run was started with:\n  {}\n  put them back, or start a new run with the changed ones; nothing was changed",
@@ -79,7 +85,7 @@ impl EarlierRun {
             );
             return Err(CannotResume(message));
         }
-        let campaign = Campaign::parse(source.recorded()).map_err(|e| CannotResume(e.to_string()))?;
+        let campaign = campaign_copy::campaign(folder).map_err(|e| CannotResume(e.to_string()))?;
         check_manifest(folder, &campaign, &taken)?;
         let unplanned = taken.unplanned(&campaign);
         if !unplanned.is_empty() {
@@ -105,7 +111,19 @@ impl EarlierRun {
         warnings.extend(
             untracked.unreadable.iter().map(|name| format!("{name}: nothing in it can be read; it is left in place")),
         );
-        Ok(Self { campaign, journal: taken, warnings })
+        let damaged = open_parts(folder).into_iter().filter(|(_, path)| !open_part::is_sound(path));
+        warnings.extend(damaged.map(|(_, path)| {
+            format!(
+                "{}: changed since it was written (its checksums differ); its rows are kept as they are",
+                path.display()
+            )
+        }));
+        let withdrawn = cut_off(folder, &taken);
+        for cut in &withdrawn {
+            taken.add(&Entry::Withdrawn(cut.clone()));
+            warnings.push(withdrawal(&campaign, cut));
+        }
+        Ok(Self { campaign, journal: taken, withdrawn, warnings })
     }
 
     /// Differences between the device at the start of the run and now, one a line.
@@ -191,6 +209,17 @@ impl EarlierRun {
     }
 }
 
+/// The result that is withdrawn, and why.
+fn withdrawal(campaign: &Campaign, cut: &Withdrawn) -> String {
+    let experiment = campaign.experiments.iter().find(|e| e.name == cut.id.experiment);
+    let frequency_hz = experiment.map_or(0.0, |e| e.frequency_hz(cut.point_index as usize));
+    let at = if frequency_hz > 0.0 { format!(" at {frequency_hz} Hz") } else { String::new() };
+    format!(
+        "set-up {:?}, {:?}{at}: the last {} rows of its samples were lost; the point is measured again",
+        cut.id.set_up, cut.id.experiment, cut.lost_rows
+    )
+}
+
 /// Whether a setting is one of the board's limits.
 fn is_limit(place: &[String]) -> bool {
     place.first().is_some_and(|table| table == "safety")
@@ -224,7 +253,7 @@ fn check_manifest(folder: &Path, campaign: &Campaign, taken: &JournalState) -> R
         );
         return Err(CannotResume(message));
     }
-    let known = taken.points() + taken.superseded().len();
+    let known = taken.points() + taken.superseded().len() + taken.withdrawn().len();
     if manifest.points_taken > known {
         let points = format!("manifest.json: {} points taken", manifest.points_taken);
         return Err(CannotResume(untracked_message(folder, &[points], taken)));

@@ -16,6 +16,7 @@ use damprig_simulator::messages::set_plant;
 use super::context::Run;
 use super::error::RunError;
 use super::held_impacts::HeldImpacts;
+use super::held_results::{HeldResults, Measured};
 use super::plan_check::PlanCheck;
 use super::progress::SegmentProgress;
 use super::transients;
@@ -78,6 +79,7 @@ pub(super) struct Segment<'r, 'a, 'c> {
     frequency_at: Option<usize>,
     frequency_hz: f32,
     impacts: HeldImpacts,
+    results: HeldResults,
     is_held: bool,
 }
 
@@ -89,6 +91,9 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     pub(super) fn carry_out(run: &'r mut Run<'a>, task: &'r Task<'c>) -> Result<End, RunError> {
         let mut segment = Self::new(run, task);
         let end = segment.start().and_then(|()| segment.follow());
+        if !matches!(end, Ok(_) | Err(RunError::Session(_))) {
+            segment.receive_rows();
+        }
         segment.note_impacts();
         segment.run.tally.counters.missing_records += segment.progress.missing_messages();
         end
@@ -109,6 +114,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         let has_impacts = task.set_up.may_have_impacts();
         let check = PlanCheck::new(task.experiment, task.points.clone(), places.len(), run.every_ticks, has_impacts);
         let clock = ClockPairs::default();
+        let results = HeldResults::new(run.every_ticks);
         Self {
             run,
             task,
@@ -121,6 +127,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             frequency_at,
             frequency_hz: 0.0,
             impacts: HeldImpacts::new(),
+            results,
             is_held: false,
         }
     }
@@ -244,6 +251,10 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         }
         self.record_all()?;
         self.fetch_missing(self.progress.end_index() as u16)?;
+        // Rows that have not arrived by now were lost on the way, and are counted.
+        while let Some(measured) = self.results.take() {
+            self.note_result(measured);
+        }
         self.note_impacts();
         if self.run.every_ticks > 0 {
             self.run.end_telemetry()?;
@@ -354,6 +365,28 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         Ok(self.run.session.note_misfit()?)
     }
 
+    /// The last rows of a result may still be on the way when an experiment is ended early.
+    fn receive_rows(&mut self) {
+        if self.results.is_empty() || self.run.session.use_up_credit().is_err() {
+            return;
+        }
+        while !self.results.is_empty()
+            && let Ok(Some(report)) = self.next_arrived()
+        {
+            if let Report::Telemetry(message) = report
+                && !self.progress.arrived(*message).iter().all(|message| self.record(message).is_ok())
+            {
+                return;
+            }
+        }
+    }
+
+    /// The next report; under a granted clock, of those that have arrived: the device stands still.
+    fn next_arrived(&mut self) -> Result<Option<Report>, SessionError> {
+        let session = &mut *self.run.session;
+        if session.is_granted() { Ok(session.report_at_hand()) } else { session.next_report() }
+    }
+
     /// Adds the new impacts to the journal.
     fn note_impacts(&mut self) {
         if let Some(impacts) = self.impacts.take_new() {
@@ -429,6 +462,8 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             rows.values.extend(values.iter().take(self.run.selection.positions.len()));
         }
         block.into_iter().for_each(|rows| self.run.recorder.rows(rows, self.run.stop));
+        ticks.last().into_iter().for_each(|tick| self.results.recorded(*tick));
+        self.note_recorded_results();
         Ok(())
     }
 
@@ -449,11 +484,8 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             return;
         }
         let row = wire_mapping::row(self.task.set_up, self.task.label(index), result);
-        self.run.watcher.point(&row);
-        // A point that is in the journal is not measured again: its impacts must be there before it.
-        self.note_impacts();
-        self.run.note(Entry::Result(Box::new(row)));
-        self.count_point();
+        self.results.add(Measured::Point(Box::new(row)));
+        self.note_recorded_results();
     }
 
     /// Tells the estimate of the time left that a point was measured.
@@ -465,9 +497,25 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     fn take_transient(&mut self, result: &TransientResult) {
         let Task { set_up, experiment, id, .. } = self.task;
         let row = transients::row(set_up, experiment, id.segment, result, &self.run.campaign.rig.board.impacts);
-        self.run.watcher.transient(&row);
+        self.results.add(Measured::Transient(Box::new(row)));
+        self.note_recorded_results();
+    }
+
+    /// Adds the results whose rows are recorded to the journal.
+    fn note_recorded_results(&mut self) {
+        while let Some(measured) = self.results.take_recorded() {
+            self.note_result(measured);
+        }
+    }
+
+    fn note_result(&mut self, measured: Measured) {
+        match &measured {
+            Measured::Point(row) => self.run.watcher.point(row),
+            Measured::Transient(row) => self.run.watcher.transient(row),
+        }
+        // A point that is in the journal is not measured again: its impacts must be there before it.
         self.note_impacts();
-        self.run.note(Entry::Transient(Box::new(row)));
+        self.run.note(measured.into_entry());
         self.count_point();
     }
 

@@ -91,12 +91,11 @@ pub fn kept(copies: &Path, file: &str) -> PathBuf {
 }
 
 /// Reads the text of the set-up file that a campaign or case names, and attaches it to its source: the text with its
-/// name, or `None` without one, or after a problem has been reported. `copies` is the subfolder of a run folder for copies; none for
-/// a case, which has no run folder.
-pub fn attach(root: &Section, copies: Option<&str>) -> Option<SetUpText> {
+/// name, or `None` without one, or after a problem has been reported.
+pub fn attach(root: &Section) -> Option<SetUpText> {
     let named = root.text_of(&NAMED)?;
     let own = Path::new(root.source().name()).parent().unwrap_or(Path::new("")).to_path_buf();
-    let copy = copies.map(|copies| kept(&own.join(copies), &named.value)).filter(|copy| copy.is_file());
+    let copy = root.source().copies().and_then(|copies| copies.set_up_file.clone());
     let path = copy.unwrap_or_else(|| own.join(&named.value));
     match root.source().read_named(&path) {
         Ok(file) => {

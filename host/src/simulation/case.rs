@@ -245,7 +245,7 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     let x0_m = initial_section.as_ref().and_then(|s| s.scalar(&initial::X)).filter(|x0_m| *x0_m != 0.0);
     let base = case_excitation.as_ref().map_or(BaseAmplitude::Unread, |it| base_amplitude(it, stated_m, x0_m));
     let source = root.source();
-    let file = set_up_file::attach(root, None);
+    let file = set_up_file::attach(root);
     let document = file.as_ref().and_then(|file| file.parse(source));
     if let (Some(file), Some(document)) = (&file, &document) {
         file.check(source, document);

@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use crate::common::{Fate, PATIENCE, Served, damprig, folder_with, is_point, short};
+use crate::common::{Fate, PATIENCE, Served, damprig, folder_with, is_point, short, with_sums};
 use damprig::report::exports::atomic_file::OutFile;
 use damprig::report::exports::csv::Csv;
 use damprig::report::exports::mat::Mat;
@@ -142,7 +142,7 @@ fn change_journal(random: &mut fastrand::Rng, text: &str) -> String {
             lines[at] = value.to_string();
         }
     }
-    lines.join("\n") + "\n"
+    with_sums(&(lines.join("\n") + "\n"))
 }
 
 /// Changes one thing; says what.

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
-use crate::common::{cut_off, damprig, folder_with, manifest, result_rows, short};
+use crate::common::{cut_off, damprig, folder_with, manifest, result_rows, short, with_sums};
 use damprig::run_folder::journal::JOURNAL;
 use predicates::prelude::*;
 use predicates::str::contains;
@@ -36,7 +36,7 @@ fn a_journal_cannot_name_a_file_outside_the_folder_or_one_that_is_no_part() {
         assert!(line.contains(part));
         // A further part of this name, with the checksum of the file.
         let doctored = line.replace(part, name).replace("\"part\":1", "\"part\":77");
-        std::fs::write(run.join(JOURNAL), format!("{own}{doctored}\n")).unwrap();
+        std::fs::write(run.join(JOURNAL), with_sums(&format!("{own}{doctored}\n"))).unwrap();
         let number = own.lines().count() + 1;
         let verify = damprig(&folder).args(["runs", "verify", "out"]).assert().code(1);
         verify.stdout(contains(format!("line {number} is damaged")));
@@ -59,7 +59,7 @@ fn a_result_that_the_campaign_does_not_have_is_damage() {
     for (from, to) in [("\"set_up\":\"bare\"", "\"set_up\":\"stranger\""), ("\"point_index\":0", "\"point_index\":99")]
     {
         assert!(result.contains(from), "{result}");
-        let doctored = format!("{own}{}\n", result.replace(from, to));
+        let doctored = with_sums(&format!("{own}{}\n", result.replace(from, to)));
         std::fs::write(run.join(JOURNAL), &doctored).unwrap();
         let verify = damprig(&folder).args(["runs", "verify", "out"]).assert().code(1);
         verify.stdout(contains("a result that the campaign does not have"));

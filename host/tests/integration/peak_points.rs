@@ -14,7 +14,7 @@ use damprig_protocol::{Event, FromDevice};
 use predicates::prelude::*;
 use predicates::str::contains;
 
-use crate::common::{Fate, Served, cut_off_at, damprig, folder_with, manifest, read_parquet, short};
+use crate::common::{Fate, Served, cut_off_at, damprig, folder_with, manifest, read_parquet, short, with_sums};
 use crate::resume::measured;
 
 const GRID: &str = "{ from_hz = 2.4, to_hz = 2.6, step_hz = 0.05, peak_points = 4 }";
@@ -287,7 +287,7 @@ fn a_journal_with_points_that_a_grid_cannot_have_is_refused() {
     let text = std::fs::read_to_string(&path).unwrap();
     let changed = text.replacen("\"frequencies_hz\":[2.466666667", "\"frequencies_hz\":[3.5", 1);
     assert_ne!(changed, text);
-    std::fs::write(&path, changed).unwrap();
+    std::fs::write(&path, with_sums(&changed)).unwrap();
     let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().code(2);
     answer.stderr(contains("set-up \"bare\", experiment \"sweep\", points around its peak"));
     damprig(&folder).args(["runs", "verify", "out"]).assert().code(1).stdout(contains("points around its peak"));

@@ -199,6 +199,7 @@ fn run(link: Box<dyn Link>, folder: &Path) -> Outcome {
         signals: layout.signals.clone(),
         every_ticks: layout.every_ticks,
         campaign: CAMPAIGN.into(),
+        sums: true,
         records: Vec::new(),
     };
     let journal = Journal::open(folder).expect("a journal");

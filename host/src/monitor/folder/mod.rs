@@ -15,9 +15,10 @@ use super::control::Actions;
 use super::feed::{Feed, Update, Watched};
 use super::message::{Activity, Level, Limits, SignalName, Source, SourceKind};
 use super::run::curves;
-use crate::campaign::Campaign;
+use crate::input::Refusal;
 use crate::prediction::Predicted;
 use crate::run_folder::journal::{self, Entry};
+use crate::run_folder::read::campaign_copy;
 use crate::run_folder::read::sample_files::{read_samples, sample_files};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::samples::SampleColumn;
@@ -111,19 +112,20 @@ fn describe(run: &RunFolder, kind: SourceKind) -> (Watched, Option<String>) {
     let manifest = run.manifest();
     let device = manifest.device.as_ref();
     let signals: Vec<SignalName> = manifest.signals.iter().map(signal).collect();
-    let predicted = Campaign::read(&run.path().join("campaign.toml")).and_then(|mut campaign| {
-        if let Some(settings) = device.and_then(|device| device.settings.as_ref()) {
-            campaign.on_board(&settings.settings, device.is_some_and(|device| device.simulated))?;
-        }
-        let predicted = Predicted::of(&campaign)?;
-        let limits = Limits {
-            x_m: Some(campaign.rig.structure_limit_m()),
-            z_m: Some(campaign.rig.base_limit_m()),
-            wall_force_n: Some(f64::from(campaign.rig.acting.wall_force_n)).filter(|limit| *limit > 0.0),
-            clearance_m: None,
-        };
-        Ok((curves(&campaign, &predicted), limits))
-    });
+    let predicted =
+        campaign_copy::campaign(run.path()).map_err(|error| Refusal(error.to_string())).and_then(|mut campaign| {
+            if let Some(settings) = device.and_then(|device| device.settings.as_ref()) {
+                campaign.on_board(&settings.settings, device.is_some_and(|device| device.simulated))?;
+            }
+            let predicted = Predicted::of(&campaign)?;
+            let limits = Limits {
+                x_m: Some(campaign.rig.structure_limit_m()),
+                z_m: Some(campaign.rig.base_limit_m()),
+                wall_force_n: Some(f64::from(campaign.rig.acting.wall_force_n)).filter(|limit| *limit > 0.0),
+                clearance_m: None,
+            };
+            Ok((curves(&campaign, &predicted), limits))
+        });
     let (warning, predicted) = match predicted {
         Ok(predicted) => (None, Some(predicted)),
         Err(refusal) => {

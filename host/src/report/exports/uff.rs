@@ -18,8 +18,8 @@ use arrow_array::RecordBatch;
 use super::atomic_file::{OutFile, to_failure, write_export};
 use super::uff_dataset::{AxisRecord, Dof, FunctionRecord, OrdinateData, header, real, si_units};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable};
-use crate::campaign::Campaign;
 use crate::host_time;
+use crate::run_folder::read::campaign_copy;
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::samples::SampleColumn;
 use crate::run_folder::{ReadError, RunFolder};
@@ -128,7 +128,7 @@ fn sort_shuffled(run: &RunFolder, points: &mut [FrfPoint]) {
     if run.manifest().plan.order_seed.is_none() {
         return;
     }
-    let Ok(campaign) = Campaign::read(&run.path().join("campaign.toml")) else { return };
+    let Ok(campaign) = campaign_copy::campaign(run.path()) else { return };
     for own in points.chunk_by_mut(|a, b| (&a.set_up, &a.experiment) == (&b.set_up, &b.experiment)) {
         let experiment = campaign.experiments.iter().find(|e| e.name == own[0].experiment);
         if experiment.is_some_and(|e| !e.carries_over()) {

@@ -7,9 +7,9 @@ use damprig_core::measure::steadiness::Steadiness;
 
 use super::gaps::{self, SampleGaps};
 use crate::campaign::Campaign;
-use crate::input::Source;
 use crate::report::figures::campaign::PlottedPoint;
 use crate::run_folder::journal::{self, Entry};
+use crate::run_folder::read::campaign_copy;
 use crate::run_folder::read::columns::{Value, column, numbers, texts};
 use crate::run_folder::schema::device::BoardSettings;
 use crate::run_folder::schema::journal_state::JournalState;
@@ -119,8 +119,7 @@ impl PageData {
 }
 
 fn read_campaign(path: &Path, board: Option<&BoardSettings>) -> Result<Campaign, String> {
-    let source = Source::read(&path.join("campaign.toml")).map_err(|e| e.to_string())?;
-    let mut campaign = Campaign::parse(source.recorded()).map_err(|e| e.to_string())?;
+    let mut campaign = campaign_copy::campaign(path).map_err(|e| e.to_string())?;
     if let Some(board) = board {
         // Experiments that the board rejects did not run.
         let _ = campaign.on_board(&board.settings, false);

@@ -92,6 +92,13 @@ fn no_run(path: &Path) -> ReadError {
     ReadError(format!("{}: this folder is no run\n  {help}", path.display()))
 }
 
+/// The name of a run: that of its folder.
+#[must_use]
+pub fn id_of(folder: &Path) -> String {
+    let whole = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_path_buf());
+    whole.file_name().map_or_else(|| "run".into(), |name| name.to_string_lossy().into_owned())
+}
+
 impl RunFolder {
     /// Reads the manifest; tables are read on demand.
     ///
@@ -132,8 +139,7 @@ impl RunFolder {
     /// The last part of its path.
     #[must_use]
     pub fn id(&self) -> String {
-        let whole = fs::canonicalize(&self.path).unwrap_or_else(|_| self.path.clone());
-        whole.file_name().map_or_else(|| "run".into(), |n| n.to_string_lossy().into_owned())
+        id_of(&self.path)
     }
 
     /// The manifest.

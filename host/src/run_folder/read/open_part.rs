@@ -12,6 +12,7 @@ use super::arrow_salvage::sound_length;
 use crate::input::regular;
 use crate::run_folder::StorageError;
 use crate::run_folder::schema::samples::{self, PointLabel, read_stream_schema};
+use crate::run_folder::schema::stream_sums::{agree, sums_path};
 
 /// The readable contents of a part that was open when the program ended.
 #[derive(Clone, Debug, Default)]
@@ -42,6 +43,13 @@ pub fn salvage(path: &Path) -> Result<Salvaged, StorageError> {
         salvaged.batches.push(batch);
     }
     Ok(salvaged)
+}
+
+/// Whether an open part is as its checksums say; one of an older run has none.
+#[must_use]
+pub fn is_sound(path: &Path) -> bool {
+    let (stream, sums) = (regular::read(path), regular::read(&sums_path(path)));
+    sums.is_err() || stream.is_ok_and(|stream| agree(&stream, &sums.unwrap_or_default()))
 }
 
 /// Head of an open part: its schema, which states the point of its rows.

@@ -105,7 +105,9 @@ fn results(folder: &Path, name: &str, journal: &JournalState) -> Option<String> 
     let rows = rows.map(|r| (r.set_up.as_str(), r.experiment.as_str(), r.segment, r.point_index));
     let transients = journal.transients().iter();
     let transients = transients.map(|r| (r.set_up.as_str(), r.experiment.as_str(), r.segment, r.point_index));
-    let listed: BTreeSet<_> = rows.chain(transients).collect();
+    let withdrawn = journal.withdrawn().iter();
+    let withdrawn = withdrawn.map(|w| (w.id.set_up.as_str(), w.id.experiment.as_str(), w.id.segment, w.point_index));
+    let listed: BTreeSet<_> = rows.chain(transients).chain(withdrawn).collect();
     let keys = read(&path).and_then(|batches| batches.map(|batch| keys(&batch?)).collect::<Result<Vec<_>, _>>());
     match keys.map(|keys| keys.concat()) {
         Ok(keys) => {

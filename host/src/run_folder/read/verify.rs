@@ -3,10 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::campaign_copy;
 use super::columns::{numbers, texts};
+use super::cut_results::cut_results;
 use super::folder::{RunFolder, find};
+use super::open_part;
 use super::parquet_file::read;
 use super::sample_files::{is_open_part, read_samples, sample_files};
+use super::unfinished_tables::differing;
 use super::untracked_files::untracked;
 use crate::campaign::{Campaign, differences};
 use crate::input::{Source, regular};
@@ -54,7 +58,11 @@ pub fn verify(path: &Path) -> Result<Vec<Finding>, ReadError> {
     untracked_files(path, campaign.as_ref(), &mut found);
     let taken = JournalState::of(&journal::read(path).unwrap_or_default().entries);
     results(path, run.as_ref(), campaign.as_ref(), &taken, &mut found);
-    samples(path, run.as_ref(), &mut found);
+    if let (Some(run), Some(campaign)) = (run.as_ref().filter(|run| run.manifest().is_running()), &campaign) {
+        let differing = differing(path, run.manifest(), &taken, &campaign.in_order());
+        found.extend(differing.into_iter().map(Finding::Wrong));
+    }
+    samples(path, run.as_ref(), &taken, &mut found);
     Ok(found)
 }
 
@@ -142,13 +150,23 @@ fn journal(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
             found.push(Finding::Wrong(text));
         }
     }
-    if let Ok(campaign) = Campaign::read(&path.join("campaign.toml")) {
+    if let Ok(campaign) = campaign_copy::campaign(path) {
         for text in taken.unplanned(&campaign) {
             found.push(Finding::Wrong(format!("{name}: a result that the campaign does not have: {text}")));
         }
     }
+    for withdrawn in taken.withdrawn() {
+        found.push(Finding::Good(format!(
+            "{name}: {:?}, {:?}, point {} of segment {} was measured again: {} rows of its samples had been lost",
+            withdrawn.id.set_up,
+            withdrawn.id.experiment,
+            withdrawn.point_index,
+            withdrawn.id.segment,
+            withdrawn.lost_rows
+        )));
+    }
     let records = taken.begun.first().map_or(&[][..], |begin| &begin.records);
-    found.extend(records.iter().filter_map(|record| record.difference(path)).map(Finding::Wrong));
+    found.extend(records.iter().filter_map(|copy| copy.file.difference(path)).map(Finding::Wrong));
     for part in taken.left_parts() {
         found.push(Finding::Wrong(format!(
             "{}: was damaged when the samples were joined; its {} rows are missing from {}, the file was left in place",
@@ -186,8 +204,7 @@ fn untracked_files(path: &Path, campaign: Option<&Campaign>, found: &mut Vec<Fin
 }
 
 fn campaign(path: &Path, found: &mut Vec<Finding>) -> Option<Campaign> {
-    let file = path.join("campaign.toml");
-    match Source::read(&file).and_then(Campaign::parse) {
+    match campaign_copy::campaign(path) {
         Ok(campaign) => Some(campaign),
         Err(error) => {
             found.push(Finding::Wrong(format!("campaign.toml: {error}")));
@@ -261,7 +278,7 @@ fn results(
     }
 }
 
-fn samples(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
+fn samples(path: &Path, run: Option<&RunFolder>, journal: &JournalState, found: &mut Vec<Finding>) {
     let files = sample_files(path);
     let (mut rows, mut ticks) = (0_u64, PerSegment::new());
     for file in &files {
@@ -281,9 +298,22 @@ fn samples(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
             let name = file.file_name().unwrap_or_default().to_string_lossy();
             found
                 .push(Finding::Wrong(format!("{name}: was open when the program ended; {own} rows of it can be read")));
+            if !open_part::is_sound(file) {
+                found.push(Finding::Wrong(format!("{name}: changed since it was written (its checksums differ)")));
+            }
         }
     }
     found.push(Finding::Good(format!("samples: {rows} rows can be read from {} files", files.len())));
+    let last = ticks.iter().filter_map(|((set_up, experiment, segment), ticks)| {
+        let highest = ticks.iter().fold(0.0f64, |most, tick| most.max(*tick)) as u64;
+        Some(((set_up.clone(), experiment.clone(), segment.parse().ok()?), highest))
+    });
+    for cut in cut_results(journal, &last.collect()) {
+        found.push(Finding::Wrong(format!(
+            "samples: {:?}, {:?}, segment {}: the last {} rows of point {} are missing",
+            cut.id.set_up, cut.id.experiment, cut.id.segment, cut.lost_rows, cut.point_index
+        )));
+    }
     let Some(manifest) = run.map(RunFolder::manifest) else { return };
     if !manifest.is_running() && manifest.sample_rows != rows {
         found.push(Finding::Wrong(format!("samples: {rows} rows, the manifest says {}", manifest.sample_rows)));

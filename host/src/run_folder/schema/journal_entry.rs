@@ -53,6 +53,8 @@ pub enum Entry {
         /// Host time with its zone.
         at: String,
     },
+    /// A result does not count any more: a kill has cut off the end of its samples.
+    Withdrawn(Withdrawn),
     /// The parts are joined into `samples.parquet`.
     Joined(Joined),
     /// The program has ended in an orderly way.
@@ -67,19 +69,22 @@ impl Entry {
         match self {
             Self::Sealed(sealed) => sealed.part <= LAST_PART && *sealed.file.name == part_name(sealed.part),
             Self::PeakPoints(points) => points.is_consistent(),
-            Self::Begin(begin) => begin.records.iter().all(|record| record.name.starts_with(RECORDS)),
+            Self::Begin(begin) => begin.records.iter().all(|copy| copy.file.name.starts_with(RECORDS)),
             _ => true,
         }
     }
 }
 
-/// The program begins. Everything here but `at` and `damprig` must be the same when the run is resumed.
+/// The program begins. Everything here but `at`, `damprig` and `run` must be the same when the run is resumed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Begin {
     /// Host time with its zone.
     pub at: String,
     /// Name and version of the program.
     pub damprig: String,
+    /// Name of the run folder when the run was first started; its tables keep it. Absent in older runs.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub run: String,
     /// The device.
     pub device: Device,
     /// Columns of the samples.
@@ -88,9 +93,23 @@ pub struct Begin {
     pub every_ticks: u16,
     /// The campaign's text.
     pub campaign: String,
-    /// The motion records that it plays, as copied into the run folder; absent in older runs.
+    /// Each line from this one on ends with its checksum; not in older runs.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub sums: bool,
+    /// The files that it names, as copied into the run folder; absent in older runs.
     #[serde(default)]
-    pub records: Vec<FileRecord>,
+    pub records: Vec<CopiedFile>,
+}
+
+/// A copy of a file that the campaign names, or the noise that it plays.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CopiedFile {
+    /// The copy.
+    #[serde(flatten)]
+    pub file: FileRecord,
+    /// Number of the `[[experiment]]` that plays it, from 1; none of a set-up file, and in older runs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub experiment: Option<usize>,
 }
 
 /// A segment has started.
@@ -137,6 +156,18 @@ pub struct Finished {
     /// The controller's counters since the program began.
     #[serde(default)]
     pub controller: Option<Controller>,
+}
+
+/// A result without the end of its samples; its point is measured again.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Withdrawn {
+    /// The segment that it was measured in.
+    #[serde(flatten)]
+    pub id: SegmentId,
+    /// Place of its point in the experiment's frequency list.
+    pub point_index: u32,
+    /// Rows of its samples that are missing.
+    pub lost_rows: u64,
 }
 
 /// The parts of the samples are one file.

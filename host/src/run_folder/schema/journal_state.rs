@@ -7,7 +7,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use super::impacts::Impacts;
-use super::journal_entry::{Begin, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart};
+use super::journal_entry::{Begin, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart, Withdrawn};
 use super::peak_points::PeakPoints;
 use super::results::ResultRow;
 use super::segment_id::SegmentId;
@@ -39,6 +39,7 @@ pub struct JournalState {
     transients: Vec<TransientRow>,
     rows: Vec<ResultRow>,
     superseded: Vec<ResultRow>,
+    withdrawn: Vec<Withdrawn>,
 }
 
 /// What a run is to measure, as far as that is known.
@@ -96,6 +97,20 @@ impl JournalState {
                 let is_same = |r: &TransientRow| r.set_up == row.set_up && r.experiment == row.experiment;
                 if !self.transients.iter().any(is_same) {
                     self.transients.push((**row).clone());
+                }
+            }
+            Entry::Withdrawn(withdrawn) => {
+                let is_it = |set_up: &str, experiment: &str, segment: u32, point_index: u32| {
+                    let id = &withdrawn.id;
+                    set_up == id.set_up
+                        && experiment == id.experiment
+                        && (segment, point_index) == (id.segment, withdrawn.point_index)
+                };
+                let rows = self.rows.extract_if(.., |r| is_it(&r.set_up, &r.experiment, r.segment, r.point_index));
+                let transients =
+                    self.transients.extract_if(.., |r| is_it(&r.set_up, &r.experiment, r.segment, r.point_index));
+                if rows.count() + transients.count() > 0 {
+                    self.withdrawn.push(withdrawn.clone());
                 }
             }
             Entry::Impacts(some) => self.impacts.push((**some).clone()),
@@ -195,15 +210,27 @@ impl JournalState {
         &self.superseded
     }
 
+    /// Results that do not count any more, because the end of their samples was lost.
+    #[must_use]
+    pub fn withdrawn(&self) -> &[Withdrawn] {
+        &self.withdrawn
+    }
+
     /// The results in the order of the campaign, however often it was interrupted; `order` gives its set-ups and
     /// experiments as names. The points around a peak are among those of their grid, by frequency; in a random order they follow it.
     #[must_use]
     pub fn rows_in_order(&self, order: &[(String, String)]) -> Vec<ResultRow> {
+        self.first_rows_in_order(self.rows.len(), order)
+    }
+
+    /// The results that were taken first in the order of [`Self::rows_in_order`].
+    #[must_use]
+    pub fn first_rows_in_order(&self, count: usize, order: &[(String, String)]) -> Vec<ResultRow> {
         let place = |r: &ResultRow| {
             let pair = order.iter().position(|(s, e)| *s == r.set_up && *e == r.experiment).unwrap_or(order.len());
             (pair, r.point_index)
         };
-        let mut rows = self.rows.clone();
+        let mut rows: Vec<ResultRow> = self.rows.iter().take(count).cloned().collect();
         rows.sort_by_key(place);
         for own in rows.chunk_by_mut(|a, b| a.set_up == b.set_up && a.experiment == b.experiment) {
             if let Some(points) = self.peak(&own[0].set_up, &own[0].experiment) {

@@ -1,12 +1,14 @@
 //! Creates a run folder, or opens one to resume its run, and writes its text files.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::campaign::Campaign;
-use crate::campaign::transient::{Origin, RECORDS, kept_record};
+use crate::campaign::transient::{NOISE_FILE, Origin, RECORDS, kept_record};
+use crate::input::regular;
 use crate::run_folder::checksum::{self, FileRecord};
-use crate::run_folder::journal::{JOURNAL, Journal};
+use crate::run_folder::journal::{CopiedFile, JOURNAL, Journal};
 use crate::run_folder::schema::manifest::{MANIFEST, Manifest};
 use crate::run_folder::{StorageError, own_files};
 use crate::setup::set_up_file::kept;
@@ -90,6 +92,7 @@ impl OutputFolder {
         self.keep_records(campaign)?;
         self.keep_set_up_file(campaign)?;
         self.write_campaign(campaign.source.text())?;
+        self.sync_own_name();
         Ok(journal)
     }
 
@@ -107,25 +110,35 @@ impl OutputFolder {
     /// # Errors
     /// When one cannot be copied or written.
     pub fn keep_records(&self, campaign: &Campaign) -> Result<(), StorageError> {
-        for (index, experiment) in campaign.experiments.iter().enumerate() {
+        // The repeats of an experiment play the same record.
+        for experiment in campaign.experiments.iter().filter(|e| e.repeat == 0) {
             let Some(playback) = experiment.playback() else { continue };
-            let copies = self.path.join(RECORDS);
-            let make = || fs::create_dir_all(&copies).map_err(|e| StorageError::new("create the folder", &copies, e));
-            match &playback.origin {
+            let Some(to) = self.record_of(experiment.number, &playback.origin) else { continue };
+            let bytes = match &playback.origin {
                 Origin::File(file) => {
-                    make()?;
-                    let to = kept_record(&self.path, index, file);
-                    fs::copy(file, &to).map_err(|e| StorageError::new("copy the record to", &to, e))?;
+                    regular::read(file).map_err(|e| StorageError::new("copy the record to", &to, e))?
                 }
-                Origin::Noise => {
-                    make()?;
-                    let to = kept_record(&self.path, index, Path::new("noise.csv"));
-                    own_files::replace(&to, playback.csv().as_bytes())?;
-                }
-                Origin::Shape => {}
-            }
+                Origin::Noise | Origin::Shape => playback.csv().into_bytes(),
+            };
+            self.keep(&to, &bytes)?;
         }
         Ok(())
+    }
+
+    /// Where a new folder keeps the motion of an experiment; none of a pulse.
+    fn record_of(&self, number: usize, origin: &Origin) -> Option<PathBuf> {
+        match origin {
+            Origin::File(file) => Some(kept_record(&self.path, number, file)),
+            Origin::Noise => Some(kept_record(&self.path, number, Path::new(NOISE_FILE))),
+            Origin::Shape => None,
+        }
+    }
+
+    fn keep(&self, to: &Path, bytes: &[u8]) -> Result<(), StorageError> {
+        let copies = self.path.join(RECORDS);
+        fs::create_dir_all(&copies).map_err(|e| StorageError::new("create the folder", &copies, e))?;
+        own_files::sync_folder(&self.path).map_err(|e| StorageError::new("write", &self.path, e))?;
+        own_files::replace(to, bytes)
     }
 
     /// Copies the campaign's set-up file, so that the run can be resumed and reported wherever the folder is.
@@ -134,19 +147,25 @@ impl OutputFolder {
     /// When it cannot be written.
     pub fn keep_set_up_file(&self, campaign: &Campaign) -> Result<(), StorageError> {
         let Some(file) = &campaign.set_up_file else { return Ok(()) };
-        let copies = self.path.join(RECORDS);
-        fs::create_dir_all(&copies).map_err(|e| StorageError::new("create the folder", &copies, e))?;
-        own_files::replace(&kept(&copies, &file.file), file.text.as_bytes())
+        self.keep(&kept(&self.path.join(RECORDS), &file.file), file.text.as_bytes())
     }
 
-    /// The kept motion records and set-up file as they are now.
+    /// The kept motion records and set-up file of a campaign as they are now.
     ///
     /// # Errors
     /// When one cannot be read.
-    pub fn records(&self) -> Result<Vec<FileRecord>, StorageError> {
+    pub fn records(&self, campaign: &Campaign) -> Result<Vec<CopiedFile>, StorageError> {
+        let kept: BTreeMap<PathBuf, usize> = match campaign.source.copies().filter(|_| campaign.source.is_recorded()) {
+            Some(copies) => copies.records.iter().map(|(number, path)| (path.clone(), *number)).collect(),
+            None => {
+                let played = campaign.experiments.iter().filter_map(|e| Some((e.number, &e.playback()?.origin)));
+                played.filter_map(|(number, origin)| Some((self.record_of(number, origin)?, number))).collect()
+            }
+        };
         let mut all = checksum::of_folder(&self.path)?;
         all.retain(|file| file.name.starts_with(&format!("{RECORDS}/")));
-        Ok(all)
+        let copied = |file: FileRecord| CopiedFile { experiment: kept.get(&self.path.join(&file.name)).copied(), file };
+        Ok(all.into_iter().map(copied).collect())
     }
 
     /// Writes the manifest whole, in place of an earlier one.
@@ -164,6 +183,25 @@ impl OutputFolder {
     /// When it cannot be written; an earlier one stays.
     pub fn write_page(&self, page: &str) -> Result<(), StorageError> {
         self.write(PAGE, page)
+    }
+
+    /// Syncs files of the folder to the disk.
+    ///
+    /// # Errors
+    /// When the disk fails.
+    pub fn sync(&self, files: &[FileRecord]) -> Result<(), StorageError> {
+        files.iter().map(|file| self.path.join(&file.name)).try_for_each(|path| {
+            let synced = fs::File::open(&path).and_then(|file| file.sync_data());
+            synced.map_err(|e| StorageError::new("write", &path, e))
+        })?;
+        own_files::sync_folder(&self.path).map_err(|e| StorageError::new("write", &self.path, e))
+    }
+
+    /// Syncs the names of the folder and of the one that it is in to the disk; those above may be of others.
+    fn sync_own_name(&self) {
+        if let Ok(path) = fs::canonicalize(&self.path) {
+            path.ancestors().skip(1).take(2).for_each(|above| drop(own_files::sync_folder(above)));
+        }
     }
 
     fn write(&self, name: &str, text: &str) -> Result<(), StorageError> {

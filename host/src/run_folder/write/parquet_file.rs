@@ -57,15 +57,33 @@ fn failure(path: &Path, error: ParquetError) -> StorageError {
     StorageError::new("write", path, message)
 }
 
+/// A table with this metadata.
+fn described(table: RecordBatch, about: Metadata) -> Result<RecordBatch, String> {
+    let schema = Arc::new(table.schema().as_ref().clone().with_metadata(about));
+    table.with_schema(schema).map_err(|e| e.to_string())
+}
+
+/// The bytes of a file of one table with this metadata.
+///
+/// # Errors
+/// When it cannot be made: a defect of this program.
+pub(crate) fn bytes_of(table: RecordBatch, about: Metadata) -> Result<Vec<u8>, String> {
+    let table = described(table, about)?;
+    let mut writer = ArrowWriter::try_new(Vec::new(), table.schema(), Some(properties(&table.schema())))
+        .map_err(|e| e.to_string())?;
+    writer.write(&table).map_err(|e| e.to_string())?;
+    writer.into_inner().map_err(|e| e.to_string())
+}
+
 /// Writes a file of one table with this metadata; an earlier file of the name is replaced as a whole.
 pub(super) fn write_table(
     path: &Path,
     table: Result<RecordBatch, String>,
     about: Metadata,
+    durability: Durability,
 ) -> Result<(), StorageError> {
-    let table = table.map_err(|e| StorageError::new("write", path, e))?;
-    let schema = Arc::new(table.schema().as_ref().clone().with_metadata(about));
-    write_whole(path, &schema, std::iter::once(Ok(table)), Durability::Program)
+    let table = table.and_then(|table| described(table, about)).map_err(|e| StorageError::new("write", path, e))?;
+    write_whole(path, &table.schema(), std::iter::once(Ok(table)), durability)
 }
 
 /// Writes a file beside `path`, then renames it.
@@ -87,6 +105,7 @@ pub(super) fn write_whole(
         let file = writer.into_inner().map_err(|e| failure(path, e))?;
         if durability == Durability::Disk {
             file.sync_data().map_err(|e| StorageError::new("write", path, e))?;
+            return own_files::name_for_good(&beside, path).map_err(|e| StorageError::new("name", path, e));
         }
         fs::rename(&beside, path).map_err(|e| StorageError::new("name", path, e))
     })();

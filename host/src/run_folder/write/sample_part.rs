@@ -4,7 +4,7 @@
 //! after a kill [`read::open_part`](crate::run_folder::read::open_part) reads it up to its last whole batch.
 
 use std::fs::{self, File};
-use std::io::BufWriter;
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -15,6 +15,7 @@ use arrow_schema::{Metadata, SchemaRef};
 use super::parquet_file::{Durability, write_whole};
 use crate::run_folder::read::open_part::Salvaged;
 use crate::run_folder::schema::samples::{self, PointLabel, SampleColumn, open_part_name, part_name, stream_schema};
+use crate::run_folder::schema::stream_sums::{RunningSum, sums_path};
 use crate::run_folder::{StorageError, own_files};
 
 /// A part is closed at this many rows, if its point has not ended before.
@@ -23,6 +24,24 @@ pub(super) const MOST_ROWS: u64 = 100_000;
 /// Rows that are written to the stream together at the latest.
 const ROWS_PER_BATCH: usize = 4096;
 
+/// The stream's file, with the checksum of what has been written to it.
+struct SummedFile {
+    file: BufWriter<File>,
+    sum: RunningSum,
+}
+
+impl Write for SummedFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.file.write(bytes)?;
+        self.sum.push(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
 /// The part that is being written.
 pub(crate) struct OpenPart {
     pub(super) number: u32,
@@ -30,10 +49,13 @@ pub(crate) struct OpenPart {
     pub(super) rows: u64,
     pub(super) lost_rows: u64,
     pub(super) path: PathBuf,
-    writer: StreamWriter<BufWriter<File>>,
+    writer: StreamWriter<SummedFile>,
+    sums: File,
     schema: SchemaRef,
     written: Vec<RecordBatch>,
     is_on_disk: bool,
+    /// Its name is on the disk.
+    is_named: bool,
     ticks: Vec<u64>,
     gaps: Vec<u32>,
     signals: Vec<Vec<f32>>,
@@ -50,12 +72,31 @@ impl OpenPart {
         let path = folder.join(open_part_name(number));
         let schema = stream_schema(&label, signals, tick_hz);
         let file = own_files::create(&path).map_err(|e| StorageError::new("create", &path, e))?;
-        let mut writer = StreamWriter::try_new(BufWriter::new(file), &schema).map_err(|e| failed(&path, &e))?;
+        let mut sums =
+            own_files::create(&sums_path(&path)).map_err(|e| StorageError::new("create", &sums_path(&path), e))?;
+        let file = SummedFile { file: BufWriter::new(file), sum: RunningSum::default() };
+        let mut writer = StreamWriter::try_new(file, &schema).map_err(|e| failed(&path, &e))?;
         writer.flush().map_err(|e| failed(&path, &e))?;
+        note_sum(&mut sums, &writer, &path)?;
         let signals = vec![Vec::new(); signals.len()];
         let (ticks, gaps, written) = (Vec::new(), Vec::new(), Vec::new());
-        let (rows, lost_rows, is_on_disk) = (0, 0, true);
-        Ok(Self { number, label, rows, lost_rows, path, writer, schema, written, is_on_disk, ticks, gaps, signals })
+        let (rows, lost_rows, is_on_disk, is_named) = (0, 0, true, false);
+        Ok(Self {
+            number,
+            label,
+            rows,
+            lost_rows,
+            path,
+            writer,
+            sums,
+            schema,
+            written,
+            is_on_disk,
+            is_named,
+            ticks,
+            gaps,
+            signals,
+        })
     }
 
     /// Adds a row; `values` holds all signals.
@@ -82,15 +123,22 @@ impl OpenPart {
         let batch = RecordBatch::try_new(self.schema.clone(), columns).map_err(|e| failed(&self.path, &e))?;
         self.written.push(batch.clone());
         self.is_on_disk = false;
-        self.writer.write(&batch).and_then(|()| self.writer.flush()).map_err(|e| failed(&self.path, &e))
+        self.writer.write(&batch).and_then(|()| self.writer.flush()).map_err(|e| failed(&self.path, &e))?;
+        note_sum(&mut self.sums, &self.writer, &self.path)
     }
 
     /// Syncs the gathered rows to the disk: they survive a power cut from here on.
     pub(super) fn sync(&mut self) -> Result<(), StorageError> {
         self.write()?;
         if !self.is_on_disk {
-            self.writer.get_ref().get_ref().sync_data().map_err(|e| failed(&self.path, &e))?;
+            self.writer.get_ref().file.get_ref().sync_data().map_err(|e| failed(&self.path, &e))?;
+            self.sums.sync_data().map_err(|e| failed(&sums_path(&self.path), &e))?;
             self.is_on_disk = true;
+        }
+        if !self.is_named {
+            let folder = self.path.parent().unwrap_or(Path::new(""));
+            own_files::sync_folder(folder).map_err(|e| failed(&self.path, &e))?;
+            self.is_named = true;
         }
         Ok(())
     }
@@ -109,6 +157,11 @@ impl OpenPart {
         let whole = self.written.iter().map(|batch| samples::complete(&schema, &self.label, tick_hz, batch));
         write_whole(&folder.join(part_name(self.number)), &schema, whole, Durability::Program)
     }
+}
+
+/// Adds the line for what has been written to the stream.
+fn note_sum(sums: &mut File, stream: &StreamWriter<SummedFile>, path: &Path) -> Result<(), StorageError> {
+    sums.write_all(stream.get_ref().sum.line().as_bytes()).map_err(|e| failed(&sums_path(path), &e))
 }
 
 fn failed(path: &Path, error: &dyn std::fmt::Display) -> StorageError {

@@ -1,7 +1,8 @@
 //! The work of the recorder's thread: writes journal lines, samples and results.
 //!
 //! A journal line and a batch of samples survive the end of the program as soon as they are written; [`super::recorder`]
-//! syncs everything to the disk a few times a second.
+//! syncs everything to the disk a few times a second. Samples are synced before the result of their point is noted: a result that
+//! survives a power cut has its samples.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -9,7 +10,7 @@ use std::sync::Arc;
 
 use arrow_schema::{Metadata, SchemaRef};
 
-use super::parquet_file::write_table;
+use super::parquet_file::{Durability, write_table};
 use super::recorder::{Message, Rows, Sink};
 use super::sample_join::{join, remove_parts};
 use super::sample_part::{MOST_ROWS, OpenPart, seal_salvaged};
@@ -23,8 +24,9 @@ use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::results::{self, RESULTS, ResultRow};
 use crate::run_folder::schema::samples::{self, LAST_PART, PARTS, PointLabel, SampleColumn, part_name};
 use crate::run_folder::schema::self_description::DESCRIPTION;
+use crate::run_folder::schema::stream_sums::sums_path;
 use crate::run_folder::schema::transients::{self, TRANSIENTS};
-use crate::run_folder::{StorageError, checksum};
+use crate::run_folder::{StorageError, checksum, own_files};
 
 /// What is recorded, and in which order results are written.
 #[derive(Clone, Debug, PartialEq)]
@@ -151,10 +153,29 @@ impl Writer {
     /// # Errors
     /// When it cannot be written.
     pub fn note(&mut self, entry: &Entry) -> Result<(), StorageError> {
+        if matches!(entry, Entry::Result(_) | Entry::Transient(_)) {
+            self.sync_samples()?;
+        }
         self.journal.append(entry)?;
         self.state.add(entry);
         self.is_synced = false;
         self.has_new_results |= matches!(entry, Entry::Result(_) | Entry::Transient(_) | Entry::Segment(_));
+        Ok(())
+    }
+
+    /// Syncs the rows so far to the disk, in the open part and in closed ones.
+    fn sync_samples(&mut self) -> Result<(), StorageError> {
+        if let Some(part) = &mut self.open {
+            part.sync()?;
+        }
+        if self.pending.is_empty() { Ok(()) } else { self.journal_pending() }
+    }
+
+    fn sync_journal(&mut self) -> Result<(), StorageError> {
+        if !self.is_synced {
+            self.journal.sync()?;
+            self.is_synced = true;
+        }
         Ok(())
     }
 
@@ -174,7 +195,10 @@ impl Writer {
             }
             _ => {}
         }
-        self.note(&entry)
+        self.note(&entry)?;
+        // Samples of a segment that the journal does not have would be taken for those of another run.
+        let is_final = matches!(entry, Entry::Segment(_) | Entry::Result(_) | Entry::Transient(_));
+        if is_final { self.sync_journal() } else { Ok(()) }
     }
 
     fn push(&mut self, rows: &Rows) -> Result<(), StorageError> {
@@ -222,21 +246,27 @@ impl Writer {
     /// Syncs closed parts to the disk, then adds them to the journal; only then their streams are removed.
     fn journal_pending(&mut self) -> Result<(), StorageError> {
         let pending = std::mem::take(&mut self.pending);
-        for p in &pending {
-            if p.rows == 0 || self.state.is_sealed(p.part) {
-                continue;
-            }
+        let closed: Vec<&Pending> = pending.iter().filter(|p| p.rows > 0 && !self.state.is_sealed(p.part)).collect();
+        for p in &closed {
             let path = self.folder.join(part_name(p.part));
             File::open(&path).and_then(|f| f.sync_data()).map_err(|e| StorageError::new("write", &path, e))?;
+        }
+        if !closed.is_empty() {
+            // A closed part is known by its stream until the journal has it, so that name comes first.
+            for folder in [self.folder.clone(), self.folder.join(PARTS)] {
+                own_files::sync_folder(&folder).map_err(|e| StorageError::new("write", &folder, e))?;
+            }
+        }
+        for p in closed {
+            let path = self.folder.join(part_name(p.part));
             let file = FileName::new(&part_name(p.part)).map_err(|e| StorageError::new("read", &path, e))?;
             let file = checksum::of_file(&self.folder, &file).map_err(|e| StorageError::new("read", &path, e))?;
             self.note(&Entry::Sealed(Sealed { part: p.part, file, rows: p.rows, lost_rows: p.lost_rows }))?;
         }
-        if !self.is_synced {
-            self.journal.sync()?;
-            self.is_synced = true;
-        }
+        self.sync_journal()?;
         for p in &pending {
+            // Older runs have no checksums of a stream.
+            own_files::remove_left(&sums_path(&p.open));
             std::fs::remove_file(&p.open).map_err(|e| StorageError::new("remove", &p.open, e))?;
         }
         Ok(())
@@ -248,12 +278,22 @@ impl Writer {
     /// When it cannot be written.
     pub fn close(&mut self) -> Result<(), StorageError> {
         self.seal()?;
-        self.has_new_results = true;
         if !self.state.impacts.is_empty() {
             let table = impacts::table(&self.state.impacts, self.layout.tick_hz);
-            write_table(&self.folder.join(IMPACTS), table, self.layout.about(impacts::ROW))?;
+            write_table(&self.folder.join(IMPACTS), table, self.layout.about(impacts::ROW), Durability::Disk)?;
         }
-        self.sync()
+        self.sync()?;
+        self.write_results(Durability::Disk)
+    }
+
+    fn write_results(&self, durability: Durability) -> Result<(), StorageError> {
+        let about = self.layout.about(results::ROW);
+        write_table(&self.folder.join(RESULTS), results::table(&self.results()), about, durability)?;
+        if self.state.transients().is_empty() {
+            return Ok(());
+        }
+        let about = self.layout.about(transients::ROW);
+        write_table(&self.folder.join(TRANSIENTS), transients::table(self.state.transients()), about, durability)
     }
 
     /// Of the `accepted` rows of the recorder, those that are in no file because the disk has failed. From here on
@@ -307,14 +347,6 @@ impl Sink for Writer {
             part.sync()?;
         }
         self.journal_pending()?;
-        if std::mem::take(&mut self.has_new_results) {
-            let about = self.layout.about(results::ROW);
-            write_table(&self.folder.join(RESULTS), results::table(&self.results()), about)?;
-            if !self.state.transients().is_empty() {
-                let about = self.layout.about(transients::ROW);
-                write_table(&self.folder.join(TRANSIENTS), transients::table(self.state.transients()), about)?;
-            }
-        }
-        Ok(())
+        if std::mem::take(&mut self.has_new_results) { self.write_results(Durability::Program) } else { Ok(()) }
     }
 }

@@ -57,8 +57,14 @@ pub(super) fn run(file: &Path, folder: &Path, report: &(dyn Fn(f64) -> bool + Sy
     }
     let out = OutputFolder::create_at(&out)?;
     let journal = out.keep_campaign(&campaign)?;
-    let begin = begin_entry(&campaign, &session, &selection, out.records()?, &host_time::now());
-    let start = RunStart { begin, journal, taken: JournalState::default(), waits_for_room: session.is_granted() };
+    let begin = begin_entry(&campaign, &session, &selection, out.records(&campaign)?, &host_time::now());
+    let start = RunStart {
+        begin,
+        journal,
+        taken: JournalState::default(),
+        withdrawn: Vec::new(),
+        waits_for_room: session.is_granted(),
+    };
     let mut recorded = RecordedRun::begin(&campaign, &predicted, &out, start)?;
     let taken = recorded.taken().clone();
     let stop = AtomicBool::new(false);

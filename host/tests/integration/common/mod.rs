@@ -39,6 +39,41 @@ pub fn folder_with(campaign: &str) -> TempDir {
     folder
 }
 
+/// Writes two records of one file name into two folders; gives the experiments that play them: `a`, twice, and `b`.
+pub fn two_records(folder: &Path, set_ups: &[&str]) -> String {
+    let record = |name: &str, frequency_hz: f64, samples: u32| {
+        std::fs::create_dir(folder.join(name)).expect("a folder");
+        let sample = |n: u32| {
+            let t_s = f64::from(n) * 0.01;
+            let rise = (std::f64::consts::PI * f64::from(n) / f64::from(samples)).sin().powi(2);
+            format!("{t_s:.2},{:.9}\n", 1e-3 * rise * (std::f64::consts::TAU * frequency_hz * t_s).sin())
+        };
+        let text: String = (0..=samples).map(sample).collect();
+        std::fs::write(folder.join(name).join("quake.csv"), format!("t_s,z_m\n{text}")).expect("a file");
+    };
+    record("a", 1.5, 300);
+    record("b", 2.2, 400);
+    let experiment = |name: &str, repeats: u32, peak_m: f64| {
+        format!(
+            "\n[[experiment]]\nname = \"{name}\"\nkind = \"playback\"\nrepeats = {repeats}\nset_ups = {set_ups:?}\nfile = \
+             \"{name}/quake.csv\"\nquantity = \"displacement\"\nunit = \"m\"\ntarget_peak_m = {peak_m}\ntail_s = 1\n"
+        )
+    };
+    experiment("a", 2, 0.002) + &experiment("b", 1, 0.001)
+}
+
+/// A changed journal with the checksums of its lines made again: what is tested is the change, not its discovery.
+pub fn with_sums(journal: &str) -> String {
+    let line = |line: &str| match serde_json::from_str::<serde_json::Value>(line) {
+        Ok(serde_json::Value::Object(mut map)) => {
+            map.remove("sum");
+            damprig::run_folder::journal::with_sum(&serde_json::Value::Object(map).to_string())
+        }
+        _ => line.to_string(),
+    };
+    journal.lines().map(|text| line(text) + "\n").collect()
+}
+
 /// The Python that `tests/run` makes, with the packages of tests/python; `None` if tests that need it may be left out.
 pub fn python() -> Option<PathBuf> {
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/python/bin/python");

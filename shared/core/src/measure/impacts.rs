@@ -12,7 +12,7 @@
 //!
 //! A hard wall rings. Within the refractory time a new pulse must therefore exceed a part of the last peak. A contact
 //! that does not end is a particle that came to rest on the wall: one impact, marked as held. The channels' slow offset
-//! (charge amplifiers drift) is followed while there is no contact, within [`ImpactConfig::offset_limit_n`] of the
+//! (charge amplifiers drift) is measured at each start and followed while there is no contact, within [`ImpactConfig::offset_limit_n`] of the
 //! calibrated zero, so that an open input is never taken as a new zero. `pulse` follows one channel; [`super::snippet`]
 //! records a pulse's shape.
 //!
@@ -279,6 +279,11 @@ impl ImpactMeter {
         self.channels.iter_mut().for_each(Channel::reset);
         self.counts = ImpactCounts::default();
         self.counted_before_cycle = 0;
+    }
+
+    /// Measures the channels' offsets anew from the next idle samples: what follows does not depend on what was measured before.
+    pub fn restart(&mut self) {
+        self.channels.iter_mut().for_each(Channel::restart);
     }
 
     /// Closes a cycle of the drive and returns the number of impacts that ended in it.

@@ -133,6 +133,8 @@ pub(super) enum Finding {
 #[derive(Clone, Debug)]
 pub(super) struct Channel {
     offset: f32,
+    /// Idle samples that the offset was followed over since the last restart.
+    followed: u32,
     /// Mean of the idle samples while the offset is held at an end of its range.
     drifted_to: Option<f32>,
     /// A reading of this or more begins a pulse.
@@ -161,6 +163,7 @@ impl Channel {
     pub(super) fn new(offset: f32, paces: &Paces) -> Self {
         Self {
             offset,
+            followed: 0,
             drifted_to: None,
             limit: limit(offset, paces),
             phase: Phase::Idle,
@@ -174,6 +177,12 @@ impl Channel {
     /// Drops a pulse in progress.
     pub(super) fn reset(&mut self) {
         self.phase = Phase::Idle;
+        self.restart();
+    }
+
+    /// Forgets what earlier samples say about offset and ringing: the offset becomes the mean of the next idle samples.
+    pub(super) fn restart(&mut self) {
+        self.followed = 0;
         self.since = u32::MAX;
     }
 
@@ -200,10 +209,14 @@ impl Channel {
         self.limit
     }
 
-    /// Takes `count` idle samples with this mean.
+    /// Takes `count` idle samples with this mean. The offset is the mean of the idle samples since the last restart, and follows them
+    /// with its time constant once there are more.
     pub(super) fn idle(&mut self, mean: f32, count: usize, paces: &Paces) {
         self.since = self.since.saturating_add(count as u32);
-        let followed = self.offset + (mean - self.offset) * (count as f32 * paces.offset_gain);
+        let from = if self.followed == 0 { mean } else { self.offset };
+        self.followed = self.followed.saturating_add(count as u32);
+        let share = count as f32 * paces.offset_gain.max(1.0 / self.followed as f32);
+        let followed = from + (mean - from) * share;
         self.offset = followed.max(paces.offset_low).min(paces.offset_high);
         self.drifted_to = (self.offset != followed).then_some(mean);
         self.limit = limit(self.offset, paces);

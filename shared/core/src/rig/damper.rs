@@ -49,8 +49,9 @@ impl Dampers {
         self.put_back_at = 0;
     }
 
-    /// Restarts the twin, because a simulated plant is reset to its start after this tick.
+    /// Restarts the twin and the walls' offsets, because a simulated plant is reset to its start after this tick.
     pub fn put_back(&mut self, tick: u32) {
+        self.meter.restart();
         // A contact that the reset has cut off ends in the next tick.
         self.put_back_at = tick.wrapping_add(2);
         self.velocity = Velocity::default();
