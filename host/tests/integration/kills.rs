@@ -12,6 +12,8 @@ use damprig::run_folder::journal;
 use damprig::run_folder::read::verify::{Finding, verify};
 use damprig::run_folder::schema::journal_entry::Entry;
 use damprig::run_folder::schema::journal_state::JournalState;
+use predicates::prelude::*;
+use predicates::str::contains;
 use tempfile::TempDir;
 
 use crate::common::{damprig, folder_with, two_records};
@@ -224,6 +226,7 @@ fn a_run_killed_right_after_each_kind_of_entry_loses_no_result_and_mixes_nothing
     while done < kills() {
         runs += 1;
         let loses_power = runs % 2 == 0;
+        let mut history = Vec::new();
         // Killed several times, then left alone.
         for turn in 0..12 {
             // The kinds in turn; a few come only near the end of a run.
@@ -239,6 +242,7 @@ fn a_run_killed_right_after_each_kind_of_entry_loses_no_result_and_mixes_nothing
                 break;
             }
             done += 1;
+            history.push(format!("{kind} {at}"));
             power_cuts += u32::from(loses_power);
             *after.entry(kind).or_default() += 1;
             if let Some(disk) = disk {
@@ -264,18 +268,53 @@ fn a_run_killed_right_after_each_kind_of_entry_loses_no_result_and_mixes_nothing
                 .collect();
             assert_eq!(lacking, [], "after {kind} {at}, power cut: {loses_power}");
         }
-        if run.join("campaign.toml").exists() {
-            damprig(&folder).args(["run", "--resume", "out"]).assert().success();
-        } else {
-            damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
-        }
-        assert_eq!(measured(&run), points, "run {runs}");
-        assert_eq!(transients(&run), events, "run {runs}");
-        assert_eq!(impacts(&run), hits, "run {runs}");
+        let how = format!("run {runs}, loss of power: {loses_power}, killed after {history:?}");
+        let is_begun = run.join("campaign.toml").exists();
+        let arguments: &[&str] = if is_begun { &["--resume", "out"] } else { &["test.toml", "--out", "out"] };
+        let output = damprig(&folder).arg("run").args(arguments).output().unwrap();
+        assert!(output.status.success(), "{how}: {}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(measured(&run), points, "{how}");
+        assert_eq!(transients(&run), events, "{how}");
+        assert_eq!(impacts(&run), hits, "{how}");
         let state = JournalState::of(&entries(&run));
-        assert_eq!(state.withdrawn(), [], "run {runs}: each result that was noted had its samples");
+        assert_eq!(state.withdrawn(), [], "{how}: each result that was noted had its samples");
         damprig(&folder).args(["runs", "verify", "out"]).assert().success();
         std::fs::remove_dir_all(&run).unwrap();
     }
     println!("{done} kills in {runs} runs, {power_cuts} of them with a loss of power; after {after:?}");
+}
+
+/// Some disks lose what they have reported as synced, and earlier versions did not wait for it.
+#[test]
+fn a_result_whose_samples_are_cut_off_is_found_and_measured_again() {
+    let Some(library) = preload() else { return };
+    let folder = crate::copies::folder("");
+    damprig(&folder).args(["run", "test.toml", "--out", "whole"]).assert().success();
+    let run = folder.path().join("out");
+    assert!(killed(&folder, &library, "transient", 1, None));
+    let rows = |run: &Path| crate::common::sample_rows(run) as u64;
+    let before = rows(&run);
+    let verified = damprig(&folder).args(["runs", "verify", "out"]).assert().code(1);
+    verified.stdout(contains("are missing").not());
+    for entry in std::fs::read_dir(&run).unwrap().map(Result::unwrap) {
+        if entry.path().extension().is_some_and(|end| end == "arrows") {
+            let stream = std::fs::read(entry.path()).unwrap();
+            std::fs::write(entry.path(), &stream[..stream.len() * 95 / 100]).unwrap();
+        }
+    }
+    let end_tick = JournalState::of(&entries(&run)).transients()[0].end_tick;
+    let lost = end_tick - rows(&run);
+    assert!(lost > 0 && before >= end_tick, "{lost} of {before} rows, {end_tick} ticks");
+    let words = format!("\"bare\", \"a 1 of 2\", segment 0: the last {lost} rows of point 0 are missing");
+    damprig(&folder).args(["runs", "verify", "out"]).assert().code(1).stdout(contains(words));
+    let resumed = damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    let words = format!("\"a 1 of 2\": the last {lost} rows of its samples were lost; the point is measured again");
+    resumed.stdout(contains(words).and(contains("3 of 3 points")));
+    assert_eq!(transients(&run), transients(&folder.path().join("whole")));
+    let state = JournalState::of(&entries(&run));
+    let counted: Vec<u64> = state.withdrawn().iter().map(|withdrawn| withdrawn.lost_rows).collect();
+    assert_eq!((counted, state.transients().len()), (vec![lost], 3));
+    let verified = damprig(&folder).args(["runs", "verify", "out"]).assert().success();
+    verified.stdout(contains(format!("was measured again: {lost} rows of its samples had been lost")));
+    damprig(&folder).args(["run", "--resume", "out"]).assert().success().stdout(contains("Nothing was done"));
 }

@@ -3,6 +3,7 @@
 //! The journal has the number of the `[[experiment]]` of each copy. Runs before that numbered their copies by the experiment's place
 //! among all, its earlier repeats included; where that leaves two choices, the folder is refused.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use toml::Table;
@@ -105,6 +106,8 @@ fn copies(folder: &Path, campaign: &Table, lines: &Lines) -> Result<Copies, Read
     let all = played(campaign);
     let found: Result<_, ReadError> = if listed.iter().any(|copy| copy.experiment.is_some()) {
         all.iter().map(|played| Ok((played.number, numbered(folder, listed, played)?))).collect()
+    } else if state.begun.is_empty() {
+        by_names(folder, &all)
     } else {
         all.iter().map(|played| Ok((played.number, unnumbered(folder, &state, played)?))).collect()
     };
@@ -132,15 +135,9 @@ fn unnumbered(folder: &Path, state: &JournalState, played: &Played) -> Result<Pa
     let by_place = kept_record(folder, played.place, &played.file);
     let by_number = kept_record(folder, played.number, &played.file);
     let differ = || regular::read(&by_place).ok() != regular::read(&by_number).ok();
-    let is_clear = if state.begun.is_empty() {
-        // Whether the run numbered its copies is unknown.
-        !differ()
-    } else {
-        // A version that numbered them by place looked for them by number when it resumed a run.
-        let is_resumed = state.begun.iter().skip(1).any(is_unnumbered);
-        !(is_resumed && by_number.is_file() && differ() && is_measured(state, played))
-    };
-    if is_clear {
+    // A version that numbered them by place looked for them by number when it resumed a run.
+    let is_resumed = state.begun.iter().skip(1).any(is_unnumbered);
+    if !(is_resumed && by_number.is_file() && differ() && is_measured(state, played)) {
         return Ok(by_place);
     }
     let name = |path: &Path| path.strip_prefix(folder).unwrap_or(path).display().to_string();
@@ -152,6 +149,32 @@ fn unnumbered(folder: &Path, state: &JournalState, played: &Played) -> Result<Pa
         name(&by_place),
         name(&by_number)
     )))
+}
+
+/// The copies of a run without the beginning of its journal: it was killed before that was written. The names of all copies together
+/// tell how they are numbered.
+fn by_names(folder: &Path, all: &[Played]) -> Result<BTreeMap<usize, PathBuf>, ReadError> {
+    let entries = std::fs::read_dir(folder.join(RECORDS)).into_iter().flatten().flatten().map(|entry| entry.path());
+    let is_record = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        name.starts_with(|c: char| c.is_ascii_digit()) && !name.ends_with(".tmp")
+    };
+    let there: BTreeSet<PathBuf> = entries.filter(is_record).collect();
+    let by_number = |played: &Played| vec![kept_record(folder, played.number, &played.file)];
+    let by_place = |played: &Played| {
+        let places = played.place..played.place + played.names.len();
+        places.map(|place| kept_record(folder, place, &played.file)).collect::<Vec<_>>()
+    };
+    let ways: [&dyn Fn(&Played) -> Vec<PathBuf>; 2] = [&by_number, &by_place];
+    let way = ways.into_iter().find(|way| all.iter().flat_map(way).collect::<BTreeSet<_>>() == there);
+    let first =
+        |way: &dyn Fn(&Played) -> Vec<PathBuf>, played: &Played| Some((played.number, way(played).into_iter().next()?));
+    way.map(|way| all.iter().filter_map(|played| first(way, played)).collect()).ok_or_else(|| {
+        let folder = folder.display();
+        ReadError(format!(
+            "{folder}/{RECORDS} does not have the copies of the records that the campaign plays and no others, and {JOURNAL}, which lists them, has no beginning"
+        ))
+    })
 }
 
 fn is_unnumbered(begin: &Begin) -> bool {

@@ -9,10 +9,15 @@ use arrow_ipc::reader::StreamReader;
 use arrow_schema::Metadata;
 
 use super::arrow_salvage::sound_length;
+use super::columns::numbers;
+use super::parquet_file::read;
 use crate::input::regular;
-use crate::run_folder::StorageError;
 use crate::run_folder::schema::samples::{self, PointLabel, read_stream_schema};
 use crate::run_folder::schema::stream_sums::{agree, sums_path};
+use crate::run_folder::{ReadError, StorageError};
+
+/// The column of the ticks missing before a row.
+const GAP: &str = "gap_before_ticks";
 
 /// The readable contents of a part that was open when the program ended.
 #[derive(Clone, Debug, Default)]
@@ -43,6 +48,14 @@ pub fn salvage(path: &Path) -> Result<Salvaged, StorageError> {
         salvaged.batches.push(batch);
     }
     Ok(salvaged)
+}
+
+/// Rows of a closed part, and ticks missing before or between them; `None` if it is missing or cannot be read whole.
+#[must_use]
+pub fn rows_and_gaps(part: &Path) -> Option<(u64, u64)> {
+    let gaps: Result<Vec<Vec<f64>>, ReadError> = read(part).ok()?.map(|batch| numbers(&batch?, GAP)).collect();
+    let gaps = gaps.ok()?.concat();
+    Some((gaps.len() as u64, gaps.iter().map(|gap| *gap as u64).fold(0, u64::saturating_add)))
 }
 
 /// Whether an open part is as its checksums say; one of an older run has none.

@@ -17,7 +17,7 @@ use super::sample_part::{MOST_ROWS, OpenPart, seal_salvaged};
 use crate::run_folder::file_name::FileName;
 use crate::run_folder::journal::{Entry, Journal, Sealed};
 use crate::run_folder::read::folder::readable_rows;
-use crate::run_folder::read::open_part::{StreamHead, read_head, salvage};
+use crate::run_folder::read::open_part::{StreamHead, read_head, rows_and_gaps, salvage};
 use crate::run_folder::read::sample_files::{closed_parts, open_parts};
 use crate::run_folder::schema::impacts::{self, IMPACTS};
 use crate::run_folder::schema::journal_state::JournalState;
@@ -139,9 +139,14 @@ impl Writer {
             let mut pending = Pending { part, rows: 0, lost_rows: 0, open };
             if !self.state.is_sealed(part) {
                 let salvaged = salvage(&pending.open)?;
-                pending.rows = salvaged.rows;
-                pending.lost_rows = salvaged.gap_ticks / u64::from(self.layout.every_ticks).max(1);
-                seal_salvaged(&self.folder, part, &salvaged, &self.layout.samples())?;
+                // A power cut may have kept a closed part that the journal lacks, and not all of its stream.
+                let closed = rows_and_gaps(&self.folder.join(part_name(part))).unwrap_or_default();
+                let (rows, gap_ticks) = closed.max((salvaged.rows, salvaged.gap_ticks));
+                if rows > closed.0 {
+                    seal_salvaged(&self.folder, part, &salvaged, &self.layout.samples())?;
+                }
+                pending.rows = rows;
+                pending.lost_rows = gap_ticks / u64::from(self.layout.every_ticks).max(1);
             }
             self.pending.push(pending);
         }

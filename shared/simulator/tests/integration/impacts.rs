@@ -84,6 +84,39 @@ fn check_pulse<const N: usize>(contact_s: f32, impulse: f32) {
     }
 }
 
+/// The offset that a meter has followed is forgotten at a start from rest: a resumed run measures the same impacts, bit for bit.
+#[test]
+fn what_a_meter_measures_after_a_restart_does_not_depend_on_what_it_measured_before() {
+    let sensors = WallSensors { noise_rms_n: 0.2, offset_n: 0.4, ..QUIET };
+    let measure = |earlier_ticks: u32| {
+        let mut meter = meter(&ImpactConfig::default(), 50);
+        let mut drifting = Walls::new(&WallSensors { offset_n: -0.4, ..sensors }, 3).unwrap();
+        for tick in 0..earlier_ticks {
+            if tick % 100 == 50 {
+                drifting.hit(0.5, 1, 0.1);
+            }
+            meter.push(tick, &drifting.read::<50>(None), |_| {});
+        }
+        meter.restart();
+        let (mut walls, mut found) = (Walls::new(&sensors, 7).unwrap(), vec![]);
+        for tick in 0..400 {
+            if tick % 100 == 50 {
+                walls.hit(0.5, 1, 0.1);
+            }
+            meter.push(tick, &walls.read::<50>(None), |record| found.push(*record));
+        }
+        found
+    };
+    let new = measure(0);
+    assert_eq!(new.len(), 4);
+    // The mean of the idle samples has an error of the noise over their root from the first impact on.
+    let peak_n = FRAC_PI_2 * 0.1 / 2e-3;
+    assert!(new.iter().all(|record| (record.peak_n - peak_n).abs() < 4.0 * 0.2), "{new:?}");
+    for earlier_ticks in [60, 470, 3000] {
+        assert_eq!(measure(earlier_ticks), new, "after {earlier_ticks} ticks");
+    }
+}
+
 struct Hits {
     set_up: SetUp,
     step: u32,
