@@ -7,6 +7,7 @@ use damprig::client::session::SessionError;
 use damprig::input::Refusal;
 use damprig::run_folder::{ReadError, StorageError};
 use damprig::runner::RunError;
+use damprig::study::failure::StudyFailure;
 use damprig_core::control::fault::FaultCause;
 use damprig_core::io::Invalid;
 use pyo3::exceptions::PyKeyboardInterrupt;
@@ -96,6 +97,16 @@ impl From<ReadError> for Failure {
 impl From<StorageError> for Failure {
     fn from(error: StorageError) -> Self {
         Self::Folder(error.to_string())
+    }
+}
+
+impl From<StudyFailure> for Failure {
+    fn from(error: StudyFailure) -> Self {
+        match error {
+            StudyFailure::Refused(refusal) => refusal.into(),
+            StudyFailure::Storage(error) => error.into(),
+            StudyFailure::Damaged(error) => error.into(),
+        }
     }
 }
 

@@ -100,11 +100,11 @@ pub fn study_merge<'py>(
         let (study, data_set) = opened(&design, &out)?;
         let mut progress = Progress::none(study.rows());
         let address = data_set.join(&study, |part, batch| {
-            progress.meet_batch(&study, data_set.manifest().rows_of(part).start, batch);
+            progress.meet_part(&study, data_set.manifest().rows_of(part).start, batch);
         })?;
         let shown = address.display().to_string();
         let bytes = data_set.store().get(TABLE)?.ok_or_else(|| Failure::Folder(format!("{shown} is missing")))?;
-        let (_, batches) = parquet_file::content(&shown, bytes)?;
+        let batches = parquet_file::content(&shown, bytes)?.batches;
         let place = |row: u64| {
             let values = study.points.values(&study.axes, row, 0);
             let kept = study.points.kept().iter();

@@ -2,6 +2,8 @@
 
 use std::process::ExitCode;
 
+use crate::study::failure::StudyFailure;
+
 /// Why a subcommand did not succeed: the message, under the exit code that goes with it.
 #[derive(Debug)]
 pub enum Failure {
@@ -15,6 +17,15 @@ pub enum Failure {
 
 /// How a subcommand ends.
 pub type Outcome = Result<(), Failure>;
+
+impl From<StudyFailure> for Failure {
+    fn from(error: StudyFailure) -> Self {
+        match error {
+            StudyFailure::Refused(refusal) => Self::input(refusal),
+            other => Self::failed(other),
+        }
+    }
+}
 
 impl Failure {
     /// Wrong input.

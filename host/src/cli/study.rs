@@ -15,6 +15,7 @@ use crate::report::numbers::{about, duration, significant};
 use crate::report::terminal;
 use crate::study::Study;
 use crate::study::data_set::DataSet;
+use crate::study::failure::StudyFailure;
 use crate::study::run::{self, Ending, Progress};
 use crate::study::store::Store;
 
@@ -31,9 +32,9 @@ enum What {
     Run(RunArgs),
     /// Compute parts of a study as one of several workers
     Work(study_work::WorkArgs),
-    /// Show how far the workers of a study are
+    /// Show how far the workers of a study are (exit code 1 if a part is wrong)
     Status(study_work::PlaceArgs),
-    /// Read all parts of a study and check them (exit code 1 if one is wrong)
+    /// Read all files of a study and check them (exit code 1 if one is wrong)
     Verify(study_work::PlaceArgs),
     /// Join the parts of a study to its table
     Merge(study_work::PlaceArgs),
@@ -72,7 +73,7 @@ command goes on.
 
 Exit codes:
   0    success
-  1    a file could not be written
+  1    a file could not be written, or a part is damaged; the other parts are kept
   2    the command line, the study or its case is wrong
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the results so far are kept";
 
@@ -111,7 +112,7 @@ fn run_study(args: &RunArgs) -> Outcome {
         )));
     }
     let place = place(&args.study, args.out.as_deref());
-    let data_set = Store::at(&place).and_then(|store| DataSet::open(&study, store)).map_err(Failure::input)?;
+    let data_set = DataSet::open(&study, Store::at(&place).map_err(Failure::input)?)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     say!("{scope}; {} on {cores} cores", about(estimate_s));
@@ -123,16 +124,30 @@ fn run_study(args: &RunArgs) -> Outcome {
     };
     let ending = run::run(&study, &data_set, &report);
     bar.end();
-    let (ending, last) = ending.map_err(Failure::input)?;
+    let (ending, last) = ending.map_err(|error| kept(&data_set, error))?;
     if ending == Ending::Stopped {
         return Err(Failure::Interrupted(format!(
             "stopped after {} of {} points; the same command goes on with them",
             last.done, last.rows
         )));
     }
-    let table = data_set.join(&study, |_, _| ()).map_err(Failure::failed)?;
+    let table = data_set.join(&study, |_, _| ()).map_err(|error| kept(&data_set, error))?;
     say!("Table: {} ({} rows, {})", table.display(), study.rows(), duration(start.elapsed().as_secs_f64()));
     say_result(&study, &data_set, &last)
+}
+
+/// A failure with what is there already, and how to go on.
+pub(super) fn kept(data_set: &DataSet, error: StudyFailure) -> Failure {
+    let parts = data_set.parts().map_or(0, |parts| parts.len());
+    if parts == 0 || !matches!(error, StudyFailure::Storage(_)) {
+        return error.into();
+    }
+    let (all, place) = (data_set.manifest().parts(), data_set.store().address(""));
+    Failure::Failed(format!(
+        "{error}\n  {parts} of {all} parts are kept in {}: when it can be written (a full disk: free space), the same command goes on \
+         with them",
+        place.display()
+    ))
 }
 
 /// Where the results of a study are.

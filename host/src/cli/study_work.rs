@@ -11,16 +11,17 @@ use jiff::tz::TimeZone;
 
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
-use super::study::place;
-use super::study_figures::say_result;
+use super::study::{kept, place};
+use super::study_figures::{say_result, without_digest};
 use crate::report::numbers::duration;
 use crate::report::terminal;
 use crate::study::Study;
 use crate::study::data_set::{DataSet, ranges};
-use crate::study::inspect;
+use crate::study::inspect::{self, Parts};
 use crate::study::lease::{Lease, now_s};
 use crate::study::run::{self, Ending, Progress};
 use crate::study::store::Store;
+use crate::study::sums::SUMS;
 use crate::study::work::{self, Foreman, Shard, Step};
 
 /// Computes parts of a study as one of several workers, and joins nothing.
@@ -122,7 +123,7 @@ impl Foreman for Log {
 pub(super) fn work(args: &WorkArgs) -> Outcome {
     let study = Study::read(&args.place.study).map_err(Failure::input)?;
     let store = store(&args.place)?;
-    let data_set = DataSet::open(&study, store).map_err(Failure::input)?;
+    let data_set = DataSet::open(&study, store)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     let log = Log { parts: data_set.manifest().parts(), stop };
@@ -132,7 +133,7 @@ pub(super) fn work(args: &WorkArgs) -> Outcome {
         Some(shard) => work::shard(&study, &data_set, shard, &log),
         None => work::claim(&study, &data_set, Duration::from_secs_f64(args.lease_s), &log),
     };
-    if ending.map_err(Failure::failed)? == Ending::Stopped {
+    if ending.map_err(|error| kept(&data_set, error))? == Ending::Stopped {
         return Err(Failure::Interrupted(
             "stopped; the parts so far are kept, and the same command goes on with them".into(),
         ));
@@ -148,23 +149,44 @@ pub(super) fn work(args: &WorkArgs) -> Outcome {
 
 pub(super) fn status(args: &PlaceArgs) -> Outcome {
     let (study, data_set) = existing(args)?;
-    let status = inspect::status(&data_set).map_err(Failure::failed)?;
+    let status = inspect::status(&study, &data_set)?;
+    let (parts, all) = (&status.parts, data_set.manifest().parts());
     say!("{}", terminal::study::scope(&study, run::cycles(&study)));
-    say!("{} of {} parts done, {} missing", status.done, data_set.manifest().parts(), status.missing.len());
+    say_parts(parts);
+    say!("{} of {all} parts done, {} missing", parts.good, parts.missing.len());
     for (part, lease) in &status.leases {
         say!("  part {part}: {}", held(lease, now_s()));
     }
-    if status.missing.is_empty() {
+    if parts.good == all {
         say!("`damprig study merge` joins them");
-    } else if let Some((left_s, parts)) = status.left_s {
-        say!("about {} left at the pace of the latest {parts} parts", duration(left_s));
+    } else if let Some((left_s, latest)) = status.left_s {
+        say!("about {} left at the pace of the latest {latest} parts", duration(left_s));
     } else {
         let cores = rayon::current_num_threads();
         let whole_s = run::estimate_s(&study).map_err(Failure::input)? / cores as f64;
-        let left = duration(whole_s * status.missing.len() as f64 / data_set.manifest().parts() as f64);
+        let left = duration(whole_s * parts.missing.len() as f64 / all as f64);
         say!("about {left} left on {cores} cores of this machine");
     }
-    Ok(())
+    verdict(&data_set, parts.wrong.len())
+}
+
+/// Prints what is wrong with the parts.
+fn say_parts(parts: &Parts) {
+    for wrong in &parts.wrong {
+        say!("FAILED  {wrong}");
+    }
+    if parts.without_digest > 0 {
+        say!("{}", without_digest(parts.without_digest));
+    }
+}
+
+/// Fails if files are wrong.
+fn verdict(data_set: &DataSet, wrong: usize) -> Outcome {
+    let (files, place) = (if wrong == 1 { "file" } else { "files" }, data_set.store().address(""));
+    match wrong {
+        0 => Ok(()),
+        _ => Err(Failure::Failed(format!("wrong {files} in {}: {wrong}; nothing was changed", place.display()))),
+    }
 }
 
 /// Who holds a lease, since when, and whether it still holds.
@@ -182,33 +204,37 @@ fn held(lease: &Lease, now_s: f64) -> String {
 pub(super) fn verify(args: &PlaceArgs) -> Outcome {
     let (study, data_set) = existing(args)?;
     let bar = StudyBar::new(&study.name, data_set.manifest().parts());
-    let verdict = inspect::verify(&data_set, |part| bar.reach(part + 1, None));
+    let found = inspect::verify(&study, &data_set, |part| bar.reach(part + 1, None));
     bar.end();
-    let verdict = verdict.map_err(Failure::failed)?;
-    for wrong in &verdict.wrong {
+    let found = found?;
+    say_parts(&found.parts);
+    for wrong in &found.wrong {
         say!("FAILED  {wrong}");
     }
-    say!("{} of {} parts are right", verdict.good, data_set.manifest().parts());
-    if !verdict.missing.is_empty() {
-        say!("missing: {}", ranges(&verdict.missing));
+    say!("{} of {} parts are right", found.parts.good, data_set.manifest().parts());
+    if !found.parts.missing.is_empty() {
+        say!("missing: {}", ranges(&found.parts.missing));
     }
-    if verdict.wrong.is_empty() {
-        return Ok(());
+    match found.results {
+        Some(good) => say!("table, figures and page: {good} files are as they were written"),
+        None if found.has_table => {
+            say!("table, figures and page are not checked: there is no {SUMS}; `damprig study merge` writes it")
+        }
+        None => {}
     }
-    let (count, place) = (verdict.wrong.len(), data_set.store().address(""));
-    Err(Failure::Failed(format!("{count} files of {} are wrong; nothing was changed", place.display())))
+    verdict(&data_set, found.all_wrong().count())
 }
 
 pub(super) fn merge(args: &PlaceArgs) -> Outcome {
     let (study, data_set) = existing(args)?;
     let (start, bar) = (Instant::now(), StudyBar::new(&study.name, study.rows()));
     let mut progress = Progress::none(study.rows());
-    let table = data_set.join(&study, |part, batch| {
-        progress.meet_batch(&study, data_set.manifest().rows_of(part).start, batch);
+    let table = data_set.join(&study, |part, there| {
+        progress.meet_part(&study, data_set.manifest().rows_of(part).start, there);
         bar.reach(progress.done, None);
     });
     bar.end();
-    let table = table.map_err(Failure::failed)?;
+    let table = table.map_err(|error| kept(&data_set, error))?;
     say!("Table: {} ({} rows, {})", table.display(), study.rows(), duration(start.elapsed().as_secs_f64()));
     say_result(&study, &data_set, &progress)
 }
@@ -222,7 +248,7 @@ fn existing(args: &PlaceArgs) -> Result<(Study, DataSet), Failure> {
     let study = Study::read(&args.study).map_err(Failure::input)?;
     let store = store(args)?;
     let place = store.address("");
-    match DataSet::existing(&study, store).map_err(Failure::input)? {
+    match DataSet::existing(&study, store)? {
         Some(data_set) => Ok((study, data_set)),
         None => Err(Failure::Input(format!(
             "{} has no results of a study\n  give the --out of its workers, or start one with `damprig study work`",

@@ -8,12 +8,11 @@ use arrow_schema::{DataType, Schema};
 
 use crate::report::figures::{bifurcation as figure, symbols};
 use crate::report::numbers::significant;
-use crate::run_folder::own_files;
 use crate::run_folder::schema::self_description::DESCRIPTION;
 use crate::run_folder::schema::table::{described, field};
+use crate::run_folder::{own_files, sealed_parquet};
 use crate::simulation::Case;
 use crate::study::bifurcation::{Sample, Sweep};
-use crate::study::data_set::table_bytes;
 
 /// Name of the table.
 pub const TABLE: &str = "bifurcation.parquet";
@@ -42,7 +41,7 @@ pub fn write(
     section: Option<f64>,
 ) -> Result<Option<String>, Unwritten> {
     let batch = batch(samples, &sweep.key, case).map_err(Unwritten::of)?;
-    let bytes = table_bytes(&batch).map_err(Unwritten::of)?;
+    let bytes = sealed_parquet::bytes(&batch).map_err(Unwritten::of)?;
     own_files::replace(&out.join(TABLE), &bytes).map_err(Unwritten::of)?;
     let reference = || symbols::reference(case);
     let picture =

@@ -9,6 +9,7 @@ use crate::report::page;
 use crate::run_folder::{ReadError, StorageError};
 use crate::study::Study;
 use crate::study::data_set::{DataSet, TABLE};
+use crate::study::sums::Sums;
 use crate::study::table::StudyTable;
 
 /// Name of the page.
@@ -60,16 +61,23 @@ pub fn write(
     let table = StudyTable::read(&shown, bytes)?;
     let (overlays, mut undrawn) = overlays(study);
     let figures = study::draw(study, &table, best, &overlays);
+    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     for StudyFigure { stem, picture, .. } in &figures {
         match picture {
             Ok(picture) => {
-                store.replace(&format!("{stem}.svg"), picture.svg().as_bytes())?;
-                store.replace(&format!("{stem}.png"), &picture.png()?)?;
+                files.push((format!("{stem}.svg"), picture.svg().into()));
+                files.push((format!("{stem}.png"), picture.png()?));
             }
             Err(error) => undrawn.push((stem.clone(), error.to_string())),
         }
     }
-    store.replace(PAGE, page::study::page(study, summary, figures).as_bytes())?;
+    files.push((PAGE.into(), page::study::page(study, summary, figures).into()));
+    let mut sums = Sums::default().of_stored(store, TABLE)?;
+    for (name, bytes) in &files {
+        store.replace(name, bytes)?;
+        sums.add(name, bytes);
+    }
+    sums.write(store)?;
     Ok(Some(Drawn { page: store.address(PAGE), undrawn }))
 }
 

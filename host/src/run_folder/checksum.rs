@@ -48,6 +48,16 @@ pub fn of_file(folder: &Path, name: &FileName) -> io::Result<FileRecord> {
     Ok(FileRecord { name: name.clone(), bytes, sha256: hex(hash) })
 }
 
+/// SHA-256 of a file's content in lower-case hexadecimal.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn of_path(path: &Path) -> io::Result<String> {
+    let mut hash = Sha256::new();
+    io::copy(&mut regular::open(path)?, &mut HashWriter(&mut hash))?;
+    Ok(hex(hash))
+}
+
 /// SHA-256 of bytes in lower-case hexadecimal.
 #[must_use]
 pub fn of_bytes(bytes: &[u8]) -> String {
@@ -58,7 +68,8 @@ fn hex(hash: Sha256) -> String {
     hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
 }
 
-struct HashWriter<'a>(&'a mut Sha256);
+/// Digests what is written to it.
+pub(super) struct HashWriter<'a>(pub(super) &'a mut Sha256);
 
 impl io::Write for HashWriter<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {

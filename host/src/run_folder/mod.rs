@@ -10,6 +10,7 @@ pub mod journal;
 pub mod own_files;
 pub mod read;
 pub mod schema;
+pub mod sealed_parquet;
 pub mod write;
 
 pub use error::{ReadError, StorageError};

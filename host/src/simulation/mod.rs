@@ -43,5 +43,5 @@ pub use collector::RunOptions;
 pub use keys::TABLES;
 pub use motion::{AccumulationRecord, ImpactRecord, StateSamples, Viewer};
 pub use result::SimulationResult;
-pub use set_values::SetValues;
+pub use set_values::{SetValues, fixed_parameters};
 pub use simulate::simulate;

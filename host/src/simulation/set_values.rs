@@ -108,6 +108,34 @@ fn alternatives(path: &str, name: &str) -> impl Iterator<Item = &'static str> {
     found.into_iter().flat_map(|quantity| quantity.keys).map(|key| key.name).filter(move |other| *other != name)
 }
 
+/// The keys of a case as written that `changed` keys do not replace, with their tables and values, as a JSON object.
+#[must_use]
+pub fn fixed_parameters(case: &str, changed: &[&str]) -> String {
+    let written = toml::from_str::<serde_json::Value>(case).or_else(|_| serde_json::from_str(case)).unwrap_or_default();
+    let mut fixed = serde_json::Map::new();
+    flatten(written, String::new(), &mut fixed);
+    for key in changed {
+        let (path, name) = key.rsplit_once('.').unwrap_or(("", key));
+        fixed.remove(*key);
+        for other in alternatives(path, name) {
+            fixed.remove(format!("{path}.{other}").trim_start_matches('.'));
+        }
+    }
+    serde_json::Value::from(fixed).to_string()
+}
+
+fn flatten(value: serde_json::Value, key: String, flat: &mut serde_json::Map<String, serde_json::Value>) {
+    match value {
+        serde_json::Value::Object(table) => {
+            for (name, value) in table {
+                flatten(value, if key.is_empty() { name } else { format!("{key}.{name}") }, flat);
+            }
+        }
+        value if !key.is_empty() => drop(flat.insert(key, value)),
+        _ => {}
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -146,6 +174,13 @@ mod tests {
         let all = changed(case, &["particle.wall={kind='voigt', material='rubber'}", "friction_damper.force_n=0.5"]);
         assert!(all.contains("kind='voigt'") && !all.contains("coefficient"), "{all}");
         assert!(all.contains("friction_damper") && all.contains("force_n=0.5"), "{all}");
+    }
+
+    #[test]
+    fn fixed_parameters_are_the_keys_that_are_not_changed() {
+        let case = "particle = {mass_kg = 1, clearance_m = 0.02, wall = {coefficient = 0.5}}\n[run]\nduration_s = 8";
+        let fixed = fixed_parameters(case, &["particle.clearance_ratio"]);
+        assert_eq!(fixed, "{\"particle.mass_kg\":1,\"particle.wall.coefficient\":0.5,\"run.duration_s\":8}");
     }
 
     #[test]

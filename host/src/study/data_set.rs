@@ -4,27 +4,24 @@
 //! else. Which rows a part has follows from the study alone. Every file carries the study's identity: parts of another study, of
 //! another version or cut short are told apart.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::SystemTime;
 
-use arrow_array::{Array, ArrayRef, Float64Array, RecordBatch, StringArray, UInt64Array};
-use arrow_schema::{DataType, Field, Schema, SchemaRef};
-use arrow_select::concat::concat_batches;
+use arrow_schema::ArrowError;
 use parquet::arrow::ArrowWriter;
-use parquet::errors::ParquetError;
 use serde::{Deserialize, Serialize};
 
-use super::axis::{Value, Values};
-use super::evaluate::{Column, columns, cycles_per_row};
+use super::evaluate::cycles_per_row;
+use super::failure::StudyFailure;
 use super::file::Study;
+use super::part::{self, Part, batch, schema};
 use super::store::Store;
+use super::sums::Sums;
 use crate::input::Refusal;
-use crate::run_folder::read::parquet_file;
 use crate::run_folder::write::parquet_file::properties;
-use crate::run_folder::{ReadError, StorageError};
+use crate::run_folder::{ReadError, StorageError, checksum, sealed_parquet};
 
 /// Version of the layout of parts and table; part of a study's identity.
 pub const FORMAT: &str = "study 1";
@@ -50,14 +47,9 @@ pub const PARTS: &str = "parts";
 /// Folder of the leases of workers.
 pub const LEASES: &str = "leases";
 
-/// Column with the number of a row.
-pub const ROW: &str = "row";
-
-/// Key of the identity in the metadata of a file.
-const IDENTITY: &str = "damprig.identity";
-
 /// What a data set is: written when it is created, compared when it is opened again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Manifest {
     /// Version of the layout.
     pub format: String,
@@ -78,6 +70,9 @@ pub struct Manifest {
     pub study: String,
     /// Text of its case.
     pub case: String,
+    /// SHA-256 of the rest of this file; those of older versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
 }
 
 impl Manifest {
@@ -85,7 +80,7 @@ impl Manifest {
     #[must_use]
     pub fn of(study: &Study) -> Self {
         let usual = (CYCLES_PER_PART / cycles_per_row(study)).ceil().clamp(1.0, MOST_ROWS_PER_PART as f64);
-        Self {
+        let manifest = Self {
             format: FORMAT.into(),
             damprig: crate::VERSION_LINE.into(),
             revision: option_env!("DAMPRIG_REVISION").map(str::to_string),
@@ -95,7 +90,15 @@ impl Manifest {
             rows_per_part: study.rows_per_part.unwrap_or(usual as u64),
             study: study.text.clone(),
             case: study.case_text.clone(),
-        }
+            sha256: None,
+        };
+        Self { sha256: Some(manifest.digest()), ..manifest }
+    }
+
+    /// SHA-256 of the rest.
+    fn digest(&self) -> String {
+        let rest = Self { sha256: None, ..self.clone() };
+        checksum::of_bytes(&serde_json::to_vec(&rest).unwrap_or_default())
     }
 
     /// Number of parts.
@@ -139,37 +142,47 @@ impl DataSet {
     /// Opens the results of a study, or begins them in an empty place. Several workers may do so at once.
     ///
     /// # Errors
-    /// A place with results of another study or version, or with something else; one that cannot be written.
-    pub fn open(study: &Study, store: Store) -> Result<Self, Refusal> {
+    /// A place with results of another study or version, or with something else; one that cannot be written; a damaged manifest.
+    pub fn open(study: &Study, store: Store) -> Result<Self, StudyFailure> {
         // Listed first: whoever begins a data set writes its manifest before anything else.
-        let others = store.list("").map_err(|error| Refusal(error.to_string()))?;
+        let others = store.list("")?;
         if let Some(data_set) = Self::existing(study, store.clone())? {
             return Ok(data_set);
         }
         let shown = store.address("");
-        if !others.is_empty() {
-            return Err(Refusal(format!("{} is not empty and has no study; give another --out", shown.display())));
+        // Parts tell which study they belong to: their manifest may be written again.
+        let has_parts = store.list(PARTS)?.iter().any(|entry| part_number(&entry.name).is_some());
+        if !others.is_empty() && !has_parts {
+            return Err(
+                Refusal(format!("{} is not empty and has no study; give another --out", shown.display())).into()
+            );
         }
         let text = serde_json::to_vec_pretty(&Manifest::of(study)).unwrap_or_default();
-        store.put_new(MANIFEST, &text).map_err(|error| Refusal(error.to_string()))?;
+        store.put_new(MANIFEST, &text)?;
         // It may be that of another worker.
         let written = Self::existing(study, store)?;
-        written
-            .ok_or_else(|| Refusal(format!("{} was removed as soon as it was written", shown.join(MANIFEST).display())))
+        let removed = || ReadError(format!("{} was removed as soon as it was written", shown.join(MANIFEST).display()));
+        Ok(written.ok_or_else(removed)?)
     }
 
     /// Opens the results of a study if there are any; writes nothing.
     ///
     /// # Errors
-    /// Results of another study or version; a place that cannot be read.
-    pub fn existing(study: &Study, store: Store) -> Result<Option<Self>, Refusal> {
-        let Some(bytes) = store.get(MANIFEST).map_err(|error| Refusal(error.to_string()))? else { return Ok(None) };
+    /// Results of another study or version; a place that cannot be read; a damaged manifest.
+    pub fn existing(study: &Study, store: Store) -> Result<Option<Self>, StudyFailure> {
+        let Some(bytes) = store.get(MANIFEST)? else { return Ok(None) };
         let manifest = Manifest::of(study);
-        let there: Manifest = serde_json::from_slice(&bytes).map_err(|error| {
-            Refusal(format!("{} cannot be read: {error}\n  give another --out", store.address(MANIFEST).display()))
-        })?;
-        if there != manifest {
-            return Err(Refusal(changed(&there, &manifest, &store.address(""))));
+        let shown = store.address(MANIFEST);
+        let damaged = |what: &dyn std::fmt::Display| {
+            let help = "remove it: the next `damprig study run` or `work` writes it again and goes on with the parts";
+            ReadError(format!("{} is damaged: {what}\n  {help}", shown.display()))
+        };
+        let there: Manifest = serde_json::from_slice(&bytes).map_err(|error| damaged(&error))?;
+        if there.sha256.as_ref().is_some_and(|digest| *digest != there.digest()) {
+            return Err(damaged(&"its SHA-256 differs").into());
+        }
+        if there.digest() != manifest.digest() {
+            return Err(Refusal(changed(&there, &manifest, &store.address(""))).into());
         }
         Ok(Some(Self { store, manifest }))
     }
@@ -213,28 +226,14 @@ impl DataSet {
     /// Reads a part, if it is there.
     ///
     /// # Errors
-    /// A file that is no Parquet, is cut short, or belongs to another study.
-    pub fn part(&self, part: u64) -> Result<Option<RecordBatch>, ReadError> {
+    /// A file that is no Parquet, is cut short, has changed since it was written, belongs to another study, or has other columns or
+    /// points.
+    pub fn part(&self, study: &Study, part: u64) -> Result<Option<Part>, StudyFailure> {
         let shown = self.part_path(part).display().to_string();
-        let wrong = |what: &dyn std::fmt::Display| {
-            ReadError(format!("{what}\n  remove {shown}: the part is then computed again"))
-        };
-        let bytes = self.store.get(&place_of(part)).map_err(|error| ReadError(error.to_string()))?;
-        let Some(bytes) = bytes else { return Ok(None) };
-        let (metadata, batches) = parquet_file::content(&shown, bytes).map_err(|error| wrong(&error))?;
-        if metadata.get(IDENTITY) != Some(&self.manifest.identity) {
-            return Err(wrong(&format!("{shown}: belongs to another study or another version of it")));
-        }
-        let Some(schema) = batches.first().map(RecordBatch::schema) else {
-            return Err(wrong(&format!("{shown}: has no rows")));
-        };
-        let whole = concat_batches(&schema, &batches).map_err(|error| wrong(&error))?;
-        let rows = self.manifest.rows_of(part);
-        if !rows_are(&whole, &rows) {
-            let what = format!("{shown}: does not have the rows {} to {} in this order", rows.start, rows.end - 1);
-            return Err(wrong(&what));
-        }
-        Ok(Some(whole))
+        let Some(bytes) = self.store.get(&place_of(part))? else { return Ok(None) };
+        let read = part::read(study, &self.manifest, &self.manifest.rows_of(part), (&shown, bytes));
+        let wrong = |error: ReadError| ReadError(format!("{error}\n  remove {shown}: the part is then computed again"));
+        Ok(Some(read.map_err(wrong)?))
     }
 
     /// Writes a part: values of the computed columns for each of its rows. One that another worker has written meanwhile stays: it
@@ -246,7 +245,7 @@ impl DataSet {
         let path = self.part_path(part);
         let schema = schema(study, &self.manifest);
         let batch = batch(study, &schema, self.manifest.rows_of(part).start, rows);
-        let bytes = batch.and_then(|batch| table_bytes(&batch).map_err(arrow_schema::ArrowError::from));
+        let bytes = batch.and_then(|batch| sealed_parquet::bytes(&batch).map_err(ArrowError::from));
         let bytes = bytes.map_err(|error| StorageError::new("write", &path, error))?;
         self.store.put_new(&place_of(part), &bytes).map(drop)
     }
@@ -255,30 +254,31 @@ impl DataSet {
     ///
     /// # Errors
     /// Parts that are missing or wrong; a table that cannot be written.
-    pub fn join(&self, study: &Study, mut seen: impl FnMut(u64, &RecordBatch)) -> Result<PathBuf, Refusal> {
-        let missing = self.missing().map_err(|error| Refusal(error.to_string()))?;
+    pub fn join(&self, study: &Study, mut seen: impl FnMut(u64, &Part)) -> Result<PathBuf, StudyFailure> {
+        let missing = self.missing()?;
         if !missing.is_empty() {
-            return Err(Refusal(self.told_missing(&missing)));
+            return Err(ReadError(self.told_missing(&missing)).into());
         }
         let path = self.store.address(TABLE);
-        let failed = |error: &dyn std::fmt::Display| Refusal(format!("cannot write {}: {error}", path.display()));
+        let failed = |error: &dyn std::fmt::Display| StorageError::new("write", &path, error);
         let schema = schema(study, &self.manifest);
-        let mut file = self.store.large_file(TABLE).map_err(|error| Refusal(error.to_string()))?;
+        // What is written from here on is another table.
+        Sums::remove(&self.store)?;
+        let mut file = self.store.large_file(TABLE)?;
         let mut writer = ArrowWriter::try_new(file.as_file_mut(), schema.clone(), Some(properties(&schema)))
             .map_err(|error| failed(&error))?;
         for part in 0..self.manifest.parts() {
-            let batch = self.part(part).map_err(|error| Refusal(error.0))?;
-            let batch = batch.ok_or_else(|| Refusal(self.told_missing(&[part])))?;
-            seen(part, &batch);
-            // Read back, a batch has lost the metadata of the file.
-            let batch = batch.with_schema(schema.clone()).map_err(|error| failed(&error))?;
-            writer.write(&batch).map_err(|error| failed(&error))?;
+            let there = self.part(study, part)?.ok_or_else(|| ReadError(self.told_missing(&[part])))?;
+            seen(part, &there);
+            writer.write(&there.batch).map_err(|error| failed(&error))?;
             if writer.in_progress_size() > ROW_GROUP_BYTES {
                 writer.flush().map_err(|error| failed(&error))?;
             }
         }
         writer.close().map_err(|error| failed(&error))?;
-        self.store.put_file(TABLE, file).map_err(|error| Refusal(error.to_string()))?;
+        sealed_parquet::seal(file.as_file_mut()).map_err(|error| failed(&error))?;
+        self.store.put_file(TABLE, file)?;
+        Sums::default().of_stored(&self.store, TABLE)?.write(&self.store)?;
         for folder in ["", PARTS, LEASES] {
             self.store.remove_abandoned(folder);
         }
@@ -305,19 +305,6 @@ impl DataSet {
     }
 }
 
-/// A table as a whole Parquet file.
-///
-/// # Errors
-/// When it cannot be encoded.
-pub fn table_bytes(table: &RecordBatch) -> Result<Vec<u8>, ParquetError> {
-    let schema = table.schema();
-    let mut bytes = Vec::new();
-    let mut writer = ArrowWriter::try_new(&mut bytes, schema.clone(), Some(properties(&schema)))?;
-    writer.write(table)?;
-    writer.close()?;
-    Ok(bytes)
-}
-
 /// Rising numbers in words: `3, 7 to 12`.
 #[must_use]
 pub fn ranges(numbers: &[u64]) -> String {
@@ -329,12 +316,6 @@ pub fn ranges(numbers: &[u64]) -> String {
         [] => String::new(),
     };
     runs.map(text).collect::<Vec<_>>().join(", ")
-}
-
-/// Whether a batch has exactly these rows, in order.
-fn rows_are(batch: &RecordBatch, rows: &Range<u64>) -> bool {
-    let column = batch.column_by_name(ROW).and_then(|column| column.as_any().downcast_ref::<UInt64Array>());
-    column.is_some_and(|column| column.null_count() == 0 && column.values().iter().copied().eq(rows.clone()))
 }
 
 /// What differs between the data set that is there and the study.
@@ -352,65 +333,4 @@ fn changed(there: &Manifest, now: &Manifest, folder: &Path) -> String {
         "{} has results of another study: {what}\n  give another --out, or remove these results if they are not needed",
         folder.display()
     )
-}
-
-/// Columns: number of the row, axes, results; each with its unit and its meaning.
-#[must_use]
-pub fn schema(study: &Study, manifest: &Manifest) -> SchemaRef {
-    let field = |name: &str, kind: DataType, unit: &str, doc: &str, is_missing: bool| {
-        let metadata = [("unit", unit), ("description", doc)].map(|(key, text)| (key.to_string(), text.to_string()));
-        Field::new(name, kind, is_missing).with_metadata(HashMap::from(metadata))
-    };
-    let mut fields = vec![field(ROW, DataType::UInt64, "1", "number of the row, from 0", false)];
-    for &place in study.points.kept() {
-        let axis = &study.axes[place];
-        let (kind, unit) = match &axis.values {
-            Values::Words(_) => (DataType::Utf8, ""),
-            _ => (DataType::Float64, plain(axis.unit())),
-        };
-        fields.push(field(&axis.key, kind, unit, "axis of the study", false));
-    }
-    for Column { name, unit, doc } in columns(study) {
-        fields.push(field(&name, DataType::Float64, plain(unit), &doc, true));
-    }
-    let metadata = [
-        (IDENTITY, manifest.identity.clone()),
-        ("damprig.version", manifest.damprig.clone()),
-        ("damprig.revision", manifest.revision.clone().unwrap_or_default()),
-        ("damprig.name", manifest.name.clone()),
-        ("damprig.study", manifest.study.clone()),
-        ("damprig.case", manifest.case.clone()),
-    ];
-    let metadata = metadata.map(|(key, text)| (key.to_string(), text));
-    Arc::new(Schema::new_with_metadata(fields, HashMap::from(metadata)))
-}
-
-fn plain(unit: &str) -> &str {
-    if unit.is_empty() { "1" } else { unit }
-}
-
-/// Rows as a record batch; what is not a number is missing.
-fn batch(
-    study: &Study,
-    schema: &SchemaRef,
-    first: u64,
-    rows: &[Vec<f64>],
-) -> Result<RecordBatch, arrow_schema::ArrowError> {
-    let numbers = first..first + rows.len() as u64;
-    let axes: Vec<Vec<Value>> = numbers.clone().map(|row| study.points.values(&study.axes, row, 0)).collect();
-    let mut arrays: Vec<ArrayRef> = vec![Arc::new(UInt64Array::from_iter_values(numbers))];
-    for &place in study.points.kept() {
-        let number = |values: &Vec<Value>| if let Value::Number(number) = values[place] { number } else { f64::NAN };
-        let word =
-            |values: &Vec<Value>| if let Value::Word(word) = &values[place] { word.clone() } else { String::new() };
-        arrays.push(match &study.axes[place].values {
-            Values::Words(_) => Arc::new(StringArray::from_iter_values(axes.iter().map(word))),
-            _ => Arc::new(Float64Array::from_iter_values(axes.iter().map(number))),
-        });
-    }
-    for column in 0..columns(study).len() {
-        let value = |row: &Vec<f64>| Some(row[column]).filter(|value| !value.is_nan());
-        arrays.push(Arc::new(rows.iter().map(value).collect::<Float64Array>()));
-    }
-    RecordBatch::try_new(schema.clone(), arrays)
 }

@@ -2,20 +2,51 @@
 
 use std::time::SystemTime;
 
-use super::data_set::{DataSet, PARTS, part_number};
+use super::Study;
+use super::data_set::{DataSet, PARTS, TABLE, part_number};
+use super::failure::StudyFailure;
 use super::lease::{self, Lease};
-use crate::run_folder::{ReadError, StorageError};
+use super::sums::Sums;
+use crate::run_folder::ReadError;
 
 /// Parts that the pace is taken from: the latest.
 const PACE_PARTS: usize = 64;
 
+/// The parts of a study.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Parts {
+    /// Parts that are right.
+    pub good: u64,
+    /// Those of them that have no digest: an older version has written them, and a changed result in them is not noticed.
+    pub without_digest: u64,
+    /// Parts that are not there, rising.
+    pub missing: Vec<u64>,
+    /// Each wrong part, what is wrong, and what to do.
+    pub wrong: Vec<String>,
+}
+
+/// Reads every part. `seen` gets each part's number.
+fn look(study: &Study, data_set: &DataSet, mut seen: impl FnMut(u64)) -> Result<Parts, StudyFailure> {
+    let mut parts = Parts::default();
+    for part in 0..data_set.manifest().parts() {
+        match data_set.part(study, part) {
+            Ok(Some(there)) => {
+                parts.good += 1;
+                parts.without_digest += u64::from(!there.has_digest);
+            }
+            Ok(None) => parts.missing.push(part),
+            Err(error) => parts.wrong.push(error.to_string()),
+        }
+        seen(part);
+    }
+    Ok(parts)
+}
+
 /// How far a study is.
 #[derive(Clone, Debug)]
 pub struct Status {
-    /// Parts that are there.
-    pub done: u64,
-    /// Parts that are not, rising.
-    pub missing: Vec<u64>,
+    /// Its parts.
+    pub parts: Parts,
     /// Leases of missing parts.
     pub leases: Vec<(u64, Lease)>,
     /// Estimated time until the last part, s, and the number of parts whose pace it is taken from; `None` before two parts of
@@ -23,25 +54,24 @@ pub struct Status {
     pub left_s: Option<(f64, usize)>,
 }
 
-/// How far a study is. Its parts are listed, not read.
+/// How far a study is. Its parts are read: a wrong one is not done.
 ///
 /// # Errors
 /// When parts or leases cannot be listed or read.
-pub fn status(data_set: &DataSet) -> Result<Status, StorageError> {
-    let parts = data_set.parts()?;
-    let missing: Vec<u64> = (0..data_set.manifest().parts()).filter(|part| !parts.contains_key(part)).collect();
+pub fn status(study: &Study, data_set: &DataSet) -> Result<Status, StudyFailure> {
+    let there = data_set.parts()?;
+    let parts = look(study, data_set, |_| ())?;
     let mut leases = Vec::new();
     for (part, term) in lease::terms(data_set.store())? {
-        if parts.contains_key(&part) {
+        if there.contains_key(&part) {
             continue;
         }
         if let Some(lease) = lease::read(data_set.store(), part, term)? {
             leases.push((part, lease));
         }
     }
-    let left_s = left_s(parts.into_values().collect(), missing.len());
-    let done = data_set.manifest().parts() - missing.len() as u64;
-    Ok(Status { done, missing, leases, left_s })
+    let left_s = left_s(there.into_values().collect(), parts.missing.len());
+    Ok(Status { parts, leases, left_s })
 }
 
 /// Time for the missing parts at the pace of the latest ones.
@@ -57,35 +87,51 @@ fn left_s(mut written: Vec<SystemTime>, missing: usize) -> Option<(f64, usize)> 
 /// What a look at all files found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Verdict {
-    /// Parts that are right.
-    pub good: u64,
-    /// Parts that are not there, rising.
-    pub missing: Vec<u64>,
-    /// Each wrong file, what is wrong, and what to do.
+    /// The parts.
+    pub parts: Parts,
+    /// Table, figures and page that are right; `None` before the parts are joined, or for files of an older version.
+    pub results: Option<u64>,
+    /// There is a table.
+    pub has_table: bool,
+    /// Each wrong file that is no part, what is wrong, and what to do.
     pub wrong: Vec<String>,
 }
 
-/// Reads every part: whether it is a whole file of this study with its rows in order. `seen` gets each part's number.
+impl Verdict {
+    /// Each wrong file, what is wrong, and what to do.
+    pub fn all_wrong(&self) -> impl Iterator<Item = &String> {
+        self.parts.wrong.iter().chain(&self.wrong)
+    }
+}
+
+/// Reads every file: whether each part is whole, as it was written and has the points of this study, and whether table, figures and page
+/// are as they were written. `seen` gets each part's number.
 ///
 /// # Errors
-/// When the parts cannot be listed.
-pub fn verify(data_set: &DataSet, mut seen: impl FnMut(u64)) -> Result<Verdict, StorageError> {
-    let mut verdict = Verdict { good: 0, missing: Vec::new(), wrong: Vec::new() };
-    for part in 0..data_set.manifest().parts() {
-        match data_set.part(part) {
-            Ok(Some(_)) => verdict.good += 1,
-            Ok(None) => verdict.missing.push(part),
-            Err(ReadError(what)) => verdict.wrong.push(what),
-        }
-        seen(part);
-    }
-    for entry in data_set.store().list(PARTS)? {
+/// When files cannot be listed or read.
+pub fn verify(study: &Study, data_set: &DataSet, seen: impl FnMut(u64)) -> Result<Verdict, StudyFailure> {
+    let store = data_set.store();
+    let (parts, mut wrong) = (look(study, data_set, seen)?, Vec::new());
+    for entry in store.list(PARTS)? {
         if part_number(&entry.name).is_none_or(|part| part >= data_set.manifest().parts()) {
-            let path = data_set.store().address(&format!("{PARTS}/{}", entry.name));
-            verdict.wrong.push(format!("{}: is no part of this study\n  remove it", path.display()));
+            let path = store.address(&format!("{PARTS}/{}", entry.name));
+            wrong.push(format!("{}: is no part of this study\n  remove it", path.display()));
         }
     }
-    Ok(verdict)
+    let again = |what: &String| format!("{what}\n  `damprig study merge` writes it again");
+    let results = match Sums::read(store)? {
+        Ok(None) => None,
+        Ok(Some(sums)) => {
+            let (good, changed) = sums.check(store)?;
+            wrong.extend(changed.iter().map(again));
+            Some(good)
+        }
+        Err(ReadError(what)) => {
+            wrong.push(again(&what));
+            None
+        }
+    };
+    Ok(Verdict { parts, results, has_table: store.has(TABLE)?, wrong })
 }
 
 #[cfg(test)]

@@ -2,13 +2,14 @@
 //! user's page.
 //!
 //! [`mod@file`] reads the study, [`axis`] and [`points`] say which cases it has, [`evaluate`] simulates them, [`data_set`] keeps the
-//! results as parts that survive a kill in a [`store`], [`run`] does all of it on this machine, [`work`] some of it as one of many
+//! results as parts ([`part`]) that survive a kill in a [`store`], [`run`] does all of it on this machine, [`work`] some of it as one of many
 //! workers, with a [`lease`] on each part; [`inspect`] tells how far they are.
 
 pub mod axis;
 pub mod bifurcation;
 pub mod data_set;
 pub mod evaluate;
+pub mod failure;
 pub mod file;
 pub mod inspect;
 mod keys;
@@ -16,10 +17,12 @@ pub mod lease;
 pub mod metric;
 #[cfg(feature = "object-store")]
 pub mod objects;
+pub mod part;
 pub mod points;
 pub mod run;
 pub mod simulate;
 pub mod store;
+pub mod sums;
 pub mod table;
 pub mod work;
 

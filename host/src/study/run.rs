@@ -2,12 +2,14 @@
 
 use std::ops::Range;
 
-use arrow_array::{Float64Array, RecordBatch};
+use arrow_array::Float64Array;
 use rayon::prelude::*;
 
 use super::data_set::DataSet;
 use super::evaluate::{columns, cycles_per_row, main_column, rows, rows_together, trial_s};
+use super::failure::StudyFailure;
 use super::file::Study;
+use super::part::Part;
 use super::simulate::Halt;
 use crate::input::Refusal;
 
@@ -23,6 +25,8 @@ pub struct Progress {
     pub done: u64,
     /// The best row so far and its value of the objective.
     pub best: Option<(u64, f64)>,
+    /// Parts without a digest: an older version has written them.
+    pub without_digest: u64,
 }
 
 /// How a study ended.
@@ -64,14 +68,14 @@ pub fn run(
     study: &Study,
     data_set: &DataSet,
     report: &(dyn Fn(&Progress) -> bool + Sync),
-) -> Result<(Ending, Progress), Refusal> {
+) -> Result<(Ending, Progress), StudyFailure> {
     let manifest = data_set.manifest();
     let mut progress = Progress::none(manifest.rows);
     let objective = place_of_objective(study);
     let mut missing = Vec::new();
     for part in 0..manifest.parts() {
-        match data_set.part(part).map_err(|error| Refusal(error.0))? {
-            Some(batch) => progress.meet_batch(study, manifest.rows_of(part).start, &batch),
+        match data_set.part(study, part)? {
+            Some(there) => progress.meet_part(study, manifest.rows_of(part).start, &there),
             None => missing.push(part),
         }
     }
@@ -83,7 +87,7 @@ pub fn run(
         let first = numbers.start;
         let within = |row: u64| report(&Progress { done: progress.done + row - first, ..progress.clone() });
         let Some(rows) = compute(study, numbers.clone(), &within)? else { return Ok((Ending::Stopped, progress)) };
-        data_set.write_part(study, part, &rows).map_err(|error| Refusal(error.to_string()))?;
+        data_set.write_part(study, part, &rows)?;
         for (number, values) in numbers.zip(&rows) {
             progress.meet(study, number, values[objective]);
         }
@@ -120,11 +124,12 @@ impl Progress {
     /// Before the first part.
     #[must_use]
     pub fn none(rows: u64) -> Self {
-        Self { rows, done: 0, best: None }
+        Self { rows, done: 0, best: None, without_digest: 0 }
     }
 
     /// Counts the rows of a part that is there.
-    pub fn meet_batch(&mut self, study: &Study, first: u64, batch: &RecordBatch) {
+    pub fn meet_part(&mut self, study: &Study, first: u64, Part { batch, has_digest }: &Part) {
+        self.without_digest += u64::from(!has_digest);
         let column = batch.column_by_name(&main_column(study, study.objective));
         let values = column.and_then(|column| column.as_any().downcast_ref::<Float64Array>());
         for (row, value) in (first..).zip(values.into_iter().flatten()) {

@@ -13,7 +13,7 @@ use tempfile::NamedTempFile;
 #[cfg(feature = "object-store")]
 use super::objects::Objects;
 use crate::input::{Refusal, regular};
-use crate::run_folder::StorageError;
+use crate::run_folder::{StorageError, checksum};
 
 /// Beginning and end of the names of files that are not whole yet.
 const UNFINISHED: (&str, &str) = (".unfinished-", ".tmp");
@@ -87,6 +87,20 @@ impl Store {
             Self::Objects(objects) => objects.get(name),
         }
         .map_err(|error| self.failed("read", name, error))
+    }
+
+    /// SHA-256 of a file in lower-case hexadecimal, `None` if it is not there.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn sha256(&self, name: &str) -> Result<Option<String>, StorageError> {
+        match self {
+            Self::Folder(folder) => {
+                if_there(checksum::of_path(&folder.join(name))).map_err(|error| self.failed("read", name, error))
+            }
+            #[cfg(feature = "object-store")]
+            Self::Objects(_) => Ok(self.get(name)?.map(|bytes| checksum::of_bytes(&bytes))),
+        }
     }
 
     /// Whether a file is there.

@@ -31,7 +31,7 @@ impl StudyTable {
     /// # Errors
     /// A file that is damaged.
     pub fn read(shown: &str, bytes: Bytes) -> Result<Self, ReadError> {
-        let (_, batches) = parquet_file::content(shown, bytes)?;
+        let batches = parquet_file::content(shown, bytes)?.batches;
         let failed = |error: &dyn std::fmt::Display| ReadError(format!("{shown}: {error}"));
         let schema = batches.first().map(RecordBatch::schema).ok_or_else(|| failed(&"it has no rows"))?;
         Ok(Self { batch: concat_batches(&schema, &batches).map_err(|error| failed(&error))? })

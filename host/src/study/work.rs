@@ -8,10 +8,11 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use super::data_set::DataSet;
+use super::failure::StudyFailure;
 use super::file::Study;
 use super::lease::{self, Claim, Worker};
 use super::run::{Ending, compute};
-use crate::input::Refusal;
+use crate::run_folder::StorageError;
 
 /// Renewals of a lease in its length: two may fail.
 const RENEWALS: u32 = 3;
@@ -92,11 +93,11 @@ pub trait Foreman: Sync {
 ///
 /// # Errors
 /// A case that the axes make and that is refused; parts that cannot be listed or written.
-pub fn shard(study: &Study, data_set: &DataSet, shard: Shard, foreman: &dyn Foreman) -> Result<Ending, Refusal> {
-    let missing = data_set.missing().map_err(|error| Refusal(error.to_string()))?;
+pub fn shard(study: &Study, data_set: &DataSet, shard: Shard, foreman: &dyn Foreman) -> Result<Ending, StudyFailure> {
+    let missing = data_set.missing()?;
     for part in missing.into_iter().filter(|part| shard.has(*part)) {
         // Another worker of this share may have been faster.
-        if data_set.has_part(part).map_err(|error| Refusal(error.to_string()))? {
+        if data_set.has_part(part)? {
             continue;
         }
         if !compute_part(study, data_set, part, foreman, &|| foreman.goes_on())? {
@@ -110,19 +111,23 @@ pub fn shard(study: &Study, data_set: &DataSet, shard: Shard, foreman: &dyn Fore
 ///
 /// # Errors
 /// A case that the axes make and that is refused; parts or leases that cannot be listed or written.
-pub fn claim(study: &Study, data_set: &DataSet, length: Duration, foreman: &dyn Foreman) -> Result<Ending, Refusal> {
+pub fn claim(
+    study: &Study,
+    data_set: &DataSet,
+    length: Duration,
+    foreman: &dyn Foreman,
+) -> Result<Ending, StudyFailure> {
     let worker = Worker::this();
-    let refused = |error: crate::run_folder::StorageError| Refusal(error.to_string());
     let mut is_waiting = false;
     loop {
         if !foreman.goes_on() {
             return Ok(Ending::Stopped);
         }
-        let missing = data_set.missing().map_err(refused)?;
+        let missing = data_set.missing()?;
         if missing.is_empty() {
             return Ok(Ending::Complete);
         }
-        let Some(claim) = next(data_set, &missing, &worker, length).map_err(refused)? else {
+        let Some(claim) = next(data_set, &missing, &worker, length)? else {
             if !is_waiting {
                 foreman.sees(Step::Waiting { parts: missing.len() as u64 });
             }
@@ -144,7 +149,7 @@ fn next<'a>(
     missing: &[u64],
     worker: &Worker,
     length: Duration,
-) -> Result<Option<Claim<'a>>, crate::run_folder::StorageError> {
+) -> Result<Option<Claim<'a>>, StorageError> {
     let terms = lease::terms(data_set.store())?;
     let from = fastrand::usize(..missing.len());
     for &part in missing[from..].iter().chain(&missing[..from]) {
@@ -163,7 +168,7 @@ fn compute_claimed(
     data_set: &DataSet,
     length: Duration,
     foreman: &dyn Foreman,
-) -> Result<(), Refusal> {
+) -> Result<(), StudyFailure> {
     let is_lost = AtomicBool::new(false);
     thread::scope(|scope| {
         let (done, end) = mpsc::channel::<()>();
@@ -199,10 +204,10 @@ fn compute_part(
     part: u64,
     foreman: &dyn Foreman,
     go_on: &(dyn Fn() -> bool + Sync),
-) -> Result<bool, Refusal> {
+) -> Result<bool, StudyFailure> {
     let (start, rows) = (Instant::now(), data_set.manifest().rows_of(part));
     let Some(values) = compute(study, rows.clone(), &|_| go_on())? else { return Ok(false) };
-    data_set.write_part(study, part, &values).map_err(|error| Refusal(error.to_string()))?;
+    data_set.write_part(study, part, &values)?;
     foreman.sees(Step::Done { part, rows, took_s: start.elapsed().as_secs_f64() });
     Ok(true)
 }

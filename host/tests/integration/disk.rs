@@ -130,6 +130,94 @@ mod linux {
         }
     }
 
+    /// Forty points in forty parts of some kilobytes.
+    fn study() -> TempDir {
+        let study = crate::study_work::short_study();
+        crate::study_work::folder(
+            &study.replace("points_per_part = 2", "points_per_part = 1").replace("count = 12", "count = 40"),
+        )
+    }
+
+    #[test]
+    fn a_study_on_a_full_disk_keeps_its_parts_and_goes_on_when_there_is_room() {
+        let folder = study();
+        let Some(disk) = Small::mount(&folder.path().join("disk"), "160k") else { return };
+        let run = ["study", "run", "study.toml", "--out", "disk/out"];
+        let parts = || std::fs::read_dir(folder.path().join("disk/out/parts")).unwrap().count();
+        let answer = damprig(&folder).args(run).assert().code(1);
+        let kept = parts();
+        assert!((1..40).contains(&kept), "{kept} parts fit");
+        let words = format!("{kept} of 40 parts are kept in disk/out");
+        answer
+            .stderr(contains("No space left on device").and(contains(words)).and(contains("the same command goes on")));
+        let first =
+            std::fs::metadata(folder.path().join("disk/out/parts/00000000.parquet")).unwrap().modified().unwrap();
+        let claim = ["study", "work", "study.toml", "--out", "disk/out", "--shard", "1/1"];
+        let answer = damprig(&folder).args(claim).assert().code(1);
+        answer.stderr(contains("No space left on device").and(contains(format!("{kept} of 40 parts are kept"))));
+        disk.remount("size=30m");
+        damprig(&folder).args(run).assert().success();
+        damprig(&folder).args(["study", "verify", "study.toml", "--out", "disk/out"]).assert().success();
+        let now = std::fs::metadata(folder.path().join("disk/out/parts/00000000.parquet")).unwrap().modified().unwrap();
+        assert_eq!((parts(), now), (40, first), "the parts of before are not computed again");
+    }
+
+    #[test]
+    fn a_full_disk_while_a_study_is_joined_or_drawn_keeps_what_is_complete() {
+        let folder = study();
+        let Some(disk) = Small::mount(&folder.path().join("disk"), "30m") else { return };
+        damprig(&folder)
+            .args(["study", "work", "study.toml", "--out", "disk/out", "--shard", "1/1"])
+            .assert()
+            .success();
+        let fill = |left: usize| {
+            let free = || {
+                let said = Command::new("df").args(["--output=avail", "-B1"]).arg(&disk.0).output().unwrap().stdout;
+                String::from_utf8(said).unwrap().lines().last().unwrap().trim().parse::<usize>().unwrap()
+            };
+            let _ = std::fs::remove_file(disk.0.join("rest"));
+            std::fs::write(disk.0.join("rest"), vec![0; free() - left]).unwrap();
+        };
+        let merge = ["study", "merge", "study.toml", "--out", "disk/out"];
+        fill(0);
+        let answer = damprig(&folder).args(merge).assert().code(1);
+        answer.stderr(contains("No space left on device").and(contains("40 of 40 parts are kept")));
+        assert!(!disk.0.join("out/table.parquet").exists(), "no half of a table");
+        // Room for the table and its digest, and not for the figures.
+        fill(32 << 10);
+        let answer = damprig(&folder).args(merge).assert().code(1);
+        answer.stderr(contains("No space left on device").and(contains("disk/out/table.parquet is complete")));
+        std::fs::remove_file(disk.0.join("rest")).unwrap();
+        damprig(&folder).args(merge).assert().success();
+        damprig(&folder).args(["study", "verify", "study.toml", "--out", "disk/out"]).assert().success();
+    }
+
+    #[test]
+    fn bifurcations_optimisations_and_continuations_on_a_full_disk_name_the_file_and_leave_none_cut_short() {
+        let folder = study();
+        let Some(disk) = Small::mount(&folder.path().join("disk"), "16k") else { return };
+        let shipped = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join(name).display().to_string();
+        std::fs::write(
+            folder.path().join("optimise.toml"),
+            "case = \"case.toml\"\nobjective = \"x_over_z\"\nevaluations = 100\n[[variable]]\nkey = \"particle.clearance_ratio\"\nfrom = 8\nto = 12\n",
+        )
+        .unwrap();
+        let bifurcation = ["bifurcation", "case.toml", "--axis", "particle.clearance_ratio=9:10:9", "--out", "disk/b"];
+        for arguments in [
+            bifurcation.map(str::to_string).to_vec(),
+            ["continue", &shipped("continuations/clearance.toml"), "--out", "disk/c"].map(str::to_string).to_vec(),
+            ["optimise", "optimise.toml", "--out", "disk/o"].map(str::to_string).to_vec(),
+        ] {
+            let answer = damprig(&folder).args(&arguments).assert().code(1);
+            answer.stderr(contains("No space left on device").and(contains("cannot write disk/")));
+            for entry in std::fs::read_dir(disk.0.join(&arguments.last().unwrap()[5..])).unwrap() {
+                let name = entry.unwrap().file_name().into_string().unwrap();
+                assert!(!name.contains(".tmp"), "{arguments:?} left {name}");
+            }
+            std::fs::remove_dir_all(disk.0.join(&arguments.last().unwrap()[5..])).unwrap();
+        }
+    }
+
     #[test]
     fn a_folder_that_cannot_be_written_is_reported_before_anything_moves() {
         let folder = folder_with(&short());

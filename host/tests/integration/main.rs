@@ -65,6 +65,7 @@ mod slips;
 mod slow_disk;
 mod study;
 mod study_cluster;
+mod study_damage;
 #[cfg(feature = "object-store")]
 mod study_objects;
 mod study_work;

@@ -16,7 +16,7 @@ use parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchR
 use parquet::file::reader::ChunkReader;
 
 use crate::input::regular;
-use crate::run_folder::ReadError;
+use crate::run_folder::{ReadError, sealed_parquet};
 
 /// Batches of a Parquet file. The first call installs a panic hook that passes on every panic but those of the `parquet` crate in
 /// here.
@@ -50,18 +50,33 @@ pub fn metadata(path: &Path) -> Result<HashMap<String, String>, ReadError> {
     Ok(builder.schema().metadata().clone().into())
 }
 
-/// A Parquet file in memory: the metadata of its schema, and its batches.
+/// A Parquet file in memory.
+#[derive(Clone, Debug)]
+pub struct Content {
+    /// The metadata of its schema.
+    pub metadata: HashMap<String, String>,
+    /// Its batches.
+    pub batches: Vec<RecordBatch>,
+    /// It has a digest, and is as it was written; one of an older version has none.
+    pub has_digest: bool,
+}
+
+/// A Parquet file in memory.
 ///
 /// # Errors
-/// As [`read`]; `shown` names the file.
-pub fn content(shown: &str, bytes: Bytes) -> Result<(HashMap<String, String>, Vec<RecordBatch>), ReadError> {
+/// As [`read`], and when it has changed since it was written; `shown` names the file.
+pub fn content(shown: &str, bytes: Bytes) -> Result<Content, ReadError> {
     let damaged =
         |e| ReadError(format!("{shown}: not a whole Parquet file ({} bytes; cut off or damaged): {e}", bytes.len()));
     let opened = without_panic(|| ParquetRecordBatchReaderBuilder::try_new(bytes.clone()).map_err(|e| e.to_string()));
-    let metadata = opened.and_then(|opened| opened).map_err(damaged)?.schema().metadata().clone().into();
+    let schema = opened.and_then(|opened| opened).map_err(damaged)?.schema().clone();
+    let has_digest = match sealed_parquet::is_as_written(&bytes, &schema) {
+        Some(false) => return Err(ReadError(format!("{shown}: changed since it was written (SHA-256 differs)"))),
+        digest => digest.is_some(),
+    };
     let batches =
         batches(shown.to_string(), bytes.len() as u64, bytes, None)?.collect::<Result<Vec<_>, ReadError>>()?;
-    Ok((metadata, batches))
+    Ok(Content { metadata: schema.metadata().clone().into(), batches, has_digest })
 }
 
 fn open(

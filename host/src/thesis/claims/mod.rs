@@ -158,7 +158,8 @@ mod tests {
     use arrow_array::{ArrayRef, Float64Array, RecordBatch};
 
     use super::*;
-    use crate::study::data_set::{TABLE, table_bytes};
+    use crate::run_folder::sealed_parquet;
+    use crate::study::data_set::TABLE;
     use crate::thesis::files;
 
     /// Computed tables of a few parts, made up.
@@ -185,7 +186,7 @@ mod tests {
             let table = RecordBatch::try_from_iter(arrays).expect("columns of equal length");
             let folder = self.folder.path().join(item).join(part);
             std::fs::create_dir_all(&folder).expect("a folder");
-            std::fs::write(folder.join(TABLE), table_bytes(&table).expect("a table")).expect("a file");
+            std::fs::write(folder.join(TABLE), sealed_parquet::bytes(&table).expect("a table")).expect("a file");
             self
         }
 

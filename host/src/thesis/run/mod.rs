@@ -25,6 +25,7 @@ use crate::run_folder::{StorageError, own_files};
 use crate::simulation::case::default_name;
 use crate::simulation::{Case, cost};
 use crate::study::Study;
+use crate::study::failure::StudyFailure;
 use crate::study::run as study_run;
 
 /// File that marks a complete part.
@@ -88,6 +89,15 @@ pub enum RunFailure {
 impl From<StorageError> for RunFailure {
     fn from(error: StorageError) -> Self {
         Self::Failed(error.to_string())
+    }
+}
+
+impl From<StudyFailure> for RunFailure {
+    fn from(error: StudyFailure) -> Self {
+        match error {
+            StudyFailure::Refused(refusal) => Self::Input(refusal),
+            other => Self::of(other),
+        }
     }
 }
 

@@ -15,6 +15,7 @@ use crate::simulation::{Case, SetValues};
 use crate::study::Study;
 use crate::study::bifurcation::{self, Direction, Sweep};
 use crate::study::data_set::{DataSet, MANIFEST};
+use crate::study::failure::StudyFailure;
 use crate::study::run::{self as study_run, Progress};
 use crate::study::store::Store;
 use crate::thesis::catalogue::Bifurcation;
@@ -29,7 +30,7 @@ pub(super) fn study(file: &Path, folder: &Path, report: Report<'_>) -> Result<En
     let data_set = match DataSet::open(&study, store.clone()) {
         Ok(data_set) => data_set,
         // Results of this folder by another version, or of a file as it was before.
-        Err(_) if folder.join(MANIFEST).is_file() => {
+        Err(StudyFailure::Refused(_)) if folder.join(MANIFEST).is_file() => {
             remove(folder)?;
             DataSet::open(&study, store)?
         }
@@ -41,7 +42,7 @@ pub(super) fn study(file: &Path, folder: &Path, report: Report<'_>) -> Result<En
     if ending == study_run::Ending::Stopped {
         return Ok(Ending::Stopped);
     }
-    data_set.join(&study, |_, _| ()).map_err(RunFailure::of)?;
+    data_set.join(&study, |_, _| ())?;
     let mut summary = vec![terminal::study::scope(&study, study_run::cycles(&study))];
     summary.extend(last.best.map(|(row, value)| terminal::study::best(&study, row, value)));
     let drawn = study_files::write(&study, &data_set, last.best.map(|(row, _)| row), &summary);

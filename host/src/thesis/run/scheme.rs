@@ -20,10 +20,9 @@ use damprig_core::scalar::Scalar;
 use super::{Ending, RunFailure};
 use crate::input::Source;
 use crate::report::figures::case_overlay::{Series, over_step};
-use crate::run_folder::own_files;
 use crate::run_folder::schema::table::field;
+use crate::run_folder::{own_files, sealed_parquet};
 use crate::simulation::{Case, RunOptions, SetValues, cost, simulate};
-use crate::study::data_set::table_bytes;
 use crate::thesis::results::METHOD_TABLE;
 
 /// Free vibration with a hard wall as measured, without internal friction.
@@ -199,7 +198,8 @@ pub(super) fn run(folder: &Path, report: &(dyn Fn(f64) -> bool + Sync)) -> Resul
             rows.push(Row { clearance_ratio, variant, step_s: TICK_S, scheme: driver(&case)?, exact });
         }
     }
-    let bytes = table(&rows).map_err(RunFailure::of).and_then(|table| table_bytes(&table).map_err(RunFailure::of))?;
+    let bytes =
+        table(&rows).map_err(RunFailure::of).and_then(|table| sealed_parquet::bytes(&table).map_err(RunFailure::of))?;
     own_files::replace(&folder.join(METHOD_TABLE), &bytes)?;
     let series = |(clearance_ratio, variant): (f64, Variant)| {
         let own = rows.iter().filter(move |row| row.clearance_ratio == clearance_ratio && row.variant == variant);
