@@ -1,21 +1,21 @@
 //! Writes an optimisation to a folder: the answer as JSON, and all evaluated points and the neighbourhood as Parquet tables.
 
-use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
 use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray};
-use arrow_schema::{DataType, Field, Schema, SchemaRef};
-use parquet::arrow::ArrowWriter;
+use arrow_schema::{DataType, Schema, SchemaRef};
 
 use super::answer::Answer;
 use super::evaluate::Evaluated;
 use super::file::Optimisation;
 use super::search::Found;
 use crate::input::Refusal;
-use crate::run_folder::write::parquet_file::properties;
-use crate::run_folder::{StorageError, own_files};
+use crate::run_folder::schema::self_description::of_file;
+use crate::run_folder::schema::table::{self, described};
+use crate::run_folder::{StorageError, own_files, sealed_parquet};
+use crate::simulation::fixed_parameters;
 
 /// File with the answer.
 pub const ANSWER: &str = "answer.json";
@@ -83,20 +83,15 @@ fn write_table(
     }
     column(&|point| point.violation);
     column(&|point| point.unresolved);
-    let batch = RecordBatch::try_new(schema.clone(), arrays).map_err(|error| failed(&error))?;
-    let mut bytes = Vec::new();
-    let mut writer =
-        ArrowWriter::try_new(&mut bytes, schema.clone(), Some(properties(&schema))).map_err(|error| failed(&error))?;
-    writer.write(&batch).map_err(|error| failed(&error))?;
-    writer.close().map_err(|error| failed(&error))?;
+    let batch = RecordBatch::try_new(schema, arrays).map_err(|error| failed(&error))?;
+    let bytes = sealed_parquet::bytes(&batch).map_err(|error| failed(&error))?;
     own_files::replace(path, &bytes)
 }
 
 fn schema(optimisation: &Optimisation, has_stage: bool) -> SchemaRef {
     let field = |name: &str, kind: DataType, unit: &str, doc: &str| {
-        let unit = if unit.is_empty() { "1" } else { unit };
-        let metadata = [("unit", unit), ("description", doc)].map(|(key, text)| (key.to_string(), text.to_string()));
-        Field::new(name, kind, true).with_metadata(HashMap::from(metadata))
+        let unit = if unit.is_empty() && kind == DataType::Float64 { "1" } else { unit };
+        described(table::field(name, kind, unit).with_nullable(true), doc)
     };
     let number = |name: &str, unit: &str, doc: &str| field(name, DataType::Float64, unit, doc);
     let mut fields = Vec::new();
@@ -114,12 +109,12 @@ fn schema(optimisation: &Optimisation, has_stage: bool) -> SchemaRef {
     }
     fields.push(number("violation", "", "sum of the violations of the constraints as shares of their limits"));
     fields.push(number("unresolved", "", "how often too many events fell on one instant"));
-    let metadata = [
-        ("damprig.version", crate::VERSION_LINE.to_string()),
-        ("damprig.name", optimisation.name.clone()),
-        ("damprig.optimisation", optimisation.text.clone()),
-        ("damprig.case", optimisation.case_text.clone()),
-    ];
-    let metadata = metadata.map(|(key, text)| (key.to_string(), text));
-    Arc::new(Schema::new_with_metadata(fields, HashMap::from(metadata)))
+    let keys: Vec<&str> = optimisation.axes.iter().map(|axis| axis.key.as_str()).collect();
+    let row = if has_stage { "a row for each evaluated point" } else { "a row for each point around the optimum" };
+    let mut about = of_file(row);
+    about.insert("damprig.name", optimisation.name.as_str());
+    about.insert("damprig.optimisation", optimisation.text.as_str());
+    about.insert("damprig.case", optimisation.case_text.as_str());
+    about.insert("damprig.fixed", fixed_parameters(&optimisation.case_text, &keys));
+    Arc::new(Schema::new_with_metadata(fields, about))
 }

@@ -6,16 +6,15 @@ use std::sync::Arc;
 
 use arrow_array::{ArrayRef, BooleanArray, Float64Array, RecordBatch, StringArray, UInt32Array};
 use arrow_schema::{ArrowError, DataType, Field, Schema};
-use parquet::arrow::ArrowWriter;
 
 use crate::continuation::parameters::ParameterKey;
 use crate::continuation::{Found, FoundOrbit};
 use crate::report::exports::atomic_file::{OutFile, to_failure, write_new};
-use crate::run_folder::ReadError;
 use crate::run_folder::read::columns::values;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::schema::table::{described, field};
-use crate::run_folder::write::parquet_file::properties;
+use crate::run_folder::schema::table::field;
+use crate::run_folder::{ReadError, sealed_parquet};
 
 /// Most multipliers of an orbit.
 const MULTIPLIERS: usize = 4;
@@ -45,12 +44,8 @@ pub fn write(table: Result<RecordBatch, ArrowError>, out: &OutFile) -> Result<us
     let is_csv = out.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
     write_new(out, |file| {
         if !is_csv {
-            let schema = batch.schema();
-            let file = file.as_file_mut();
-            let mut writer =
-                ArrowWriter::try_new(file, schema.clone(), Some(properties(&schema))).map_err(|e| failed(&e))?;
-            writer.write(&batch).map_err(|e| failed(&e))?;
-            return writer.close().map(drop).map_err(|e| failed(&e));
+            let bytes = sealed_parquet::bytes(&batch).map_err(|e| failed(&e))?;
+            return file.write_all(&bytes).map_err(|e| failed(&e));
         }
         let mut writer = csv::WriterBuilder::new().terminator(csv::Terminator::CRLF).from_writer(file.as_file_mut());
         writer.write_record(batch.schema().fields().iter().map(|f| f.name())).map_err(|e| failed(&e))?;

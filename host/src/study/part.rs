@@ -1,6 +1,5 @@
 //! A part of a study's table: its columns, its file, and the check of what is read back.
 
-use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -16,7 +15,10 @@ use super::data_set::Manifest;
 use super::evaluate::{Column, columns};
 use super::file::Study;
 use crate::run_folder::read::parquet_file;
+use crate::run_folder::schema::self_description::of_file;
+use crate::run_folder::schema::table::{self, described};
 use crate::run_folder::{ReadError, sealed_parquet};
+use crate::simulation::fixed_parameters;
 
 /// Column with the number of a row.
 pub const ROW: &str = "row";
@@ -37,8 +39,7 @@ pub struct Part {
 #[must_use]
 pub fn schema(study: &Study, manifest: &Manifest) -> SchemaRef {
     let field = |name: &str, kind: DataType, unit: &str, doc: &str, is_missing: bool| {
-        let metadata = [("unit", unit), ("description", doc)].map(|(key, text)| (key.to_string(), text.to_string()));
-        Field::new(name, kind, is_missing).with_metadata(HashMap::from(metadata))
+        described(table::field(name, kind, unit).with_nullable(is_missing), doc)
     };
     let mut fields = vec![field(ROW, DataType::UInt64, "1", "number of the row, from 0", false)];
     for &place in study.points.kept() {
@@ -47,28 +48,25 @@ pub fn schema(study: &Study, manifest: &Manifest) -> SchemaRef {
             Values::Words(_) => (DataType::Utf8, ""),
             _ => (DataType::Float64, plain(axis.unit())),
         };
-        fields.push(field(&axis.key, kind, unit, "axis of the study", false));
+        fields.push(field(&axis.key, kind, unit, &format!("axis of the study: the case's key {}", axis.key), false));
     }
     for Column { name, unit, doc } in columns(study) {
         fields.push(field(&name, DataType::Float64, plain(unit), &doc, true));
     }
-    let metadata = [
-        (IDENTITY, manifest.identity.clone()),
-        ("damprig.version", manifest.damprig.clone()),
-        ("damprig.revision", manifest.revision.clone().unwrap_or_default()),
-        ("damprig.name", manifest.name.clone()),
-        ("damprig.study", manifest.study.clone()),
-        ("damprig.case", manifest.case.clone()),
-        ("damprig.fixed", fixed(study)),
-    ];
-    let metadata = metadata.map(|(key, text)| (key.to_string(), text));
-    sealed_parquet::schema(&Schema::new_with_metadata(fields, HashMap::from(metadata)))
+    let mut about = of_file("a row for each point of the study");
+    about.insert(IDENTITY, manifest.identity.as_str());
+    about.insert("damprig.revision", manifest.revision.as_deref().unwrap_or_default());
+    about.insert("damprig.name", manifest.name.as_str());
+    about.insert("damprig.study", manifest.study.as_str());
+    about.insert("damprig.case", manifest.case.as_str());
+    about.insert("damprig.fixed", fixed(study));
+    sealed_parquet::schema(&Schema::new_with_metadata(fields, about))
 }
 
 /// The keys of the case that no axis changes, with their values, as JSON.
 fn fixed(study: &Study) -> String {
     let keys: Vec<&str> = study.axes.iter().map(|axis| axis.key.as_str()).collect();
-    crate::simulation::fixed_parameters(&study.case_text, &keys)
+    fixed_parameters(&study.case_text, &keys)
 }
 
 fn plain(unit: &str) -> &str {

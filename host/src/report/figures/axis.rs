@@ -8,9 +8,23 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontTransform, ShapeStyle};
 
 use super::{Canvas, FINE, FigureError, GREY, INK, PALE, text};
+use crate::report::numbers::significant;
 
 /// Range of a linear axis over the magnitude of its values below which the values count as equal.
 const LEAST_RANGE: f64 = 1e-6;
+
+/// Magnitudes between which values are drawn: no measured or computed quantity of a rig is beyond them, and the sums, ratios and powers of
+/// a drawing stay finite. Smaller values are drawn as 0.
+const DRAWN: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
+
+/// Farthest from its frame that a point is drawn, in lengths of the frame: lines keep their direction.
+const FARTHEST: f64 = 50.0;
+
+/// Most decades of a logarithmic axis that are all labelled.
+const MOST_DECADES: f64 = 12.0;
+
+/// Values from which, and decimals above which, ticks are labelled as powers of ten.
+const LONG_LABEL: (f64, i32) = (1e7, 7);
 
 /// Scale of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +33,25 @@ pub enum Scale {
     Linear,
     /// Logarithmic; values must be greater than 0.
     Log,
+}
+
+impl Scale {
+    /// Whether a value can be drawn: not one that is infinite or far beyond any quantity, nor 0 on a logarithmic axis.
+    #[must_use]
+    pub fn draws(self, value: f64) -> bool {
+        value.abs() <= *DRAWN.end() && (self == Self::Linear || value >= *DRAWN.start())
+    }
+
+    /// Says how many of the values cannot be drawn, if there are any; those that are missing (not a number) do not count.
+    pub fn undrawn(self, values: impl IntoIterator<Item = f64>) -> Option<String> {
+        let (mut all, mut undrawn) = (0, 0);
+        for value in values.into_iter().filter(|value| !value.is_nan()) {
+            all += 1;
+            undrawn += usize::from(!self.draws(value));
+        }
+        let limit = DRAWN.end();
+        (undrawn > 0).then(|| format!("{undrawn} of {all} values are not drawn: infinite or beyond ±{limit:e}"))
+    }
 }
 
 /// One axis.
@@ -35,28 +68,23 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// An axis that covers all finite `values` with a margin; 0.5 to 2 without values. Values that differ by rounding only are drawn as
+    /// An axis that covers all `values` that can be drawn with a margin; 0.5 to 2 without values. Values that differ by rounding only are drawn as
     /// one value: the axis is as wide as it is large.
     pub fn around(label: impl Into<String>, scale: Scale, values: impl IntoIterator<Item = f64>) -> Self {
-        let usable = |v: &f64| v.is_finite() && (scale == Scale::Linear || *v > 0.0);
-        let (low, high) = values
-            .into_iter()
-            .filter(usable)
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let (low, high) = ends(values, scale);
         let (from, to) = match scale {
             _ if low > high => (0.5, 2.0),
             Scale::Log => (low / 1.3, high * 1.3),
-            Scale::Linear => {
-                let size = low.abs().max(high.abs());
-                let margin = match high - low {
-                    range if range > LEAST_RANGE * size => 0.04 * range,
-                    _ if size > 0.0 => 0.5 * size,
-                    _ => 0.5,
-                };
-                (low - margin, high + margin)
-            }
+            Scale::Linear => with_margin((low, high), 0.04),
         };
         Self { label: label.into(), from, to, scale }
+    }
+
+    /// The same without the margin, linear: for a scale of colours. 0 to 1 without values.
+    pub fn tight(label: impl Into<String>, values: impl IntoIterator<Item = f64>) -> Self {
+        let (low, high) = ends(values, Scale::Linear);
+        let (from, to) = if low > high { (0.0, 1.0) } else { with_margin((low, high), 0.0) };
+        Self { label: label.into(), from, to, scale: Scale::Linear }
     }
 
     /// Position of a value on the axis, 0 at `from`, 1 at `to`.
@@ -71,13 +99,19 @@ impl Axis {
     /// Major ticks, with a label, and minor ticks, with a line only.
     #[must_use]
     pub fn ticks(&self) -> (Vec<f64>, Vec<f64>) {
+        if !(self.from < self.to && self.from.is_finite() && self.to.is_finite()) {
+            return (Vec::new(), Vec::new());
+        }
         let inside = |v: &f64| *v >= self.from * (1.0 - 1e-9) - 1e-300 && *v <= self.to + 1e-9 * self.to.abs();
         match self.scale {
             Scale::Log => {
                 let decades = (self.from.log10().floor() as i32)..=(self.to.log10().ceil() as i32);
                 let spread = (self.to / self.from).log10();
                 let labelled: &[f64] = if spread <= 3.5 { &[1.0, 2.0, 5.0] } else { &[1.0] };
-                let all = decades.flat_map(|d| (1..10).map(move |m| (f64::from(m), f64::from(m) * 10f64.powi(d))));
+                let step = (spread / MOST_DECADES).ceil().max(1.0) as usize;
+                let digits = if step > 1 { 1..2 } else { 1..10 };
+                let of_decade = |d| digits.clone().map(move |m| (f64::from(m), f64::from(m) * 10f64.powi(d)));
+                let all = decades.step_by(step).flat_map(of_decade);
                 let (major, minor): (Vec<_>, Vec<_>) =
                     all.filter(|(_, v)| inside(v)).partition(|(m, _)| labelled.contains(m));
                 (major.into_iter().map(|t| t.1).collect(), minor.into_iter().map(|t| t.1).collect())
@@ -92,13 +126,37 @@ impl Axis {
     }
 
     /// Label of a tick, with the decimals that the tick spacing needs.
-    fn tick_label(&self, value: f64) -> String {
+    pub(super) fn tick_label(&self, value: f64) -> String {
+        let step = round_step((self.to - self.from) / 7.0);
+        let size = self.from.abs().max(self.to.abs());
+        let smallest = if self.scale == Scale::Log { value } else { step };
+        if size >= LONG_LABEL.0 || smallest.log10() < -f64::from(LONG_LABEL.1) {
+            let digits = if self.scale == Scale::Log { 1.0 } else { (size / step).log10().ceil() + 1.0 };
+            return significant(value, digits as usize).replace('-', "−");
+        }
         let decimals = match self.scale {
             Scale::Log => (-value.log10().floor()).max(0.0) as usize,
-            Scale::Linear => (-round_step((self.to - self.from) / 7.0).log10().floor()).max(0.0) as usize,
+            Scale::Linear => (-step.log10().floor()).max(0.0) as usize,
         };
         format!("{value:.decimals$}").replace('-', "−")
     }
+}
+
+/// The smallest and the largest of the values that can be drawn.
+fn ends(values: impl IntoIterator<Item = f64>, scale: Scale) -> (f64, f64) {
+    let drawn = values.into_iter().filter(|value| scale.draws(*value));
+    drawn.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+}
+
+/// The ends of a linear axis, with a margin of this share of their distance; equal ones lie in its middle.
+fn with_margin((low, high): (f64, f64), share: f64) -> (f64, f64) {
+    let size = low.abs().max(high.abs());
+    let margin = match high - low {
+        _ if size < *DRAWN.start() => 0.5,
+        range if range > LEAST_RANGE * size => share * range,
+        _ => 0.5 * size,
+    };
+    (low - margin, high + margin)
 }
 
 /// The smallest of 1, 2, 5 times a power of ten that is at least `at_least`.
@@ -137,8 +195,14 @@ impl Frame {
     #[must_use]
     pub fn exact_point(&self, x: f64, y: f64) -> (f64, f64) {
         let (left, top, right, bottom) = self.bounds;
-        let across = f64::from(left) + self.x.place(x) * f64::from(right - left);
-        (across, f64::from(bottom) - self.y.place(y) * f64::from(bottom - top))
+        let [x, y] = [self.x.place(x), self.y.place(y)].map(|place| place.clamp(-FARTHEST, FARTHEST));
+        (f64::from(left) + x * f64::from(right - left), f64::from(bottom) - y * f64::from(bottom - top))
+    }
+
+    /// Whether both axes can draw their value.
+    #[must_use]
+    pub fn draws(&self, x: f64, y: f64) -> bool {
+        self.x.scale.draws(x) && self.y.scale.draws(y)
     }
 
     /// Draws grid, frame, ticks and labels.
@@ -244,6 +308,35 @@ mod tests {
         }
         let empty = Axis::around("", Scale::Log, []);
         assert!(empty.from < empty.to && !empty.ticks().0.is_empty());
+    }
+
+    #[test]
+    fn extreme_values_leave_an_axis_finite_with_few_short_labels() {
+        let extremes = [1e308, -1e308, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 5e-324, -5e-324, 0.0, 1e30, 1e-30];
+        for scale in [Scale::Linear, Scale::Log] {
+            for a in extremes {
+                for b in extremes {
+                    for values in [vec![a], vec![a, b], vec![a, b, 1.0, 2.0]] {
+                        let axis = Axis::around("", scale, values.clone());
+                        let (major, minor) = axis.ticks();
+                        assert!(
+                            axis.from < axis.to && axis.from.is_finite() && axis.to.is_finite(),
+                            "{values:?} {axis:?}"
+                        );
+                        assert!(major.len() <= 30 && minor.len() <= 120, "{values:?} {axis:?}: {major:?} {minor:?}");
+                        assert!(
+                            major.iter().all(|tick| axis.tick_label(*tick).chars().count() <= 9),
+                            "{axis:?} {major:?}"
+                        );
+                        let drawn = values.iter().filter(|value| scale.draws(**value));
+                        assert!(
+                            drawn.into_iter().all(|v| (-1e-9..=1.0 + 1e-9).contains(&axis.place(*v))),
+                            "{values:?} {axis:?}"
+                        );
+                    }
+                }
+            }
+        }
     }
 
     #[test]

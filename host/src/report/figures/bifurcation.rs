@@ -5,7 +5,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, RGBColor};
 
 use super::axis::{Axis, Frame, Scale};
-use super::{Canvas, FigureError, GREY, INK, Picture, text};
+use super::{Canvas, FigureError, GREY, INK, Picture, note, text};
 use crate::study::bifurcation::{Direction, Sample};
 
 const WIDTH: i32 = 980;
@@ -57,11 +57,13 @@ pub fn diagram(samples: &[Sample], label: &str, title: &str) -> Result<Picture, 
         .collect();
     let picture = Picture::draw(WIDTH as u32, HEIGHT as u32, |canvas| {
         legend(canvas, samples, title, 20)?;
+        let values = of.iter().flat_map(|(_, value)| samples.iter().map(value));
+        note(canvas, (92, HEIGHT), Scale::Linear.undrawn(values).as_deref())?;
         frames.iter().try_for_each(|frame| frame.draw(canvas))
     })?;
     picture.overlay(|canvas| {
         for (frame, (_, value)) in frames.iter().zip(of) {
-            dots(canvas, samples.iter().map(|s| (frame.fine_point(s.value, value(s)), s.direction)), 5)?;
+            dots(canvas, frame, samples.iter().map(|s| ((s.value, value(s)), s.direction)), 5)?;
         }
         Ok(())
     })
@@ -79,18 +81,26 @@ pub fn section(samples: &[Sample], title: &str) -> Result<Picture, FigureError> 
     };
     let picture = Picture::draw(WIDTH as u32, 620, |canvas| {
         legend(canvas, samples, title, 20)?;
+        let values = samples.iter().flat_map(|s| [s.x_m * 1e3, s.v_m_per_s * 1e3]);
+        note(canvas, (92, 620), Scale::Linear.undrawn(values).as_deref())?;
         frame.draw(canvas)
     })?;
     picture.overlay(|canvas| {
-        let point = |s: &Sample| (frame.fine_point(s.x_m * 1e3, s.v_m_per_s * 1e3), s.direction);
-        dots(canvas, samples.iter().map(point), 14)
+        let point = |s: &Sample| ((s.x_m * 1e3, s.v_m_per_s * 1e3), s.direction);
+        dots(canvas, &frame, samples.iter().map(point), 14)
     })
 }
 
 /// Draws squares, each place and colour once: a repeating motion has all its samples at few places.
-fn dots(canvas: &Canvas, samples: impl Iterator<Item = ((i32, i32), Direction)>, half: i32) -> Result<(), FigureError> {
+fn dots(
+    canvas: &Canvas,
+    frame: &Frame,
+    samples: impl Iterator<Item = ((f64, f64), Direction)>,
+    half: i32,
+) -> Result<(), FigureError> {
     let mut seen = std::collections::HashSet::new();
-    for ((x, y), direction) in samples {
+    for ((x, y), direction) in samples.filter(|((x, y), _)| frame.draws(*x, *y)) {
+        let (x, y) = frame.fine_point(x, y);
         // Places nearer than a quarter of a dot look the same.
         if seen.insert((x / 3, y / 3, direction.name())) {
             let corners = [(x - half, y - half), (x + half, y + half)];

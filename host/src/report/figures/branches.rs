@@ -6,7 +6,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, RGBColor, WHITE};
 
 use super::axis::{Axis, Frame, Scale};
-use super::{Canvas, FINE, FigureError, GREY, INK, Picture, colour, text};
+use super::{Canvas, FINE, FigureError, GREY, INK, Picture, colour, note, text};
 use crate::continuation::{Found, FoundBranch, FoundOrbit};
 
 const WIDTH: i32 = 980;
@@ -53,6 +53,7 @@ pub fn draw(found: &Found) -> Result<Picture, FigureError> {
     };
     let picture = Picture::draw(WIDTH as u32, HEIGHT as u32, |canvas| {
         frame.draw(canvas)?;
+        note(canvas, (BOUNDS.0, HEIGHT), Scale::Linear.undrawn(orbits().map(|orbit| orbit.peak_x_m * 1e3)).as_deref())?;
         legend(canvas, found)
     })?;
     let picture =
@@ -75,7 +76,11 @@ fn at(frame: &Frame, orbit: &FoundOrbit) -> (f64, f64) {
 
 /// Draws the curve in runs of the same stability.
 fn curve(canvas: &Canvas, frame: &Frame, branch: &FoundBranch) -> Result<(), FigureError> {
-    let mut rest = &branch.orbits[..];
+    let is_drawn = |orbit: &FoundOrbit| frame.draws(orbit.parameter, orbit.peak_x_m * 1e3);
+    branch.orbits.split(|orbit| !is_drawn(orbit)).try_for_each(|orbits| piece(canvas, frame, branch, orbits))
+}
+
+fn piece(canvas: &Canvas, frame: &Frame, branch: &FoundBranch, mut rest: &[FoundOrbit]) -> Result<(), FigureError> {
     while let Some(first) = rest.first() {
         let count = rest.iter().take_while(|orbit| orbit.is_stable == first.is_stable).count();
         // A run reaches to the first orbit of the next one.
@@ -138,6 +143,9 @@ fn marks(
     labelled: &mut Vec<(i32, i32)>,
 ) -> Result<(), FigureError> {
     for special in &branch.special_points {
+        if !frame.draws(special.parameter, special.peak_x_m * 1e3) {
+            continue;
+        }
         let Some(Mark { short, corners, .. }) = MARKS.iter().find(|mark| mark.name == special.kind) else { continue };
         let (x, y) = frame.fine_point(special.parameter, special.peak_x_m * 1e3);
         let inside = if special.is_grazing() { WHITE } else { tint(branch) };

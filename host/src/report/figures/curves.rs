@@ -20,7 +20,13 @@ impl Curve {
         let at = |point: &[f64; 3]| if is_swapped { (point[1], point[0]) } else { (point[0], point[1]) };
         let curve = |curve: &crate::continuation::FoundCurve| Self {
             kind: curve.kind,
-            points: curve.points.iter().map(at).collect(),
+            // One that cannot be drawn on any axis is left out.
+            points: curve
+                .points
+                .iter()
+                .map(at)
+                .filter(|(x, y)| Scale::Linear.draws(*x) && Scale::Linear.draws(*y))
+                .collect(),
         };
         found.curves.iter().map(curve).collect()
     }

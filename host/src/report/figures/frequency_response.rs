@@ -81,13 +81,15 @@ pub fn draw(curves: &[ResponseCurve], quantity: &Ordinate, notes: &ResponseNotes
             draw_curve(canvas, &frame, curve, curve.place)?;
         }
         legend(canvas, frame.bounds.2 + 22, curves)?;
+        let undrawn =
+            Scale::Linear.undrawn(values().map(|p| p.value)).map(|words| format!(" {words}.")).unwrap_or_default();
         let caption = text(12.0, GREY).pos(Pos::new(HPos::Left, VPos::Bottom));
-        canvas.draw(&Text::new(notes.caption.clone(), (LEFT, height - 12), caption)).map_err(FigureError::of)
+        canvas.draw(&Text::new(notes.caption.clone() + &undrawn, (LEFT, height - 12), caption)).map_err(FigureError::of)
     })
 }
 
 fn draw_curve(canvas: &Canvas, frame: &Frame, curve: &ResponseCurve, index: usize) -> Result<(), FigureError> {
-    let can_be_drawn = |p: &&ResponsePoint| p.value.is_finite() && (frame.y.scale == Scale::Linear || p.value > 0.0);
+    let can_be_drawn = |p: &&ResponsePoint| frame.draws(p.frequency_hz, p.value);
     let mut points: Vec<&ResponsePoint> = curve.points.iter().filter(can_be_drawn).collect();
     points.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
     let at = |p: &ResponsePoint| frame.point(p.frequency_hz, p.value);

@@ -13,6 +13,8 @@ pub mod case_overlay;
 mod colours;
 pub mod comparison;
 pub mod curves;
+#[cfg(test)]
+mod extremes;
 pub mod frequency_response;
 pub mod peak_motion;
 pub mod set_ups;
@@ -112,6 +114,13 @@ pub fn text(size: f64, colour: RGBColor) -> TextStyle<'static> {
 #[must_use]
 pub fn width(text_style: &TextStyle<'static>, text: &str) -> i32 {
     text_style.font.box_size(text).map_or(0, |(width, _)| i32::try_from(width).unwrap_or(0))
+}
+
+/// A small note at the lower left of a figure, if there is one; `left` and the figure's height.
+fn note(canvas: &Canvas, (left, height): (i32, i32), words: Option<&str>) -> Result<(), FigureError> {
+    let style = text(12.0, GREY).pos(Pos::new(HPos::Left, VPos::Bottom));
+    let Some(words) = words else { return Ok(()) };
+    canvas.draw(&Text::new(words.to_string(), (left, height - 2), style)).map_err(FigureError::of)
 }
 
 /// Registers the font with the drawing library, once.

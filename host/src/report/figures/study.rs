@@ -92,7 +92,7 @@ fn draw_metric(
     metric: Metric,
 ) -> Option<StudyFigure> {
     let column = main_column(study, metric);
-    let values = table.column(&column).filter(|values| values.iter().any(|value| value.is_finite()))?;
+    let values = table.column(&column).filter(|values| values.iter().any(|value| !value.is_nan()))?;
     let sheet = Sheet { study, table, metric, values, column, best, overlays, published };
     let (picture, caption) = match &grids(study)[..] {
         _ if has_drawn_axis(study) => sheet.drawn_points(),

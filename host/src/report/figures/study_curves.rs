@@ -5,7 +5,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, RGBColor};
 
 use super::axis::{Axis, Frame, Scale};
-use super::{Canvas, FigureError, INK, Picture, colour, text, width};
+use super::{Canvas, FigureError, INK, Picture, colour, note, text, width};
 
 /// A curve, or points.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,8 +85,12 @@ pub fn draw(curves: &[Curve], labels: &CurveLabels) -> Result<Picture, FigureErr
         y: Axis::around(labels.y.clone(), Scale::Linear, values),
         bounds: (LEFT, TOP, WIDTH - legend, height - BELOW),
     };
+    let all = || curves.iter().flat_map(|curve| &curve.points).copied();
+    let undrawn = scale.undrawn(all().map(|at| at.0)).or_else(|| Scale::Linear.undrawn(all().map(|at| at.1)));
+    let is_drawn = |(x, y): &(f64, f64)| frame.draws(*x, *y);
     let picture = Picture::draw(WIDTH as u32, height as u32, |canvas| {
         frame.draw(canvas)?;
+        note(canvas, (LEFT, height), undrawn.as_deref())?;
         let left = |size: f64| text(size, INK).pos(Pos::new(HPos::Left, VPos::Center));
         canvas.draw(&Text::new(labels.title.clone(), (LEFT, TOP - 20), left(15.0))).map_err(FigureError::of)?;
         for (place, curve) in curves.iter().enumerate().filter(|_| curves.len() > 1) {
@@ -111,13 +115,15 @@ pub fn draw(curves: &[Curve], labels: &CurveLabels) -> Result<Picture, FigureErr
     picture.overlay(|canvas| {
         for (place, curve) in curves.iter().enumerate() {
             let at = |x: f64, y: f64| frame.fine_point(x, y);
-            if !curve.band.is_empty() && curve.band.iter().all(|(_, low, high)| low.is_finite() && high.is_finite()) {
+            if !curve.band.is_empty()
+                && curve.band.iter().all(|(x, low, high)| is_drawn(&(*x, *low)) && is_drawn(&(*x, *high)))
+            {
                 let up = curve.band.iter().map(|(x, _, high)| at(*x, *high));
                 let back = curve.band.iter().rev().map(|(x, low, _)| at(*x, *low));
                 let outline: Vec<(i32, i32)> = up.chain(back).collect();
                 canvas.draw(&Polygon::new(outline, colour(place).mix(0.2).filled())).map_err(FigureError::of)?;
             }
-            for part in curve.points.split(|(_, value)| !value.is_finite()).filter(|part| !part.is_empty()) {
+            for part in curve.points.split(|at| !is_drawn(at)).filter(|part| !part.is_empty()) {
                 let points: Vec<(i32, i32)> = part.iter().map(|(x, y)| at(*x, *y)).collect();
                 if curve.is_scattered || points.len() == 1 {
                     for point in &points {
@@ -130,10 +136,10 @@ pub fn draw(curves: &[Curve], labels: &CurveLabels) -> Result<Picture, FigureErr
                 }
             }
         }
-        for mark in &labels.marks {
+        for mark in labels.marks.iter().filter(|mark| is_drawn(&mark.at)) {
             draw_mark(canvas, frame.fine_point(mark.at.0, mark.at.1), mark, colour(mark.curve), 10)?;
         }
-        if let Some((at, _)) = &labels.best {
+        if let Some((at, _)) = labels.best.as_ref().filter(|(at, _)| is_drawn(at)) {
             let mark = Circle::new(frame.fine_point(at.0, at.1), 70, colour(5).stroke_width(28));
             canvas.draw(&mark).map_err(FigureError::of)?;
         }

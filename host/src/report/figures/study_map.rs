@@ -8,7 +8,7 @@ use plotters::style::{Color, FontTransform, RGBColor, WHITE};
 
 use super::axis::{Axis, Frame, Scale};
 use super::curves::{self, Curve};
-use super::{Canvas, FigureError, INK, Picture, text};
+use super::{Canvas, FigureError, INK, Picture, note, text};
 use crate::report::numbers::significant;
 
 /// A map.
@@ -134,11 +134,16 @@ pub fn draw(map: &Map) -> Result<Picture, FigureError> {
     if map.x.values.len() > MOST_VALUES || map.y.values.len() > MOST_VALUES {
         return draw(&map.thinned());
     }
-    let finite = || map.values.iter().copied().filter(|value| value.is_finite());
-    let (low, high) = finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-    let (low, high) = if low < high { (low, high) } else { (low - 0.5, low + 0.5) };
-    let scale = if low > 0.0 && high / low > LOG_FROM { Scale::Log } else { Scale::Linear };
-    let colours = Axis { label: map.label.clone(), from: low, to: high, scale };
+    for axis in [&map.x, &map.y] {
+        let scale = axis.axis().scale;
+        if let Some(value) = axis.values.iter().find(|value| !scale.draws(**value)) {
+            return Err(FigureError(format!("{value:e} is too large or too small for the axis {}", axis.label)));
+        }
+    }
+    let undrawn = Scale::Linear.undrawn(map.values.iter().copied());
+    let drawn = |value: &f64| if Scale::Linear.draws(*value) { *value } else { f64::NAN };
+    let map = &Map { values: map.values.iter().map(drawn).collect(), ..map.clone() };
+    let colours = colour_scale(&map.label, &map.values);
     let frame = Frame { x: map.x.axis(), y: map.y.axis(), bounds: BOUNDS };
     let columns = map.x.values.len();
     let (across, up) = (map.x.borders(), map.y.borders());
@@ -167,9 +172,21 @@ pub fn draw(map: &Map) -> Result<Picture, FigureError> {
         }
         Ok(())
     })?;
-    with_lines
-        .with_elements(&curves::elements(&map.curves, &frame))
-        .above(|canvas| labels(canvas, map, &frame, &colours))
+    with_lines.with_elements(&curves::elements(&map.curves, &frame)).above(|canvas| {
+        labels(canvas, map, &frame, &colours)?;
+        note(canvas, (BOUNDS.0, HEIGHT), undrawn.as_deref())
+    })
+}
+
+/// The range of the values, logarithmic if they are all positive and far apart.
+fn colour_scale(label: &str, values: &[f64]) -> Axis {
+    let known = || values.iter().copied().filter(|value| !value.is_nan());
+    let (low, high) = known().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    if Scale::Log.draws(low) && high / low > LOG_FROM {
+        Axis { label: label.into(), from: low, to: high, scale: Scale::Log }
+    } else {
+        Axis::tight(label, known())
+    }
 }
 
 /// Runs of neighbours that are alike: first place and the place after the last.

@@ -52,7 +52,12 @@ pub fn draw(panels: &[HistoryPanel]) -> Result<Picture, FigureError> {
     let page = Picture::draw(WIDTH as u32, height as u32, |canvas| {
         for (panel, frame) in panels.iter().zip(&frames) {
             let title = text(14.0, INK).pos(Pos::new(HPos::Left, VPos::Bottom));
-            canvas.draw(&Text::new(panel.title.clone(), (LEFT, frame.bounds.1 - 8), title)).map_err(FigureError::of)?;
+            let values = panel.curves.iter().flat_map(|c| &c.points).chain(panel.base.iter().flatten());
+            let undrawn = Scale::Linear.undrawn(values.map(|p| p.1 * MILLIMETRES));
+            let undrawn = undrawn.map(|words| format!(" ({words})")).unwrap_or_default();
+            canvas
+                .draw(&Text::new(panel.title.clone() + &undrawn, (LEFT, frame.bounds.1 - 8), title))
+                .map_err(FigureError::of)?;
             frame.draw(canvas)?;
             legend_of(canvas, panel, (right + 16, frame.bounds.1 + 10))?;
         }
@@ -67,7 +72,10 @@ fn frame(panel: &HistoryPanel, place: i32, right: i32) -> Frame {
     let points = || panel.curves.iter().flat_map(|c| &c.points).chain(panel.base.iter().flatten());
     let top = TOP + place * (HIGH + GAP);
     let y = Axis::around("Displacement (mm)", Scale::Linear, points().map(|p| p.1 * MILLIMETRES));
-    let times = points().map(|p| p.0).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)));
+    let times = points()
+        .map(|p| p.0)
+        .filter(|t| Scale::Linear.draws(*t))
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)));
     let (from, to) = if times.0 < times.1 { times } else { (0.0, 1.0) };
     Frame {
         x: Axis { label: "Time (s)".into(), from, to, scale: Scale::Linear },
@@ -78,7 +86,8 @@ fn frame(panel: &HistoryPanel, place: i32, right: i32) -> Frame {
 
 fn curves(canvas: &Canvas, panel: &HistoryPanel, frame: &Frame) -> Result<(), FigureError> {
     let draw = |points: &[(f64, f64)], style: plotters::style::ShapeStyle| {
-        let path = thinned(points).into_iter().map(|(t, v)| frame.fine_point(t, v * MILLIMETRES)).collect::<Vec<_>>();
+        let drawn = thinned(points).into_iter().filter(|(t, v)| frame.draws(*t, v * MILLIMETRES));
+        let path = drawn.map(|(t, v)| frame.fine_point(t, v * MILLIMETRES)).collect::<Vec<_>>();
         canvas.draw(&PathElement::new(path, style)).map_err(FigureError::of)
     };
     let thick = FINE as u32;
