@@ -153,6 +153,7 @@ impl Continuation {
     pub fn follow(&self) -> Result<Found, Refusal> {
         let diagram = self.system.explore(&self.task).map_err(|why| self.no_start(&why))?;
         let mut found = Found::of(&self.name, &self.parameter, &diagram);
+        found.case_text.clone_from(&self.case_text);
         if let Some((parameter, range)) = &self.second {
             let parameters = [self.parameter.parameter, parameter.parameter];
             let ranges = [self.task.range, *range];

@@ -10,6 +10,9 @@ use super::parameters::ParameterKey;
 pub struct Found {
     /// Name of the case.
     pub case: String,
+    /// Text of the case.
+    #[serde(skip)]
+    pub case_text: String,
     /// Key of the parameter.
     pub parameter: &'static str,
     /// The parameter with its symbol and unit.
@@ -139,6 +142,7 @@ impl Found {
         let gaps = diagram.gaps.iter().map(|(at, why)| FoundGap { parameter: *at, why: why.to_string() }).collect();
         Self {
             case: case.into(),
+            case_text: String::new(),
             parameter: parameter.key,
             key: *parameter,
             branches,

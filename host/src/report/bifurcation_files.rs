@@ -6,7 +6,7 @@ use std::sync::Arc;
 use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray};
 use arrow_schema::{DataType, Schema};
 
-use crate::report::figures::{bifurcation as figure, symbols};
+use crate::report::figures::{self, FigureError, Picture, bifurcation as figure, symbols};
 use crate::report::numbers::significant;
 use crate::run_folder::schema::self_description::DESCRIPTION;
 use crate::run_folder::schema::table::{described, field};
@@ -41,12 +41,15 @@ pub fn write(
     section: Option<f64>,
 ) -> Result<Option<String>, Unwritten> {
     let batch = batch(samples, &sweep.key, case).map_err(Unwritten::of)?;
+    let (batch, identity) = sealed_parquet::identified(&batch).map_err(Unwritten::of)?;
     let bytes = sealed_parquet::bytes(&batch).map_err(Unwritten::of)?;
     own_files::replace(&out.join(TABLE), &bytes).map_err(Unwritten::of)?;
     let reference = || symbols::reference(case);
-    let picture =
-        figure::diagram(samples, &symbols::label(&sweep.key, reference), &title(case, sweep)).map_err(Unwritten::of)?;
-    picture.write(out, "bifurcation").map_err(Unwritten::of)?;
+    let source = figures::source("bifurcation", &identity);
+    let save = |picture: Result<Picture, FigureError>, stem: &str| {
+        picture.and_then(|drawn| drawn.of_source(&source)?.write(out, stem)).map_err(Unwritten::of)
+    };
+    save(figure::diagram(samples, &symbols::label(&sweep.key, reference), &title(case, sweep)), "bifurcation")?;
     let Some(wanted) = section else { return Ok(None) };
     let distance = |sample: &Sample| (sample.value - wanted).abs();
     let Some(nearest) = samples.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).map(|s| s.value) else {
@@ -54,7 +57,7 @@ pub fn write(
     };
     let there: Vec<Sample> = samples.iter().filter(|sample| sample.value == nearest).copied().collect();
     let title = symbols::at(&sweep.key, &significant(nearest, 6), reference);
-    figure::section(&there, &title).and_then(|picture| picture.write(out, "section")).map_err(Unwritten::of)?;
+    save(figure::section(&there, &title), "section")?;
     Ok(Some(title))
 }
 

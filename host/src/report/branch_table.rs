@@ -10,11 +10,12 @@ use arrow_schema::{ArrowError, DataType, Field, Schema};
 use crate::continuation::parameters::ParameterKey;
 use crate::continuation::{Found, FoundOrbit};
 use crate::report::exports::atomic_file::{OutFile, to_failure, write_new};
+use crate::run_folder::ReadError;
 use crate::run_folder::read::columns::values;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::schema::table::{described, field};
-use crate::run_folder::schema::table::field;
-use crate::run_folder::{ReadError, sealed_parquet};
+use crate::run_folder::sealed_parquet::{self, IDENTITY};
+use crate::simulation::fixed_parameters;
 
 /// Most multipliers of an orbit.
 const MULTIPLIERS: usize = 4;
@@ -103,8 +104,7 @@ pub fn curves(found: &Found) -> Result<RecordBatch, ArrowError> {
         text(rows().map(|(_, curve, _)| curve.meaning.clone()).collect()),
     ));
     let (fields, arrays): (Vec<Field>, Vec<ArrayRef>) = columns.into_iter().unzip();
-    let about = of_file("a row for each point of the curves").with("damprig.name", found.case.as_str());
-    RecordBatch::try_new(Arc::new(Schema::new_with_metadata(fields, about)), arrays)
+    table(found, "a row for each point of the curves", fields, arrays)
 }
 
 /// A row for each orbit, branch after branch.
@@ -162,6 +162,22 @@ pub fn orbits(found: &Found) -> Result<RecordBatch, ArrowError> {
         }
     }
     let (fields, arrays): (Vec<Field>, Vec<ArrayRef>) = columns.into_iter().unzip();
-    let about = of_file("a row for each orbit").with("damprig.name", found.case.as_str());
-    RecordBatch::try_new(Arc::new(Schema::new_with_metadata(fields, about)), arrays)
+    table(found, "a row for each orbit", fields, arrays)
+}
+
+/// A table that says what it is: case, parameters that do not vary, and identity.
+fn table(found: &Found, row: &str, fields: Vec<Field>, arrays: Vec<ArrayRef>) -> Result<RecordBatch, ArrowError> {
+    let varied: Vec<&str> = [found.parameter].into_iter().chain(found.second_parameter).collect();
+    let about = of_file(row)
+        .with("damprig.name", found.case.as_str())
+        .with("damprig.case", found.case_text.as_str())
+        .with("damprig.fixed", fixed_parameters(&found.case_text, &varied));
+    let table = RecordBatch::try_new(Arc::new(Schema::new_with_metadata(fields, about)), arrays)?;
+    Ok(sealed_parquet::identified(&table)?.0)
+}
+
+/// The identity of a table, which its figure states too.
+#[must_use]
+pub fn identity(table: &RecordBatch) -> String {
+    table.schema().metadata().get(IDENTITY).cloned().unwrap_or_default()
 }

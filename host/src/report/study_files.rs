@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use crate::continuation::Found;
-use crate::report::figures::FigureError;
 use crate::report::figures::study::{self, StudyFigure};
+use crate::report::figures::{self, FigureError};
 use crate::report::page;
 use crate::run_folder::{ReadError, StorageError};
 use crate::study::Study;
@@ -60,7 +60,11 @@ pub fn write(
     let bytes = store.get(TABLE)?.ok_or_else(|| ReadError(format!("{shown} is missing")))?;
     let table = StudyTable::read(&shown, bytes)?;
     let (overlays, mut undrawn) = overlays(study);
-    let figures = study::draw(study, &table, best, &overlays);
+    let source = figures::source("study", &data_set.manifest().identity);
+    let figures: Vec<StudyFigure> = study::draw(study, &table, best, &overlays)
+        .into_iter()
+        .map(|figure| StudyFigure { picture: figure.picture.and_then(|drawn| drawn.of_source(&source)), ..figure })
+        .collect();
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     for StudyFigure { stem, picture, .. } in &figures {
         match picture {
@@ -71,7 +75,7 @@ pub fn write(
             Err(error) => undrawn.push((stem.clone(), error.to_string())),
         }
     }
-    files.push((PAGE.into(), page::study::page(study, summary, figures).into()));
+    files.push((PAGE.into(), page::study::page(study, summary, figures, &source).into()));
     let mut sums = Sums::default().of_stored(store, TABLE)?;
     for (name, bytes) in &files {
         store.replace(name, bytes)?;

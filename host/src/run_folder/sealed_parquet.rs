@@ -13,7 +13,7 @@ use parquet::arrow::ArrowWriter;
 use parquet::errors::ParquetError;
 use sha2::{Digest, Sha256};
 
-use super::checksum::HashWriter;
+use super::checksum::{HashWriter, of_bytes};
 use super::write::parquet_file::properties;
 
 /// Key of the schema's metadata that says that a file has a digest.
@@ -53,6 +53,27 @@ pub fn bytes(table: &RecordBatch) -> Result<Vec<u8>, ParquetError> {
     let footer = footer(&bytes).ok_or_else(|| ParquetError::General("the footer is not at the end".into()))?;
     bytes.splice(footer..footer, MARK.iter().copied().chain(digest));
     Ok(bytes)
+}
+
+/// Key of the identity in the metadata of a file.
+pub const IDENTITY: &str = "damprig.identity";
+
+/// The beginning of an identity, as figures state it.
+#[must_use]
+pub fn short(identity: &str) -> &str {
+    identity.get(..12).unwrap_or(identity)
+}
+
+/// A table with the identity of its content in its metadata, and that identity: figures of the table state it too.
+///
+/// # Errors
+/// When the table cannot be encoded.
+pub fn identified(table: &RecordBatch) -> Result<(RecordBatch, String), ParquetError> {
+    let identity = of_bytes(&bytes(table)?);
+    let mut about = table.schema().metadata().clone();
+    about.insert(IDENTITY, identity.as_str());
+    let schema = Arc::new(table.schema().as_ref().clone().with_metadata(about));
+    Ok((table.clone().with_schema(schema)?, identity))
 }
 
 /// Adds the digest to a whole Parquet file whose schema is that of [`schema`].

@@ -14,17 +14,15 @@ use super::axis::{Value, Values};
 use super::data_set::Manifest;
 use super::evaluate::{Column, columns};
 use super::file::Study;
+use crate::run_folder::ReadError;
 use crate::run_folder::read::parquet_file;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::schema::table::{self, described};
-use crate::run_folder::{ReadError, sealed_parquet};
+use crate::run_folder::sealed_parquet::{self, IDENTITY};
 use crate::simulation::fixed_parameters;
 
 /// Column with the number of a row.
 pub const ROW: &str = "row";
-
-/// Key of the identity in the metadata of a file.
-const IDENTITY: &str = "damprig.identity";
 
 /// A part that has been read.
 #[derive(Clone, Debug)]

@@ -40,6 +40,14 @@ fn folder() -> TempDir {
     for file in ["damaged/results.parquet", "damaged/campaign.toml"] {
         write(file, "not what was recorded");
     }
+    write(
+        "study.toml",
+        "case = \"case.toml\"\nmetrics = [\"x_over_z\"]\n[[axis]]\nkey = \"base.frequency_hz\"\nvalues = [2.4, 2.6]\n",
+    );
+    for out in ["studied", "damaged-study"] {
+        damprig(&folder).args(["study", "run", "study.toml", "--out", out]).assert().success();
+    }
+    write("damaged-study/parts/00000000.parquet", "not what was computed");
     folder
 }
 

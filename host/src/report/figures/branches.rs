@@ -6,8 +6,9 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, RGBColor, WHITE};
 
 use super::axis::{Axis, Frame, Scale};
-use super::{Canvas, FINE, FigureError, GREY, INK, Picture, colour, note, text};
+use super::{Canvas, FINE, FigureError, GREY, INK, Picture, colour, note, source, text};
 use crate::continuation::{Found, FoundBranch, FoundOrbit};
+use crate::report::branch_table;
 
 const WIDTH: i32 = 980;
 const HEIGHT: i32 = 620;
@@ -59,10 +60,12 @@ pub fn draw(found: &Found) -> Result<Picture, FigureError> {
     let picture =
         picture.overlay(|canvas| found.branches.iter().try_for_each(|branch| curve(canvas, &frame, branch)))?;
     // Marks lie over the curves.
-    picture.overlay(|canvas| {
+    let picture = picture.overlay(|canvas| {
         let mut labelled = Vec::new();
         found.branches.iter().try_for_each(|branch| marks(canvas, &frame, branch, &mut labelled))
-    })
+    })?;
+    let table = branch_table::orbits(found).map_err(FigureError::of)?;
+    picture.of_source(&source("continuation", &branch_table::identity(&table)))
 }
 
 fn tint(branch: &FoundBranch) -> RGBColor {

@@ -1,8 +1,9 @@
 //! Draws curves of special points in two parameters: alone, and over the map of a study.
 
 use super::axis::{Axis, Frame, Scale};
-use super::{FAMILY, FigureError, Picture, text, width};
+use super::{FAMILY, FigureError, Picture, source, text, width};
 use crate::continuation::Found;
+use crate::report::branch_table;
 
 /// A curve of special points.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,7 +76,9 @@ pub fn draw(found: &Found) -> Result<Picture, FigureError> {
         bounds: BOUNDS,
     };
     let picture = Picture::draw(WIDTH as u32, HEIGHT as u32, |canvas| frame.draw(canvas))?;
-    Ok(picture.with_elements(&elements(&curves, &frame)))
+    let table = branch_table::curves(found).map_err(FigureError::of)?;
+    let source = source("continuation", &branch_table::identity(&table));
+    picture.with_elements(&elements(&curves, &frame)).of_source(&source)
 }
 
 /// The curves with their names, as SVG: dark on a light edge, cut at the borders of the frame.

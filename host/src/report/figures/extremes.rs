@@ -5,8 +5,11 @@ use super::study_curves::{Curve, CurveLabels, Mark};
 use super::study_map::{Map, MapAxis};
 use super::time_histories::{HistoryCurve, HistoryPanel};
 use super::{
-    FigureError, Picture, axis::Scale, bifurcation, frequency_response, study_curves, study_map, time_histories,
+    FigureError, Picture, axis::Scale, bifurcation, branches, curves, frequency_response, study_curves, study_map,
+    time_histories,
 };
+use crate::continuation::parameters::PARAMETERS;
+use crate::continuation::{Found, FoundBranch, FoundCurve, FoundOrbit, FoundSpecial};
 use crate::study::bifurcation::{Direction, Sample};
 
 /// Values that no simulation should give, and that one may.
@@ -155,5 +158,60 @@ fn responses_and_histories_of_extreme_values_say_how_many_are_not_drawn() {
             HistoryCurve { label: "c".into(), points: (0u8..).map(f64::from).zip(values.iter().copied()).collect() };
         let panel = HistoryPanel { title: "t".into(), curves: vec![history], base: None };
         check(time_histories::draw(&[panel]), values.iter().map(|value| value * 1e3), &values);
+    }
+}
+
+#[test]
+fn branches_and_curves_of_extreme_values_are_drawn_and_say_how_many_are_not() {
+    for values in sets() {
+        let orbit = |(place, value): (usize, &f64)| FoundOrbit {
+            parameter: place as f64,
+            is_stable: place % 4 < 2,
+            peak_x_m: *value,
+            mean_cycle_peak_x_m: *value,
+            peak_offset_m: *value,
+            impacts: 2,
+            fastest_impact_m_per_s: *value,
+            multipliers: vec![[*value, 0.0]],
+        };
+        let special = FoundSpecial {
+            kind: "fold",
+            meaning: String::new(),
+            parameter: 5.0,
+            parameter_error: 0.0,
+            peak_x_m: values[5],
+            after_orbits: 5,
+        };
+        let branch = FoundBranch {
+            number: 1,
+            origin: String::new(),
+            periods: 1,
+            events: 2,
+            ends: ["", ""],
+            special_points: vec![special],
+            orbits: values.iter().enumerate().map(orbit).collect(),
+        };
+        let curve = FoundCurve {
+            branch: 1,
+            kind: "fold",
+            meaning: String::new(),
+            ends: ["", ""],
+            points: values.iter().enumerate().map(|(place, value)| [place as f64, *value, *value]).collect(),
+        };
+        let found = Found {
+            case: "case".into(),
+            case_text: String::new(),
+            parameter: PARAMETERS[0].key,
+            key: PARAMETERS[0],
+            branches: vec![branch],
+            gaps: Vec::new(),
+            not_started: Vec::new(),
+            second_parameter: Some(PARAMETERS[1].key),
+            curve_parameters: Some([PARAMETERS[0], PARAMETERS[1]]),
+            curves: vec![curve],
+        };
+        check(branches::draw(&found), values.iter().map(|value| value * 1e3), &values);
+        let picture = curves::draw(&found).expect("curves");
+        assert!(!picture.svg().contains("NaN") && !picture.svg().contains("inf,"), "{values:?}");
     }
 }

@@ -38,8 +38,10 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontFamily, FontStyle, IntoTextStyle, RGBColor, TextStyle, WHITE};
 use resvg::{tiny_skia, usvg};
 
+use crate::host_time;
 use crate::input::shown;
 use crate::run_folder::own_files;
+use crate::run_folder::sealed_parquet::short;
 
 /// A drawing surface, in points of the SVG.
 pub type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -160,6 +162,13 @@ fn with_text(mut png: Vec<u8>, keyword: &str, text: &str) -> Vec<u8> {
     let sum = crc32fast::hash(&content).to_be_bytes();
     png.splice(PNG_HEAD..PNG_HEAD, [&length[..], &content, &sum].concat());
     png
+}
+
+/// What a figure shows, the beginning of the identity that its table has in its metadata, and the time now.
+#[must_use]
+pub fn source(what: &str, identity: &str) -> String {
+    let now = host_time::now().strftime("%Y-%m-%d %H:%M %:z").to_string();
+    format!("{what} {} · {now}", short(identity))
 }
 
 /// A finished drawing.

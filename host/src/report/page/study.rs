@@ -6,15 +6,15 @@ use super::{document, drawn};
 use crate::report::figures::study::StudyFigure;
 use crate::study::Study;
 
-/// Makes the page. `summary` is the text of the command, a line for each statement.
+/// Makes the page. `summary` is the text of the command, a line for each statement; `source` the study's identity and the date.
 #[must_use]
-pub fn page(study: &Study, summary: &[String], figures: Vec<StudyFigure>) -> String {
+pub fn page(study: &Study, summary: &[String], figures: Vec<StudyFigure>, source: &str) -> String {
     let content = html! {
         header { h1 { (study.name) } @for line in summary { p.under { (line) } } }
         section { @for figure in figures { (drawn(figure.picture, &figure.caption)) } }
         section { h2 { "Study" } pre { code { (study.text) } } }
         section { h2 { "Case" } p.under { (study.case_path.display()) } pre { code { (study.case_text) } } }
-        footer { "Made by " (crate::VERSION_LINE) ". " code { "table.parquet" } " beside this page has all numbers." }
+        footer { "Made by " (crate::VERSION_LINE) ": " (source) ". " code { "table.parquet" } " beside this page has all numbers." }
     };
     document(&study.name, &content)
 }
