@@ -14,10 +14,10 @@ use crate::report::figures::{FigureError, Picture};
 use crate::report::page::page;
 use crate::run_folder::checksum;
 use crate::run_folder::journal::{Begin, CopiedFile, Ended, Entry, Journal, Withdrawn};
+use crate::run_folder::read::folder::id_of;
 use crate::run_folder::schema::acting_settings::acting_settings;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::{Durations, Ending, Manifest, SetUpRecord};
-use crate::run_folder::read::folder::id_of;
 use crate::run_folder::schema::self_description;
 use crate::run_folder::write::writer::{Layout, Writer};
 use crate::run_folder::write::{OutputFolder, Recorder};
@@ -111,7 +111,8 @@ impl<'a> RecordedRun<'a> {
     ) -> Result<Self, StorageError> {
         let RunStart { mut begin, journal, taken, withdrawn, waits_for_room } = start;
         let name = || id_of(folder.path());
-        begin.run = taken.begun.first().map(|first| first.run.clone()).filter(|run| !run.is_empty()).unwrap_or_else(name);
+        begin.run =
+            taken.begun.first().map(|first| first.run.clone()).filter(|run| !run.is_empty()).unwrap_or_else(name);
         let mut manifest = first_manifest(campaign, predicted, &begin, &taken);
         let layout = Layout {
             signals: begin.signals.clone(),
