@@ -90,7 +90,6 @@ pub fn draw(curves: &[Curve], labels: &CurveLabels) -> Result<Picture, FigureErr
     let is_drawn = |(x, y): &(f64, f64)| frame.draws(*x, *y);
     let picture = Picture::draw(WIDTH as u32, height as u32, |canvas| {
         frame.draw(canvas)?;
-        note(canvas, (LEFT, height), undrawn.as_deref())?;
         let left = |size: f64| text(size, INK).pos(Pos::new(HPos::Left, VPos::Center));
         canvas.draw(&Text::new(labels.title.clone(), (LEFT, TOP - 20), left(15.0))).map_err(FigureError::of)?;
         for (place, curve) in curves.iter().enumerate().filter(|_| curves.len() > 1) {
@@ -110,7 +109,8 @@ pub fn draw(curves: &[Curve], labels: &CurveLabels) -> Result<Picture, FigureErr
             canvas.draw(&Text::new(words, (x + 20, height - 16), left(13.0))).map_err(FigureError::of)?;
             x += width(&text(13.0, INK), words) + 50;
         }
-        Ok(())
+        // On the line of these entries.
+        note(canvas, (x, height - 8), undrawn.as_deref())
     })?;
     picture.overlay(|canvas| {
         for (place, curve) in curves.iter().enumerate() {
