@@ -230,7 +230,7 @@ fn a_run_killed_right_after_each_kind_of_entry_loses_no_result_and_mixes_nothing
         // Killed several times, then left alone.
         for turn in 0..12 {
             // The kinds in turn; a few come only near the end of a run.
-            let kind = if done as usize % 2 == 0 {
+            let kind = if (done as usize).is_multiple_of(2) {
                 KINDS[done as usize / 2 % KINDS.len()]
             } else {
                 *random.choice(KINDS.iter()).unwrap()

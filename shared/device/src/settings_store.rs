@@ -118,9 +118,9 @@ impl<F: NorFlash> SettingsStore<F> {
         let record = encode(number, settings).ok_or(NotSaved)?;
         self.flash.erase(page, page + F::ERASE_SIZE as u32).map_err(|_| NotSaved)?;
         self.flash.write(page, &record).map_err(|_| NotSaved)?;
-        let mut written = [0; RECORD_BYTES];
-        self.flash.read(page, &mut written).map_err(|_| NotSaved)?;
-        if written != record {
+        // What the next start reads decides; the padding after the checksum does not count.
+        let saved = Record::Settings { number, settings: *settings, is_migrated: false };
+        if self.read(page) != saved {
             return Err(NotSaved);
         }
         if is_damaged[1 - place] {

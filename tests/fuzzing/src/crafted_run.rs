@@ -193,6 +193,7 @@ fn run(link: Box<dyn Link>, folder: &Path) -> Outcome {
         about: Default::default(),
     };
     let begin = Begin {
+        run: String::new(),
         at: String::new(),
         damprig: damprig::VERSION_LINE.into(),
         device: device_record(&session),

@@ -165,10 +165,10 @@ fn by_names(folder: &Path, all: &[Played]) -> Result<BTreeMap<usize, PathBuf>, R
         let places = played.place..played.place + played.names.len();
         places.map(|place| kept_record(folder, place, &played.file)).collect::<Vec<_>>()
     };
-    let ways: [&dyn Fn(&Played) -> Vec<PathBuf>; 2] = [&by_number, &by_place];
+    type Way<'a> = &'a dyn Fn(&Played) -> Vec<PathBuf>;
+    let ways: [Way<'_>; 2] = [&by_number, &by_place];
     let way = ways.into_iter().find(|way| all.iter().flat_map(way).collect::<BTreeSet<_>>() == there);
-    let first =
-        |way: &dyn Fn(&Played) -> Vec<PathBuf>, played: &Played| Some((played.number, way(played).into_iter().next()?));
+    let first = |way: Way<'_>, played: &Played| Some((played.number, way(played).into_iter().next()?));
     way.map(|way| all.iter().filter_map(|played| first(way, played)).collect()).ok_or_else(|| {
         let folder = folder.display();
         ReadError(format!(

@@ -40,7 +40,7 @@ pub fn differing(
             .and_then(|batches| batches.map(|batch| Ok(batch?.num_rows())).sum::<Result<usize, ReadError>>())
             .ok();
         let made = count.and_then(|count| {
-            table(count).and_then(|table| bytes_of(table, about.clone().with(DESCRIPTION, row))).ok()
+            table(count).and_then(|table| bytes_of(table, about.clone().with(DESCRIPTION, *row))).ok()
         });
         path.exists() && (made.is_none() || regular::read(&path).ok() != made)
     };
