@@ -49,10 +49,11 @@ impl Viewer for Motion {
     fn piece(&mut self, piece: &impl Piece) {
         let (start_s, length_s) = (piece.start_s(), piece.length_s());
         let end_s = start_s + length_s;
-        let is_last = end_s >= self.duration_s;
+        // The sum of the pieces' lengths may be short of the duration by rounding, which must not lose a row.
+        let rounding_s = 1e-12 * self.duration_s;
+        let is_last = end_s + rounding_s >= self.duration_s;
         while let Some(t_s) = self.times.at(self.t_s.len()) {
-            // Rounding must not lose a row at the end of the run.
-            let rounding_s = if is_last { 1e-12 * self.duration_s } else { 0.0 };
+            let rounding_s = if is_last { 2.0 * rounding_s } else { 0.0 };
             if t_s - start_s > length_s + rounding_s {
                 return;
             }

@@ -24,6 +24,24 @@ def test_an_undamped_free_vibration_is_a_cosine():
     assert np.array_equal(result.y, result.x) and not result.z.any()
 
 
+def test_every_time_that_is_asked_for_has_its_row():
+    random = np.random.default_rng(29)
+    for _ in range(2000):
+        duration_s = random.uniform(0.1, 3.0)
+        case = {
+            "structure": {"mass_kg": 1.6, "natural_frequency_hz": random.uniform(1.0, 9.0), "damping_ratio": 0.0038},
+            "particle": {"mass_ratio": 0.1, "clearance_m": 0.01, "restitution": 0.6},
+            "initial": {"x_m": 0.035},
+            "run": {"duration_s": duration_s},
+        }
+        times = np.sort(random.uniform(0.0, duration_s, 50))
+        times[-1] = duration_s
+        assert np.array_equal(damprig.simulate(case, sample_times=times).time, times)
+        assert len(damprig.simulate(case, sample_times=[duration_s]).time) == 1
+        rows = int(random.integers(1, 200))
+        assert len(damprig.simulate(case, rate_hz=rows / duration_s).time) == rows + 1
+
+
 def test_the_base_of_a_sine_is_the_sine(spid):
     result = damprig.simulate(spid, rate_hz=500)
     wanted = 0.003 * np.sin(2 * np.pi * 2.5 * result.time)

@@ -98,7 +98,7 @@ pub fn identify(motion: &Motion, wanted: Wanted) -> Result<TimeResponse, CannotI
     let natural = fitted.natural_frequency_hz.value;
     let width_hz = 2.0 * fitted.damping_ratio.value * natural;
     let needed_s = needed_s(width_hz);
-    let segment_s = wanted.segment_s.unwrap_or(needed_s.clamp(20.0 / natural, length_s / USUAL_SEGMENTS));
+    let segment_s = wanted.segment_s.unwrap_or(needed_s.max(20.0 / natural).min(length_s / USUAL_SEGMENTS));
     let segments = Segments::new(motion, segment_s, overlap)?;
     let spectrum = welch::spectrum(motion, &segments);
     let by_h1 = by_h1(&spectrum, natural, width_hz, length_s);

@@ -74,6 +74,17 @@ fn a_minute_of_noise_gives_frequency_and_damping_with_intervals_that_cover_the_t
     }
 }
 
+/// A record of 10 to 100 periods is shorter than five segments of 20 periods.
+#[test]
+fn a_record_of_few_periods_is_answered_without_h1() {
+    for seconds in [4.5, 8.0, 20.0, 38.0] {
+        let (model, sheet) = ideal(1);
+        let found = identify(&record(0.02, seconds, 1, model, sheet), Wanted::default());
+        let found = found.unwrap_or_else(|error| panic!("{seconds} s: {error}"));
+        assert!(found.by_h1.is_err(), "{seconds} s");
+    }
+}
+
 /// Segments of 24 s resolve a half-power width of 0.25 Hz: H1 gives the same by other means.
 #[test]
 fn h1_of_a_long_record_agrees_with_the_fit_over_time() {
