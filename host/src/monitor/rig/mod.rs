@@ -60,7 +60,7 @@ pub fn watch(
     }
 }
 
-/// Shows the rig after its run: the decay of the structure, on the run's own time axis. Until `stop`, at most for [`DECAY`], or
+/// Shows the rig after its run: the decay of the structure, on the run's own time axis. Until `stop`, at most for 30 s, or
 /// until the link is lost. Nothing is shown of a rig whose time the host grants: it stands.
 pub fn watch_after_run(session: &mut Session, after: AfterRun, feed: &Feed, actions: &Actions, stop: &AtomicBool) {
     let mut link = after.link.clone();

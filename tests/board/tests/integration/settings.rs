@@ -1,7 +1,5 @@
 //! Tests of settings through the `damprig` command, and of the flash that stores them.
 
-use std::process::Output;
-
 use damprig_board::peripherals::flash::{Bank2, Cut};
 use damprig_board::{Board, Config, Output, Time};
 use damprig_core::settings::{Settings, Source};
@@ -9,7 +7,7 @@ use damprig_protocol::{Reply, Request};
 
 use crate::common::{Host, Served, bare, damprig, image, is_driving, project, run_campaign, said, sine};
 
-fn settings(rig: &str, arguments: &[&str]) -> Output {
+fn settings(rig: &str, arguments: &[&str]) -> std::process::Output {
     let output = damprig().arg("settings").args(arguments).args(["--rig", rig]).output().unwrap();
     assert!(output.status.success(), "{arguments:?}: {}", said(&output));
     output
