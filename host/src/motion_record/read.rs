@@ -229,7 +229,8 @@ fn table(text: &str, spec: &Spec, to_si: &ToSi) -> Result<(f64, Vec<f64>), Strin
             }
             times.push(t);
         }
-        let si = to_si.value(&fields[value], number(value)?);
+        let given = number(value)?;
+        let si = to_si.value(&fields[value], given);
         values.push(si.map_err(|why| format!("line {line}, column {}: {why}", value + 1))?);
     }
     let step_s = match (spec.time_step_s, times.as_slice()) {

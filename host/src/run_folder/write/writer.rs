@@ -277,18 +277,25 @@ impl Writer {
         Ok(())
     }
 
-    /// Ends the recording: closes the open part and syncs everything to the disk.
+    /// Ends the recording: closes the open part and syncs everything to the disk. What can be written is written, whatever cannot.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// The first thing that cannot be written.
     pub fn close(&mut self) -> Result<(), StorageError> {
-        self.seal()?;
-        if !self.state.impacts.is_empty() {
-            let table = impacts::table(&self.state.impacts, self.layout.tick_hz);
-            write_table(&self.folder.join(IMPACTS), table, self.layout.about(impacts::ROW), Durability::Disk)?;
+        self.journal.is_in_place()?;
+        let sealed = self.seal();
+        let impacts = self.write_impacts();
+        let synced = self.sync();
+        let results = self.write_results(Durability::Disk);
+        sealed.and(impacts).and(synced).and(results)
+    }
+
+    fn write_impacts(&self) -> Result<(), StorageError> {
+        if self.state.impacts.is_empty() {
+            return Ok(());
         }
-        self.sync()?;
-        self.write_results(Durability::Disk)
+        let table = impacts::table(&self.state.impacts, self.layout.tick_hz);
+        write_table(&self.folder.join(IMPACTS), table, self.layout.about(impacts::ROW), Durability::Disk)
     }
 
     fn write_results(&self, durability: Durability) -> Result<(), StorageError> {

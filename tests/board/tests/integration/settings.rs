@@ -161,7 +161,8 @@ fn a_flash_that_reads_other_bytes_than_were_written_is_reported_and_the_old_sett
             Err(why) => {
                 refused += 1;
                 assert!(why.to_string().contains("did not take"), "{why}");
-                assert_eq!((wall_force_n, source, after), (300.0, Source::Host, Source::Stored), "byte {at}");
+                // The stuck byte makes the page without a record a damaged one, before the save and after it.
+                assert_eq!((wall_force_n, source, after), (300.0, Source::Older, Source::Older), "byte {at}");
             }
         }
     }
