@@ -30,7 +30,7 @@ def test_every_time_that_is_asked_for_has_its_row():
         duration_s = random.uniform(0.1, 3.0)
         case = {
             "structure": {"mass_kg": 1.6, "natural_frequency_hz": random.uniform(1.0, 9.0), "damping_ratio": 0.0038},
-            "particle": {"mass_ratio": 0.1, "clearance_m": 0.01, "restitution": 0.6},
+            "particle": {"mass_ratio": 0.1, "clearance_m": 0.01, "wall": {"kind": "restitution", "coefficient": 0.6}},
             "initial": {"x_m": 0.035},
             "run": {"duration_s": duration_s},
         }

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import time
 import uuid
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import aiohttp
@@ -124,7 +125,9 @@ def ask(url, action):
                     if message["kind"] == "answer":
                         return message
 
-    answer = asyncio.run(send())
+    # In a thread of its own: the browser's loop may run in this one.
+    with ThreadPoolExecutor(1) as pool:
+        answer = pool.submit(asyncio.run, send()).result()
     assert answer["ok"], answer
 
 

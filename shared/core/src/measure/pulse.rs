@@ -183,6 +183,7 @@ impl Channel {
     /// Forgets what earlier samples say about offset and ringing: the offset becomes the mean of the next idle samples.
     pub(super) fn restart(&mut self) {
         self.followed = 0;
+        self.drifted_to = None;
         self.since = u32::MAX;
     }
 

@@ -2,6 +2,7 @@
 
 use crate::support::flash::{Cut, Flash, PAGE, SIZE, WORD};
 use damprig_core::settings::{Settings, Source};
+use damprig_device::settings_record::encode;
 use damprig_device::settings_store::{NotSaved, SettingsStore};
 
 fn store(flash: &mut Flash) -> SettingsStore<&mut Flash> {
@@ -179,8 +180,10 @@ fn settings_out_of_range_are_rejected_even_in_a_valid_record() {
     let mut wrong = numbered(1);
     wrong.spring.step_m = -1.0;
     let mut flash = Flash::default();
-    save(&mut flash, &wrong).unwrap();
+    let record = encode(0, &wrong).unwrap();
+    flash.bytes[..record.len()].copy_from_slice(&record);
     assert_eq!(load(&mut flash), (Settings::default(), Source::Damaged));
+    assert_eq!(save(&mut flash, &wrong), Err(NotSaved));
 }
 
 #[test]

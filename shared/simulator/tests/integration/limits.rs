@@ -398,7 +398,7 @@ fn a_drive_ends_after_ten_seconds_of_host_silence_by_default_or_after_a_shorter_
 #[test]
 fn ticks_granted_by_a_host_do_not_count_as_its_silence() {
     let mut host = Host::new(Settings {
-        safety: SafetyConfig { limits: Limits { structure_m: 0.08, base_m: 0.08 }, ..settings().safety },
+        safety: SafetyConfig { limits: Limits { structure_m: 0.078, base_m: 0.078 }, ..settings().safety },
         ..settings()
     });
     host.done(Request::Configure(SteppedSine { amplitude_m: 2e-4, settle_s: 30.0, ..resonance() }));
