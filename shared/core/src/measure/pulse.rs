@@ -129,6 +129,10 @@ pub(super) enum Finding {
     Rang,
 }
 
+/// Share of the offset's time constant after a restart from which on a drift is told: 20 ms of 1 s. The mean of fewer idle samples may lie
+/// beyond the limit because the sensor has just been lost, which 5 ms at a rail tell.
+const DRIFT_TOLD_AFTER: f32 = 0.02;
+
 /// One wall's channel.
 #[derive(Clone, Debug)]
 pub(super) struct Channel {
@@ -219,7 +223,8 @@ impl Channel {
         let share = count as f32 * paces.offset_gain.max(1.0 / self.followed as f32);
         let followed = from + (mean - from) * share;
         self.offset = followed.max(paces.offset_low).min(paces.offset_high);
-        self.drifted_to = (self.offset != followed).then_some(mean);
+        let is_known = self.followed as f32 * paces.offset_gain >= DRIFT_TOLD_AFTER;
+        self.drifted_to = (is_known && self.offset != followed).then_some(mean);
         self.limit = limit(self.offset, paces);
     }
 
