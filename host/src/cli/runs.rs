@@ -385,7 +385,8 @@ fn export(args: &Export) -> Outcome {
         return Err(Failure::Input(message));
     }
     let exporter = args.format.exporter();
-    let tables = args.what.map_or_else(|| exporter.usual_tables().to_vec(), |table| vec![table]);
+    let usual = || exporter.usual_tables().iter().copied().filter(|table| table.is_usual(&run)).collect();
+    let tables: Vec<RunTable> = args.what.map_or_else(usual, |table| vec![table]);
     if let Some((table, why)) = tables.iter().find_map(|table| Some((table, exporter.cannot_hold(*table)?))) {
         let format = exporter.extension();
         return Err(Failure::Input(format!("--format {format} --what {}: {why}", table.name())));

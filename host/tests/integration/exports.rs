@@ -6,9 +6,11 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::common::{cut_off, damprig, folder_with, python, read_parquet, short};
+use crate::common::{Fate, Served, cut_off, damprig, folder_with, python, read_parquet, short};
 use arrow_array::{BooleanArray, RecordBatch};
 use arrow_select::filter::filter_record_batch;
+use damprig_protocol::FromDevice;
+use matrw::MatVariable;
 use parquet::arrow::ArrowWriter;
 use predicates::prelude::*;
 use predicates::str::contains;
@@ -201,6 +203,42 @@ fn a_history_never_spans_a_gap() {
     assert_eq!(count("whole.uff"), 2 * 6, "two signals at six points");
     lose(&run, |row| row != 100);
     assert_eq!(count("gap.uff"), 2 * 7);
+}
+
+/// Of a campaign without transients, and of a run that ended before its first sample.
+#[test]
+fn a_table_without_rows_has_its_columns() {
+    let has = |folder: &TempDir, table: &str, first_columns: &str, column: &str| {
+        for format in ["csv", "mat", "h5"] {
+            let file = format!("{table}.{format}");
+            let answer = export(folder, &[format, "--what", table, "--out", &file]).success();
+            answer.stdout(contains(format!("0 rows of {table}")));
+            let bytes = std::fs::read(folder.path().join(&file)).unwrap();
+            match format {
+                "csv" => {
+                    let text = String::from_utf8(bytes).unwrap();
+                    assert!(text.starts_with(first_columns) && text.lines().count() == 1, "{file}: {text:?}");
+                }
+                "h5" => {
+                    let read = hdf5_pure::File::from_bytes(bytes).unwrap();
+                    let read = read.dataset(&format!("{table}/{column}")).unwrap();
+                    assert_eq!(read.shape().unwrap(), [0], "{file}");
+                }
+                _ => {
+                    let mut read = matrw::load_matfile(folder.path().join(&file).to_str().unwrap()).unwrap();
+                    let Some(MatVariable::Structure(mut read)) = read.take(table) else { panic!("{file}: no struct") };
+                    assert!(read.take(column).is_some(), "{file}");
+                }
+            }
+        }
+    };
+    let (folder, _) = with_run();
+    has(&folder, "transients", "set_up,experiment,", "x_peak_m");
+    let folder = folder_with(&short());
+    let rig =
+        Served::start(|message| if matches!(message, FromDevice::Telemetry(_)) { Fate::Close } else { Fate::Pass }).rig;
+    damprig(&folder).args(["run", "test.toml", "--rig", &rig, "--out", "out", "--reconnect-s", "0"]).assert().code(1);
+    has(&folder, "samples", "set_up,experiment,segment [1],", "x_m");
 }
 
 #[test]

@@ -33,8 +33,7 @@ pub(super) struct Column {
     pub(super) values: Values,
 }
 
-/// The selected rows of the selected tables, in their order. A table of transients or impacts that has no columns is left out:
-/// most runs have none.
+/// The selected rows of the selected tables, in their order.
 ///
 /// # Errors
 /// More than `most` values in a table; a column of an unknown type, or one that only some files of the run have.
@@ -58,10 +57,7 @@ pub(super) fn tables(
             }
             gather(&mut columns, &batch, table)
         })?;
-        let may_lack = matches!(table, RunTable::Transients | RunTable::Impacts);
-        if !(may_lack && columns.is_empty()) {
-            tables.push((table, columns));
-        }
+        tables.push((table, columns));
     }
     Ok(tables)
 }

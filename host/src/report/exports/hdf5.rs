@@ -95,9 +95,6 @@ impl<'f> LongTable<'f> {
             gather(&mut long.columns, &batch, table).map_err(|e| failed(&e))?;
             long.write_chunks().map_err(|e| failed(&e))
         })?;
-        if table == RunTable::Impacts && long.columns.is_empty() {
-            return Ok(());
-        }
         long.finish().map_err(|e| failed(&e))
     }
 

@@ -15,12 +15,15 @@ pub mod uff;
 mod uff_dataset;
 
 use arrow_array::{BooleanArray, RecordBatch};
+use arrow_schema::Metadata;
 use arrow_select::filter::filter_record_batch;
+use damprig_core::io::TICK_HZ;
 
 use atomic_file::OutFile;
 
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::read::sample_files::{read_samples, sample_files};
+use crate::run_folder::schema::{impacts, results, samples, transients};
 use crate::run_folder::{ReadError, RunFolder};
 
 /// A table of a run.
@@ -50,6 +53,37 @@ impl RunTable {
             Self::Impacts => "impacts",
         }
     }
+
+    /// Its rows in a run; `None` for samples, which are read file by file.
+    fn of(self, run: &RunFolder) -> Option<Result<Vec<RecordBatch>, ReadError>> {
+        match self {
+            Self::Samples => None,
+            Self::Results => Some(run.results()),
+            Self::Transients => Some(run.transients()),
+            Self::Impacts => Some(run.impacts()),
+        }
+    }
+
+    /// Its columns in a run, without rows.
+    fn without_rows(self, run: &RunFolder) -> Result<RecordBatch, ReadError> {
+        match self {
+            Self::Samples => Ok(RecordBatch::new_empty(samples::schema(&run.manifest().signals, &Metadata::new()))),
+            Self::Results => results::table(&[]).map_err(ReadError),
+            Self::Transients => transients::table(&[]).map_err(ReadError),
+            Self::Impacts => impacts::table(&[], f64::from(TICK_HZ)).map_err(ReadError),
+        }
+    }
+
+    /// Whether a file of several tables has it without being asked for: most runs have no transients or no impacts.
+    #[must_use]
+    pub fn is_usual(self, run: &RunFolder) -> bool {
+        let has_rows = |batches: Vec<RecordBatch>| batches.iter().any(|batch| batch.num_rows() > 0);
+        match self {
+            Self::Samples | Self::Results => true,
+            // One that cannot be read is named by the export.
+            Self::Transients | Self::Impacts => self.of(run).is_none_or(|read| read.map_or(true, has_rows)),
+        }
+    }
 }
 
 /// The part of a run to export.
@@ -77,8 +111,8 @@ pub struct ExportSummary {
 }
 
 impl ExportSelection {
-    /// Passes the selected rows of a table to `take`, batch by batch, in order. Unreadable parts are added to
-    /// `exported.missing`.
+    /// Passes the selected rows of a table to `take`, batch by batch, in order; a batch with the columns alone if there are no
+    /// rows. Unreadable parts are added to `exported.missing`.
     ///
     /// # Errors
     /// The error of `take`.
@@ -89,23 +123,27 @@ impl ExportSelection {
         exported: &mut ExportSummary,
         mut take: impl FnMut(RecordBatch) -> Result<(), ReadError>,
     ) -> Result<(), ReadError> {
+        let mut has_columns = false;
         let mut take_chosen = |batch: &RecordBatch, exported: &mut ExportSummary| {
+            has_columns = true;
             let chosen = self.choose(batch, table)?;
             exported.rows += chosen.num_rows() as u64;
             take(chosen)
         };
-        if table != RunTable::Samples {
-            let read = match table {
-                RunTable::Transients => run.transients(),
-                RunTable::Impacts => run.impacts(),
-                RunTable::Results | RunTable::Samples => run.results(),
-            };
-            match read {
-                Ok(batches) => batches.iter().try_for_each(|batch| take_chosen(batch, exported))?,
-                Err(error) => exported.missing.push(error.to_string()),
-            }
-            return Ok(());
+        match table.of(run) {
+            Some(Ok(batches)) => batches.iter().try_for_each(|batch| take_chosen(batch, exported))?,
+            Some(Err(error)) => exported.missing.push(error.to_string()),
+            None => self.each_of_samples(run, exported, &mut take_chosen)?,
         }
+        if has_columns { Ok(()) } else { take(table.without_rows(run)?) }
+    }
+
+    fn each_of_samples(
+        &self,
+        run: &RunFolder,
+        exported: &mut ExportSummary,
+        take_chosen: &mut impl FnMut(&RecordBatch, &mut ExportSummary) -> Result<(), ReadError>,
+    ) -> Result<(), ReadError> {
         for file in sample_files(run.path()) {
             let mut rows = 0;
             let batches = match read_samples(&file) {
@@ -147,7 +185,7 @@ impl ExportSelection {
 
 /// Writes a part of a run in one format.
 pub trait Exporter {
-    /// Tables written by default.
+    /// Tables written by default, of which a run may lack some ([`RunTable::is_usual`]).
     fn usual_tables(&self) -> &'static [RunTable];
 
     /// Whether a file holds a single table.
