@@ -215,6 +215,16 @@ impl Source {
         }
     }
 
+    /// The problems in an attached text, with their places in that text.
+    #[must_use]
+    pub fn problems_in(&self, attached: &str) -> Vec<Problem> {
+        let placed = |problem: &Problem| {
+            let (name, _, span) = self.place(&problem.span);
+            (name == attached).then(|| Problem { span, ..problem.clone() })
+        };
+        self.problems().iter().filter_map(placed).collect()
+    }
+
     /// The text at a place, in this file or in the attached one.
     #[must_use]
     pub fn written(&self, span: &Span) -> Option<&str> {

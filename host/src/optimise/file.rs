@@ -16,6 +16,9 @@ use crate::study::simulate::Record;
 /// Evaluations for each variable, unless the file states their number.
 const EVALUATIONS_PER_VARIABLE: u64 = 2_000;
 
+/// Who sets the values of a case, in messages about a single point.
+const ORIGIN: &str = "the variables and axes";
+
 /// Most variables.
 const MOST_VARIABLES: usize = 12;
 
@@ -179,13 +182,26 @@ impl Optimisation {
     /// # Errors
     /// Names the key, its value and what is allowed.
     pub fn case_with(&self, values: &[Value]) -> Result<Case, Refusal> {
-        let set = self.set_values(values);
-        let source = Source::new(self.case_path.display().to_string(), self.case_text.as_str()).with_files(&self.files);
-        Case::parse_changed(&source, &default_name(&self.case_path), &set)
+        self.parse_case(&self.case_source(), values)
+    }
+
+    /// As [`Optimisation::case_with`]; a problem of a key or value is shown where the optimisation's file has it.
+    fn checked_case(&self, source: &Source, values: &[Value]) -> Result<Case, Refusal> {
+        let case = self.case_source();
+        let read = self.parse_case(&case, values);
+        read.map_err(|refusal| axis::refused(source, &self.axes, values, (&case, ORIGIN), refusal))
+    }
+
+    fn case_source(&self) -> Source {
+        Source::new(self.case_path.display().to_string(), self.case_text.as_str()).with_files(&self.files)
+    }
+
+    fn parse_case(&self, case: &Source, values: &[Value]) -> Result<Case, Refusal> {
+        Case::parse_changed(case, &default_name(&self.case_path), &self.set_values(values))
     }
 
     fn set_values(&self, values: &[Value]) -> SetValues {
-        SetValues { origin: "the variables and axes".into(), lines: lines(&self.axes, values) }
+        SetValues { origin: ORIGIN.into(), lines: lines(&self.axes, values) }
     }
 
     /// Whether `new` is a better value of the objective than `old`.
@@ -196,7 +212,7 @@ impl Optimisation {
 
     fn check(&self, source: &Source) -> Result<(), Refusal> {
         for corner in corners(&self.axes) {
-            let case = self.case_with(&corner)?;
+            let case = self.checked_case(source, &corner)?;
             self.check_case(&case, &corner)?;
             self.check_metrics(source, &case)?;
         }
@@ -206,7 +222,7 @@ impl Optimisation {
             for value in axis.checked_values() {
                 let mut values = first.clone();
                 values[place] = value;
-                self.case_with(&values)?;
+                self.checked_case(source, &values)?;
             }
         }
         Ok(())
@@ -285,8 +301,10 @@ fn read_variable(s: &Section) -> Option<Axis> {
     let is_log = s.word(&variable::SCALE) == Some(1);
     s.finish();
     let key = axis::checked_key(s, key?)?;
-    let (from, to) = axis::checked_range(s, &from?, &to?, is_log, "leave the variable out, and state it in the case")?;
-    Some(Axis { key: key.value, values: Values::Drawn { from, to, is_log }, is_log, reduce: None, span: key.span })
+    let (from, to) = (from?, to?);
+    axis::checked_range(s, &from, &to, is_log, "leave the variable out, and state it in the case")?;
+    let values = Values::Drawn { from: from.value, to: to.value, is_log };
+    Some(Axis { key: key.value, values, is_log, reduce: None, span: key.span, value_spans: vec![from.span, to.span] })
 }
 
 fn read_axis(s: &Section) -> Option<Axis> {

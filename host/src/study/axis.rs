@@ -2,8 +2,8 @@
 
 use super::keys::axis as keys;
 use crate::input::key::Unit;
-use crate::input::section::{Number, Text};
-use crate::input::{Section, Span};
+use crate::input::section::{Given, Number, Text};
+use crate::input::{Problem, Refusal, Section, Source, Span};
 
 /// The value of an axis at a point.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,8 +101,10 @@ pub struct Axis {
     pub is_log: bool,
     /// How its points become one, if they do.
     pub reduce: Option<Reduction>,
-    /// Where the study file has it.
+    /// Where the file has its key.
     pub span: Span,
+    /// Where the file has its values: each of a list, or both ends of a range.
+    pub value_spans: Vec<Span>,
 }
 
 impl Axis {
@@ -126,6 +128,15 @@ impl Axis {
         }
     }
 
+    /// Where the file has a value; `None` for one between the ends of a range.
+    fn span_of(&self, value: &Value) -> Option<Span> {
+        let own = self.checked_values();
+        let place = own.iter().position(|own| own == value)?;
+        let of_list = self.value_spans.get(place).filter(|_| self.value_spans.len() == own.len());
+        let end = if place == 0 { self.value_spans.first() } else { self.value_spans.last() };
+        of_list.or(end.filter(|_| place == 0 || place + 1 == own.len())).cloned()
+    }
+
     /// The key's last part, which ends with its unit.
     #[must_use]
     pub fn short_key(&self) -> &str {
@@ -146,6 +157,45 @@ impl Axis {
             _ => (0..self.count()).map(|place| self.value(place, 0.0)).collect(),
         }
     }
+}
+
+/// Says where the `file` of some axes has what a case refuses: a key, or a value of it. `case` is the case with these values, a line
+/// for each axis, in the attached text `origin`, and `refusal` what it says of problems elsewhere.
+pub(crate) fn refused(
+    file: &Source,
+    axes: &[Axis],
+    values: &[Value],
+    (case, origin): (&Source, &str),
+    refusal: Refusal,
+) -> Refusal {
+    let lines = super::file::lines(axes, values);
+    for problem in case.problems_in(origin) {
+        let before = lines.get(..problem.span.start).unwrap_or(&lines);
+        let place = before.matches('\n').count();
+        let (Some(axis), Some(value)) = (axes.get(place), values.get(place)) else { continue };
+        let is_key = before.len() - before.rfind('\n').map_or(0, |end| end + 1) < axis.key.len();
+        if is_key {
+            file.report(Problem { span: axis.span.clone(), ..problem });
+            continue;
+        }
+        let (span, title, help) = match axis.span_of(value) {
+            Some(span) => {
+                let written = file.written(&span).unwrap_or_default();
+                let title = format!("`{}` = {written} is not allowed", axis.key);
+                (span, title, problem.help)
+            }
+            // Both ends are allowed.
+            None => {
+                let help = "choose `from`, `to` and `count` so that every value is allowed, or give `values`";
+                (axis.span.clone(), problem.title, Some(help.into()))
+            }
+        };
+        file.report(Problem { title, span, allowed: problem.allowed, help });
+    }
+    file.verdict().err().unwrap_or_else(|| {
+        let at = lines.trim_end().replace('\n', ", ");
+        Refusal(format!("{refusal}\n  {} sets {at}", file.name()))
+    })
 }
 
 /// A value between two ends: exactly the ends at 0 and 1, and a whole number where only rounding keeps it from being one.
@@ -171,6 +221,7 @@ pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Opti
     s.finish();
     let key = checked_key(s, key?)?;
     let is_range = s.is_given(&keys::FROM) || s.is_given(&keys::TO) || s.is_given(&keys::COUNT);
+    let mut value_spans = Vec::new();
     let values = match numbers {
         Some(_) if is_range => {
             s.reject(
@@ -180,7 +231,7 @@ pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Opti
             );
             return None;
         }
-        Some(given) => read_list(s, given?.1)?,
+        Some(given) => read_list(s, given?.1, &mut value_spans)?,
         None => {
             let (from, to) = match (from, to) {
                 (Some(from), Some(to)) => (from, to),
@@ -199,6 +250,7 @@ pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Opti
                     return None;
                 }
             };
+            value_spans = vec![from.span.clone(), to.span.clone()];
             let (from, to) = checked_range(s, &from, &to, is_log, "give one value as values = […]")?;
             match count {
                 Some(count) => {
@@ -214,7 +266,7 @@ pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Opti
             }
         }
     };
-    Some(Axis { key: key.value, values, is_log, reduce, span: key.span })
+    Some(Axis { key: key.value, values, is_log, reduce, span: key.span, value_spans })
 }
 
 /// A key of a case with its tables.
@@ -249,11 +301,16 @@ pub(crate) fn checked_range(
     Some((from.value, to.value))
 }
 
-fn read_list(s: &Section, given: crate::input::section::Given) -> Option<Values> {
-    use crate::input::section::Given;
+fn read_list(s: &Section, given: Given, spans: &mut Vec<Span>) -> Option<Values> {
     let values = match given {
-        Given::Numbers(numbers) => Values::Numbers(numbers.into_iter().map(|number| number.value).collect()),
-        Given::Texts(words) => Values::Words(words.into_iter().map(|word| word.value).collect()),
+        Given::Numbers(numbers) => {
+            spans.extend(numbers.iter().map(|number| number.span.clone()));
+            Values::Numbers(numbers.into_iter().map(|number| number.value).collect())
+        }
+        Given::Texts(words) => {
+            spans.extend(words.iter().map(|word| word.span.clone()));
+            Values::Words(words.into_iter().map(|word| word.value).collect())
+        }
         _ => return None,
     };
     let is_empty = match &values {

@@ -272,6 +272,7 @@ mod tests {
             is_log: false,
             reduce: Some(reduce),
             span: 0..0,
+            value_spans: Vec::new(),
         };
         let values = [1.0, 2.0, 3.0, 4.0, 5.0, 9.0];
         let of = |first: Reduction, second: Reduction| reduce_over(&[&axis(2, first), &axis(3, second)], &values);

@@ -17,6 +17,9 @@ use crate::input::{Files, Problem, Refusal, Section, Source, near};
 use crate::simulation::case::default_name;
 use crate::simulation::{Case, SetValues};
 
+/// Who sets the values of a case, in messages about a single point.
+const ORIGIN: &str = "the axes of the study";
+
 /// Most corners of the grid that are checked before a study.
 const MOST_CORNERS: u32 = 64;
 
@@ -134,9 +137,23 @@ impl Study {
     /// # Errors
     /// Names the key, its value and what is allowed.
     pub fn case_with(&self, values: &[Value]) -> Result<Case, Refusal> {
-        let set = SetValues { origin: "the axes of the study".into(), lines: lines(&self.axes, values) };
-        let source = Source::new(self.case_path.display().to_string(), self.case_text.as_str()).with_files(&self.files);
-        Case::parse_changed(&source, &default_name(&self.case_path), &set)
+        self.parse_case(&self.case_source(), values)
+    }
+
+    /// As [`Study::case_with`]; a problem of a key or value is shown where the study's file has it.
+    fn checked_case(&self, source: &Source, values: &[Value]) -> Result<Case, Refusal> {
+        let case = self.case_source();
+        let read = self.parse_case(&case, values);
+        read.map_err(|refusal| axis::refused(source, &self.axes, values, (&case, ORIGIN), refusal))
+    }
+
+    fn case_source(&self) -> Source {
+        Source::new(self.case_path.display().to_string(), self.case_text.as_str()).with_files(&self.files)
+    }
+
+    fn parse_case(&self, case: &Source, values: &[Value]) -> Result<Case, Refusal> {
+        let set = SetValues { origin: ORIGIN.into(), lines: lines(&self.axes, values) };
+        Case::parse_changed(case, &default_name(&self.case_path), &set)
     }
 
     /// Whether `new` is a better value of the objective than `old`.
@@ -145,22 +162,23 @@ impl Study {
         if self.is_maximum { new > old } else { new < old }
     }
 
-    /// Checks each value of each axis with the first values of the others, and the corners of the grid.
+    /// Checks the corners of the grid, and each value of each axis with the first values of the others.
     fn check(&self, source: &Source) -> Result<(), Refusal> {
         let first: Vec<Value> = self.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
         self.check_metrics(source, &first)?;
+        corners(&self.axes).iter().try_for_each(|corner| self.check_at(source, corner))?;
         for (place, axis) in self.axes.iter().enumerate() {
             for value in axis.checked_values().into_iter().take(MOST_CHECKED) {
                 let mut values = first.clone();
                 values[place] = value;
-                self.check_at(&values)?;
+                self.check_at(source, &values)?;
             }
         }
-        corners(&self.axes).iter().try_for_each(|corner| self.check_at(corner))
+        Ok(())
     }
 
-    fn check_at(&self, values: &[Value]) -> Result<(), Refusal> {
-        let case = self.case_with(values)?;
+    fn check_at(&self, source: &Source, values: &[Value]) -> Result<(), Refusal> {
+        let case = self.checked_case(source, values)?;
         if self.ensemble.is_some() && case.set_up.particle.is_none() {
             return Err(Refusal(format!(
                 "[ensemble] is for a particle, and {} has none\n  leave it out",
@@ -177,7 +195,7 @@ impl Study {
     }
 
     fn check_metrics(&self, source: &Source, values: &[Value]) -> Result<(), Refusal> {
-        let case = self.case_with(values)?;
+        let case = self.checked_case(source, values)?;
         for metric in &self.metrics {
             if let Some(why) = metric.refusal(&case) {
                 source.report(Problem {

@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     fn axis(key: &str, values: Values, reduce: Option<Reduction>) -> Axis {
-        Axis { key: key.into(), values, is_log: false, reduce, span: 0..0 }
+        Axis { key: key.into(), values, is_log: false, reduce, span: 0..0, value_spans: Vec::new() }
     }
 
     #[test]

@@ -231,7 +231,7 @@ fn a_wrong_file_is_refused_with_what_is_wrong_and_what_to_do() {
         ),
         (
             format!("{TOP}[[variable]]\nkey = \"particle.wall.coefficient\"\nfrom = 0.5\nto = 1.5\n"),
-            &["the variables and axes", "1.5", "from 0 to 1"],
+            &["file.toml:7:6", "`particle.wall.coefficient` = 1.5", "from 0 to 1"],
         ),
         (format!("{TOP}{CLEARANCE}{CLEARANCE}"), &["particle.clearance_ratio", "varied twice"]),
         (format!("{TOP}{CLEARANCE}{}", BAND.replace("reduce = \"maximum\"\n", "")), &["no `reduce`", "worst case"]),

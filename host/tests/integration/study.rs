@@ -311,7 +311,7 @@ fn a_wrong_study_is_refused_with_what_is_wrong_and_what_to_do() {
     let cases: &[(&str, &[&str])] = &[
         (
             "[[axis]]\nkey = \"particle.clearence_m\"\nvalues = [0.01]\n",
-            &["unknown key", "particle.clearence_m", "clearance_m"],
+            &["unknown key", "study.toml:4:7", "particle.clearence_m", "clearance_m"],
         ),
         (
             "[[axis]]\nkey = \"particle.clearance_m\"\nfrom = 0.02\nto = 0.01\ncount = 3\n",
@@ -323,7 +323,25 @@ fn a_wrong_study_is_refused_with_what_is_wrong_and_what_to_do() {
         ("[[axis]]\nkey = \"particle.clearance_m\"\n", &["no values"]),
         (
             "[[axis]]\nkey = \"particle.wall.coefficient\"\nvalues = [0.5, 1.5]\n",
-            &["the axes of the study", "1.5", "from 0 to 1"],
+            &["study.toml:5:16", "`particle.wall.coefficient` = 1.5", "from 0 to 1"],
+        ),
+        // The end that is wrong is named, and no value between the ends.
+        (
+            "[[axis]]\nkey = \"particle.wall.coefficient\"\nfrom = 5e-1\nto = 15e-1\ncount = 8\n",
+            &["study.toml:6:6", "`particle.wall.coefficient` = 15e-1", "from 0 to 1"],
+        ),
+        (
+            "[[axis]]\nkey = \"particle.wall.coefficient\"\nfrom = -1\nto = 2\ncount = 8\n",
+            &["study.toml:5:8", "`particle.wall.coefficient` = -1", "from 0 to 1"],
+        ),
+        (
+            "[[axis]]\nkey = \"particle.start\"\nwords = [\"at_negative_wall\", \"somewhere\"]\n",
+            &["study.toml:5:30", "`particle.start` = \"somewhere\"", "at_positive_wall"],
+        ),
+        // Between allowed ends a value that is not.
+        (
+            "[[axis]]\nkey = \"run.cycle_s\"\nvalues = [0.4]\n[[axis]]\nkey = \"run.steady_from_cycle\"\nfrom = 0\nto = 3\ncount = 3\n",
+            &["study.toml:7:7", "`run.steady_from_cycle` = 1.5", "whole number", "`count`"],
         ),
         ("", &["`axis` is missing"]),
     ];
