@@ -32,7 +32,7 @@ impl ParameterKey {
         let tables = crate::setup::TABLES.iter().chain(crate::simulation::TABLES);
         let quantities = tables.filter(|table| table.path == path).flat_map(|table| table.quantities);
         let key = quantities.flat_map(|quantity| quantity.keys).find(|key| key.name == name)?;
-        key.unit().and_then(|unit| unit.refusal(value)).or_else(|| key.refusal(value))
+        key.refusal(value)
     }
 }
 

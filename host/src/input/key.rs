@@ -98,9 +98,14 @@ impl Key {
         Unit::of(self.name)
     }
 
-    /// Why a number is outside its range, if it is.
+    /// Why a number is beyond the magnitudes of its unit or outside its range, if it is.
     #[must_use]
     pub fn refusal(&self, value: f64) -> Option<String> {
+        let unit = self.unit().and_then(|unit| unit.refusal(value));
+        unit.or_else(|| self.range_refusal(value))
+    }
+
+    fn range_refusal(&self, value: f64) -> Option<String> {
         let range = self.kind.range()?;
         let mut refusal = range.refusal(value)?;
         // A bound has a unit; "greater than 0" needs none.
@@ -220,8 +225,8 @@ const fn unit(suffix: &'static str, symbol: &'static str, least: f64, most: f64)
 }
 
 /// A suffix that ends with another suffix comes before it.
-const UNITS: [Unit; 22] = [
-    unit("_n_s_per_m", "N·s/m", 0.0, 1e18),
+const UNITS: [Unit; 21] = [
+    unit("_n_s_per_m", "N·s/m", 1e-18, 1e18),
     unit("_n_per_a", "N/A", 0.0, f64::MAX),
     unit("_n_per_m", "N/m", 1e-12, 1e18),
     unit("_rad_per_s", "rad/s", 1e-9, 1e9),
@@ -241,7 +246,6 @@ const UNITS: [Unit; 22] = [
     unit("_ohm", "Ω", 0.0, f64::MAX),
     unit("coefficient", "", 1e-18, 100.0),
     unit("loss_factor", "", 0.0, 1e6),
-    unit("damping_ratio", "", 0.0, 1e6),
     unit("_ratio", "", 1e-9, 1e6),
 ];
 

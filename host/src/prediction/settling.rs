@@ -10,17 +10,21 @@ use crate::campaign::{Campaign, CampaignSetUp, Experiment, Start, SteppedSine};
 /// The verdict on a point needs this many times its tolerance, for the uncertainty of the extrapolation.
 const WITH_UNCERTAINTY: f64 = 1.3;
 
+/// Longest time for which settling is advised, s.
+const DAY_S: f64 = 86_400.0;
+
 /// Points within this share of the natural frequency count as near resonance.
 const NEAR: f64 = 0.1;
 
 /// Relative deviation of X/Z from its limit at resonance, as the mean over a dwell that begins `start_s` after rest.
 fn deviation(start_s: f64, dwell_s: f64, time_constant_s: f64) -> f64 {
-    time_constant_s / dwell_s * (-start_s / time_constant_s).exp() * (1.0 - (-dwell_s / time_constant_s).exp())
+    // `expm1` keeps its digits where the structure hardly decays within the dwell.
+    time_constant_s / dwell_s * libm::exp(-start_s / time_constant_s) * -libm::expm1(-dwell_s / time_constant_s)
 }
 
 /// Time after rest from which a dwell has at most this relative deviation.
 fn settled_after_s(deviation_of: f64, dwell_s: f64, time_constant_s: f64) -> f64 {
-    (time_constant_s * (deviation(0.0, dwell_s, time_constant_s) / deviation_of).ln()).max(0.0)
+    (time_constant_s * libm::log(deviation(0.0, dwell_s, time_constant_s) / deviation_of)).max(0.0)
 }
 
 /// A line for each experiment on a bare structure whose points near resonance will not be steady, with what would do.
@@ -51,16 +55,19 @@ fn of_experiment(set_up: &CampaignSetUp, experiment: &Experiment, sine: &Stepped
         return None;
     }
     let needed_s = settled_after_s(tolerance / WITH_UNCERTAINTY, dwell, time_constant_s);
-    let longest_s = (1.0 + ((needed_s - sine.settle_s).max(0.0) / sine.dwell_s).ceil()) * sine.dwell_s;
+    let what_to_do = if needed_s > DAY_S {
+        "It would have to settle for more than a day; is the damping right?".into()
+    } else {
+        let longest_s = (1.0 + ((needed_s - sine.settle_s).max(0.0) / sine.dwell_s).ceil()) * sine.dwell_s;
+        let (longest, settle) = (trim(longest_s), needed_s.ceil());
+        format!("For steady points write steady = {{ longest_dwell_s = {longest} }}, or settle_s = {settle}.")
+    };
     Some(format!(
-        "Set-up {:?}, experiment {:?}: near resonance X/Z will be measured {:.0} % below its limit (time constant {} s).\n  For steady \
-         points write steady = {{ longest_dwell_s = {} }}, or settle_s = {}.",
+        "Set-up {:?}, experiment {:?}: near resonance X/Z will be measured {:.0} % below its limit (time constant {} s).\n  {what_to_do}",
         set_up.name,
         experiment.name,
         100.0 * left,
         trim(time_constant_s),
-        trim(longest_s),
-        needed_s.ceil(),
     ))
 }
 
@@ -89,6 +96,18 @@ mod tests {
         for enough in ["dwell_s = 32\nsteady = { longest_dwell_s = 128 }", "dwell_s = 32\nsettle_s = 69"] {
             assert_eq!(advice(&campaign(0.0038, enough, "")), [""; 0], "{enough}");
         }
+    }
+
+    #[test]
+    fn a_structure_that_hardly_decays_gets_finite_numbers_and_no_dwell_of_years() {
+        for damping_ratio in [1e-6, 1e-9] {
+            let told = advice(&campaign(damping_ratio, "dwell_s = 32", ""));
+            let [line] = &told[..] else { panic!("{told:?}") };
+            assert!(line.contains("100 % below its limit") && line.contains("more than a day"), "{line}");
+        }
+        // With D/τ = 5e-13 the deviation is 1 − D/(2τ).
+        let left = deviation(0.0, 32.0, 6.4e13);
+        assert!((1.0 - left - 2.5e-13).abs() < 1e-15, "{left}");
     }
 
     #[test]

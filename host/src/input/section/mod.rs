@@ -138,7 +138,7 @@ impl<'a> Section<'a> {
         let number = finite(value);
         let refusal = match number {
             None => Some("must be a finite number".to_string()),
-            Some(value) => key.unit().and_then(|unit| unit.refusal(value)).or_else(|| key.refusal(value)),
+            Some(value) => key.refusal(value),
         };
         if let Some(allowed) = refusal {
             self.refuse(key.name, &span, allowed, None);
