@@ -34,7 +34,7 @@ enum What {
     Work(study_work::WorkArgs),
     /// Show how far the workers of a study are (exit code 1 if a part is wrong)
     Status(study_work::PlaceArgs),
-    /// Read all files of a study and check them (exit code 1 if one is wrong)
+    /// Read all files of a study and check them (exit code 1 if one is wrong or missing)
     Verify(study_work::PlaceArgs),
     /// Join the parts of a study to its table
     Merge(study_work::PlaceArgs),

@@ -185,7 +185,10 @@ fn verdict(data_set: &DataSet, wrong: usize) -> Outcome {
     let (files, place) = (if wrong == 1 { "file" } else { "files" }, data_set.store().address(""));
     match wrong {
         0 => Ok(()),
-        _ => Err(Failure::Failed(format!("wrong {files} in {}: {wrong}; nothing was changed", place.display()))),
+        _ => Err(Failure::Failed(format!(
+            "wrong or missing {files} in {}: {wrong}; nothing was changed",
+            place.display()
+        ))),
     }
 }
 
@@ -213,16 +216,16 @@ pub(super) fn verify(args: &PlaceArgs) -> Outcome {
     }
     say!("{} of {} parts are right", found.parts.good, data_set.manifest().parts());
     if !found.parts.missing.is_empty() {
-        say!("missing: {}", ranges(&found.parts.missing));
+        say!("missing parts: {}\n  `damprig study run` or `work` computes them", ranges(&found.parts.missing));
     }
     match found.results {
         Some(good) => say!("table, figures and page: {good} files are as they were written"),
         None if found.has_table => {
             say!("table, figures and page are not checked: there is no {SUMS}; `damprig study merge` writes it")
         }
-        None => {}
+        None => say!("there is no table yet: `damprig study merge` writes it"),
     }
-    verdict(&data_set, found.all_wrong().count())
+    verdict(&data_set, found.wrong_files())
 }
 
 pub(super) fn merge(args: &PlaceArgs) -> Outcome {

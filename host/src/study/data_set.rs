@@ -20,8 +20,10 @@ use super::part::{self, Part, batch, schema};
 use super::store::Store;
 use super::sums::Sums;
 use crate::input::Refusal;
+use crate::run_folder::read::parquet_file::{self, Content};
+use crate::run_folder::sealed_parquet::{self, IDENTITY};
 use crate::run_folder::write::parquet_file::properties;
-use crate::run_folder::{ReadError, StorageError, checksum, sealed_parquet};
+use crate::run_folder::{ReadError, StorageError, checksum};
 
 /// Version of the layout of parts and table; part of a study's identity.
 pub const FORMAT: &str = "study 1";
@@ -101,6 +103,11 @@ impl Manifest {
         checksum::of_bytes(&serde_json::to_vec(&rest).unwrap_or_default())
     }
 
+    /// The file's text.
+    fn to_text(&self) -> Vec<u8> {
+        serde_json::to_vec_pretty(self).unwrap_or_default()
+    }
+
     /// Number of parts.
     #[must_use]
     pub fn parts(&self) -> u64 {
@@ -157,8 +164,7 @@ impl DataSet {
                 Refusal(format!("{} is not empty and has no study; give another --out", shown.display())).into()
             );
         }
-        let text = serde_json::to_vec_pretty(&Manifest::of(study)).unwrap_or_default();
-        store.put_new(MANIFEST, &text)?;
+        store.put_new(MANIFEST, &Manifest::of(study).to_text())?;
         // It may be that of another worker.
         let written = Self::existing(study, store)?;
         let removed = || ReadError(format!("{} was removed as soon as it was written", shown.join(MANIFEST).display()));
@@ -178,8 +184,10 @@ impl DataSet {
             ReadError(format!("{} is damaged: {what}\n  {help}", shown.display()))
         };
         let there: Manifest = serde_json::from_slice(&bytes).map_err(|error| damaged(&error))?;
-        if there.sha256.as_ref().is_some_and(|digest| *digest != there.digest()) {
-            return Err(damaged(&"its SHA-256 differs").into());
+        // The digest is of the values; what is written between them counts too.
+        let is_as_written = |digest: &String| *digest == there.digest() && *bytes == *there.to_text();
+        if !there.sha256.as_ref().is_none_or(is_as_written) {
+            return Err(damaged(&"it was changed since it was written (SHA-256 differs)").into());
         }
         if there.digest() != manifest.digest() {
             return Err(Refusal(changed(&there, &manifest, &store.address(""))).into());
@@ -262,8 +270,6 @@ impl DataSet {
         let path = self.store.address(TABLE);
         let failed = |error: &dyn std::fmt::Display| StorageError::new("write", &path, error);
         let schema = schema(study, &self.manifest);
-        // What is written from here on is another table.
-        Sums::remove(&self.store)?;
         let mut file = self.store.large_file(TABLE)?;
         let mut writer = ArrowWriter::try_new(file.as_file_mut(), schema.clone(), Some(properties(&schema)))
             .map_err(|error| failed(&error))?;
@@ -277,12 +283,29 @@ impl DataSet {
         }
         writer.close().map_err(|error| failed(&error))?;
         sealed_parquet::seal(file.as_file_mut()).map_err(|error| failed(&error))?;
+        // What is written from here on is another table; a part that is wrong leaves the earlier one with its digests.
+        Sums::remove(&self.store)?;
         self.store.put_file(TABLE, file)?;
         Sums::default().of_stored(&self.store, TABLE)?.write(&self.store)?;
         for folder in ["", PARTS, LEASES] {
             self.store.remove_abandoned(folder);
         }
         Ok(path)
+    }
+
+    /// Whether the joined table has a digest, which one of an older version lacks; or why it is not the table of this study. `None`
+    /// without a table.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn table_has_digest(&self) -> Result<Option<Result<bool, ReadError>>, StorageError> {
+        let shown = self.store.address(TABLE).display().to_string();
+        let Some(bytes) = self.store.get(TABLE)? else { return Ok(None) };
+        let own = |content: Content| match content.metadata.get(IDENTITY) {
+            Some(identity) if *identity == self.manifest.identity => Ok(content.has_digest),
+            _ => Err(ReadError(format!("{shown}: belongs to another study or another version of it"))),
+        };
+        Ok(Some(parquet_file::content(&shown, bytes).and_then(own)))
     }
 
     /// Parts that are not there.

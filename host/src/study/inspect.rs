@@ -6,7 +6,7 @@ use super::Study;
 use super::data_set::{DataSet, PARTS, TABLE, part_number};
 use super::failure::StudyFailure;
 use super::lease::{self, Lease};
-use super::sums::Sums;
+use super::sums::{SUMS, Sums};
 use crate::run_folder::ReadError;
 
 /// Parts that the pace is taken from: the latest.
@@ -98,14 +98,15 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// Each wrong file, what is wrong, and what to do.
-    pub fn all_wrong(&self) -> impl Iterator<Item = &String> {
-        self.parts.wrong.iter().chain(&self.wrong)
+    /// Number of files that are wrong or missing.
+    #[must_use]
+    pub fn wrong_files(&self) -> usize {
+        self.parts.wrong.len() + self.parts.missing.len() + self.wrong.len()
     }
 }
 
-/// Reads every file: whether each part is whole, as it was written and has the points of this study, and whether table, figures and page
-/// are as they were written. `seen` gets each part's number.
+/// Reads every file: whether each part is there, whole, as it was written and has the points of this study, and whether table, figures
+/// and page are as they were written, and the table is this study's. `seen` gets each part's number.
 ///
 /// # Errors
 /// When files cannot be listed or read.
@@ -119,8 +120,15 @@ pub fn verify(study: &Study, data_set: &DataSet, seen: impl FnMut(u64)) -> Resul
         }
     }
     let again = |what: &String| format!("{what}\n  `damprig study merge` writes it again");
+    let (table, shown) = (data_set.table_has_digest()?, store.address(TABLE).display().to_string());
     let results = match Sums::read(store)? {
-        Ok(None) => None,
+        Ok(None) => {
+            // An older version wrote neither.
+            if matches!(table, Some(Ok(true))) {
+                wrong.push(again(&format!("{}: missing", store.address(SUMS).display())));
+            }
+            None
+        }
         Ok(Some(sums)) => {
             let (good, changed) = sums.check(store)?;
             wrong.extend(changed.iter().map(again));
@@ -131,7 +139,13 @@ pub fn verify(study: &Study, data_set: &DataSet, seen: impl FnMut(u64)) -> Resul
             None
         }
     };
-    Ok(Verdict { parts, results, has_table: store.has(TABLE)?, wrong })
+    // One that the digests name is named once.
+    if let Some(Err(ReadError(what))) = &table
+        && !wrong.iter().any(|named| named.starts_with(&shown))
+    {
+        wrong.push(again(what));
+    }
+    Ok(Verdict { parts, results, has_table: table.is_some(), wrong })
 }
 
 #[cfg(test)]

@@ -61,7 +61,7 @@ fn is_noticed(study: &Study, out: &Path) -> bool {
     let opened = DataSet::existing(study, Store::at(out).unwrap());
     opened.is_err()
         || opened.unwrap().is_none_or(|data_set| {
-            inspect::verify(study, &data_set, |_| ()).is_ok_and(|verdict| verdict.all_wrong().count() > 0)
+            inspect::verify(study, &data_set, |_| ()).is_ok_and(|verdict| verdict.wrong_files() > 0)
         })
 }
 
@@ -103,7 +103,10 @@ fn a_changed_file_is_named_with_what_to_do_by_every_command_that_needs_it() {
     flip("x_over_z.svg");
     fails(&study(&folder, "verify", "alone"), &["x_over_z.svg: changed since it was written", "study merge"]);
     flip("table.parquet");
-    fails(&study(&folder, "verify", "alone"), &["table.parquet: changed since it was written", "wrong files", ": 2;"]);
+    fails(
+        &study(&folder, "verify", "alone"),
+        &["table.parquet: changed since it was written", "missing files", ": 2;"],
+    );
     let expected = {
         flip("table.parquet");
         table(&folder, "alone")
@@ -133,7 +136,43 @@ fn a_changed_file_is_named_with_what_to_do_by_every_command_that_needs_it() {
     succeeds(&study(&folder, "verify", "alone"));
 }
 
-/// A part as an older version wrote it, or another program, changed by `change`.
+#[test]
+fn a_missing_file_an_appended_byte_and_the_table_of_another_study_fail_the_check() {
+    let folder = complete();
+    let out = folder.path().join("alone");
+    let verify = || study(&folder, "verify", "alone");
+    for (name, words) in [
+        ("parts/00000003.parquet", "missing parts: 3"),
+        ("SHA256SUMS", "SHA256SUMS: missing"),
+        ("table.parquet", "table.parquet: missing"),
+        ("x_over_z.svg", "x_over_z.svg: missing"),
+    ] {
+        let whole = fs::read(out.join(name)).unwrap();
+        fs::remove_file(out.join(name)).unwrap();
+        fails(&verify(), &[words, "damprig study ", ": 1; nothing was changed"]);
+        fs::write(out.join(name), whole).unwrap();
+    }
+    for (name, words) in [("study.json", "study.json is damaged"), ("parts/00000003.parquet", "00000003.parquet: ")] {
+        let whole = fs::read(out.join(name)).unwrap();
+        fs::write(out.join(name), [&whole[..], b"\n"].concat()).unwrap();
+        fails(&verify(), &[words]);
+        fs::write(out.join(name), whole).unwrap();
+    }
+    succeeds(&verify());
+
+    let other = self::folder(&short_study().replace("x_over_z", "max_x_over_z"));
+    undisturbed(&other);
+    let (own, table) = (out.join("table.parquet"), fs::read(other.path().join("alone/table.parquet")).unwrap());
+    let digest = |bytes: &[u8]| damprig::run_folder::checksum::of_bytes(bytes);
+    let sums = fs::read_to_string(out.join("SHA256SUMS")).unwrap();
+    fs::write(out.join("SHA256SUMS"), sums.replace(&digest(&fs::read(&own).unwrap()), &digest(&table))).unwrap();
+    fs::write(&own, table).unwrap();
+    fails(&verify(), &["table.parquet: belongs to another study", "study merge", ": 1; nothing was changed"]);
+    succeeds(&study(&folder, "merge", "alone"));
+    succeeds(&verify());
+}
+
+/// A part or a table as an older version wrote it, or another program, changed by `change`.
 fn rewrite(path: &Path, change: impl Fn(Vec<Field>, Vec<ArrayRef>) -> (Vec<Field>, Vec<ArrayRef>)) {
     let content = parquet_file::content("part", fs::read(path).unwrap().into()).unwrap();
     let (batch, mut metadata) = (&content.batches[0], content.metadata);
@@ -216,6 +255,7 @@ fn a_study_of_an_older_version_opens_and_says_that_it_has_no_digests() {
     let mut manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
     manifest.as_object_mut().unwrap().remove("sha256").expect("a digest");
     fs::write(out.join("study.json"), manifest.to_string()).unwrap();
+    rewrite(&out.join("table.parquet"), |fields, columns| (fields, columns));
     fs::remove_file(out.join("SHA256SUMS")).unwrap();
     let no_digest = "parts have no digest; written by an older version";
     let verified = succeeds(&study(&folder, "verify", "alone"));
