@@ -165,6 +165,16 @@ pub fn from_toml(source: &Source, present: &Settings) -> Result<Settings, Refusa
             return Ok(*present);
         }
     };
+    if let Some((key, _)) = document.get_ref().iter().find(|(key, _)| key.get_ref() == "backup") {
+        source.report(Problem {
+            title: "this is a backup of the settings memory of a board".into(),
+            span: key.span(),
+            allowed: "`settings import` and --rig virtual:FILE take settings as `damprig settings export` writes them"
+                .into(),
+            help: Some(format!("`damprig settings restore {}` gives the backup to a board", source.name())),
+        });
+        source.verdict()?;
+    }
     let mut template = table(present);
     let mut spans = Vec::new();
     fill(source, "", &mut template, document.get_ref(), &mut spans);

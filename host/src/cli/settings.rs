@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{Args as ClapArgs, Subcommand};
-use damprig_core::settings::{Settings, Source as Origin};
+use damprig_core::settings::Settings;
 use damprig_protocol::Request;
 
 use super::arguments::Rig;
@@ -15,7 +15,7 @@ use crate::client::backup::{Backup, NotRestored, Restored};
 use crate::client::session::{AnyBoard, Session};
 use crate::input::{Source, near};
 use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
-use crate::settings::{decimal, entries, from_toml, origin_text, states_limits, to_toml};
+use crate::settings::{decimal, entries, from_toml, states_limits, to_toml};
 
 /// Shows, changes, saves and copies the settings of a board: sensor calibration, limits, spring and impact constants.
 ///
@@ -44,7 +44,12 @@ Examples:
   damprig settings import rig.toml --rig serial:/dev/ttyACM0 --save
   damprig settings backup kept.toml --rig auto                before another firmware; restore it after
   damprig settings restore kept.toml --rig auto
-  damprig settings export board.toml          defaults; edit, then run with --rig virtual:board.toml";
+  damprig settings export board.toml          defaults; edit, then run with --rig virtual:board.toml
+  damprig settings backup kept.toml --rig virtual:board.toml  practise a backup without a board
+
+`show`, and the first line of most other commands, say where the settings in use come from. With --save
+`set` and `import` also save the settings that they leave alone: if those saved before do not act
+(damaged, of another layout), that needs --accept-settings.";
 
 #[derive(Debug, Subcommand)]
 enum Action {
@@ -83,7 +88,7 @@ enum Action {
         #[command(flatten)]
         consent: ConsentArg,
     },
-    /// Write the settings that the board keeps to a new file, byte by byte. Works with a firmware of any version
+    /// Write the settings that the board keeps to a new file, byte by byte, for `restore` alone. Works with a firmware of any version
     Backup {
         /// File
         #[arg(value_name = "FILE.toml")]
@@ -122,13 +127,13 @@ pub fn run(args: &Args) -> Outcome {
     };
     let address = args.rig.find()?;
     let mut session = Session::open(&address, timeout).map_err(Failure::failed)?;
-    let (present, origin) = session.read_settings().map_err(Failure::failed)?;
+    let present = session.settings;
     match &args.action {
         Action::Show => {
-            say!("{}", to_toml(&present, &head(&session, origin)).trim_end());
+            say!("{}", to_toml(&present, &head(&session)).trim_end());
             Ok(())
         }
-        Action::Export { file, force } => export(file, *force, &to_toml(&present, &head(&session, origin))),
+        Action::Export { file, force } => export(file, *force, &to_toml(&present, &head(&session))),
         Action::Save => {
             say!("{}", session.settings_line());
             save(&mut session)
@@ -172,6 +177,12 @@ fn backup(args: &Args, file: &Path, force: bool, timeout: Duration) -> Outcome {
 
 fn restore(args: &Args, file: &Path, timeout: Duration) -> Outcome {
     let backup = Backup::read(file).map_err(Failure::input)?;
+    let failed = |error: NotRestored| {
+        let message = format!("{}: {error}", file.display());
+        if matches!(error, NotRestored::Unreadable(_)) { Failure::Input(message) } else { Failure::Failed(message) }
+    };
+    // Before the board is asked for anything.
+    backup.restorable().map_err(failed)?;
     let mut session = Session::open(&args.rig.find()?, timeout).map_err(Failure::failed)?;
     let own = &session.identity.board;
     if *backup.board != **own {
@@ -184,10 +195,7 @@ fn restore(args: &Args, file: &Path, timeout: Duration) -> Outcome {
     if backup.settings().1.needs_consent() {
         warn!("note: {}: {}", file.display(), backup.summary());
     }
-    let done = backup.restore(&mut session).map_err(|error| {
-        let message = format!("{}: {error}", file.display());
-        if matches!(error, NotRestored::Unreadable(_)) { Failure::Input(message) } else { Failure::Failed(message) }
-    })?;
+    let done = backup.restore(&mut session).map_err(failed)?;
     say!("{}", session.settings_line());
     say!(
         "{}",
@@ -204,9 +212,9 @@ fn board_of(text: &str) -> Option<&str> {
     text.lines().find_map(|line| line.strip_prefix("# Settings of ")?.split_once(", firmware ")).map(|(board, _)| board)
 }
 
-fn head(session: &Session, origin: Origin) -> String {
+fn head(session: &Session) -> String {
     let (board, firmware) = (&session.identity.board, &session.identity.firmware);
-    format!("Settings of {board}, firmware {firmware} ({})", origin_text(origin))
+    format!("Settings of {board}, firmware {firmware} ({})", session.settings_origin())
 }
 
 fn export(file: &Path, force: bool, text: &str) -> Outcome {
@@ -222,21 +230,23 @@ fn export(file: &Path, force: bool, text: &str) -> Outcome {
 }
 
 fn send(session: &mut Session, present: &Settings, wanted: &Settings, and_save: bool) -> Outcome {
-    session.execute("use the settings", Request::SetSettings(*wanted)).map_err(Failure::failed)?;
-    let mut differences = 0;
+    let is_changed = wanted != present;
+    if is_changed {
+        session.execute("use the settings", Request::SetSettings(*wanted)).map_err(Failure::failed)?;
+    } else {
+        say!("nothing changed: no setting differs from those in use");
+    }
     for ((place, before), (_, after)) in entries(present).iter().zip(entries(wanted)) {
         if *before != after {
-            differences += 1;
             say!("{}: {} -> {}", place.join("."), decimal(*before), decimal(after));
         }
-    }
-    if differences == 0 {
-        say!("no setting differs from those in use");
     }
     if and_save {
         return save(session);
     }
-    say!("in use; lost at power-off unless they are saved (`damprig settings save`)");
+    if is_changed {
+        say!("in use; lost at power-off unless they are saved (`damprig settings save`)");
+    }
     Ok(())
 }
 

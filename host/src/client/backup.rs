@@ -54,7 +54,7 @@ pub enum Restored {
 #[derive(Debug, thiserror::Error)]
 pub enum NotRestored {
     /// The backup has no settings that this program can read.
-    #[error("the backup has no settings to restore: {0}")]
+    #[error("the backup has no settings to restore: {0}\n  nothing was written")]
     Unreadable(String),
     /// The board did not take them.
     #[error(transparent)]
@@ -68,14 +68,9 @@ impl Backup {
     /// Reads the settings memory of a board, whatever its protocol.
     ///
     /// # Errors
-    /// As [`AnyBoard::stored_records`]; a board without settings memory.
+    /// As [`AnyBoard::stored_records`].
     pub fn of(board: &mut AnyBoard) -> Result<Self, SessionError> {
         let records = board.stored_records()?;
-        if records.is_empty() {
-            return Err(
-                board.unusable("no settings memory (a virtual rig has none; the controller board with DBANK = 0)")
-            );
-        }
         let it = board.identity();
         Ok(Self {
             board: it.board.to_string(),
@@ -173,15 +168,30 @@ impl Backup {
         text
     }
 
+    /// The settings that a restore gives to a board.
+    ///
+    /// # Errors
+    /// There are none that this program can read.
+    pub fn restorable(&self) -> Result<Settings, NotRestored> {
+        let (settings, origin) = self.settings();
+        Err(NotRestored::Unreadable(match origin {
+            Origin::Stored | Origin::Migrated | Origin::Older => return Ok(settings),
+            Origin::Default => "none were ever saved on that board".into(),
+            Origin::OtherLayout => format!(
+                "they have another layout{}; restore them with the damprig of the firmware {}",
+                self.unknown_layouts(),
+                self.firmware
+            ),
+            Origin::Damaged | Origin::Host => "its records are damaged".into(),
+        }))
+    }
+
     /// Gives the settings back to a board: uses and saves them, and compares what the board then has and keeps.
     ///
     /// # Errors
     /// A backup without readable settings; a board that does not take them, or has others afterwards.
     pub fn restore(&self, session: &mut Session) -> Result<Restored, NotRestored> {
-        let (wanted, origin) = self.settings();
-        if !matches!(origin, Origin::Stored | Origin::Migrated | Origin::Older) {
-            return Err(NotRestored::Unreadable(self.summary()));
-        }
+        let wanted = self.restorable()?;
         if session.read_settings()? == (wanted, Origin::Stored) {
             return Ok(Restored::Unchanged);
         }

@@ -3,9 +3,10 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpListener;
 use std::process::Stdio;
+use std::sync::Arc;
 
-use crate::common::real_board::{Memory, board_with_memory};
-use crate::common::{PATIENCE, damprig, folder_with, manifest, short};
+use crate::common::real_board::{Memory, board_with_memory, real_board};
+use crate::common::{Fate, PATIENCE, Served, damprig, folder_with, manifest, short};
 use assert_cmd::assert::Assert;
 use damprig::client::backup::Backup;
 use damprig_core::settings::{Settings, Source};
@@ -222,7 +223,69 @@ fn a_backup_without_readable_settings_is_written_and_not_restored() {
     std::fs::write(folder.path().join("wrong.toml"), "[backup]\nboard = 3\n").unwrap();
     let refused = of(&folder, &other, &["settings", "restore", "wrong.toml"]).code(2);
     refused.stderr(contains("wrong.toml").and(contains("not a backup")).and(contains("damprig settings backup")));
-    let none = of(&folder, "virtual", &["settings", "backup", "none.toml"]).code(1);
-    none.stderr(contains("no settings memory"));
+    let none = of(&folder, &real_board(&Arc::default()), &["settings", "backup", "none.toml"]).code(1);
+    none.stderr(contains("no settings memory").and(contains("DBANK")).and(contains("flash").not()));
     assert!(!folder.path().join("none.toml").exists());
+}
+
+#[test]
+fn a_backup_is_practised_on_virtual_and_simulated_boards() {
+    let folder = folder_with("");
+    std::fs::write(folder.path().join("lab.toml"), damprig::settings::to_toml(&lab(), "")).unwrap();
+    for (at, rig) in ["virtual:lab.toml", "virtual:realtime,lab.toml"].into_iter().enumerate() {
+        let kept = format!("kept-{at}.toml");
+        of(&folder, rig, &["settings", "backup", &kept]).success().stdout(contains("stored"));
+        let board = Served::again_and_again(|_| Fate::Pass);
+        let restored = of(&folder, &board, &["settings", "restore", &kept]).success();
+        restored.stdout(contains("restored, saved and verified").and(contains("stored; |x| up to 20 mm")));
+        of(&folder, &board, &["settings", "backup", &format!("again-{at}.toml")]).success();
+        let again = Backup::read(&folder.path().join(format!("again-{at}.toml"))).unwrap();
+        assert_eq!(again.settings(), (lab(), Source::Stored));
+    }
+    of(&folder, "virtual", &["settings", "backup", "blank.toml"]).success().stdout(contains("none were ever saved"));
+}
+
+/// One message, before the board is asked for anything.
+#[test]
+fn a_backup_with_nothing_to_restore_is_refused_once_with_what_is_wrong() {
+    let folder = folder_with("");
+    for (name, memory, words) in [
+        ("blank.toml", Memory::blank(), "none were ever saved on that board"),
+        ("damaged.toml", Memory::garbage(), "its records are damaged"),
+        ("other.toml", Memory::with(&of_another_layout()), "restore them with the damprig of the firmware 0.0.0"),
+    ] {
+        of(&folder, &board_with_memory(memory, false), &["settings", "backup", name]).success();
+        // There is no such board: it is not needed.
+        let refused = of(&folder, "tcp:127.0.0.1:1", &["settings", "restore", name]).code(2).stdout("");
+        let told = String::from_utf8(refused.get_output().stderr.clone()).unwrap();
+        assert_eq!(told.matches(words).count(), 1, "{told}");
+        assert!(told.starts_with(&format!("error: {name}: the backup has no settings to restore")), "{told}");
+        assert!(!told.contains("note:"), "{told}");
+        for arguments in
+            [&["settings", "import", name, "--rig", "virtual"][..], &["devices", "--rig", &format!("virtual:{name}")]]
+        {
+            let refused = damprig(&folder).args(arguments).assert().code(2);
+            refused.stderr(contains("this is a backup").and(contains(format!("damprig settings restore {name}"))));
+        }
+    }
+}
+
+#[test]
+fn settings_from_a_file_are_named_alike_by_every_command_and_an_import_of_the_same_changes_nothing() {
+    let folder = folder_with("");
+    std::fs::write(folder.path().join("lab.toml"), damprig::settings::to_toml(&lab(), "")).unwrap();
+    for arguments in [&["settings", "show"][..], &["settings", "save"], &["devices"]] {
+        let told = out(&of(&folder, "virtual:lab.toml", arguments).success());
+        assert!(told.contains("from lab.toml") && !told.contains("stored"), "{told}");
+    }
+    of(&folder, "virtual:lab.toml", &["settings", "export", "again.toml"]).success();
+    let exported = std::fs::read_to_string(folder.path().join("again.toml")).unwrap();
+    assert!(exported.lines().next().unwrap().ends_with("(from lab.toml)"), "{exported}");
+    let board = board_with_memory(Memory::with(&encode(0, &lab()).unwrap()), false);
+    let told = out(&of(&folder, &board, &["settings", "import", "lab.toml"]).success());
+    assert_eq!(told, "nothing changed: no setting differs from those in use\n");
+    assert!(
+        out(&of(&folder, &board, &["settings", "show"]).success()).contains("(stored)"),
+        "they are stored as before"
+    );
 }

@@ -30,6 +30,15 @@ impl Records {
     /// Zeros, which are no valid record.
     pub const UNREAD: Self = Self([[0; RECORD_BYTES]; 2]);
 
+    /// Erased pages: no settings were ever saved.
+    pub const ERASED: Self = Self([[0xff; RECORD_BYTES]; 2]);
+
+    /// Writes these settings to the first page, as a board that has saved them once; `None` leaves the pages as they are.
+    pub fn hold(&mut self, settings: &Settings) -> Option<()> {
+        self.0[0] = encode(0, settings)?;
+        Some(())
+    }
+
     /// The bytes of a page from `from` on, as many as fit a reply.
     #[must_use]
     pub fn part(&self, page: u8, from: u16) -> StoredPart {

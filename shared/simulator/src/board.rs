@@ -11,7 +11,8 @@ use damprig_core::rig::{Rejected, Rig};
 use damprig_core::scalar::Scalar;
 use damprig_core::settings::Settings;
 use damprig_device::board::{Board, Saving, Simulated};
-use damprig_protocol::{Clock, NumberedRequest, PlantKind, Timing};
+use damprig_device::settings_store::Records;
+use damprig_protocol::{Clock, NumberedRequest, PlantKind, StoredPart, Timing};
 
 use crate::messages::ToSimulator;
 use crate::plant::{Plant, PlantConfig};
@@ -43,6 +44,8 @@ pub struct SimulatedBoard<S> {
     clock_told: bool,
     /// A request that waits for its tick.
     deferred: Option<NumberedRequest>,
+    /// The settings memory, which lasts as long as the board.
+    records: Records,
 }
 
 impl<S> Default for SimulatedBoard<S> {
@@ -55,6 +58,7 @@ impl<S> Default for SimulatedBoard<S> {
             until_tick: 0,
             clock_told: true,
             deferred: None,
+            records: Records::ERASED,
         }
     }
 }
@@ -131,9 +135,13 @@ impl<S: PlantScalar> Board for SimulatedBoard<S> {
         self.sensors = plant.tick_on(actuators, &rig.settings().calibration);
     }
 
-    /// The settings stay in use while the board exists: the controller holds them.
-    fn save(&mut self, _: &Settings) -> Result<Saving, Rejected> {
-        Ok(Saving::Done)
+    fn save(&mut self, settings: &Settings) -> Result<Saving, Rejected> {
+        let saved = self.records.hold(settings).map(|()| Saving::Done);
+        saved.ok_or(Rejected::not_here("the settings are longer than a record"))
+    }
+
+    fn stored_settings(&mut self, page: u8, from: u16) -> StoredPart {
+        self.records.part(page, from)
     }
 
     fn can_start(&self) -> Result<(), Rejected> {

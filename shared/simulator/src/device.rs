@@ -5,7 +5,7 @@
 
 use damprig_core::settings::{Settings, Source};
 use damprig_device::REQUESTS_WAITING;
-use damprig_device::board::DeviceInfo;
+use damprig_device::board::{Board, DeviceInfo};
 use damprig_device::control_loop::{Step, step};
 use damprig_device::controller::{BootInfo, Controller};
 use damprig_device::message_reader::MessageReader;
@@ -91,9 +91,11 @@ impl<S: PlantScalar> SimulatedDevice<S> {
         }
     }
 
-    /// Adopts stored settings before the first tick.
-    pub fn start_with(&mut self, settings: &Settings, source: Source) {
-        self.controller.start_with(settings, source);
+    /// Adopts settings, which the board has stored, before the first tick.
+    pub fn start_with(&mut self, settings: &Settings) {
+        // Cannot fail: settings have one length, and a test saves them.
+        let _ = self.board.save(settings);
+        self.controller.start_with(settings, Source::Stored);
     }
 
     /// Takes received bytes. While the clock is stopped, requests are served at once.
@@ -196,10 +198,10 @@ pub enum VirtualDevice {
 
 impl VirtualDevice {
     /// See [`SimulatedDevice::start_with`].
-    pub fn start_with(&mut self, settings: &Settings, source: Source) {
+    pub fn start_with(&mut self, settings: &Settings) {
         match self {
-            Self::Single(device) => device.start_with(settings, source),
-            Self::Double(device) => device.start_with(settings, source),
+            Self::Single(device) => device.start_with(settings),
+            Self::Double(device) => device.start_with(settings),
         }
     }
 

@@ -8,7 +8,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use damprig_core::io::TICK_HZ;
-use damprig_core::settings::{Settings, Source};
+use damprig_core::settings::Settings;
 use damprig_device::board::DeviceInfo;
 use damprig_simulator::device::{SimulatedDevice, VirtualDevice};
 
@@ -187,7 +187,7 @@ fn start(line: Arc<Line>, single: bool, speed: Speed, settings: Option<&Settings
     } else {
         VirtualDevice::Double(SimulatedDevice::real_time(info))
     });
-    settings.into_iter().for_each(|settings| device.start_with(settings, Source::Stored));
+    settings.into_iter().for_each(|settings| device.start_with(settings));
     let thread = std::thread::Builder::new().name("real-time rig".into());
     thread.spawn(move || live(&mut device, &line, speed)).map_err(|e| format!("its thread cannot be started: {e}"))?;
     Ok(())

@@ -3,7 +3,7 @@
 use std::io;
 use std::time::Duration;
 
-use damprig_core::settings::{Settings, Source};
+use damprig_core::settings::Settings;
 use damprig_device::board::DeviceInfo;
 use damprig_simulator::device::{Progress, SimulatedDevice, VirtualDevice};
 
@@ -28,7 +28,7 @@ impl VirtualRig {
         } else {
             VirtualDevice::Double(SimulatedDevice::new(info))
         });
-        settings.into_iter().for_each(|settings| device.start_with(settings, Source::Stored));
+        settings.into_iter().for_each(|settings| device.start_with(settings));
         Self { device }
     }
 }

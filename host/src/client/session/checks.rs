@@ -48,6 +48,11 @@ impl Session {
         SessionError::Unusable { link: self.name.clone(), what }
     }
 
+    /// The error of a device whose saved settings cannot be read.
+    pub(super) fn no_records(&self, why: &'static str) -> SessionError {
+        SessionError::NoRecords { link: self.name.clone(), why }
+    }
+
     /// Signals become columns of files, so their names are plain and different.
     pub(super) fn check_signals(&self, table: &[Signal]) -> Result<(), SessionError> {
         let mut names = BTreeSet::new();

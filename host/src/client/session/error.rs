@@ -91,6 +91,14 @@ pub enum SessionError {
         /// What it sent.
         what: String,
     },
+    /// The settings that the device keeps cannot be read.
+    #[error("the settings that the device at {link} keeps cannot be read: {why}")]
+    NoRecords {
+        /// Which.
+        link: String,
+        /// Why not, and what to do.
+        why: &'static str,
+    },
     /// What the device says about itself cannot be used.
     #[error(
         "the device at {link} reports {what}: it cannot be used like this; flash its firmware again, or update this program"

@@ -57,21 +57,20 @@ impl AnyBoard {
         it.protocol == VERSION && it.schema == SCHEMA
     }
 
-    /// The bytes of every page of the device's settings memory; empty if it has no such memory.
+    /// The bytes of every page of the device's settings memory.
     ///
     /// # Errors
-    /// As [`Session::stored_records`].
+    /// As [`Session::stored_records`]; a device without such memory.
     pub fn stored_records(&mut self) -> Result<Vec<Vec<u8>>, SessionError> {
         if version_5::is_of(self.identity()) {
             return version_5::records(&mut self.0);
         }
-        self.0.stored_records()
-    }
-
-    /// The error of a device that reports what cannot be.
-    #[must_use]
-    pub fn unusable(&self, what: &str) -> SessionError {
-        self.0.unusable(what.to_string())
+        let records = self.0.stored_records()?;
+        if records.is_empty() {
+            let none = "it has no settings memory (the controller board: set the option byte DBANK, docs/LAB_GUIDE.md)";
+            return Err(self.0.no_records(none));
+        }
+        Ok(records)
     }
 
     /// The session with the device.

@@ -50,8 +50,8 @@ pub(super) fn records(session: &mut Session) -> Result<Vec<Vec<u8>>, SessionErro
         (settings, Source::Stored) => encode(0, &settings),
         _ => None,
     };
-    let unsaved = "settings that are changed and not saved: save them with the damprig of its version";
-    page.map(|page| vec![page.to_vec()]).ok_or_else(|| session.unusable(unsaved.into()))
+    let unsaved = "those in use are changed and not saved; save them with the damprig of its version";
+    page.map(|page| vec![page.to_vec()]).ok_or_else(|| session.no_records(unsaved))
 }
 
 fn settings(session: &mut Session) -> Result<(Settings, Source), SessionError> {

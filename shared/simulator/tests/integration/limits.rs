@@ -8,7 +8,7 @@ use damprig_core::io::{Actuators, Reading, Sensors};
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
 use damprig_core::rig::{Rig, State, Status};
-use damprig_core::settings::{Settings, Source};
+use damprig_core::settings::Settings;
 use damprig_device::board::{Board, DeviceInfo, Saving};
 use damprig_device::controller::{BootInfo, Controller};
 use damprig_device::queues::{LocalQueues, Waiting};
@@ -33,7 +33,7 @@ impl Host {
     /// A board with the bare structure of the source document and a friction spring.
     fn new(settings: Settings) -> Self {
         let mut board = SimulatedDevice::new(DeviceInfo::new("test", "none"));
-        board.start_with(&settings, Source::Stored);
+        board.start_with(&settings);
         let mut host = Self { board, reader: Reader::default(), seq: 0, until_tick: 0, faults: vec![] };
         host.mount(0.0);
         host
