@@ -35,6 +35,10 @@ Examples:
   damprig devices --rig tcp:rig-pc:4000
   damprig devices --rig serial:/dev/ttyACM0 --timeout 5
 
+Of a board it says which settings act: where they come from, and the board's limits. If saved
+settings do not act (damaged, of another layout), the board drives only with
+`damprig run --accept-settings`.
+
 Exit codes:
   0    the ports were listed, whether a board answers or not; with --rig: the board answers
   1    the ports cannot be listed; with --rig: no board answers there

@@ -117,7 +117,9 @@ fn host_name() -> String {
 #[derive(Debug, ClapArgs)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// Rig: auto, serial:PATH, tcp:HOST:PORT, or virtual:realtime
+    /// Rig: auto (the only connected board), serial:PATH, tcp:HOST:PORT, virtual:realtime, virtual:realtime,f32 (the board's
+    /// precision), virtual:realtime,BOARD.toml or virtual:realtime,f32,BOARD.toml (with settings from a file, as written by
+    /// `damprig settings export`)
     #[arg(long, value_name = "RIG", required_unless_present = "run")]
     rig: Option<Rig>,
 
@@ -147,6 +149,10 @@ Examples:
   damprig monitor --rig virtual:realtime --control     learn the tool without a board: inject faults, clear them
   damprig monitor --run runs/<run>                     follow or replay a run
   damprig monitor --run runs/<run> --speed 10 --listen 0.0.0.0:8421
+
+Of a rig the first line says which settings act: where they come from, and the board's limits. If
+saved settings do not act (damaged, of another layout), the board drives only with
+`damprig run --accept-settings`.
 
 Ctrl-C ends the monitor.
 

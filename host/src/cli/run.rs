@@ -115,6 +115,9 @@ Examples:
   damprig run host/campaigns/short.toml --rig virtual:realtime --speed 5
   damprig run --resume results/foam-1
 
+The first line says which settings act: where they come from, and the board's limits. If saved
+settings do not act (damaged, of another layout), nothing moves without --accept-settings.
+
 The run folder has campaign.toml, manifest.json, journal.jsonl, results.parquet, samples.parquet,
 figure.svg, figure.png and report.html; with a stepped sine whose x is recorded also motions.svg
 and motions.png; with playbacks, impulses or free vibrations also transients.parquet,
