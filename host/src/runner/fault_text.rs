@@ -1,6 +1,6 @@
 //! A fault in words: what became of the drive, the cause, and the value and the limit with their unit.
 
-use damprig_core::control::fault::{FaultCause, SpringFaultCause};
+use damprig_core::control::fault::{FaultCause, SpringFaultCause as Spring};
 use damprig_core::io::Sensor;
 
 /// What a fault did to a drive that was on.
@@ -30,7 +30,6 @@ fn three_digits(value: f64) -> f64 {
 
 /// The unit in which value and limit of a cause are shown, and how many of it are one of the cause's own.
 fn unit(cause: FaultCause) -> Option<(&'static str, f64)> {
-    const MILLIMETRES: (&str, f64) = ("mm", 1e3);
     match cause {
         FaultCause::EmergencyStop | FaultCause::SensorInvalid(_) => None,
         FaultCause::SensorAtRail(Sensor::X | Sensor::Z)
@@ -41,21 +40,22 @@ fn unit(cause: FaultCause) -> Option<(&'static str, f64)> {
         | FaultCause::BaseRunaway
         | FaultCause::BaseStill
         | FaultCause::BaseOverdriven
-        | FaultCause::ReleaseTimeout => Some(MILLIMETRES),
-        FaultCause::SensorAtRail(_) | FaultCause::SensorDrifted(_) | FaultCause::WallForce => Some(("N", 1.0)),
+        | FaultCause::ReleaseTimeout
+        | FaultCause::Spring(Spring::SwitchNotFound | Spring::SwitchStuck | Spring::LimitReached | Spring::NoTouch) => {
+            Some(("mm", 1e3))
+        }
+        FaultCause::SensorAtRail(_)
+        | FaultCause::SensorDrifted(_)
+        | FaultCause::WallForce
+        | FaultCause::Spring(
+            Spring::ForceDoesNotFollow
+            | Spring::ForceAboveLargest
+            | Spring::SensorLost
+            | Spring::WrongDirection
+            | Spring::WrongSign,
+        ) => Some(("N", 1.0)),
+        FaultCause::Spring(Spring::SpringImplausible) => Some(("N/m", 1.0)),
         FaultCause::SensorFrozen(_) | FaultCause::DriveSaturated | FaultCause::HostSilent => Some(("s", 1.0)),
-        FaultCause::Spring(cause) => match cause {
-            SpringFaultCause::SwitchNotFound
-            | SpringFaultCause::SwitchStuck
-            | SpringFaultCause::LimitReached
-            | SpringFaultCause::NoTouch => Some(MILLIMETRES),
-            SpringFaultCause::SpringImplausible => Some(("N/m", 1.0)),
-            SpringFaultCause::ForceDoesNotFollow
-            | SpringFaultCause::ForceAboveLargest
-            | SpringFaultCause::SensorLost
-            | SpringFaultCause::WrongDirection
-            | SpringFaultCause::WrongSign => Some(("N", 1.0)),
-        },
     }
 }
 
