@@ -30,6 +30,7 @@ use crate::run_folder::read::campaign_copy::new_campaign;
 use crate::run_folder::read::folder::find;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::write::OutputFolder;
+use crate::run_folder::write::output_folder::is_unused;
 use crate::runner::rehearsal::accept;
 use crate::runner::resume::EarlierRun;
 
@@ -230,9 +231,9 @@ fn begin(args: &Args, file: &Path) -> Outcome {
 /// Rejects a target that is a file or a folder with something in it.
 fn refuse_taken(out: Option<&Path>) -> Outcome {
     let Some(out) = out.filter(|out| out.symlink_metadata().is_ok()) else { return Ok(()) };
-    let why = match out.read_dir().map(|mut entries| entries.next().is_some()) {
-        Ok(false) => return Ok(()),
-        Ok(true) => "it is not empty; give --out a new folder, or continue the run in it with --resume",
+    let why = match is_unused(out) {
+        Ok(true) => return Ok(()),
+        Ok(false) => "it is not empty; give --out a new folder, or continue the run in it with --resume",
         Err(_) => "it is no folder that can be read; give --out a new folder",
     };
     Err(Failure::Input(format!("cannot use the folder {}: {why}", out.display())))

@@ -2,7 +2,7 @@
  *
  *   FAULT_OP     open, write, rename, sync, unlink or mkdir
  *   FAULT_AT     which of them fails, from 1; with FAULT_ON also all later ones
- *   FAULT_ERRNO  with which error
+ *   FAULT_ERRNO  with which error; `kill`: the program is killed before the operation
  *   FAULT_UNDER  only files whose path contains this
  *   FAULT_KILL   kills the program right after it has written a line of a journal that contains this, the one of number FAULT_AT
  *   FAULT_DISK   a folder that is to hold what a power cut leaves of FAULT_UNDER: files and names as they were when they were last
@@ -27,12 +27,18 @@
 
 static int count;
 
+static void die(void) {
+    kill(getpid(), SIGKILL);
+    for (;;) pause();
+}
+
 static int fails(const char *op, const char *path) {
     const char *wanted = getenv("FAULT_OP"), *under = getenv("FAULT_UNDER");
     if (!wanted || strcmp(wanted, op) || !under || !path || !strstr(path, under)) return 0;
     int n = __sync_add_and_fetch(&count, 1), at = atoi(getenv("FAULT_AT"));
     if (n != at && !(n > at && getenv("FAULT_ON"))) return 0;
     dprintf(2, "fault: %s %s\n", op, path);
+    if (!strcmp(getenv("FAULT_ERRNO"), "kill")) die();
     errno = atoi(getenv("FAULT_ERRNO"));
     return 1;
 }
@@ -50,10 +56,7 @@ static void kill_after(int fd, const void *bytes, size_t size) {
     const char *text = getenv("FAULT_KILL");
     if (!text || fd <= 2 || !strstr(path_of(fd, path, sizeof path), "journal.jsonl")) return;
     if (!memmem(bytes, size, text, strlen(text))) return;
-    if (__sync_add_and_fetch(&count, 1) == atoi(getenv("FAULT_AT"))) {
-        kill(getpid(), SIGKILL);
-        for (;;) pause();
-    }
+    if (__sync_add_and_fetch(&count, 1) == atoi(getenv("FAULT_AT"))) die();
 }
 
 /* A file whose name is removed keeps its inode, so that no other gets its number. */

@@ -1,7 +1,9 @@
 //! Creates a run folder, or opens one to resume its run, and writes its text files.
 
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::campaign::Campaign;
@@ -15,6 +17,19 @@ use crate::setup::set_up_file::kept;
 
 /// The report page of a run folder.
 pub const PAGE: &str = "report.html";
+
+/// Whether nothing is recorded in a folder: it is empty, or holds what a program leaves that is killed before it has copied the
+/// campaign: an empty journal, and copies of the records.
+///
+/// # Errors
+/// When it cannot be listed.
+pub fn is_unused(folder: &Path) -> io::Result<bool> {
+    let names = fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name())).collect::<io::Result<Vec<_>>>()?;
+    let has_empty_journal =
+        fs::symlink_metadata(folder.join(JOURNAL)).is_ok_and(|file| file.is_file() && file.len() == 0);
+    let is_left = |name: &OsString| [JOURNAL, RECORDS, "campaign.toml.tmp"].iter().any(|left| name == left);
+    Ok(names.is_empty() || has_empty_journal && names.iter().all(is_left))
+}
 
 /// A run folder open for writing.
 #[derive(Clone, Debug)]
@@ -35,17 +50,16 @@ impl OutputFolder {
         Ok(Self { path })
     }
 
-    /// The folder `path`; it may exist when it is empty.
+    /// The folder `path`; it may exist when it is unused ([`is_unused`]).
     ///
     /// # Errors
     /// When it is not empty, or cannot be created.
     pub fn create_at(path: &Path) -> Result<Self, StorageError> {
-        match fs::read_dir(path) {
-            Ok(mut entries) => {
-                if entries.next().is_some() {
-                    let message = "it is not empty; give --out a new folder, or continue the run in it with --resume";
-                    return Err(StorageError::new("use the folder", path, message));
-                }
+        match is_unused(path) {
+            Ok(true) => {}
+            Ok(false) => {
+                let message = "it is not empty; give --out a new folder, or continue the run in it with --resume";
+                return Err(StorageError::new("use the folder", path, message));
             }
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 fs::create_dir_all(path).map_err(|e| StorageError::new("create the folder", path, e))?;
@@ -61,9 +75,7 @@ impl OutputFolder {
     /// When another program is recording into it, or has recorded into it.
     pub fn claim(&self) -> Result<Journal, StorageError> {
         let journal = Journal::open(&self.path)?;
-        let mut entries = fs::read_dir(&self.path).map_err(|e| StorageError::new("use the folder", &self.path, e))?;
-        let is_alone = entries.all(|entry| entry.is_ok_and(|entry| entry.file_name() == JOURNAL));
-        if is_alone && journal.is_empty() {
+        if is_unused(&self.path).map_err(|e| StorageError::new("use the folder", &self.path, e))? {
             return Ok(journal);
         }
         let message = "another damprig has just started to record into it; give --out a new folder";
