@@ -13,7 +13,7 @@ use super::checksum::of_bytes;
 use super::error::StorageError;
 use super::own_files::refuse_links;
 pub use super::schema::journal_entry::{
-    Begin, CopiedFile, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart, Withdrawn,
+    Begin, CopiedFile, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart, SetAside, Withdrawn,
 };
 use crate::input::regular;
 
@@ -92,12 +92,6 @@ impl Journal {
         if folder.join(JOURNAL).exists() { Self::open(folder).map(Some) } else { Ok(None) }
     }
 
-    /// Whether it holds nothing yet.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.whole == 0
-    }
-
     /// Appends a line. It survives the program from here on, and a power cut from [`Journal::sync`] on. The fragment of a
     /// line that could not be written whole is removed first: the new line would be appended to it.
     ///
@@ -168,6 +162,9 @@ fn has_one_name(_: &File, _: &Path) -> Result<(), StorageError> {
 /// Beginning and end of the checksum at the end of a line, and its length.
 const SUM: (&[u8], &[u8], usize) = (b",\"sum\":\"", b"\"}", 16);
 
+/// Beginning of each line.
+const BEGINNING: &[u8] = b"{\"entry\":\"";
+
 /// A JSON object as a line: with the beginning of its SHA-256 as its last value, `sum`.
 #[must_use]
 pub fn with_sum(object: &str) -> String {
@@ -201,7 +198,9 @@ impl LineReader {
     fn read(&mut self, line: &[u8]) -> Result<Entry, NoEntry> {
         let (object, sum) = sum_of(line).map_or((None, None), |(object, is_right)| (Some(object), Some(is_right)));
         let read = serde_json::from_slice::<Entry>(object.as_deref().unwrap_or(line));
-        let entry = read.map_err(|error| if error.is_eof() { NoEntry::Torn } else { NoEntry::Damaged })?;
+        let is_begun = !line.is_empty() && line.iter().zip(BEGINNING).all(|(a, b)| a == b);
+        let torn = |error: serde_json::Error| if error.is_eof() && is_begun { NoEntry::Torn } else { NoEntry::Damaged };
+        let entry = read.map_err(torn)?;
         let has_sums = if let Entry::Begin(begin) = &entry { begin.sums } else { self.has_sums };
         if !sum.unwrap_or(!has_sums) || !entry.is_consistent() {
             return Err(NoEntry::Damaged);
@@ -235,7 +234,8 @@ pub fn read(folder: &Path) -> Result<Lines, StorageError> {
     // the parts that were open.
     let mut cut_short: Option<usize> = None;
     let mut reader = LineReader::default();
-    for (n, line) in bytes[..whole].split(|b| *b == b'\n').enumerate().filter(|(_, line)| !line.is_empty()) {
+    for (n, line) in bytes[..whole].split_inclusive(|b| *b == b'\n').enumerate() {
+        let line = line.strip_suffix(b"\n").unwrap_or(line);
         match reader.read(line) {
             Ok(entry) => {
                 match (&entry, cut_short) {
@@ -256,6 +256,11 @@ pub fn read(folder: &Path) -> Result<Lines, StorageError> {
     }
     // Killed again before its new beginning.
     lines.torn.extend(cut_short);
+    let rest = &bytes[whole..];
+    if !rest.is_empty() {
+        let line = bytes[..whole].iter().filter(|b| **b == b'\n').count() + 1;
+        if reader.read(rest) == Err(NoEntry::Damaged) { lines.damaged.push(line) } else { lines.torn.push(line) }
+    }
     Ok(lines)
 }
 
@@ -298,7 +303,7 @@ mod tests {
     use super::*;
 
     fn joined(rows: u64) -> Entry {
-        Entry::Joined(Joined { rows, left: Vec::new() })
+        Entry::Joined(Joined { rows, ..Joined::default() })
     }
 
     #[test]
@@ -312,7 +317,9 @@ mod tests {
         let second = bytes.len() / 2;
         for cut in second..bytes.len() {
             std::fs::write(&path, &bytes[..cut]).unwrap();
-            assert_eq!(read(folder.path()).unwrap(), Lines { entries: vec![joined(1)], ..Lines::default() }, "{cut}");
+            let torn = if cut == second { vec![] } else { vec![2] };
+            let lines = Lines { entries: vec![joined(1)], torn, ..Lines::default() };
+            assert_eq!(read(folder.path()).unwrap(), lines, "{cut}");
             Journal::open(folder.path()).unwrap().append(&joined(3)).unwrap();
             let lines = read(folder.path()).unwrap();
             // Without its end of line alone, the entry is whole.

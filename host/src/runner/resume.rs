@@ -10,10 +10,12 @@ use crate::run_folder::own_files::refuse_links;
 use crate::run_folder::read::campaign_copy;
 use crate::run_folder::read::cut_results::cut_off;
 use crate::run_folder::read::folder::manifest_of;
-use crate::run_folder::read::open_part;
-use crate::run_folder::read::sample_files::open_parts;
+use crate::run_folder::read::open_part::read_stream;
+use crate::run_folder::read::sample_files::{lost_open_parts, open_parts};
 use crate::run_folder::read::untracked_files::untracked;
 use crate::run_folder::schema::journal_state::JournalState;
+use crate::run_folder::schema::samples::damaged_part_name;
+use crate::run_folder::write::output_folder::is_unused;
 use crate::settings;
 
 /// Why a run cannot be resumed. The text names what is wrong, what can still be read, and what can be done.
@@ -56,6 +58,12 @@ impl EarlierRun {
             Err(error) => return Err(CannotResume(error.to_string())),
         };
         let mut taken = JournalState::of(&lines.entries);
+        if is_unused(folder).unwrap_or(false) {
+            let message =
+                "the run was killed before anything was recorded in it; start it with `damprig run CAMPAIGN --out";
+            return Err(CannotResume(format!("{shown}: {message} {shown}`")));
+        }
+        let mut warnings: Vec<String> = Vec::new();
         let source = Source::read(&folder.join("campaign.toml")).map_err(|e| {
             CannotResume(format!("{e}\n  the first line of {shown}/{} holds the campaign as run", journal::JOURNAL))
         })?;
@@ -68,6 +76,9 @@ impl EarlierRun {
                     journal::JOURNAL
                 );
                 return Err(CannotResume(message));
+            }
+            if taken.begun.iter().all(|begin| begin.campaign != source.text()) {
+                warnings.push("campaign.toml: remarks or layout have changed; the journal keeps both texts".into());
             }
         } else if !lines.entries.is_empty() || !lines.damaged.is_empty() {
             let message = format!(
@@ -96,7 +107,12 @@ impl EarlierRun {
             );
             return Err(CannotResume(message));
         }
-        let mut warnings: Vec<String> = Vec::new();
+        if let Some(changed) = taken.joined.iter().find_map(|joined| joined.file.as_ref()?.difference(folder)) {
+            let message = format!(
+                "{shown}/{changed}\n  put the joined samples back as they were; the results are not affected (`damprig runs verify {shown}`); nothing was changed"
+            );
+            return Err(CannotResume(message));
+        }
         if !lines.damaged.is_empty() {
             let list: Vec<String> = lines.damaged.iter().map(usize::to_string).collect();
             let name = journal::JOURNAL;
@@ -105,19 +121,21 @@ impl EarlierRun {
         }
         warnings.extend(damaged_parts(folder, &taken));
         let untracked = untracked(folder, &taken, taken.points() >= taken.planned(&campaign).points);
-        if !untracked.data.is_empty() {
-            return Err(CannotResume(untracked_message(folder, &untracked.data, &taken)));
+        if !untracked.is_empty() {
+            return Err(CannotResume(untracked_message(folder, &untracked, &taken)));
         }
-        warnings.extend(
-            untracked.unreadable.iter().map(|name| format!("{name}: nothing in it can be read; it is left in place")),
-        );
-        let damaged = open_parts(folder).into_iter().filter(|(_, path)| !open_part::is_sound(path));
-        warnings.extend(damaged.map(|(_, path)| {
-            format!(
-                "{}: changed since it was written (its checksums differ); its rows are kept as they are",
-                path.display()
-            )
-        }));
+        let lost = lost_open_parts(folder, &taken).into_iter();
+        warnings.extend(lost.map(|name| format!("{name}: missing; its rows are lost")));
+        for (part, path) in open_parts(folder) {
+            let stream = read_stream(&path).map_err(|e| CannotResume(e.to_string()))?;
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let aside = if stream.has_damage() {
+                format!("; its sound rows are used, and the file is kept aside as {}", damaged_part_name(part))
+            } else {
+                String::new()
+            };
+            warnings.extend(stream.problem.map(|problem| format!("{name}: {problem}{aside}")));
+        }
         let withdrawn = cut_off(folder, &taken);
         for cut in &withdrawn {
             taken.add(&Entry::Withdrawn(cut.clone()));

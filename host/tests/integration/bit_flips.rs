@@ -27,7 +27,8 @@ fn wrong(run: &Path) -> Vec<String> {
     found.into_iter().filter_map(|one| if let Finding::Wrong(text) = one { Some(text) } else { None }).collect()
 }
 
-/// Flips bits one after the other, in the files in turn, and puts each back.
+/// Changes the files in turn, one at a time, and puts each back: a bit is flipped, the end is cut off, a byte is appended, or the file is
+/// removed.
 fn each_is_found(run: &Path, count: usize, random: &mut fastrand::Rng) {
     let files = files(run);
     let sound = wrong(run);
@@ -39,14 +40,32 @@ fn each_is_found(run: &Path, count: usize, random: &mut fastrand::Rng) {
         }
         let (at, bit) = (random.usize(..own.len()), random.u8(..8));
         let mut changed = own.clone();
-        changed[at] ^= 1 << bit;
-        std::fs::write(path, &changed).unwrap();
+        let what = match n / files.len() % 4 {
+            0 => {
+                changed[at] ^= 1 << bit;
+                format!("bit {bit} of byte {at} of {}", own.len())
+            }
+            1 => {
+                changed.truncate(at);
+                format!("{at} of {} bytes", own.len())
+            }
+            2 => {
+                changed.push(*random.choice(b"\n0x\0").unwrap());
+                format!("{:?} at the end", char::from(changed[own.len()]))
+            }
+            _ => "removed".to_string(),
+        };
+        if what == "removed" {
+            std::fs::remove_file(path).unwrap();
+        } else {
+            std::fs::write(path, &changed).unwrap();
+        }
         let found = wrong(run);
-        assert!(found != sound, "{}: bit {bit} of byte {at} of {} is not found", path.display(), own.len());
+        assert!(found != sound, "{}: {what} is not found", path.display());
         std::fs::write(path, own).unwrap();
     }
     assert_eq!(wrong(run), sound);
-    println!("{}: {count} flipped bits in {} files, all found", run.display(), files.len());
+    println!("{}: {count} changes of {} files, all found", run.display(), files.len());
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Reads a part of the samples that was open when the program ended, up to its last whole batch.
+//! Reads a part of the samples that was open when the program ended, up to its last whole batch that agrees with its checksum.
 
 use std::path::Path;
 
@@ -12,9 +12,10 @@ use super::arrow_salvage::sound_length;
 use super::columns::numbers;
 use super::parquet_file::read;
 use crate::input::regular;
+use crate::run_folder::journal::Entry;
 use crate::run_folder::schema::samples::{self, PointLabel, read_stream_schema};
-use crate::run_folder::schema::stream_sums::{agree, sums_path};
-use crate::run_folder::{ReadError, StorageError};
+use crate::run_folder::schema::stream_sums::{Difference, compare, sums_path};
+use crate::run_folder::{ReadError, StorageError, journal};
 
 /// The column of the ticks missing before a row.
 const GAP: &str = "gap_before_ticks";
@@ -30,24 +31,84 @@ pub struct Salvaged {
     pub gap_ticks: u64,
 }
 
-/// Reads an open part up to its last whole batch. A stream that was cut off before its first is empty.
+/// An open part: its bytes, and how far they can be relied on.
+#[derive(Clone, Debug)]
+pub struct OpenStream {
+    bytes: Vec<u8>,
+    sound: usize,
+    /// What is wrong behind the sound bytes, in words.
+    pub problem: Option<String>,
+}
+
+/// Reads an open part, and compares it with its checksums. A part of an older run has none: all that can be read of it counts as sound.
 ///
 /// # Errors
-/// When the file cannot be opened.
-pub fn salvage(path: &Path) -> Result<Salvaged, StorageError> {
+/// When the file cannot be read.
+pub fn read_stream(path: &Path) -> Result<OpenStream, StorageError> {
     let bytes = regular::read(path).map_err(|e| StorageError::new("read", path, e))?;
-    let mut salvaged = Salvaged::default();
-    let Ok(reader) = StreamReader::try_new(&bytes[..sound_length(&bytes)], None) else { return Ok(salvaged) };
-    let Some((label, tick_hz, signals)) = read_stream_schema(&reader.schema()) else { return Ok(salvaged) };
-    let schema = samples::schema(&signals, &Metadata::new());
-    for batch in reader.map_while(Result::ok) {
-        let gaps = batch.column(1).as_primitive::<UInt32Type>().values();
-        salvaged.gap_ticks += gaps.iter().map(|gap| u64::from(*gap)).sum::<u64>();
-        let Ok(batch) = samples::complete(&schema, &label, tick_hz, &batch) else { break };
-        salvaged.rows += batch.num_rows() as u64;
-        salvaged.batches.push(batch);
+    if !has_sums(path) {
+        let sound = sound_length(&bytes);
+        let problem = (sound == 0 && !bytes.is_empty()).then(|| "nothing in it can be read".to_string());
+        return Ok(OpenStream { bytes, sound, problem });
     }
-    Ok(salvaged)
+    let (sound, difference) = compare(&bytes, &regular::read(&sums_path(path)).unwrap_or_default());
+    let problem = difference.map(|difference| {
+        let what = match difference {
+            Difference::Length => {
+                "its checksums do not end where it ends (a kill, a power cut, or a file that was cut)"
+            }
+            Difference::Content => "changed since it was written (its checksums differ)",
+        };
+        format!("{what}; the first {sound} of its {} bytes are sound", bytes.len())
+    });
+    Ok(OpenStream { bytes, sound, problem })
+}
+
+/// Whether an open part has checksums. The journal says so, in case their file was removed.
+fn has_sums(path: &Path) -> bool {
+    let begin = |entry: &Entry| if let Entry::Begin(begin) = entry { Some(begin.sums) } else { None };
+    let lines = || journal::read(path.parent()?).ok();
+    sums_path(path).exists() || lines().and_then(|lines| lines.entries.iter().rev().find_map(begin)).unwrap_or(false)
+}
+
+impl OpenStream {
+    /// Bytes that can be relied on.
+    #[must_use]
+    pub fn sound_bytes(&self) -> usize {
+        self.sound
+    }
+
+    /// Whether there are bytes that cannot be relied on.
+    #[must_use]
+    pub fn has_damage(&self) -> bool {
+        self.problem.is_some() && self.sound < self.bytes.len()
+    }
+
+    /// Its rows up to the last whole batch that is sound; none of a stream that was cut off before its first.
+    #[must_use]
+    pub fn salvage(&self) -> Salvaged {
+        let mut salvaged = Salvaged::default();
+        let sound = &self.bytes[..self.sound];
+        let Ok(reader) = StreamReader::try_new(&sound[..sound_length(sound)], None) else { return salvaged };
+        let Some((label, tick_hz, signals)) = read_stream_schema(&reader.schema()) else { return salvaged };
+        let schema = samples::schema(&signals, &Metadata::new());
+        for batch in reader.map_while(Result::ok) {
+            let gaps = batch.column(1).as_primitive::<UInt32Type>().values();
+            salvaged.gap_ticks += gaps.iter().map(|gap| u64::from(*gap)).sum::<u64>();
+            let Ok(batch) = samples::complete(&schema, &label, tick_hz, &batch) else { break };
+            salvaged.rows += batch.num_rows() as u64;
+            salvaged.batches.push(batch);
+        }
+        salvaged
+    }
+}
+
+/// The sound rows of an open part.
+///
+/// # Errors
+/// As [`read_stream`].
+pub fn salvage(path: &Path) -> Result<Salvaged, StorageError> {
+    read_stream(path).map(|stream| stream.salvage())
 }
 
 /// Rows of a closed part, and ticks missing before or between them; `None` if it is missing or cannot be read whole.
@@ -58,32 +119,10 @@ pub fn rows_and_gaps(part: &Path) -> Option<(u64, u64)> {
     Some((gaps.len() as u64, gaps.iter().map(|gap| *gap as u64).fold(0, u64::saturating_add)))
 }
 
-/// Whether an open part is as its checksums say; one of an older run has none.
+/// The point to which the rows of an open part belong; `None` if it has no head that can be read.
 #[must_use]
-pub fn is_sound(path: &Path) -> bool {
-    let (stream, sums) = (regular::read(path), regular::read(&sums_path(path)));
-    sums.is_err() || stream.is_ok_and(|stream| agree(&stream, &sums.unwrap_or_default()))
-}
-
-/// Head of an open part: its schema, which states the point of its rows.
-#[derive(Clone, Debug, PartialEq)]
-pub enum StreamHead {
-    /// The point to which the rows belong.
-    Of(PointLabel),
-    /// The file is empty: the program ended before it wrote anything.
-    Empty,
-    /// The file is not a stream of samples.
-    Unreadable,
-}
-
-/// Reads the head of an open part.
-#[must_use]
-pub fn read_head(path: &Path) -> StreamHead {
-    let Ok(bytes) = regular::read(path) else { return StreamHead::Unreadable };
-    if bytes.is_empty() {
-        return StreamHead::Empty;
-    }
-    let reader = StreamReader::try_new(&bytes[..sound_length(&bytes)], None).ok();
-    let head = reader.and_then(|reader| read_stream_schema(&reader.schema()));
-    head.map_or(StreamHead::Unreadable, |(label, ..)| StreamHead::Of(label))
+pub fn label_of(path: &Path) -> Option<PointLabel> {
+    let bytes = regular::read(path).ok()?;
+    let reader = StreamReader::try_new(&bytes[..sound_length(&bytes)], None).ok()?;
+    read_stream_schema(&reader.schema()).map(|(label, ..)| label)
 }

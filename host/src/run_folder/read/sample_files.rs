@@ -7,8 +7,12 @@ use arrow_array::RecordBatch;
 
 use super::open_part::salvage;
 use super::parquet_file::read;
+use crate::input::regular;
 use crate::run_folder::ReadError;
-use crate::run_folder::schema::samples::{JOINED, PARTS, open_part_number, part_name, part_number};
+use crate::run_folder::schema::journal_state::JournalState;
+use crate::run_folder::schema::samples::{
+    JOINED, PARTS, open_part_name, open_part_number, open_sums_number, part_name, part_number,
+};
 
 /// Numbers and files of the closed parts, in order.
 #[must_use]
@@ -20,6 +24,23 @@ pub fn closed_parts(folder: &Path) -> Vec<(u32, PathBuf)> {
 #[must_use]
 pub fn open_parts(folder: &Path) -> Vec<(u32, PathBuf)> {
     numbered(folder, |path| open_part_number(path.file_name()?.to_str()?))
+}
+
+/// Numbers and files of the checksums of open parts.
+#[must_use]
+pub fn open_sums(folder: &Path) -> Vec<(u32, PathBuf)> {
+    numbered(folder, |path| open_sums_number(path.file_name()?.to_str()?))
+}
+
+/// Names of open parts with rows that are gone: their checksums are there, and they are not closed.
+#[must_use]
+pub fn lost_open_parts(folder: &Path, journal: &JournalState) -> Vec<String> {
+    let is_known = |part: u32| journal.is_sealed(part) || journal.set_aside.iter().any(|aside| aside.part == part);
+    // The first line is of the head, the others are of rows.
+    let has_rows = |sums: &Path| regular::read(sums).is_ok_and(|sums| sums.iter().filter(|b| **b == b'\n').count() > 1);
+    let names = open_sums(folder).into_iter().map(|(part, sums)| (part, sums, open_part_name(part)));
+    let lost = names.filter(|(part, sums, name)| !is_known(*part) && !folder.join(name).exists() && has_rows(sums));
+    lost.map(|(.., name)| name).collect()
 }
 
 fn numbered(folder: &Path, number: impl Fn(&Path) -> Option<u32>) -> Vec<(u32, PathBuf)> {

@@ -7,6 +7,8 @@ use arrow_array::RecordBatch;
 use super::parquet_file::read;
 use crate::input::regular;
 use crate::run_folder::ReadError;
+use crate::run_folder::journal::Entry;
+use crate::run_folder::schema::impacts::{self, IMPACTS};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::Manifest;
 use crate::run_folder::schema::results::{self, RESULTS};
@@ -14,39 +16,86 @@ use crate::run_folder::schema::self_description::{self, DESCRIPTION};
 use crate::run_folder::schema::transients::{self, TRANSIENTS};
 use crate::run_folder::write::parquet_file::bytes_of;
 
-/// The tables that are not as this program makes them of journal and manifest, one text each; `order` has the set-ups and experiments
-/// of the campaign. A table may be older than the last results.
+/// A table that is made of the journal.
+struct Table<'a> {
+    name: &'static str,
+    row: &'static str,
+    /// Its number of rows.
+    rows: fn(&JournalState) -> usize,
+    make: &'a dyn Fn(&JournalState) -> Result<RecordBatch, String>,
+    /// Whether the line changes it.
+    depends_on: fn(&Entry) -> bool,
+    /// Whether a program that has written these lines has written it, or will within the next moments.
+    is_due: fn(&JournalState) -> bool,
+}
+
+/// The tables that are missing, or not as this program makes them of manifest and journal, one text each; `order` has the set-ups and
+/// experiments of the campaign. A table may be older than the last lines.
 #[must_use]
-pub fn differing(
-    folder: &Path,
-    manifest: &Manifest,
-    journal: &JournalState,
-    order: &[(String, String)],
-) -> Vec<String> {
-    let is_own = journal.begun.last().is_some_and(|begin| begin.damprig == crate::VERSION_LINE);
+pub fn differing(folder: &Path, manifest: &Manifest, entries: &[Entry], order: &[(String, String)]) -> Vec<String> {
+    let journal = JournalState::of(entries);
     let run = journal.begun.first().map_or("", |begin| begin.run.as_str());
-    // Of rows that do not count any more it is unknown whether the table has them.
-    if !is_own || run.is_empty() || !journal.superseded().is_empty() || !journal.withdrawn().is_empty() {
-        return Vec::new();
-    }
+    let tick_hz = journal.begun.first().map_or(0.0, |begin| begin.device.tick_hz);
     let about = self_description::of_run(run, manifest);
-    let points = |count| results::table(&journal.first_rows_in_order(count, order));
-    let events = |count| transients::table(journal.transients().get(..count).unwrap_or_default());
-    type Table<'a> = (&'a str, &'a str, &'a dyn Fn(usize) -> Result<RecordBatch, String>);
-    let tables: [Table<'_>; 2] = [(RESULTS, results::ROW, &points), (TRANSIENTS, transients::ROW, &events)];
-    let differs = |(name, row, table): &Table<'_>| {
-        let path = folder.join(name);
-        let count: Option<usize> = read(&path)
-            .and_then(|batches| batches.map(|batch| Ok(batch?.num_rows())).sum::<Result<usize, ReadError>>())
-            .ok();
-        let made = count.and_then(|count| {
-            table(count).and_then(|table| bytes_of(table, about.clone().with(DESCRIPTION, *row))).ok()
-        });
-        path.exists() && (made.is_none() || regular::read(&path).ok() != made)
-    };
-    tables
-        .iter()
-        .filter(|table| differs(table))
-        .map(|(name, ..)| format!("{name}: not as it was made of the journal"))
-        .collect()
+    let points = |state: &JournalState| results::table(&state.rows_in_order(order));
+    let events = |state: &JournalState| transients::table(state.transients());
+    let hits = |state: &JournalState| impacts::table(&state.impacts, tick_hz);
+    let tables = [
+        Table {
+            name: RESULTS,
+            row: results::ROW,
+            rows: |state| state.rows().len(),
+            make: &points,
+            depends_on: |entry| {
+                matches!(entry, Entry::Result(_) | Entry::PeakPoints(_) | Entry::Segment(_) | Entry::Withdrawn(_))
+            },
+            is_due: |state| !state.segments.is_empty(),
+        },
+        Table {
+            name: TRANSIENTS,
+            row: transients::ROW,
+            rows: |state| state.transients().len(),
+            make: &events,
+            depends_on: |entry| matches!(entry, Entry::Transient(_) | Entry::Withdrawn(_)),
+            is_due: |state| !state.transients().is_empty(),
+        },
+        Table {
+            name: IMPACTS,
+            row: impacts::ROW,
+            rows: |state| state.impacts.iter().map(|some| some.impacts.len()).sum(),
+            make: &hits,
+            depends_on: |entry| matches!(entry, Entry::Impacts(_)),
+            is_due: |state| (state.joined.is_some() || !state.ended.is_empty()) && !state.impacts.is_empty(),
+        },
+    ];
+    // Another version makes the same table with other bytes.
+    let is_own = !run.is_empty() && journal.begun.iter().all(|begin| begin.damprig == crate::VERSION_LINE);
+    let found = tables.iter().filter_map(|table| {
+        let path = folder.join(table.name);
+        if !path.exists() {
+            return (table.is_due)(&journal).then(|| format!("{}: missing; it can be made of the journal", table.name));
+        }
+        let is_made = |state: &JournalState| {
+            let made = (table.make)(state).and_then(|made| bytes_of(made, about.clone().with(DESCRIPTION, table.row)));
+            regular::read(&path).ok().is_some_and(|bytes| Ok(bytes) == made)
+        };
+        let count = read(&path)
+            .and_then(|batches| batches.map(|batch| Ok(batch?.num_rows())).sum::<Result<usize, ReadError>>());
+        let is_as_made = match count {
+            Ok(count) if is_own => at_some_line(entries, table, |state| (table.rows)(state) == count && is_made(state)),
+            readable => readable.is_ok(),
+        };
+        (!is_as_made).then(|| format!("{}: not as it was made of the journal", table.name))
+    });
+    found.collect()
+}
+
+/// Whether this is so of the lines up to some place.
+fn at_some_line(entries: &[Entry], table: &Table<'_>, is_so: impl Fn(&JournalState) -> bool) -> bool {
+    let mut state = JournalState::default();
+    is_so(&state)
+        || entries.iter().any(|entry| {
+            state.add(entry);
+            (table.depends_on)(entry) && is_so(&state)
+        })
 }

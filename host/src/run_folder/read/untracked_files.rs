@@ -11,29 +11,20 @@ use std::path::Path;
 use arrow_array::RecordBatch;
 
 use super::columns::{numbers, texts, values};
-use super::open_part::{StreamHead, read_head, salvage};
+use super::open_part::{label_of, salvage};
 use super::parquet_file::read;
 use super::sample_files::{closed_parts, open_parts};
 use crate::run_folder::ReadError;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::results::RESULTS;
-use crate::run_folder::schema::samples::{JOINED, PARTS};
+use crate::run_folder::schema::samples::{JOINED, PARTS, PointLabel};
 use crate::run_folder::schema::transients::TRANSIENTS;
 
-/// Files that a journal does not list.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Untracked {
-    /// Data of a run, as `file: description`.
-    pub data: Vec<String>,
-    /// Open parts in which nothing can be read; they are left unchanged.
-    pub unreadable: Vec<String>,
-}
-
-/// Compares a folder with its journal. `is_complete`: every point is taken, so the samples may have been joined when the
+/// Data of a run that its journal does not list, as `file: description`. `is_complete`: every point is taken, so the samples may have been joined when the
 /// program was killed.
 #[must_use]
-pub fn untracked(folder: &Path, journal: &JournalState, is_complete: bool) -> Untracked {
-    let mut found = Untracked::default();
+pub fn untracked(folder: &Path, journal: &JournalState, is_complete: bool) -> Vec<String> {
+    let mut found = Vec::new();
     let streams = open_parts(folder);
     for (number, path) in closed_parts(folder) {
         if journal.is_sealed(number) {
@@ -41,32 +32,27 @@ pub fn untracked(folder: &Path, journal: &JournalState, is_complete: bool) -> Un
         }
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         match streams.iter().find(|(n, _)| *n == number) {
-            None => found.data.push(format!("{}/{name}: a part of the samples", PARTS)),
+            None => found.push(format!("{}/{name}: a part of the samples", PARTS)),
             Some((_, stream)) if !is_made_of(&path, stream) => {
                 let stream = stream.file_name().unwrap_or_default().to_string_lossy();
-                found.data.push(format!("{}/{name}: a part of the samples, and not of those in {stream}", PARTS));
+                found.push(format!("{}/{name}: a part of the samples, and not of those in {stream}", PARTS));
             }
             Some(_) => {}
         }
     }
     for (_, path) in &streams {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        match read_head(path) {
-            StreamHead::Of(label) if journal.segments.iter().all(|start| start.id != label.id) => {
-                found.data.push(format!(
-                    "{name}: samples of set-up {:?}, {:?}, segment {}, which was never started",
-                    label.id.set_up, label.id.experiment, label.id.segment
-                ));
-            }
-            StreamHead::Unreadable => found.unreadable.push(name.into_owned()),
-            StreamHead::Of(_) | StreamHead::Empty => {}
-        }
+        let label = label_of(path).filter(|label| journal.segments.iter().all(|start| start.id != label.id));
+        found.extend(label.map(|PointLabel { id, .. }| {
+            let (set_up, experiment, segment) = (id.set_up, id.experiment, id.segment);
+            format!("{name}: samples of set-up {set_up:?}, {experiment:?}, segment {segment}, which was never started")
+        }));
     }
     if folder.join(JOINED).exists() && journal.joined.is_none() && !is_complete {
-        found.data.push(format!("{JOINED}: samples of a complete run"));
+        found.push(format!("{JOINED}: samples of a complete run"));
     }
     for name in [RESULTS, TRANSIENTS] {
-        found.data.extend(results(folder, name, journal));
+        found.extend(results(folder, name, journal));
     }
     found
 }
@@ -139,7 +125,7 @@ mod tests {
 
     use super::*;
     use crate::run_folder::journal::{Entry, SegmentStart};
-    use crate::run_folder::schema::samples::{PointLabel, SampleColumn};
+    use crate::run_folder::schema::samples::SampleColumn;
     use crate::run_folder::schema::segment_id::SegmentId;
     use crate::run_folder::write::sample_part::OpenPart;
 
@@ -161,7 +147,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let start = SegmentStart { id: id(), points: 1, ..SegmentStart::default() };
         let journal = JournalState::of(&[Entry::Segment(start)]);
-        let found = || untracked(folder.path(), &journal, false).data;
+        let found = || untracked(folder.path(), &journal, false);
         seal(folder.path(), f32::NAN);
         assert!(found().is_empty(), "a kill came before the journal had the part");
         let part = folder.path().join("samples.parts/000003.parquet");

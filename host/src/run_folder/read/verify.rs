@@ -7,13 +7,14 @@ use super::campaign_copy;
 use super::columns::{numbers, texts};
 use super::cut_results::cut_results;
 use super::folder::{RunFolder, find};
-use super::open_part;
+use super::open_part::read_stream;
 use super::parquet_file::read;
-use super::sample_files::{is_open_part, read_samples, sample_files};
+use super::sample_files::{is_open_part, lost_open_parts, open_parts, read_samples, sample_files};
 use super::unfinished_tables::differing;
 use super::untracked_files::untracked;
 use crate::campaign::{Campaign, differences};
 use crate::input::{Source, regular};
+use crate::run_folder::journal::Lines;
 use crate::run_folder::own_files::refuse_links;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::MANIFEST;
@@ -53,13 +54,21 @@ pub fn verify(path: &Path) -> Result<Vec<Finding>, ReadError> {
         ending(run, &mut found);
         checksums(run, &mut found);
     }
-    journal(path, run.as_ref(), &mut found);
+    let lines = match journal::read(path) {
+        Ok(lines) => lines,
+        Err(error) => {
+            // Older runs have no journal.
+            found.extend(journal::is_in(path).then(|| Finding::Wrong(error.to_string())));
+            Lines::default()
+        }
+    };
+    let taken = JournalState::of(&lines.entries);
+    journal(path, run.as_ref(), &lines, &taken, &mut found);
     let campaign = campaign(path, &mut found);
-    untracked_files(path, campaign.as_ref(), &mut found);
-    let taken = JournalState::of(&journal::read(path).unwrap_or_default().entries);
+    untracked_files(path, campaign.as_ref(), &taken, &mut found);
     results(path, run.as_ref(), campaign.as_ref(), &taken, &mut found);
     if let (Some(run), Some(campaign)) = (run.as_ref().filter(|run| run.manifest().is_running()), &campaign) {
-        let differing = differing(path, run.manifest(), &taken, &campaign.in_order());
+        let differing = differing(path, run.manifest(), &lines.entries, &campaign.in_order());
         found.extend(differing.into_iter().map(Finding::Wrong));
     }
     samples(path, run.as_ref(), &taken, &mut found);
@@ -123,15 +132,14 @@ fn checksums(run: &RunFolder, found: &mut Vec<Finding>) {
     found.push(Finding::Good(format!("checksums: {good} of {} files are as when the run ended", files.len())));
 }
 
-/// The journal itself, and the closed parts that it lists.
-fn journal(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
-    let lines = match journal::read(path) {
-        Ok(lines) => lines,
-        // Older runs have no journal.
-        Err(_) if !journal::is_in(path) => return,
-        Err(error) => return found.push(Finding::Wrong(error.to_string())),
-    };
-    let (name, taken) = (journal::JOURNAL, JournalState::of(&lines.entries));
+/// The journal itself, and the files that it lists.
+fn journal(path: &Path, run: Option<&RunFolder>, lines: &Lines, taken: &JournalState, found: &mut Vec<Finding>) {
+    let name = journal::JOURNAL;
+    if !journal::is_in(path) {
+        let is_lost = run.is_some_and(|run| run.manifest().is_running());
+        found.extend(is_lost.then(|| Finding::Wrong(format!("{name}: missing"))));
+        return;
+    }
     found.push(Finding::Good(format!("{name}: {} lines, {} points", lines.entries.len(), taken.points())));
     if !lines.damaged.is_empty() {
         let list: Vec<String> = lines.damaged.iter().map(usize::to_string).collect();
@@ -147,6 +155,11 @@ fn journal(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
         if !different.is_empty() {
             let list = different.join("\n  ");
             let text = format!("campaign.toml is not the campaign that the run was started with ({name}):\n  {list}");
+            found.push(Finding::Wrong(text));
+        } else if taken.begun.iter().all(|begin| begin.campaign != now.text()) {
+            let text = format!(
+                "campaign.toml: remarks or layout have changed since the run was started ({name}); the values are the same"
+            );
             found.push(Finding::Wrong(text));
         }
     }
@@ -168,39 +181,53 @@ fn journal(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
     let records = taken.begun.first().map_or(&[][..], |begin| &begin.records);
     found.extend(records.iter().filter_map(|copy| copy.file.difference(path)).map(Finding::Wrong));
     for part in taken.left_parts() {
+        let file = &part.file.name;
+        let now = if path.join(file).exists() { "was left in place" } else { "is gone" };
         found.push(Finding::Wrong(format!(
-            "{}: was damaged when the samples were joined; its {} rows are missing from {}, the file was left in place",
-            part.file.name, part.rows, JOINED
+            "{file}: was damaged when the samples were joined; its {} rows are missing from {JOINED}, the file {now}",
+            part.rows
         )));
     }
-    if taken.joined.is_some() || run.is_some_and(|r| !r.manifest().files.is_empty()) {
-        return;
+    for aside in &taken.set_aside {
+        found.push(match aside.file.difference(path) {
+            Some(difference) => Finding::Wrong(difference),
+            None => Finding::Good(format!(
+                "{}: was damaged when the run was resumed, and is kept aside; the rows of its first {} of {} bytes are in the samples",
+                aside.file.name, aside.sound_bytes, aside.file.bytes
+            )),
+        });
     }
-    let mut good = 0;
-    for sealed in &taken.sealed {
-        match checksum::of_file(path, &sealed.file.name) {
-            Ok(now) if now == sealed.file => good += 1,
-            Ok(_) => found.push(Finding::Wrong(format!("{}: changed since it was closed", sealed.file.name))),
-            Err(error) => found.push(Finding::Wrong(format!("{}: cannot read it: {error}", sealed.file.name))),
-        }
+    if run.is_none_or(|run| run.manifest().files.is_empty()) {
+        sample_checksums(path, taken, found);
     }
-    found.push(Finding::Good(format!(
-        "samples.parts: {good} of {} closed parts are as the journal says",
-        taken.sealed.len()
-    )));
+}
+
+/// Compares the files of samples that the journal lists; parts that are joined may be removed.
+fn sample_checksums(path: &Path, taken: &JournalState, found: &mut Vec<Finding>) {
+    if taken.joined.is_none() && path.join(JOINED).exists() {
+        let name = journal::JOURNAL;
+        found.push(Finding::Wrong(format!("{JOINED}: {name} does not list it; `--resume` compares it with the parts")));
+    }
+    let left: Vec<u32> = taken.left_parts().map(|part| part.part).collect();
+    let is_there = |name: &str| taken.joined.is_none() || path.join(name).exists();
+    let parts = taken.sealed.iter().filter(|s| !left.contains(&s.part) && is_there(&s.file.name)).map(|s| &s.file);
+    let joined = taken.joined.iter().filter_map(|joined| joined.file.as_ref());
+    let files: Vec<_> = parts.chain(joined).collect();
+    let different: Vec<Finding> = files.iter().filter_map(|f| f.difference(path)).map(Finding::Wrong).collect();
+    let (good, all) = (files.len() - different.len(), files.len());
+    found.extend(different);
+    found.push(Finding::Good(format!("samples: {good} of {all} files are as the journal says")));
 }
 
 /// Files of a run that its journal does not list.
-fn untracked_files(path: &Path, campaign: Option<&Campaign>, found: &mut Vec<Finding>) {
-    let Ok(lines) = journal::read(path) else { return };
-    let taken = JournalState::of(&lines.entries);
+fn untracked_files(path: &Path, campaign: Option<&Campaign>, taken: &JournalState, found: &mut Vec<Finding>) {
+    if !journal::is_in(path) {
+        return;
+    }
     // Without the campaign the number of points is unknown.
     let is_complete = campaign.is_none_or(|campaign| taken.points() >= taken.planned(campaign).points);
-    let untracked = untracked(path, &taken, is_complete);
-    let name = journal::JOURNAL;
-    found.extend(untracked.data.iter().map(|what| Finding::Wrong(format!("{what}; {name} does not list it"))));
-    let unreadable = untracked.unreadable.iter();
-    found.extend(unreadable.map(|what| Finding::Wrong(format!("{what}: nothing in it can be read"))));
+    let (untracked, name) = (untracked(path, taken, is_complete), journal::JOURNAL);
+    found.extend(untracked.iter().map(|what| Finding::Wrong(format!("{what}; {name} does not list it"))));
 }
 
 fn campaign(path: &Path, found: &mut Vec<Finding>) -> Option<Campaign> {
@@ -242,14 +269,17 @@ fn results(
         return;
     }
     let mut rows: usize = taken.values().map(Vec::len).sum();
-    found.push(Finding::Good(format!("results.parquet: {rows} rows")));
+    // The numbers of a run that has not ended are those of the journal.
+    let from = if run.is_some_and(|run| run.manifest().is_running()) { "results" } else { RESULTS };
+    found.push(Finding::Good(format!("{from}: {rows} rows")));
     let mut events = PerPair::new();
     let read = run.map_or(Ok(Vec::new()), RunFolder::transients);
     match read.and_then(|all| all.iter().try_for_each(|batch| gather(batch, "x_peak_m", &mut events))) {
         Err(error) => found.push(Finding::Wrong(error.to_string())),
         Ok(()) if !events.is_empty() => {
             let own: usize = events.values().map(Vec::len).sum();
-            found.push(Finding::Good(format!("{TRANSIENTS}: {own} rows")));
+            let from = if run.is_some_and(|run| run.manifest().is_running()) { "transients" } else { TRANSIENTS };
+            found.push(Finding::Good(format!("{from}: {own} rows")));
             rows += own;
         }
         Ok(()) => {}
@@ -298,11 +328,15 @@ fn samples(path: &Path, run: Option<&RunFolder>, journal: &JournalState, found: 
             let name = file.file_name().unwrap_or_default().to_string_lossy();
             found
                 .push(Finding::Wrong(format!("{name}: was open when the program ended; {own} rows of it can be read")));
-            if !open_part::is_sound(file) {
-                found.push(Finding::Wrong(format!("{name}: changed since it was written (its checksums differ)")));
-            }
         }
     }
+    for (_, open) in open_parts(path) {
+        let problem = read_stream(&open).map_or_else(|error| Some(error.to_string()), |stream| stream.problem);
+        let name = open.file_name().unwrap_or_default().to_string_lossy();
+        found.extend(problem.map(|problem| Finding::Wrong(format!("{name}: {problem}"))));
+    }
+    let lost = lost_open_parts(path, journal).into_iter();
+    found.extend(lost.map(|name| Finding::Wrong(format!("{name}: missing; its checksums are there"))));
     found.push(Finding::Good(format!("samples: {rows} rows can be read from {} files", files.len())));
     let last = ticks.iter().filter_map(|((set_up, experiment, segment), ticks)| {
         let highest = ticks.iter().fold(0.0f64, |most, tick| most.max(*tick)) as u64;

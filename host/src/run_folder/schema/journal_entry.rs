@@ -10,7 +10,7 @@ use super::impacts::Impacts;
 use super::json_float;
 use super::peak_points::PeakPoints;
 use super::results::ResultRow;
-use super::samples::{LAST_PART, SampleColumn, part_name};
+use super::samples::{LAST_PART, SampleColumn, damaged_part_name, part_name};
 use super::segment_id::SegmentId;
 use super::transients::TransientRow;
 use crate::campaign::transient::RECORDS;
@@ -35,6 +35,8 @@ pub enum Entry {
     Impacts(Box<Impacts>),
     /// A part of the samples is closed.
     Sealed(Sealed),
+    /// An open part that was damaged is kept aside.
+    SetAside(SetAside),
     /// The device has finished a segment.
     Finished(Finished),
     /// Device time and host time of one tick in the present segment; about one a second.
@@ -68,6 +70,7 @@ impl Entry {
     pub fn is_consistent(&self) -> bool {
         match self {
             Self::Sealed(sealed) => sealed.part <= LAST_PART && *sealed.file.name == part_name(sealed.part),
+            Self::SetAside(aside) => aside.part <= LAST_PART && *aside.file.name == damaged_part_name(aside.part),
             Self::PeakPoints(points) => points.is_consistent(),
             Self::Begin(begin) => begin.records.iter().all(|copy| copy.file.name.starts_with(RECORDS)),
             _ => true,
@@ -141,6 +144,17 @@ pub struct Sealed {
     pub lost_rows: u64,
 }
 
+/// The program has found an open part that is not as its checksums say, and has kept its file under another name.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SetAside {
+    /// Number of the part.
+    pub part: u32,
+    /// Its file.
+    pub file: FileRecord,
+    /// Bytes at its beginning that agree with their checksums: their rows are in the closed part of this number.
+    pub sound_bytes: u64,
+}
+
 /// The device has finished a segment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finished {
@@ -175,6 +189,9 @@ pub struct Withdrawn {
 pub struct Joined {
     /// Rows of `samples.parquet`.
     pub rows: u64,
+    /// That file; none in older runs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<FileRecord>,
     /// Numbers of the damaged parts, which are left out; their files stay where they are.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left: Vec<u32>,

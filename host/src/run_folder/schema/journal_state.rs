@@ -7,7 +7,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use super::impacts::Impacts;
-use super::journal_entry::{Begin, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart, Withdrawn};
+use super::journal_entry::{Begin, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart, SetAside, Withdrawn};
 use super::peak_points::PeakPoints;
 use super::results::ResultRow;
 use super::segment_id::SegmentId;
@@ -26,6 +26,8 @@ pub struct JournalState {
     pub finished: Vec<Finished>,
     /// Closed parts of the samples.
     pub sealed: Vec<Sealed>,
+    /// Damaged open parts that are kept aside.
+    pub set_aside: Vec<SetAside>,
     /// The parts are joined into `samples.parquet`.
     pub joined: Option<Joined>,
     /// Each orderly end of the program.
@@ -117,6 +119,10 @@ impl JournalState {
             Entry::Sealed(sealed) => {
                 self.sealed.retain(|s| s.part != sealed.part);
                 self.sealed.push(sealed.clone());
+            }
+            Entry::SetAside(aside) => {
+                self.set_aside.retain(|s| s.part != aside.part);
+                self.set_aside.push(aside.clone());
             }
             Entry::Finished(finished) => {
                 self.update_controller(finished.controller);
@@ -220,17 +226,11 @@ impl JournalState {
     /// experiments as names. The points around a peak are among those of their grid, by frequency; in a random order they follow it.
     #[must_use]
     pub fn rows_in_order(&self, order: &[(String, String)]) -> Vec<ResultRow> {
-        self.first_rows_in_order(self.rows.len(), order)
-    }
-
-    /// The results that were taken first in the order of [`Self::rows_in_order`].
-    #[must_use]
-    pub fn first_rows_in_order(&self, count: usize, order: &[(String, String)]) -> Vec<ResultRow> {
         let place = |r: &ResultRow| {
             let pair = order.iter().position(|(s, e)| *s == r.set_up && *e == r.experiment).unwrap_or(order.len());
             (pair, r.point_index)
         };
-        let mut rows: Vec<ResultRow> = self.rows.iter().take(count).cloned().collect();
+        let mut rows: Vec<ResultRow> = self.rows.clone();
         rows.sort_by_key(place);
         for own in rows.chunk_by_mut(|a, b| a.set_up == b.set_up && a.experiment == b.experiment) {
             if let Some(points) = self.peak(&own[0].set_up, &own[0].experiment) {

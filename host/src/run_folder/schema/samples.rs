@@ -40,11 +40,23 @@ pub fn open_part_name(part: u32) -> String {
     format!("{}{part:06}{}", OPEN.0, OPEN.1)
 }
 
+/// The file of an open part that was damaged, relative to the run folder.
+#[must_use]
+pub fn damaged_part_name(part: u32) -> String {
+    format!("{}{part:06}.damaged.arrows", OPEN.0)
+}
+
 /// The number of the open part of this file name.
 #[must_use]
 pub fn open_part_number(name: &str) -> Option<u32> {
     let number = name.strip_prefix(OPEN.0)?.strip_suffix(OPEN.1)?.parse().ok()?;
     (number <= LAST_PART && open_part_name(number) == name).then_some(number)
+}
+
+/// The number of the open part whose checksums have this file name.
+#[must_use]
+pub fn open_sums_number(name: &str) -> Option<u32> {
+    open_part_number(&format!("{}.arrows", name.strip_suffix(".sums")?))
 }
 
 /// The number of the closed part of this file name in [`PARTS`].

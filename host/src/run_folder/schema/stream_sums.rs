@@ -42,26 +42,41 @@ fn digits(hash: Sha256) -> String {
     text
 }
 
-/// Whether a stream is as its checksums say, as far as they go; a last line that was cut off, and lines about bytes that are not there,
-/// are of a kill.
+/// How a stream differs from its checksums.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Difference {
+    /// One of them ends before the other: a kill or a power cut, or it was cut.
+    Length,
+    /// A byte of one of them has changed.
+    Content,
+}
+
+/// Compares a stream with its checksums: the bytes that agree, and the difference behind them, if there is one.
 #[must_use]
-pub fn agree(stream: &[u8], sums: &[u8]) -> bool {
-    let whole = sums.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
-    let (lines, rest) = sums.split_at(whole);
-    let mut sum = RunningSum::default();
-    for line in lines.split_inclusive(|byte| *byte == b'\n') {
-        let Some(bytes) = length(line) else { return false };
+pub fn compare(stream: &[u8], sums: &[u8]) -> (usize, Option<Difference>) {
+    let mut sound = RunningSum::default();
+    for line in sums.split_inclusive(|byte| *byte == b'\n') {
+        let so_far = sound.bytes as usize;
+        let Some(bytes) = length(line) else {
+            return (so_far, Some(if is_torn(line) { Difference::Length } else { Difference::Content }));
+        };
         if bytes > stream.len() {
-            return true;
+            return (so_far, Some(Difference::Length));
         }
-        let Some(next) = stream.get(sum.bytes as usize..bytes) else { return false };
-        sum.push(next);
+        let mut sum = sound.clone();
+        sum.push(stream.get(so_far..bytes).unwrap_or_default());
         if sum.line().as_bytes() != line {
-            return false;
+            return (so_far, Some(Difference::Content));
         }
+        sound = sum;
     }
-    // A line is written at once: what is left of one is the beginning of a line.
-    rest.len() < LONGEST && rest.iter().all(|byte| byte.is_ascii_hexdigit() || *byte == b' ')
+    let so_far = sound.bytes as usize;
+    (so_far, (so_far < stream.len()).then_some(Difference::Length))
+}
+
+/// Whether it is the beginning of a line.
+fn is_torn(line: &[u8]) -> bool {
+    line.len() < LONGEST && line.iter().all(|byte| byte.is_ascii_hexdigit() || *byte == b' ')
 }
 
 /// Longest line, bytes.
@@ -81,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_flipped_bit_of_stream_or_checksums_is_found_and_a_cut_is_none() {
+    fn a_flipped_bit_and_a_cut_of_stream_or_checksums_are_found_and_the_bytes_before_are_sound() {
         let stream: Vec<u8> = (0..200).map(|n| (n * 7) as u8).collect();
         let (mut sum, mut sums) = (RunningSum::default(), String::new());
         for batch in stream.chunks(50) {
@@ -89,21 +104,25 @@ mod tests {
             sums += &sum.line();
         }
         let sums = sums.into_bytes();
-        for cut in 0..=stream.len() {
-            assert!(agree(&stream[..cut], &sums));
+        assert_eq!(compare(&stream, &sums), (200, None));
+        let cut_off = |sound| (sound, Some(Difference::Length));
+        for cut in 0..stream.len() {
+            assert_eq!(compare(&stream[..cut], &sums), cut_off(cut / 50 * 50), "{cut}");
         }
-        for cut in 0..=sums.len() {
-            assert!(agree(&stream, &sums[..cut]), "{cut}");
+        for cut in 0..sums.len() {
+            let whole = sums[..cut].iter().filter(|byte| **byte == b'\n').count();
+            assert_eq!(compare(&stream, &sums[..cut]), cut_off(50 * whole), "{cut}");
         }
         for n in 0..8 * stream.len() {
             let mut changed = stream.clone();
             changed[n / 8] ^= 1 << (n % 8);
-            assert!(!agree(&changed, &sums), "bit {n} of the stream");
+            assert_eq!(compare(&changed, &sums), (n / 400 * 50, Some(Difference::Content)), "bit {n} of the stream");
         }
         for n in 0..8 * sums.len() {
             let mut changed = sums.clone();
             changed[n / 8] ^= 1 << (n % 8);
-            assert!(!agree(&stream, &changed), "bit {n} of the checksums");
+            let (sound, difference) = compare(&stream, &changed);
+            assert!(sound < 200 && difference.is_some(), "bit {n} of the checksums");
         }
     }
 }

@@ -7,11 +7,12 @@ use std::path::Path;
 use arrow_schema::SchemaRef;
 
 use super::parquet_file::{Durability, write_whole};
+use crate::run_folder::StorageError;
+use crate::run_folder::checksum::{self, FileRecord};
 use crate::run_folder::file_name::FileName;
 use crate::run_folder::journal::{Joined, Sealed};
 use crate::run_folder::read::parquet_file::read;
 use crate::run_folder::schema::samples::{JOINED, PARTS};
-use crate::run_folder::{StorageError, checksum};
 
 /// The parts joined a second time, to compare with an existing file.
 const AGAIN: &str = "samples.again.parquet";
@@ -28,7 +29,7 @@ pub fn join(folder: &Path, schema: &SchemaRef, sealed: &[Sealed]) -> Result<Join
     };
     let (mut intact, left): (Vec<&Sealed>, Vec<&Sealed>) = sealed.iter().partition(is_intact);
     intact.sort_by_key(|s| s.part);
-    let mut joined = Joined { rows: 0, left: left.iter().map(|s| s.part).collect() };
+    let mut joined = Joined { left: left.iter().map(|s| s.part).collect(), ..Joined::default() };
     let batches = intact.iter().flat_map(|s| -> Box<dyn Iterator<Item = _>> {
         match read(&folder.join(&s.file.name)) {
             Ok(batches) => Box::new(batches),
@@ -41,21 +42,25 @@ pub fn join(folder: &Path, schema: &SchemaRef, sealed: &[Sealed]) -> Result<Join
     let path = folder.join(JOINED);
     if !path.exists() {
         write_whole(&path, schema, counted, Durability::Disk)?;
+        joined.file = record_of(folder, JOINED);
         return Ok(joined);
     }
     // The program was killed between writing this file and its line in the journal, or the file is not of this run.
     let again = folder.join(AGAIN);
     write_whole(&again, schema, counted, Durability::Program)?;
-    let sum =
-        |name: &str| FileName::new(name).ok().and_then(|name| checksum::of_file(folder, &name).ok()).map(|f| f.sha256);
-    let is_own = matches!((sum(JOINED), sum(AGAIN)), (Some(there), Some(own)) if there == own);
+    let (there, own) = (record_of(folder, JOINED), record_of(folder, AGAIN));
     fs::remove_file(&again).map_err(|e| StorageError::new("remove", &again, e))?;
-    if is_own {
+    if there.is_some() && there.as_ref().map(|f| &f.sha256) == own.as_ref().map(|f| &f.sha256) {
+        joined.file = there;
         return Ok(joined);
     }
     let message =
         format!("a file of this name exists and differs from the joined {PARTS}; move it elsewhere and resume");
     Err(StorageError::new("write", &path, message))
+}
+
+fn record_of(folder: &Path, name: &str) -> Option<FileRecord> {
+    FileName::new(name).ok().and_then(|name| checksum::of_file(folder, &name).ok())
 }
 
 /// Removes the parts that are joined, once the journal says so. Other files beside them stay.

@@ -15,14 +15,16 @@ use super::recorder::{Message, Rows, Sink};
 use super::sample_join::{join, remove_parts};
 use super::sample_part::{MOST_ROWS, OpenPart, seal_salvaged};
 use crate::run_folder::file_name::FileName;
-use crate::run_folder::journal::{Entry, Journal, Sealed};
+use crate::run_folder::journal::{Entry, Journal, Sealed, SetAside};
 use crate::run_folder::read::folder::readable_rows;
-use crate::run_folder::read::open_part::{StreamHead, read_head, rows_and_gaps, salvage};
-use crate::run_folder::read::sample_files::{closed_parts, open_parts};
+use crate::run_folder::read::open_part::{read_stream, rows_and_gaps};
+use crate::run_folder::read::sample_files::{closed_parts, open_parts, open_sums};
 use crate::run_folder::schema::impacts::{self, IMPACTS};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::results::{self, RESULTS, ResultRow};
-use crate::run_folder::schema::samples::{self, LAST_PART, PARTS, PointLabel, SampleColumn, part_name};
+use crate::run_folder::schema::samples::{
+    self, LAST_PART, PARTS, PointLabel, SampleColumn, damaged_part_name, open_part_name, part_name,
+};
 use crate::run_folder::schema::self_description::DESCRIPTION;
 use crate::run_folder::schema::stream_sums::sums_path;
 use crate::run_folder::schema::transients::{self, TRANSIENTS};
@@ -62,6 +64,8 @@ struct Pending {
     rows: u64,
     lost_rows: u64,
     open: PathBuf,
+    /// Of a damaged stream, which is kept aside: its sound bytes.
+    sound_bytes: Option<u64>,
 }
 
 /// Writes the journal, samples and results of a run folder.
@@ -90,7 +94,10 @@ impl Writer {
     /// # Errors
     /// When that cannot be written.
     pub fn new(folder: &Path, journal: Journal, layout: Layout, state: JournalState) -> Result<Self, StorageError> {
-        let last = closed_parts(folder).into_iter().chain(open_parts(folder)).map(|(n, _)| n).max();
+        let files = [closed_parts(folder), open_parts(folder), open_sums(folder)].into_iter().flatten().map(|(n, _)| n);
+        // The number of a file that was removed is not used again.
+        let listed = state.sealed.iter().map(|s| s.part).chain(state.set_aside.iter().map(|s| s.part));
+        let last = files.chain(listed).max();
         let mut writer = Self {
             folder: folder.to_path_buf(),
             layout,
@@ -132,17 +139,16 @@ impl Writer {
 
     fn close_left_open(&mut self) -> Result<(), StorageError> {
         for (part, open) in open_parts(&self.folder) {
-            if read_head(&open) == StreamHead::Unreadable {
-                // It may not be a file of this program, so it is left alone.
-                continue;
-            }
-            let mut pending = Pending { part, rows: 0, lost_rows: 0, open };
+            let stream = read_stream(&open)?;
+            let sound_bytes = stream.has_damage().then_some(stream.sound_bytes() as u64);
+            let mut pending = Pending { part, rows: 0, lost_rows: 0, open, sound_bytes };
             if !self.state.is_sealed(part) {
-                let salvaged = salvage(&pending.open)?;
+                let salvaged = stream.salvage();
                 // A power cut may have kept a closed part that the journal lacks, and not all of its stream.
                 let closed = rows_and_gaps(&self.folder.join(part_name(part))).unwrap_or_default();
                 let (rows, gap_ticks) = closed.max((salvaged.rows, salvaged.gap_ticks));
-                if rows > closed.0 {
+                // A closed part that the journal lacks has no digest, so it is written again.
+                if salvaged.rows == rows {
                     seal_salvaged(&self.folder, part, &salvaged, &self.layout.samples())?;
                 }
                 pending.rows = rows;
@@ -243,12 +249,18 @@ impl Writer {
         let sealed = part.seal(&self.folder, &self.layout.signals, &self.layout.about, self.layout.tick_hz);
         if sealed.is_ok() {
             let (rows, lost_rows) = (part.rows, part.lost_rows);
-            self.pending.push(Pending { part: part.number, rows, lost_rows, open: part.path.clone() });
+            self.pending.push(Pending {
+                part: part.number,
+                rows,
+                lost_rows,
+                open: part.path.clone(),
+                sound_bytes: None,
+            });
         }
         sealed
     }
 
-    /// Syncs closed parts to the disk, then adds them to the journal; only then their streams are removed.
+    /// Syncs closed parts to the disk, then adds them to the journal; only then their streams are removed, or kept aside.
     fn journal_pending(&mut self) -> Result<(), StorageError> {
         let pending = std::mem::take(&mut self.pending);
         let closed: Vec<&Pending> = pending.iter().filter(|p| p.rows > 0 && !self.state.is_sealed(p.part)).collect();
@@ -268,11 +280,21 @@ impl Writer {
             let file = checksum::of_file(&self.folder, &file).map_err(|e| StorageError::new("read", &path, e))?;
             self.note(&Entry::Sealed(Sealed { part: p.part, file, rows: p.rows, lost_rows: p.lost_rows }))?;
         }
+        for p in &pending {
+            if let Some(sound_bytes) = p.sound_bytes {
+                self.note(&Entry::SetAside(set_aside(&self.folder, p.part, sound_bytes)?))?;
+            }
+        }
         self.sync_journal()?;
         for p in &pending {
+            if p.sound_bytes.is_some() {
+                let aside = self.folder.join(damaged_part_name(p.part));
+                own_files::name_for_good(&p.open, &aside).map_err(|e| StorageError::new("name", &aside, e))?;
+            } else {
+                std::fs::remove_file(&p.open).map_err(|e| StorageError::new("remove", &p.open, e))?;
+            }
             // Older runs have no checksums of a stream.
             own_files::remove_left(&sums_path(&p.open));
-            std::fs::remove_file(&p.open).map_err(|e| StorageError::new("remove", &p.open, e))?;
         }
         Ok(())
     }
@@ -330,6 +352,16 @@ impl Writer {
         self.rows = joined.rows;
         remove_parts(&self.folder, self.state.sealed.iter().filter(|s| !joined.left.contains(&s.part)))
     }
+}
+
+/// The entry of a damaged open part, whose file gets another name.
+fn set_aside(folder: &Path, part: u32, sound_bytes: u64) -> Result<SetAside, StorageError> {
+    let (open, aside) = (open_part_name(part), damaged_part_name(part));
+    let failed = |e: &dyn std::fmt::Display| StorageError::new("read", &folder.join(&open), e);
+    let file = FileName::new(&open).map_err(|e| failed(&e))?;
+    let mut file = checksum::of_file(folder, &file).map_err(|e| failed(&e))?;
+    file.name = FileName::new(&aside).map_err(|e| failed(&e))?;
+    Ok(SetAside { part, file, sound_bytes })
 }
 
 fn new_part(folder: &Path, next: &mut u32, label: &Arc<PointLabel>, layout: &Layout) -> Result<OpenPart, StorageError> {
