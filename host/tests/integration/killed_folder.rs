@@ -139,7 +139,8 @@ fn tables_are_compared_with_the_journal_after_a_sweep_was_repeated_too() {
 
 #[test]
 fn samples_without_their_checksums_are_kept_aside_and_their_point_is_measured_again() {
-    let changes: [(&str, fn(&Path)); 4] = [
+    type Change = (&'static str, fn(&Path));
+    let changes: [Change; 4] = [
         ("emptied", |sums| std::fs::write(sums, "").unwrap()),
         ("deleted", |sums| std::fs::remove_file(sums).unwrap()),
         ("cut", |sums| {
