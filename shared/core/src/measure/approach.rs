@@ -53,8 +53,6 @@ pub struct Approach {
     squares: Sum,
     /// Σ of each difference times the conjugate of the one before it.
     products: (Sum, Sum),
-    /// Σ of the moduli of all amplitudes.
-    moduli: Sum,
 }
 
 /// The limit of a fit, as an amplitude, and how well it is known.
@@ -66,14 +64,10 @@ pub(super) struct Limit {
     pub(super) uncertainty: f32,
     /// The fitted exponential decays, or alternates between neighbouring cycles, so that its mean is the limit.
     pub(super) converges: bool,
-    /// RMS of what the exponential leaves unexplained, over the RMS of the amplitudes about their mean; 0 to 1.
+    /// RMS of what a decaying exponential leaves unexplained, over the RMS of the amplitudes about their mean; 0 to 1.
     pub(super) unexplained: f32,
-    /// Factor of the decaying part from cycle to cycle.
-    lambda: Complex,
-    /// Modulus of the decaying part in the first cycle.
-    decaying: f32,
-    /// Number of cycles.
-    cycles: u32,
+    /// Share of the decaying part that is left after half of the cycles.
+    left: f32,
 }
 
 impl Limit {
@@ -82,56 +76,25 @@ impl Limit {
 
     /// A limit that has been reached.
     const fn at(amplitude: f32) -> Self {
-        Self {
-            amplitude,
-            uncertainty: 0.0,
-            converges: true,
-            unexplained: 0.0,
-            lambda: (0.0, 0.0),
-            decaying: 0.0,
-            cycles: 0,
-        }
+        Self { amplitude, uncertainty: 0.0, converges: true, unexplained: 0.0, left: 0.0 }
     }
 
-    /// By how much the decaying part raises the mean cycle maximum above the mean amplitude, in the signal's unit.
-    pub(super) fn beat(&self) -> f32 {
-        raised_by_beat(self.lambda) * self.decaying * mean_power(modulus(self.lambda), self.cycles)
+    /// By how much the mean of a quantity over all cycles is above its limit, which it approaches as fast as the amplitude does.
+    /// `late`: its mean over the second half.
+    pub(super) fn above_limit(&self, mean: f32, late: f32) -> f32 {
+        (mean - late) * (1.0 + self.left) / (1.0 - self.left)
     }
 }
 
-/// By how much a vibration that decays and beats with the drive raises the mean of the cycle maxima, over the mean of its amplitude
-/// per cycle. `lambda`: its factor from cycle to cycle.
-///
-/// A cycle has two peaks of |x|, of which the larger counts. The beat turns by θ = arg λ in a cycle, so by θ/2 from peak to peak: the
-/// vibration b raises them by b cos β and b cos(β + θ/2). The larger of two numbers is their mean, plus half of their distance; over
-/// all β the mean of that is b·(2/π) sin(θ/4). The amplitude over a cycle that turns by θ is b·sin(θ/2)/(θ/2).
-fn raised_by_beat(lambda: Complex) -> f32 {
-    let theta = libm::atan2f(lambda.1, lambda.0).abs();
-    theta / (core::f32::consts::TAU * libm::cosf(0.25 * theta))
-}
+/// Slowest decay per cycle that a dwell can tell from none.
+const SLOWEST: f32 = 0.9999;
 
-/// Mean of 1, q, q² … over `count` terms, for q from 0; 1 for a q above 1.
-fn mean_power(q: f32, count: u32) -> f32 {
-    let away = 1.0 - q;
-    // Below, rounding would spoil the difference.
-    if away < 1e-4 {
-        return 1.0;
-    }
-    let (mut power, mut square, mut left) = (1.0, q, count);
-    while left > 0 {
-        if left & 1 == 1 {
-            power *= square;
-        }
-        square *= square;
-        left >>= 1;
-    }
-    (1.0 - power) / (count as f32 * away)
-}
+/// Share of an alternation that is left after half of the cycles, from which on the motion repeats after two cycles and does not decay.
+const ALTERNATES: f32 = 0.9;
 
 impl Approach {
     /// Takes the next cycle's amplitude: its components in phase with the drive's sine and cosine.
     pub(super) fn push(&mut self, amplitude: Complex) {
-        self.moduli.push(modulus(amplitude));
         if !self.is_begun {
             (self.first, self.is_begun) = (amplitude, true);
             return;
@@ -147,12 +110,7 @@ impl Approach {
         self.pairs += 1;
     }
 
-    /// Mean modulus of the amplitudes.
-    pub(super) fn mean_modulus(&self) -> f32 {
-        self.moduli.value() / (self.pairs + 1) as f32
-    }
-
-    /// Modulus of the mean of the amplitudes. That of an irregular motion is smaller than [`Self::mean_modulus`].
+    /// Modulus of the mean of the amplitudes. That of an irregular motion is smaller than the mean of their moduli.
     pub(super) fn modulus_of_mean(&self) -> f32 {
         let count = (self.pairs + 1) as f32;
         let differences = (self.differences.0.value(), self.differences.1.value());
@@ -188,14 +146,14 @@ impl Approach {
         let limit = scaled(times(intercept, conjugate(away)), 1.0 / away_square);
         let reach = square(minus(limit, mean_from)) / spread_from;
         let variance = residual / (n - 2.0) / away_square * (1.0 / n + reach);
+        let left = libm::powf(modulus(lambda).min(SLOWEST), 0.5 * (n + 1.0));
+        let alternates = lambda.0 < 0.0 && left > ALTERNATES;
         Some(Limit {
             amplitude: modulus(plus(self.first, limit)),
             uncertainty: Scalar::sqrt(variance),
             converges: square(lambda) < 1.0 || lambda.0 < 0.0,
-            unexplained: Scalar::sqrt(residual / spread_to),
-            lambda,
-            decaying: modulus(limit),
-            cycles: self.pairs + 1,
+            unexplained: if alternates { 1.0 } else { Scalar::sqrt(residual / spread_to) },
+            left: if alternates { 0.0 } else { left },
         })
     }
 }
@@ -219,41 +177,19 @@ mod tests {
         assert!((limit.amplitude - 1.0).abs() < 1e-4, "{limit:?}");
     }
 
-    /// x = sin(2πt) + b e^(−t/τ) sin(2πrt + φ), t in cycles: its cycle maxima and amplitudes, for twelve phases φ.
     #[test]
-    fn the_rise_of_the_cycle_maxima_by_a_beat_is_known_to_half() {
-        const TICKS: usize = 400;
-        for (ratio, decay, b) in [(1.25, 0.9, 0.2), (1.4, 0.95, 0.1), (0.8, 0.9, 0.2), (0.9, 0.97, 0.1)] {
-            for phase in 0..12 {
-                let (mut approach, mut maxima) = (Approach::default(), 0.0);
-                for cycle in 0..60 {
-                    let (mut sum, mut largest) = ((0.0, 0.0), 0.0f64);
-                    for tick in 0..TICKS {
-                        let t = f64::from(cycle) + tick as f64 / TICKS as f64;
-                        let turn = core::f64::consts::TAU * t;
-                        let beat = libm::sin(ratio * turn + 0.5 * f64::from(phase));
-                        let x = libm::sin(turn) + b * libm::pow(decay, t) * beat;
-                        let share = 2.0 / TICKS as f64 * x;
-                        sum = (sum.0 + share * libm::sin(turn), sum.1 + share * libm::cos(turn));
-                        largest = largest.max(x.abs());
-                    }
-                    maxima += largest / 60.0;
-                    approach.push((sum.0 as f32, sum.1 as f32));
-                }
-                let limit = approach.limit().unwrap();
-                let risen = maxima as f32 - approach.mean_modulus();
-                // The beat's phases are few, the rise of each lies between 0 and π/2 of the mean; b²/4 is the second order.
-                assert!((risen - limit.beat()).abs() < 0.5 * limit.beat() + 2e-4, "{ratio} {phase}: {risen} {limit:?}");
+    fn a_mean_that_decays_with_the_amplitude_is_extrapolated_from_its_two_halves() {
+        for cycles in [12, 30, 61] {
+            let (mut approach, mut all, mut late) = (Approach::default(), 0.0, 0.0);
+            for n in 0..cycles {
+                approach.push(beat(n));
+                let value = 2.0 + 0.3 * libm::powf(0.97, f32::from(n));
+                all += value / f32::from(cycles);
+                late += if n < cycles / 2 { 0.0 } else { value / f32::from(cycles - cycles / 2) };
             }
-        }
-    }
-
-    #[test]
-    fn the_mean_of_powers_is_that_of_their_sum() {
-        for (q, count) in [(0.0, 7), (0.9, 60), (0.999, 1000), (0.99999, 50), (1.2, 10)] {
-            let terms = (0..count).map(|n| libm::pow(f64::from(q), f64::from(n)).min(1.0));
-            let exact = terms.sum::<f64>() / f64::from(count);
-            assert!((f64::from(mean_power(q, count)) - exact).abs() < 1e-3, "{q} {count}");
+            let above = approach.limit().unwrap().above_limit(all, late);
+            // An odd number of cycles has unequal halves: half a cycle of 61, over a decay by 0.4.
+            assert!((above / (all - 2.0) - 1.0).abs() < 0.02, "{cycles}: {above}, {}", all - 2.0);
         }
     }
 

@@ -1,6 +1,6 @@
 //! Measurement of one point, that is one frequency of a stepped sine: amplitudes, phase, RMS, maxima and steadiness.
 
-use super::approach::{Approach, Limit};
+use super::approach::{Approach, Limit, modulus};
 use super::batches::Batches;
 use super::lock_in::LockIn;
 use super::noise::{NoiseMeter, raised_maximum};
@@ -52,9 +52,10 @@ pub struct PointResult {
     pub scatter: f32,
     /// Whole cycles measured.
     pub cycles: u32,
-    /// Relative deviation of X/Z from its limit, extrapolated from the amplitudes of x and z; X is the mean cycle maximum.
+    /// Relative deviation of X/Z from its limit, extrapolated from the amplitudes of x and z and from how far the cycle maxima are above
+    /// those of x; X is the mean cycle maximum.
     pub deviation: f32,
-    /// Uncertainty of that deviation (95 %), relative to X/Z.
+    /// Uncertainty of that deviation (95 %), relative to X/Z; too small where a point off resonance is more than 3 % from its limit.
     pub deviation_uncertainty: f32,
     /// Half-width of the 95 % interval of X/Z as a mean over cycles, relative.
     pub interval: f32,
@@ -80,13 +81,15 @@ pub struct PointMeter {
     last_square: f32,
     cycle_max: f32,
     sum_of_maxima: Sum,
+    /// Of each cycle's maximum above its amplitude at the drive frequency: over the dwell and over its second half.
+    excess: Sum,
+    late_excess: Sum,
     max: f32,
     last_max: f32,
-    /// Of the cycle maxima: over the dwell, over its second half, and in batches.
-    spread: Trend,
+    /// Of the cycle maxima: over the second half of the dwell, and in batches.
     trend: Trend,
     /// First cycle of the second half.
-    trend_from: u32,
+    late_from: u32,
     maxima: Batches,
     /// Of each cycle's amplitudes at the drive frequency.
     x_approach: Approach,
@@ -101,10 +104,10 @@ pub struct PointMeter {
 
 impl PointMeter {
     /// A meter for a dwell of `cycles` whole cycles, which began a fraction `missing` of a sample (0 to 1) before the
-    /// first sample. The trend is taken over the second half.
+    /// first sample.
     #[must_use]
     pub fn new(cycles: u32, missing: f32) -> Self {
-        Self { trend_from: cycles / 2, missing, ..Self::default() }
+        Self { late_from: cycles / 2, missing, ..Self::default() }
     }
 
     /// Whole cycles so far.
@@ -150,10 +153,10 @@ impl PointMeter {
     pub fn end_cycle(&mut self, over: f32) {
         let samples = self.cycle_samples - over;
         let scaled = |(sine, cosine): (f32, f32)| (2.0 / samples * sine, 2.0 / samples * cosine);
-        let x = self.x.end_cycle(over);
-        self.x_approach.push(scaled(x));
-        let z = self.z.end_cycle(over);
-        self.z_approach.push(scaled(z));
+        let x = scaled(self.x.end_cycle(over));
+        self.x_approach.push(x);
+        let z = scaled(self.z.end_cycle(over));
+        self.z_approach.push(z);
         self.drive.end_cycle(over);
         for lock_in in &mut self.z_harmonics {
             lock_in.end_cycle(over);
@@ -161,9 +164,11 @@ impl PointMeter {
         self.squares.push(self.cycle_squares - over * self.last_square);
         self.sum_of_maxima.push(self.cycle_max);
         self.last_max = self.cycle_max;
-        self.spread.push(self.cycle_max);
         self.maxima.push(self.cycle_max);
-        if self.cycles >= self.trend_from {
+        let excess = self.cycle_max - modulus(x);
+        self.excess.push(excess);
+        if self.cycles >= self.late_from {
+            self.late_excess.push(excess);
             self.trend.push(self.cycle_max);
         }
         self.samples += samples;
@@ -217,25 +222,27 @@ impl PointMeter {
     }
 
     /// What the dwell says about the limit of X/Z. `raised` is the noise's share in the cycle maxima.
+    ///
+    /// A cycle's maximum is the larger of two peaks of |x|, so a free vibration that beats with the drive raises it in the first
+    /// order. The maxima are therefore extrapolated too: their part above the amplitude at the drive frequency decays with it.
     fn evidence(&self, mean_max: f32, noise: f32, raised: f32, z_amplitude: f32, scatter: f32) -> Evidence {
         let limit =
             |approach: &Approach| approach.limit().filter(|limit| limit.amplitude > 0.0).unwrap_or(Limit::UNKNOWN);
         let (x, z) = (limit(&self.x_approach), limit(&self.z_approach));
         let is_known = x.amplitude > 0.0 && z.amplitude > 0.0 && z_amplitude > 0.0 && mean_max > 0.0;
         let (deviation, uncertainty) = if is_known {
-            let x_amplitude = if x.unexplained >= IRREGULAR {
-                self.x_approach.modulus_of_mean()
-            } else {
-                self.x_approach.mean_modulus()
-            };
+            let late_cycles = self.cycles.saturating_sub(self.late_from).max(1);
+            let excess = self.excess.value() / self.cycles as f32;
+            let late_excess = self.late_excess.value() / late_cycles as f32;
+            let x_amplitude =
+                if x.unexplained >= IRREGULAR { self.x_approach.modulus_of_mean() } else { mean_max + raised - excess };
             let moved = x_amplitude / x.amplitude * (z.amplitude / z_amplitude) - 1.0;
-            let beat = x.beat() / x.amplitude;
+            let risen = x.above_limit(excess, late_excess) / mean_max;
             let (of_x, of_z) = (x.uncertainty / x.amplitude, z.uncertainty / z.amplitude);
-            let of_limits = Scalar::sqrt(of_x * of_x + of_z * of_z);
-            let of_fit = 2.0 * of_limits + UNCERTAINTY_OF_FIT * moved.abs();
-            let of_beat = UNCERTAINTY_OF_BEAT * beat;
-            let of_both = Scalar::sqrt(of_fit * of_fit + of_beat * of_beat);
-            (moved + beat, of_both + UNCERTAINTY_OF_RAISED * raised / mean_max)
+            let of_limits = 2.0 * Scalar::sqrt(of_x * of_x + of_z * of_z);
+            let (of_fit, of_rise) = (of_limits + UNCERTAINTY_OF_FIT * moved.abs(), UNCERTAINTY_OF_FIT * risen);
+            let of_both = Scalar::sqrt(of_fit * of_fit + of_rise * of_rise);
+            (moved + risen, of_both + UNCERTAINTY_OF_RAISED * noise / mean_max)
         } else {
             (f32::MAX, f32::MAX)
         };
@@ -245,7 +252,6 @@ impl PointMeter {
             uncertainty,
             converges: x.converges,
             unexplained: x.unexplained,
-            spread: relative(self.spread.deviation_from_mean()),
             scatter,
             noise: relative(MAXIMUM_SCATTER * noise),
             interval: self.maxima.half_width().map_or(f32::MAX, relative),
@@ -254,15 +260,12 @@ impl PointMeter {
     }
 }
 
-/// Relative uncertainty of an extrapolated deviation (95 %): a nonlinear system does not approach its limit exponentially.
+/// Relative uncertainty of each part of an extrapolated deviation (95 %): a nonlinear system does not approach its limit exponentially,
+/// and a dwell has only some phases of a beat.
 const UNCERTAINTY_OF_FIT: f32 = 0.3;
 
-/// Relative uncertainty of what a decaying beat adds to the mean cycle maximum: the dwell has only some of its phases. RMS of 400
-/// drawn linear structures.
-const UNCERTAINTY_OF_BEAT: f32 = 0.3;
-
-/// Relative uncertainty of [`raised_maximum`] (95 %): the noise is known to about a tenth.
-const UNCERTAINTY_OF_RAISED: f32 = 0.15;
+/// Uncertainty of [`raised_maximum`] over the RMS noise of a tick (95 %): the noise is known to about 5 %.
+const UNCERTAINTY_OF_RAISED: f32 = 0.3;
 
 /// RMS scatter of a cycle's maximum over the RMS noise of a tick.
 const MAXIMUM_SCATTER: f32 = 0.5;
@@ -322,5 +325,33 @@ mod tests {
         // Cycles end on a tick. One tick of 20 × 400 adds 2 · 1.2/8000 to a harmonic.
         assert!((result.z_distortion - 0.05).abs() < 3e-4, "{}", result.z_distortion);
         assert!((result.drive_amplitude_m / 2e-3 - 1.0).abs() < 3e-4, "{}", result.drive_amplitude_m);
+    }
+
+    /// The result of 30 cycles of x at 2.5 Hz whose amplitude in cycle n is `amplitude(n)`.
+    fn measured(amplitude: impl Fn(u32) -> f32) -> PointResult {
+        let increment = Phase::increment(2.5, 1000.0);
+        let (mut phase, mut meter) = (Phase::default(), PointMeter::new(30, 0.0));
+        while meter.cycles() < 30 {
+            let wave = phase.sin_cos();
+            let (x, z) = (amplitude(meter.cycles()) * wave.0, 1e-3 * wave.0);
+            let readings = Readings { x: Reading::still(x), z: Reading::still(z), ..Readings::default() };
+            meter.push(&readings, z, wave);
+            if phase.advance(increment) {
+                meter.end_cycle(0.0);
+            }
+        }
+        meter.result(&Place { frequency_hz: 2.5, ..Place::default() }, &SteadyLimits::default())
+    }
+
+    #[test]
+    fn a_motion_that_repeats_after_two_cycles_is_stationary_and_one_that_alternates_less_and_less_is_not() {
+        let sign = |n: u32| if n.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let lasting = measured(|n| 5e-3 * (1.0 + 0.04 * sign(n)));
+        assert_eq!(lasting.steadiness, Steadiness::Stationary, "{lasting:?}");
+        let decaying = measured(|n| 5e-3 * (1.0 + 0.2 * sign(n) * libm::powf(0.95, n as f32)));
+        assert_eq!(decaying.steadiness, Steadiness::NotSteady, "{decaying:?}");
+        let same = measured(|_| 5e-3);
+        assert_eq!(same.steadiness, Steadiness::Steady, "{same:?}");
+        assert!(same.deviation.abs() < 1e-4 && same.deviation_uncertainty < 1e-3, "{same:?}");
     }
 }

@@ -44,17 +44,6 @@ impl Trend {
         self.mean.push(share);
     }
 
-    /// RMS deviation of the values from their mean.
-    #[must_use]
-    pub fn deviation_from_mean(&self) -> f32 {
-        let n = self.count as f32;
-        if self.count < 2 {
-            return 0.0;
-        }
-        let covariance = self.covariance.value();
-        Scalar::sqrt((self.squares + covariance * covariance / spread(n)) / n)
-    }
-
     /// The line's slope per value and the RMS distance of the values from it, both relative to the mean.
     ///
     /// `None` with fewer than three values or a mean that is not above zero.
@@ -89,7 +78,6 @@ mod tests {
         (0..40).for_each(|n| trend.push(if n % 2 == 0 { 0.9 } else { 1.1 }));
         let (slope, scatter) = trend.slope_and_scatter().unwrap();
         assert!(slope.abs() < 1e-3 && (scatter - 0.1).abs() < 1e-3, "{slope} {scatter}");
-        assert!((trend.deviation_from_mean() - 0.1).abs() < 1e-5, "{}", trend.deviation_from_mean());
     }
 
     #[test]
