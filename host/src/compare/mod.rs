@@ -25,6 +25,7 @@ use damprig_core::measure::impacts::{ImpactConfig, ImpactRecord};
 
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::host_time::plain;
+use crate::identify::sensors::Sensors;
 use crate::prediction::contact_s;
 use crate::run_folder::RunFolder;
 use crate::run_folder::schema::journal_state::JournalState;
@@ -39,7 +40,6 @@ pub use metric::Metric;
 use metric::{WallKind, Walls};
 use motion::TICK_S;
 use recorded::AllRecorded;
-use uncertainty::Sensors;
 
 /// Why nothing can be compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -95,7 +95,7 @@ pub fn compare(
         let _ = other.on_board(&campaign.rig.board, is_simulated);
     }
     let model = set_ups_from.as_ref().unwrap_or(&campaign);
-    let sensors = Sensors::of(&campaign.rig, is_simulated, options.scale_uncertainty);
+    let sensors = Sensors::of(&campaign.rig, is_simulated).stated(options.scale_uncertainty);
     let mut assumptions = vec![format!(
         "Sensors: relative standard uncertainty of the scales of x and z {:.3} % ({}).",
         100.0 * sensors.scale,

@@ -10,15 +10,12 @@ use damprig_core::control::friction_spring::SpringConfig;
 use damprig_core::io::TICK_HZ;
 
 use super::recorded::Recorded;
-use super::uncertainty::{by_linearity, rectangular};
 use crate::campaign::CampaignSetUp;
+use crate::identify::sensors::{ASSUMED_LINEARITY, by_linearity, rectangular};
 use crate::setup::SpringTarget;
 
 /// Half-width of the stiffness of a real spring about its nominal value: the tolerance of usual compression springs.
 const ASSUMED_STIFFNESS: f64 = 0.1;
-
-/// Linearity of a real force sensor whose calibration is not known, of its range.
-const ASSUMED_LINEARITY: f64 = 1e-3;
 
 /// The friction force over that of the target.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,15 +6,9 @@ use damprig_core::io::{SUBSAMPLES, TICK_HZ};
 use damprig_core::measure::noise::raised_maximum;
 
 use super::metric::{Metric, Values, WallKind};
-use crate::campaign::RigSettings;
+use crate::identify::sensors::{Sensors, rectangular};
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::transients::TransientRow;
-
-/// Linearity of a real sensor whose calibration is not known, of its range: that of usual triangulation lasers.
-const ASSUMED_LINEARITY: f64 = 1e-3;
-
-/// Time between the conversions of x and z of a real board, s.
-const ASSUMED_SKEW_S: f64 = 1e-5;
 
 /// Noise of a force sensor on a wall, N, and the largest of many readings above it: five times.
 const WALL_NOISE_N: f64 = 0.2;
@@ -28,59 +22,11 @@ const JUMP_ERROR: f64 = 0.125;
 /// Relative rounding of a value in single precision, over some operations.
 const ROUNDING: f64 = 1e-6;
 
-/// What the displacement sensors contribute.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Sensors {
-    /// Relative standard uncertainty of the scale of x, and of z.
-    pub(super) scale: f64,
-    /// Where that comes from, in words.
-    pub(super) scale_from: &'static str,
-    /// Smallest step, m.
-    pub(super) step_m: f64,
-    /// Largest delay between x and z, s.
-    pub(super) skew_s: f64,
-}
-
-/// Standard uncertainty of a value that is anywhere within ± `half_width`.
-pub(super) fn rectangular(half_width: f64) -> f64 {
-    half_width / 3.0_f64.sqrt()
-}
-
-/// Relative standard uncertainty of the scale of a sensor of this linearity: a deviation from the straight line of at most L of the
-/// range, odd and cubic, changes the scale by up to 2.6 L.
-pub(super) fn by_linearity(linearity: f64) -> f64 {
-    rectangular(1.5 * 3.0_f64.sqrt() * linearity)
-}
-
 fn root_sum(parts: &[f64]) -> f64 {
     parts.iter().map(|u| u * u).sum::<f64>().sqrt()
 }
 
 impl Sensors {
-    /// Of the rig of a run; `stated` is the relative standard uncertainty of both scales, if a person knows it.
-    pub(super) fn of(rig: &RigSettings, is_simulated: bool, stated: Option<f64>) -> Self {
-        let [range_m, _] = rig.sensor_range_m();
-        let (scale, scale_from, step_m, skew_s) = match (is_simulated, &rig.data_sheet) {
-            (true, None) => {
-                (0.0, "sensors of the simulated rig, without an error of scale", rig.sensor_resolution_m, 0.0)
-            }
-            (true, Some(sheet)) => (
-                by_linearity(f64::from(sheet.linearity)),
-                "linearity of the simulated sensors' data sheet",
-                2.0 * f64::from(range_m) / f64::from(1_u32 << sheet.bits.min(31)),
-                f64::from(sheet.skew_s),
-            ),
-            (false, _) => (
-                by_linearity(ASSUMED_LINEARITY),
-                "assumed linearity of 0.1 % of the sensors' range; --scale-uncertainty states another value",
-                f64::from(rig.board.calibration.x.metres_per_count.abs()),
-                ASSUMED_SKEW_S,
-            ),
-        };
-        let scale_from = if stated.is_some() { "--scale-uncertainty" } else { scale_from };
-        Self { scale: stated.unwrap_or(scale), scale_from, step_m, skew_s }
-    }
-
     /// Standard uncertainty of a lock-in amplitude over `ticks` readings of this noise, m.
     fn of_lock_in_m(&self, noise_m: f64, ticks: f64) -> f64 {
         (2.0 / ticks).sqrt() * noise_m.hypot(self.step_m / 12.0_f64.sqrt())

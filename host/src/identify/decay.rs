@@ -9,17 +9,16 @@ use std::f64::consts::{PI, TAU};
 use super::decay_motion::DecayMotion;
 use super::decay_record::{Swings, swings};
 use super::statistics::{Fit, Value, fit, inflation, line};
-use super::{CannotIdentify, Estimate};
+use super::{CannotIdentify, Estimate, Sensors};
 
 /// What is fitted besides the linear motion.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
     /// Coulomb friction; without it all damping counts as viscous.
     pub coulomb: bool,
-    /// The third-order error of the sensor, which changes the scale with the amplitude as damping does.
-    pub sensor_cubic: bool,
-    /// Relative standard uncertainty of the sensor's scale, from its calibration. It acts on F/k and F only.
-    pub scale_uncertainty: f64,
+    /// The sensor. Its third-order error is fitted where it has one: it changes the scale with the amplitude, as damping does. Its
+    /// scale acts on F/k and F only.
+    pub sensors: Sensors,
 }
 
 /// Natural frequency and damping ratio by one method.
@@ -83,12 +82,8 @@ pub fn identify(t_s: &[f64], x_m: &[f64], model: Model) -> Result<Decay, CannotI
     let decay = Decay {
         fitted: Modal { natural_frequency_hz: omega.mapped(omega.value / TAU, 1.0 / TAU), damping_ratio: value(1) },
         by_decrement,
-        coulomb_m: indices.0.map(|index| {
-            let fitted = value(index);
-            let by_scale = model.scale_uncertainty * fitted.value;
-            Value { standard_uncertainty: fitted.standard_uncertainty.hypot(by_scale), ..fitted }
-        }),
-        cubic_per_m2: indices.1.map(value),
+        coulomb_m: indices.coulomb.map(|index| value(index).widened(model.sensors.scale * fitted.parameters[index])),
+        cubic_per_m2: indices.cubic.map(value),
         periods: (swings.crossings_s.len() - 1) as f64 / 2.0,
         swings_m: [swings.turnings[0].1.abs(), swings.turnings[swings.turnings.len() - 1].1.abs()],
         residual_rms_m: fitted.variance().sqrt(),
@@ -154,6 +149,7 @@ fn start(swings: &Swings, modal: &Modal) -> DecayMotion {
         turning_s,
         offset_m: swings.centre_m,
         coulomb_m: 0.0,
+        lag_m: 0.0,
         cubic_per_m2: 0.0,
     }
 }
@@ -168,8 +164,12 @@ fn friction_start(swings: &Swings, offset_m: f64) -> Option<(f64, f64)> {
     Some((exponent / (1.0 + exponent * exponent).sqrt(), -line.intercept.value / (1.0 + decay)))
 }
 
-/// Places of the Coulomb friction and of the sensor's error among the parameters.
-type Indices = (Option<usize>, Option<usize>);
+/// Places of the Coulomb friction, which that of the sensor's lag follows, and of the sensor's third-order error among the parameters.
+#[derive(Clone, Copy, Debug, Default)]
+struct Indices {
+    coulomb: Option<usize>,
+    cubic: Option<usize>,
+}
 
 fn motion_of(parameters: &[f64], indices: Indices) -> DecayMotion {
     DecayMotion {
@@ -178,8 +178,9 @@ fn motion_of(parameters: &[f64], indices: Indices) -> DecayMotion {
         turning_m: parameters[2],
         turning_s: parameters[3],
         offset_m: parameters[4],
-        coulomb_m: indices.0.map_or(0.0, |index| parameters[index]),
-        cubic_per_m2: indices.1.map_or(0.0, |index| parameters[index]),
+        coulomb_m: indices.coulomb.map_or(0.0, |index| parameters[index]),
+        lag_m: indices.coulomb.map_or(0.0, |index| parameters[index + 1]),
+        cubic_per_m2: indices.cubic.map_or(0.0, |index| parameters[index]),
     }
 }
 
@@ -201,22 +202,22 @@ fn fit_motion(
         1e-5 * PI / start.angular_frequency_rad_per_s,
         1e-5 * size,
     ];
-    let linear = |p: &[f64], out: &mut Vec<f64>| motion_of(p, (None, None)).readings(t_s, out);
+    let linear = |p: &[f64], out: &mut Vec<f64>| motion_of(p, Indices::default()).readings(t_s, out);
     let first = fit(x_m, &parameters, &steps, linear)?;
-    if !model.coulomb && !model.sensor_cubic {
-        return Some((first, (None, None)));
+    let mut indices = Indices::default();
+    if !model.coulomb && !model.sensors.has_cubic() {
+        return Some((first, indices));
     }
     parameters = first.parameters;
-    let mut indices = (None, None);
     if model.coulomb {
-        indices.0 = Some(parameters.len());
+        indices.coulomb = Some(parameters.len());
         let (damping_ratio, coulomb_m) = friction.unwrap_or((parameters[1], 0.0));
         (parameters[1], parameters[2]) = (damping_ratio, start.turning_m);
-        parameters.push(coulomb_m);
-        steps.push(1e-6 * size);
+        parameters.extend([coulomb_m, 0.0]);
+        steps.extend([1e-6 * size; 2]);
     }
-    if model.sensor_cubic {
-        indices.1 = Some(parameters.len());
+    if model.sensors.has_cubic() {
+        indices.cubic = Some(parameters.len());
         parameters.push(0.0);
         steps.push(1e-5 / (size * size));
     }
@@ -241,13 +242,12 @@ impl Decay {
             damping(&self.fitted, viscous, FITTED).of_key("structure.damping_ratio"),
         ];
         if let Some(coulomb) = &self.coulomb_m {
-            all.push(Estimate::new("Coulomb friction over stiffness, F/k", "m", FITTED, coulomb));
+            all.push(Estimate::not_negative("Coulomb friction over stiffness, F/k", "m", FITTED, coulomb, None));
             if let Some(mass_kg) = mass_kg {
                 let stiffness = mass_kg * self.motion.angular_frequency_rad_per_s.powi(2);
                 let force = coulomb.mapped(coulomb.value * stiffness, stiffness);
-                let estimate = Estimate::new("Coulomb friction force", "N", FITTED, &force);
-                let is_there = force.interval_95()[0] > 0.0;
-                all.push(if is_there { estimate.of_key("friction_damper.force_n") } else { estimate });
+                let key = Some("friction_damper.force_n");
+                all.push(Estimate::not_negative("Coulomb friction force", "N", FITTED, &force, key));
             }
         }
         if let Some(cubic) = &self.cubic_per_m2 {
@@ -275,11 +275,24 @@ impl Decay {
                 self.inflation.sqrt()
             ));
         }
-        if self.coulomb_m.is_some_and(|c| c.interval_95()[0] <= 0.0 && c.interval_95()[1] >= 0.0) {
+        if self.coulomb_m.is_some_and(|coulomb| !coulomb.is_found()) {
             remarks.push(
-                "the Coulomb friction cannot be told from 0; if there is none, --viscous gives a narrower damping ratio".into(),
+                "no Coulomb friction is found; if there is none, --viscous gives a narrower damping ratio".into(),
             );
         }
+        remarks.push(
+            match self.coulomb_m {
+                Some(_) => {
+                    "report the viscous damping ratio of the fit: it does not depend on the amplitude, since friction and the sensor's \
+                     third-order error are fitted apart from it. The decrement, and a frequency response, count friction as damping"
+                }
+                None => {
+                    "report the damping ratio of the fit if the structure has no friction: all friction counts as damping here, and then \
+                     ζ depends on the amplitude. The decrement also counts the sensor's third-order error"
+                }
+            }
+            .into(),
+        );
         remarks
     }
 }

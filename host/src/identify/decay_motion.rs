@@ -21,6 +21,9 @@ pub struct DecayMotion {
     pub offset_m: f64,
     /// F/k, m. An estimate may be negative when there is no friction.
     pub coulomb_m: f64,
+    /// What a lag τ of the sensor adds to the reading of a motion about ±F/k besides delay and scale, in the direction of ±F/k:
+    /// (ωτ)²/2·F/k, m. Left out, it shifts the frequency.
+    pub lag_m: f64,
     /// Third-order error of the sensor: the reading is x + cubic·x³, 1/m².
     pub cubic_per_m2: f64,
 }
@@ -48,15 +51,17 @@ impl DecayMotion {
                 place += 1.0;
                 since_s -= half_s;
             }
+            let mut lag_m = 0.0;
             let x = if turning.abs() <= stop {
                 turning
             } else {
+                lag_m = self.lag_m * turning.signum();
                 let centre = stop * turning.signum();
                 let angle = omega * root * since_s;
                 let swing = angle.cos() + zeta / root * angle.sin();
                 centre + (turning - centre) * (-zeta * omega * since_s).exp() * swing
             };
-            out.push(self.offset_m + x + self.cubic_per_m2 * x * x * x);
+            out.push(self.offset_m + x + lag_m + self.cubic_per_m2 * x * x * x);
         }
     }
 }
@@ -86,6 +91,7 @@ mod tests {
             turning_s: 0.0,
             offset_m: 0.0,
             coulomb_m: stop,
+            lag_m: 0.0,
             cubic_per_m2: 0.0,
         };
         let h = 1e-5;
@@ -121,6 +127,7 @@ mod tests {
             turning_s: 0.0,
             offset_m: 0.0,
             coulomb_m: 0.003,
+            lag_m: 0.0,
             cubic_per_m2: 0.0,
         };
         let mut readings = vec![];

@@ -6,9 +6,9 @@ use std::path::Path;
 use damprig_core::io::TICK_HZ;
 use damprig_core::model::SetUp;
 
-use super::CannotIdentify;
 use super::flights::{Hit, Record};
 use super::from_run::Choice;
+use super::{CannotIdentify, Sensors};
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::{ReadError, RunFolder};
 
@@ -21,6 +21,8 @@ pub struct ParticleRun {
     pub records: Vec<Record>,
     /// The set-up.
     pub set_up: SetUp,
+    /// The displacement sensors.
+    pub sensors: Sensors,
 }
 
 /// Middle of a tick's ten samples, in ticks from its start.
@@ -66,7 +68,7 @@ pub fn particle_run(path: &Path, choice: &Choice) -> Result<ParticleRun, CannotI
         )));
     }
     let taken_from = format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id());
-    Ok(ParticleRun { taken_from, records, set_up: model })
+    Ok(ParticleRun { taken_from, records, set_up: model, sensors: Sensors::of_run(&run) })
 }
 
 /// The impacts of all segments.

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::CannotIdentify;
 use super::response::{DrivenBy, LEAST, Point, Response};
+use super::{CannotIdentify, Sensors};
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::results::steadiness_of;
@@ -19,6 +19,8 @@ pub struct FreeVibration {
     pub x_m: Vec<f64>,
     /// Mass of the structure as the campaign states it, kg; none in older runs.
     pub mass_kg: Option<f64>,
+    /// The displacement sensors.
+    pub sensors: Sensors,
 }
 
 /// Which experiment of a run.
@@ -137,6 +139,7 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Can
         t_s,
         x_m,
         mass_kg: record.and_then(|record| record.model()).map(|model| model.structure.mass_kg),
+        sensors: Sensors::of_run(&run),
     })
 }
 
@@ -157,13 +160,13 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, CannotIden
         let verdicts = names("steadiness").unwrap_or_default();
         let is_settled = |n: usize| verdicts.get(n).map_or(steady[n] != 0.0, |text| steadiness_of(text).is_settled());
         let deviations = read("deviation").ok().zip(read("deviation_uncertainty").ok());
-        let (f, x_over_z) = (read("frequency_hz")?, read("x_over_z")?);
+        let (f, x_over_z, x_m) = (read("frequency_hz")?, read("x_over_z")?, read("x_mean_cycle_max_m")?);
         for n in 0..f.len() {
             let deviation = deviations.as_ref().map(|(deviation, interval)| (deviation[n], 0.5 * interval[n]));
             let ratio = x_over_z[n] / (1.0 + deviation.map_or(0.0, |(deviation, _)| deviation));
             let uncertainty = deviation.map(|(_, uncertainty)| uncertainty);
             // The deviation is that of the amplitude: the phase of a motion that still settles is not known as well.
-            let point = Point { frequency_hz: f[n], ratio, phase_rad: None, uncertainty };
+            let point = Point { frequency_hz: f[n], ratio, phase_rad: None, uncertainty, x_m: x_m[n] };
             found.push(((set_ups[n].clone(), experiments[n].clone()), point, is_settled(n)));
         }
     }
@@ -193,7 +196,7 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, CannotIden
         _ => vec![format!("{settled} of {all} points are steady or stationary, and used")],
     };
     let taken_from = format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id());
-    Ok(Response { taken_from, driven_by, points, remarks })
+    Ok(Response { taken_from, driven_by, points, sensors: Sensors::of_run(&run), remarks })
 }
 
 /// Refuses a record with lost rows: their share of the swings is unknown.

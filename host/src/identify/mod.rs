@@ -13,6 +13,7 @@ mod from_run;
 mod motion_of_run;
 pub mod response;
 pub mod restitution;
+pub mod sensors;
 pub mod set_up_file;
 pub mod sound;
 pub mod statistics;
@@ -25,6 +26,7 @@ use serde::Serialize;
 pub use flights_of_run::{ParticleRun, particle_run};
 pub use from_run::{Choice, FreeVibration, free_vibration, stepped_sine};
 pub use motion_of_run::{OfRun, response_of_run};
+pub use sensors::Sensors;
 pub use statistics::Value;
 
 /// Why nothing could be identified: file, place, value, what is allowed, and what to do.
@@ -71,6 +73,20 @@ impl Estimate {
     pub fn of_key(mut self, key: &'static str) -> Self {
         self.key = Some(key);
         self
+    }
+
+    /// Of a quantity that is never negative: the value of a set-up's key where it is found.
+    #[must_use]
+    pub fn not_negative(
+        quantity: &'static str,
+        unit: &'static str,
+        method: &'static str,
+        value: &Value,
+        key: Option<&'static str>,
+    ) -> Self {
+        let (at_least_0, interval_95) = value.not_negative();
+        let key = key.filter(|_| value.is_found());
+        Self { value: at_least_0, interval_95, key, ..Self::new(quantity, unit, method, value) }
     }
 }
 

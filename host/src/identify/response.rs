@@ -7,9 +7,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::statistics::fit;
+use super::statistics::{Fit, fit};
 use super::table::{Quantity, Table, X, Z};
-use super::{CannotIdentify, Estimate};
+use super::{CannotIdentify, Estimate, Sensors};
 
 const FREQUENCY: Quantity = Quantity { stem: "frequency", units: &[("hz", 1.0)], about: "drive frequency", most: 1e4 };
 const PHASE: Quantity = Quantity {
@@ -38,6 +38,8 @@ pub struct Response {
     pub driven_by: DrivenBy,
     /// The points.
     pub points: Vec<Point>,
+    /// The sensors of x and z, or of x and the force.
+    pub sensors: Sensors,
     /// What has to be known about them.
     pub remarks: Vec<String>,
 }
@@ -54,6 +56,8 @@ pub struct Point {
     /// Standard uncertainty of the ratio, relative, if it is known; only the relation of the points' values counts, and the
     /// result's uncertainty is not smaller than they make it.
     pub uncertainty: Option<f64>,
+    /// Amplitude of x, m.
+    pub x_m: f64,
 }
 
 /// The points of a table: of x and z, or of x and a force.
@@ -72,10 +76,11 @@ pub fn points(table: &Table) -> Result<Response, CannotIdentify> {
                 return Err(table.refuse(text));
             }
             let phase_rad = phase.as_ref().map(|phase| phase[row]);
-            Ok(Point { frequency_hz: f[row], ratio: x[row] / z[row], phase_rad, uncertainty: None })
+            Ok(Point { frequency_hz: f[row], ratio: x[row] / z[row], phase_rad, uncertainty: None, x_m: x[row] })
         })
         .collect();
-    Ok(Response { taken_from: table.file().into(), driven_by, points: points?, remarks: Vec::new() })
+    let (taken_from, sensors) = (table.file().into(), Sensors::ASSUMED);
+    Ok(Response { taken_from, driven_by, points: points?, sensors, remarks: Vec::new() })
 }
 
 /// Real and imaginary part of X/Z, of the parameters fn and ζ, or of X/P, m/N, of fn, ζ and k.
@@ -95,11 +100,61 @@ const LEAST_UNCERTAINTY: f64 = 1e-4;
 /// Points that a fit needs at least.
 pub(super) const LEAST: usize = 5;
 
-/// Identifies fn and ζ; under a force also the stiffness and the mass.
+/// Fits the parameters from the best of some starts: of the complex ratio if all points have a phase. Points are weighted if all have
+/// an uncertainty.
+struct Fitting {
+    has_phase: bool,
+    is_weighted: bool,
+}
+
+impl Fitting {
+    fn of(points: &[Point]) -> Self {
+        let has_phase = points.iter().all(|point| point.phase_rad.is_some());
+        Self { has_phase, is_weighted: points.iter().all(|point| point.uncertainty.is_some()) }
+    }
+
+    fn weight(&self, point: &Point) -> f64 {
+        1.0 / point.uncertainty.filter(|_| self.is_weighted).unwrap_or(1.0).max(LEAST_UNCERTAINTY)
+    }
+
+    fn best(&self, points: &[Point], starts: &[Vec<f64>]) -> Option<Fit> {
+        let mut measured = Vec::new();
+        for point in points {
+            let w = self.weight(point);
+            match point.phase_rad.filter(|_| self.has_phase) {
+                Some(phase) => measured.extend([w * phase.cos(), w * phase.sin()]),
+                None => measured.push(w * point.ratio.ln()),
+            }
+        }
+        let model = |p: &[f64], out: &mut Vec<f64>| {
+            for point in points {
+                let (real, imaginary) = response(point.frequency_hz, p);
+                let w = self.weight(point);
+                if self.has_phase {
+                    out.extend([w * real / point.ratio, w * imaginary / point.ratio]);
+                } else {
+                    out.push(w * real.hypot(imaginary).ln());
+                }
+            }
+        };
+        let steps =
+            |start: &[f64]| -> Vec<f64> { start.iter().zip([1e-7, 1e-4, 1e-4]).map(|(s, part)| part * s).collect() };
+        let fits = starts.iter().filter_map(|start| fit(&measured, start, &steps(start), model));
+        fits.filter(|fit| fit.parameters.iter().all(|value| *value > 0.0))
+            .min_by(|a, b| a.variance().total_cmp(&b.variance()))
+    }
+}
+
+/// What to report of the damping ratios that different tests give.
+pub(crate) const REPORT: &str = "report the damping ratio of a free vibration (`damprig identify decay`) where there is one: it fits \
+                                 friction apart from it, which counts as damping here, so that ζ depends on the amplitude";
+
+/// Identifies fn and ζ; under a force also the stiffness and the mass. An error of the scale of x, which falls with the amplitude where
+/// the sensor has a third-order error, and one of z or of the force act on all points together: the fit is repeated with each.
 ///
 /// # Errors
 /// Too few points, none near the resonance, a response of another kind.
-pub fn identify(points: &[Point], driven_by: DrivenBy) -> Result<Vec<Estimate>, CannotIdentify> {
+pub fn identify(points: &[Point], driven_by: DrivenBy, sensors: &Sensors) -> Result<Vec<Estimate>, CannotIdentify> {
     let refuse = |text: String| Err(CannotIdentify(text));
     if points.len() < LEAST {
         return refuse(format!("{} points are too few: at least {LEAST} about the resonance are needed", points.len()));
@@ -121,28 +176,6 @@ pub fn identify(points: &[Point], driven_by: DrivenBy) -> Result<Vec<Estimate>, 
             peak.ratio, peak.frequency_hz
         ));
     }
-    let has_phase = points.iter().all(|point| point.phase_rad.is_some());
-    let is_weighted = points.iter().all(|point| point.uncertainty.is_some());
-    let weight = |point: &Point| 1.0 / point.uncertainty.filter(|_| is_weighted).unwrap_or(1.0).max(LEAST_UNCERTAINTY);
-    let mut measured = Vec::new();
-    for point in points {
-        let w = weight(point);
-        match point.phase_rad.filter(|_| has_phase) {
-            Some(phase) => measured.extend([w * phase.cos(), w * phase.sin()]),
-            None => measured.push(w * point.ratio.ln()),
-        }
-    }
-    let model = |p: &[f64], out: &mut Vec<f64>| {
-        for point in points {
-            let (real, imaginary) = response(point.frequency_hz, p);
-            let w = weight(point);
-            if has_phase {
-                out.extend([w * real / point.ratio, w * imaginary / point.ratio]);
-            } else {
-                out.push(w * real.hypot(imaginary).ln());
-            }
-        }
-    };
     // The peak between two points is missed: several starts, the best fit.
     let shares = [0.0, -0.02, 0.02, -0.005, 0.005];
     let starts: Vec<Vec<f64>> = if is_forced {
@@ -152,20 +185,15 @@ pub fn identify(points: &[Point], driven_by: DrivenBy) -> Result<Vec<Estimate>, 
     } else {
         shares.map(|share| vec![peak.frequency_hz * (1.0 + share), 0.5 / peak.ratio]).to_vec()
     };
-    let steps =
-        |start: &[f64]| -> Vec<f64> { start.iter().zip([1e-7, 1e-4, 1e-4]).map(|(s, part)| part * s).collect() };
-    let fits = starts.iter().filter_map(|start| fit(&measured, start, &steps(start), model));
-    let best = fits
-        .filter(|fit| fit.parameters.iter().all(|value| *value > 0.0))
-        .min_by(|a, b| a.variance().total_cmp(&b.variance()));
-    let Some(best) = best else {
+    let fitting = Fitting::of(points);
+    let Some(best) = fitting.best(points, &starts) else {
         return refuse(
             "the points cannot be fitted by the response of one mass on a spring with viscous damping".into(),
         );
     };
-    let variance = if is_weighted { best.variance().max(1.0) } else { best.variance() };
+    let variance = if fitting.is_weighted { best.variance().max(1.0) } else { best.variance() };
     // RMS of the relative deviations.
-    let mean_weight = points.iter().map(weight).sum::<f64>() / points.len() as f64;
+    let mean_weight = points.iter().map(|point| fitting.weight(point)).sum::<f64>() / points.len() as f64;
     let deviation = variance.sqrt() / mean_weight;
     if deviation > 0.2 {
         return refuse(format!(
@@ -174,7 +202,20 @@ pub fn identify(points: &[Point], driven_by: DrivenBy) -> Result<Vec<Estimate>, 
             100.0 * deviation
         ));
     }
-    let (natural, zeta) = (best.value(0, variance), best.value(1, variance));
+    let range_m = sensors.range_m.unwrap_or(points.iter().map(|point| point.x_m).fold(f64::MIN_POSITIVE, f64::max));
+    let bent = |x_m: f64| if sensors.has_cubic() { (x_m / range_m).powi(2) } else { 0.0 };
+    let moved = |by: &dyn Fn(&Point) -> f64| {
+        let moved = points.iter().map(|point| Point { ratio: point.ratio * (1.0 + by(point)), ..*point });
+        fitting.best(&moved.collect::<Vec<_>>(), std::slice::from_ref(&best.parameters))
+    };
+    let by_x = moved(&|point| sensors.scale * (1.0 - bent(point.x_m)));
+    let by_drive = moved(&|_| sensors.scale);
+    let of_sensors = |place: usize| {
+        let by = |moved: &Option<Fit>| moved.as_ref().map_or(0.0, |fit| fit.parameters[place] - best.parameters[place]);
+        by(&by_x).hypot(by(&by_drive))
+    };
+    let value = |place: usize| best.value(place, variance).widened(of_sensors(place));
+    let (natural, zeta) = (value(0), value(1));
     if zeta.standard_uncertainty > 0.5 * zeta.value {
         return refuse(format!(
             "the damping ratio {:.3e} has the uncertainty {:.3e}: no point is near enough to the resonance at {:.4} Hz\n  add \
@@ -185,7 +226,7 @@ pub fn identify(points: &[Point], driven_by: DrivenBy) -> Result<Vec<Estimate>, 
             2.0 * zeta.value * natural.value
         ));
     }
-    let method = match (is_forced, has_phase) {
+    let method = match (is_forced, fitting.has_phase) {
         (false, true) => "fit of the complex frequency response",
         (false, false) => "fit of the amplitude response",
         (true, true) => "fit of the complex receptance",
@@ -196,7 +237,7 @@ pub fn identify(points: &[Point], driven_by: DrivenBy) -> Result<Vec<Estimate>, 
         Estimate::new("damping ratio", "", method, &zeta).of_key("structure.damping_ratio"),
     ];
     if is_forced {
-        let stiffness = best.value(2, variance);
+        let stiffness = value(2);
         let of_stiffness = 1.0 / (TAU * natural.value).powi(2);
         let value = stiffness.value * of_stiffness;
         // fn is known so much better than k that its share and the correlation do not count.

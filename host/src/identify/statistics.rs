@@ -2,6 +2,12 @@
 
 use nalgebra::{DMatrix, DVector};
 
+/// Standard uncertainties above which a quantity that may be absent counts as found: one of 740 that are absent exceeds them.
+const FOUND: f64 = 3.0;
+
+/// Quantile 0.95 of the normal distribution.
+const ONE_SIDED_95: f64 = 1.644_853_627;
+
 /// An estimate with its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Value {
@@ -14,6 +20,17 @@ pub struct Value {
 }
 
 impl Value {
+    /// A quantity that is never negative, and its interval: where it is not found, at least 0, and from 0 to the one-sided limit, which
+    /// covers the truth in 95 % or more.
+    #[must_use]
+    pub fn not_negative(&self) -> (f64, [f64; 2]) {
+        if self.is_found() {
+            return (self.value, self.interval_95());
+        }
+        let value = self.value.max(0.0);
+        (value, [0.0, value + ONE_SIDED_95 * self.standard_uncertainty])
+    }
+
     /// The 95 % interval by Student's distribution.
     #[must_use]
     pub fn interval_95(&self) -> [f64; 2] {
@@ -21,10 +38,26 @@ impl Value {
         [self.value - half, self.value + half]
     }
 
+    /// Whether a quantity that may be absent is found: above [`FOUND`] standard uncertainties.
+    #[must_use]
+    pub fn is_found(&self) -> bool {
+        self.value > FOUND * self.standard_uncertainty
+    }
+
     /// The value of a function of it with this slope, to first order.
     #[must_use]
     pub fn mapped(&self, value: f64, slope: f64) -> Self {
         Self { value, standard_uncertainty: self.standard_uncertainty * slope.abs(), ..*self }
+    }
+
+    /// With a further part of its standard uncertainty, which is itself known; the degrees of freedom are those of Welch and
+    /// Satterthwaite.
+    #[must_use]
+    pub fn widened(&self, by: f64) -> Self {
+        let all = self.standard_uncertainty.hypot(by);
+        let share = if all > 0.0 { self.standard_uncertainty / all } else { 1.0 };
+        let degrees_of_freedom = self.degrees_of_freedom / share.powi(4).max(f64::MIN_POSITIVE);
+        Self { standard_uncertainty: all, degrees_of_freedom: degrees_of_freedom.min(f64::MAX), ..*self }
     }
 
     /// The mean of independent values; `None` for fewer than two.

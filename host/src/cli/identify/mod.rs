@@ -15,7 +15,8 @@ use crate::identify::decay::{self, Model};
 use crate::identify::table::{Table, X};
 use crate::identify::wall::Pad;
 use crate::identify::{
-    CannotIdentify, Choice, Estimate, FreeVibration, Identification, free_vibration, friction, set_up_file, wall,
+    CannotIdentify, Choice, Estimate, FreeVibration, Identification, Sensors, free_vibration, friction, set_up_file,
+    wall,
 };
 use crate::input::Source;
 use crate::report::exports::atomic_file::{OutFile, to_failure, write_new};
@@ -88,13 +89,8 @@ struct DecayArgs {
     #[arg(long)]
     viscous: bool,
 
-    /// Also fit the third-order error of the displacement sensor, from the third harmonic
-    #[arg(long)]
-    sensor_cubic: bool,
-
-    /// Relative standard uncertainty of the displacement sensor's scale, from its calibration; it acts on the friction
-    #[arg(long, value_name = "SHARE", value_parser = positive)]
-    scale_uncertainty: Option<f64>,
+    #[command(flatten)]
+    sensors: SensorArgs,
 
     #[command(flatten)]
     out: OutArgs,
@@ -158,6 +154,33 @@ impl ChoiceArgs {
     }
 }
 
+/// Errors of the displacement sensors.
+#[derive(Debug, ClapArgs)]
+struct SensorArgs {
+    /// Relative standard uncertainty of the displacement sensors' scale, from their calibration [default: from the simulated
+    /// sensors of a run; else 0.15 %]
+    #[arg(long, value_name = "SHARE", value_parser = positive)]
+    scale_uncertainty: Option<f64>,
+
+    /// The displacement sensors have no third-order error [default: that of their linearity]
+    #[arg(long)]
+    linear_sensor: bool,
+}
+
+impl SensorArgs {
+    /// The sensors of a source, as far as no option states otherwise.
+    fn applied(&self, sensors: Sensors) -> Sensors {
+        let linearity = if self.linear_sensor { 0.0 } else { sensors.linearity };
+        Sensors { linearity, ..sensors.stated(self.scale_uncertainty) }
+    }
+
+    /// The first option that is given.
+    fn given(&self) -> Option<&'static str> {
+        let all = [(self.scale_uncertainty.is_some(), "--scale-uncertainty"), (self.linear_sensor, "--linear-sensor")];
+        all.iter().find(|(is_given, _)| *is_given).map(|(_, option)| *option)
+    }
+}
+
 /// Where the results go.
 #[derive(Debug, ClapArgs)]
 struct OutArgs {
@@ -202,20 +225,19 @@ fn decay(args: &DecayArgs) -> Result<Identification, CannotIdentify> {
     let record = if args.source.is_file() {
         let table = Table::read(&args.source)?;
         let t_s = table.times()?;
-        FreeVibration { taken_from: table.file().into(), x_m: table.column(&X)?, t_s, mass_kg: None }
+        let (taken_from, x_m) = (table.file().into(), table.column(&X)?);
+        FreeVibration { taken_from, x_m, t_s, mass_kg: None, sensors: Sensors::ASSUMED }
     } else {
         let run = find(&args.source).map_err(|e| CannotIdentify(e.to_string()))?;
         free_vibration(&run, &args.choice.choice())?
     };
-    let model = Model {
-        coulomb: !args.viscous,
-        sensor_cubic: args.sensor_cubic,
-        scale_uncertainty: args.scale_uncertainty.unwrap_or(0.0),
-    };
+    let sensors = args.sensors.applied(record.sensors);
+    let model = Model { coulomb: !args.viscous, sensors };
     let decay = decay::identify(&record.t_s, &record.x_m, model)
         .map_err(|error| CannotIdentify(format!("{}: {error}", record.taken_from)))?;
     let mut identified = Identification::new(record.taken_from, decay.estimates(args.mass_kg.or(record.mass_kg)));
     identified.remarks = decay.remarks();
+    identified.remarks.push(sensors.remark());
     Ok(identified)
 }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
 
-use super::{ChoiceArgs, OutArgs};
+use super::{ChoiceArgs, OutArgs, SensorArgs};
 use crate::cli::arguments::{not_negative, positive};
 use crate::cli::outcome::Failure;
 use crate::cli::simulate::picture;
@@ -40,6 +40,9 @@ pub(super) struct ResponseArgs {
     /// Of a motion: draw |H|, phase and coherence over frequency, as .svg or .png
     #[arg(long, value_name = "FILE", value_parser = picture)]
     plot: Option<PathBuf>,
+
+    #[command(flatten)]
+    sensors: SensorArgs,
 
     #[command(flatten)]
     pub(super) out: OutArgs,
@@ -78,18 +81,26 @@ pub(super) fn identify(args: &ResponseArgs) -> Result<Identification, Failure> {
         response_of_run(&run, &args.choice.choice()).map_err(Failure::input)?
     };
     match from {
-        OfRun::Points(Response { taken_from, driven_by, points, remarks }) => {
+        OfRun::Points(Response { taken_from, driven_by, points, sensors, mut remarks }) => {
             if let Some(option) = args.option_of_a_motion() {
                 let text = format!(
                     "{option} is for x and z over time; {taken_from} has points of a frequency response\n  leave it out"
                 );
                 return Err(Failure::Input(text));
             }
-            let estimates = response::identify(&points, driven_by)
+            let sensors = args.sensors.applied(sensors);
+            let estimates = response::identify(&points, driven_by, &sensors)
                 .map_err(|error| Failure::input(format!("{taken_from}: {error}")))?;
+            remarks.extend([response::REPORT.into(), sensors.remark()]);
             Ok(Identification { remarks, ..Identification::new(taken_from, estimates) })
         }
         OfRun::Motion(motion) => {
+            if let Some(option) = args.sensors.given() {
+                let text = format!(
+                    "{option} is for points; the fit of x and z over time has a scale of its own\n  leave it out"
+                );
+                return Err(Failure::Input(text));
+            }
             let wanted = Wanted { segment_s: args.segment_s, overlap: args.overlap };
             let found = time_response::identify(&motion, wanted)
                 .map_err(|error| Failure::input(format!("{}: {error}", motion.taken_from)))?;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 
-use super::{ChoiceArgs, OutArgs, of_table};
+use super::{ChoiceArgs, OutArgs, SensorArgs, of_table};
 use crate::cli::arguments::{not_negative, positive};
 use crate::identify::flights::{self, Known};
 use crate::identify::restitution::Approach;
@@ -41,14 +41,8 @@ pub(super) struct RestitutionArgs {
     #[arg(long, value_name = "SHARE", value_parser = positive)]
     mass_ratio_uncertainty: Option<f64>,
 
-    /// Of a run: relative standard uncertainty of the displacement sensor's scale, from its calibration; it acts on
-    /// clearance and friction
-    #[arg(long, value_name = "SHARE", value_parser = positive)]
-    scale_uncertainty: Option<f64>,
-
-    /// Of a run: also fit the third-order error of the displacement sensor
-    #[arg(long)]
-    sensor_cubic: bool,
+    #[command(flatten)]
+    sensors: SensorArgs,
 
     /// Of a force: mass of the body that hits the sensor
     #[arg(long, value_name = "KG", value_parser = positive, requires = "approach_m_per_s")]
@@ -88,14 +82,14 @@ fn restitution_of_run(args: &RestitutionArgs) -> Result<Identification, CannotId
         is_friction_held: args.friction_coefficient.is_some(),
         clearance_m: args.clearance_m.unwrap_or(stated.clearance_m),
         is_clearance_held: args.clearance_m.is_some(),
-        has_sensor_cubic: args.sensor_cubic,
-        scale_uncertainty: args.scale_uncertainty.unwrap_or(0.0),
+        sensors: args.sensors.applied(run.sensors),
         mass_ratio_uncertainty: args.mass_ratio_uncertainty.unwrap_or(0.0),
         ..stated
     };
     let flights = flights::identify(&run.records, &known).map_err(located)?;
     let mut identified = Identification::new(run.taken_from.clone(), flights.estimates(gravity));
     identified.remarks = flights.remarks(stated.clearance_m, known.is_clearance_held);
+    identified.remarks.push(known.sensors.remark());
     Ok(identified)
 }
 
@@ -105,12 +99,11 @@ fn restitution_of_table(args: &RestitutionArgs) -> Result<Identification, Cannot
         (args.friction_coefficient.is_some(), "--friction-coefficient"),
         (args.mass_ratio.is_some(), "--mass-ratio"),
         (args.mass_ratio_uncertainty.is_some(), "--mass-ratio-uncertainty"),
-        (args.scale_uncertainty.is_some(), "--scale-uncertainty"),
-        (args.sensor_cubic, "--sensor-cubic"),
         (args.choice.set_up.is_some(), "--set-up"),
         (args.choice.experiment.is_some(), "--experiment"),
     ];
-    if let Some((_, option)) = of_run.iter().find(|(is_given, _)| *is_given) {
+    let given = of_run.iter().find(|(is_given, _)| *is_given).map(|(_, option)| *option);
+    if let Some(option) = given.or(args.sensors.given()) {
         let text = format!("{option} is for a run, and {} is a file\n  leave it out", args.source.display());
         return Err(CannotIdentify(text));
     }

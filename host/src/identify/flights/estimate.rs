@@ -255,7 +255,7 @@ impl Kinks {
             shifted: all(&|window| window.kink(late_s + SHIFT_S, known)),
             friction: (known.friction_m_per_s2 > 0.0)
                 .then(|| all(&|window| window.friction(late_s, known).kink(late_s, known))),
-            cubed: known.has_sensor_cubic.then(|| all(&|window| window.cubed(largest_m).kink(late_s, known))),
+            cubed: known.sensors.has_cubic().then(|| all(&|window| window.cubed(largest_m).kink(late_s, known))),
         }
     }
 
@@ -288,7 +288,7 @@ fn go_on(sorted: &Sorted, known: &Known, mut at: Parameters, mut kinks: Kinks) -
     let fitted = Fitted {
         clearance: !known.is_clearance_held,
         friction: known.friction_m_per_s2 > 0.0 && !known.is_friction_held,
-        cubic: known.has_sensor_cubic,
+        cubic: known.sensors.has_cubic(),
     };
     if known.is_clearance_held {
         at.clearance_m = known.clearance_m;
@@ -382,12 +382,10 @@ fn flights(sorted: &Sorted, known: &Known, solved: &Solved) -> Result<Flights, C
     let by_mass_ratio = with(&heavier, 1.0).map_or([f64::NAN; 2], relative);
     let by_scale = with(known, 1.0 + SHARE).map_or([f64::NAN; 2], relative);
     let widened = |value: Value, which: usize| {
-        let scale = known.scale_uncertainty * by_scale[which] * value.value;
+        let scale = known.sensors.scale * by_scale[which] * value.value;
         let mass = known.mass_ratio_uncertainty * by_mass_ratio[which] * value.value;
         let known = |u: f64| if u.is_finite() { u } else { 0.0 };
-        let least = LEAST_UNCERTAINTY * value.value;
-        let own = value.standard_uncertainty.hypot(least);
-        Value { standard_uncertainty: own.hypot(known(scale)).hypot(known(mass)), ..value }
+        value.widened((LEAST_UNCERTAINTY * value.value).hypot(known(scale)).hypot(known(mass)))
     };
     if !(-0.05..=1.05).contains(&e) {
         return Err(CannotIdentify(format!(
@@ -412,10 +410,7 @@ fn flights(sorted: &Sorted, known: &Known, solved: &Solved) -> Result<Flights, C
     Ok(Flights {
         restitution: widened(solved.value(RESTITUTION), 0),
         clearance_m: solved.fitted.clearance.then(|| widened(solved.value(CLEARANCE), 1)),
-        friction_m_per_s2: solved.friction().map(|friction| {
-            let scale = known.scale_uncertainty * friction.value;
-            Value { standard_uncertainty: friction.standard_uncertainty.hypot(scale), ..friction }
-        }),
+        friction_m_per_s2: solved.friction().map(|friction| friction.widened(known.sensors.scale * friction.value)),
         contact_s: Value::mean(&sorted.contacts_s),
         late_s: solved.value(LATE),
         approach_m_per_s: ends,
@@ -444,9 +439,8 @@ impl Flights {
         );
         if let Some(friction) = self.friction_m_per_s2.filter(|_| gravity_m_per_s2 > 0.0) {
             let coefficient = friction.mapped(friction.value / gravity_m_per_s2, 1.0 / gravity_m_per_s2);
-            let estimate = Estimate::new("friction coefficient of the particle", "", METHOD, &coefficient);
-            let is_there = coefficient.interval_95()[0] > 0.0;
-            all.push(if is_there { estimate.of_key("particle.friction_coefficient") } else { estimate });
+            let key = Some("particle.friction_coefficient");
+            all.push(Estimate::not_negative("friction coefficient of the particle", "", METHOD, &coefficient, key));
         }
         all.extend(
             self.contact_s

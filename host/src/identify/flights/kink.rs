@@ -159,8 +159,7 @@ mod tests {
             is_friction_held: false,
             clearance_m: 0.01,
             is_clearance_held: false,
-            has_sensor_cubic: false,
-            scale_uncertainty: 0.0,
+            sensors: crate::identify::Sensors::EXACT,
             mass_ratio_uncertainty: 0.0,
         }
     }

@@ -9,8 +9,8 @@
 //! - impact law: u_after = u_before − (1 + e)/(1 + β)·(u_before − v)
 //! - momentum: the structure's velocity jumps by β·(u_before − u_after)
 //!
-//! [`identify`] fits e, d, the friction and the time from the impact's pulse to the kink of x to all of them, and on request the
-//! third-order error of the sensor. The equations are linear in x, d and the friction together, so an error of the sensor's scale
+//! [`identify`] fits e, d, the friction and the time from the impact's pulse to the kink of x to all of them, and the third-order
+//! error of a sensor that has one. The equations are linear in x, d and the friction together, so an error of the sensor's scale
 //! does not change e.
 
 mod estimate;
@@ -22,7 +22,7 @@ pub use usable::LeftOut;
 
 use damprig_core::model::{SetUp, Wall};
 
-use super::CannotIdentify;
+use super::{CannotIdentify, Sensors};
 
 /// An impact as the board measured it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,10 +67,8 @@ pub struct Known {
     pub clearance_m: f64,
     /// Whether d is taken as stated instead of fitted.
     pub is_clearance_held: bool,
-    /// Whether the third-order error of the displacement sensor is fitted too.
-    pub has_sensor_cubic: bool,
-    /// Relative standard uncertainty of the scale of x, from its calibration.
-    pub scale_uncertainty: f64,
+    /// The displacement sensor; its third-order error is fitted where it has one.
+    pub sensors: Sensors,
     /// Relative standard uncertainty of the mass ratio.
     pub mass_ratio_uncertainty: f64,
 }
@@ -104,8 +102,7 @@ impl Known {
             is_friction_held: false,
             clearance_m: particle.clearance_m,
             is_clearance_held: false,
-            has_sensor_cubic: false,
-            scale_uncertainty: 0.0,
+            sensors: Sensors::EXACT,
             mass_ratio_uncertainty: 0.0,
         })
     }

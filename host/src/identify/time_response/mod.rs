@@ -11,7 +11,7 @@ mod residuals;
 pub mod welch;
 
 use super::response::{self, DrivenBy, Point};
-use super::{CannotIdentify, Estimate};
+use super::{CannotIdentify, Estimate, Sensors};
 use output_error::OutputError;
 use welch::{Segments, Spectrum};
 
@@ -166,9 +166,11 @@ fn by_h1(spectrum: &Spectrum, natural_hz: f64, width_hz: f64, length_s: f64) -> 
             ratio: line.magnitude(),
             phase_rad: Some(line.phase_rad()),
             uncertainty: Some(line.relative_uncertainty(spectrum.averages)),
+            x_m: 0.0,
         })
         .collect();
-    let estimates = response::identify(&points, DrivenBy::Base).map_err(|error| format!("H1: {error}"))?;
+    let estimates =
+        response::identify(&points, DrivenBy::Base, &Sensors::EXACT).map_err(|error| format!("H1: {error}"))?;
     // The window lowers the peak by a third of the square of the widths' ratio; as an uncertainty, that over √3.
     let bias = (1.0 / resolution).powi(2) / 3.0 / 3f64.sqrt();
     let widened = |mut estimate: Estimate, method, bias: f64| {
@@ -232,6 +234,7 @@ impl TimeResponse {
             );
         }
         remarks.extend(self.by_h1.as_ref().err().cloned());
+        remarks.push(response::REPORT.into());
         remarks
     }
 }

@@ -4,14 +4,12 @@ use std::fmt::Write;
 
 use damprig::identify::table::Table;
 use damprig::identify::wall::Pad;
-use damprig::identify::{Estimate, friction, response, restitution, wall};
+use damprig::identify::{Estimate, Sensors, friction, response, restitution, wall};
 use fastrand::Rng;
 use tempfile::TempDir;
 
+use super::{is_full, many_seeds};
 use crate::common::damprig;
-
-/// Seeds of a claim: tables are quick.
-const SEEDS: u64 = 200;
 
 /// Normal noise of unit variance.
 fn normal(rng: &mut Rng) -> f64 {
@@ -28,19 +26,21 @@ fn table(text: &str) -> Table {
 /// Largest error over the seeds, and the share of intervals that cover the truth.
 fn over_seeds(truth: f64, mut estimate: impl FnMut(&mut Rng) -> Estimate) -> (f64, f64) {
     let (mut worst, mut covered) = (0.0f64, 0);
-    for seed in 1..=SEEDS {
+    let seeds = many_seeds();
+    for seed in 1..=seeds {
         let found = estimate(&mut Rng::with_seed(seed));
         worst = worst.max((found.value - truth).abs());
         covered += u32::from((found.interval_95[0]..=found.interval_95[1]).contains(&truth));
     }
-    (worst, f64::from(covered) / SEEDS as f64)
+    (worst, f64::from(covered) / seeds as f64)
 }
 
 #[track_caller]
 fn assert_claim(what: &str, (worst, covered): (f64, f64), allowed: f64) {
     println!("{what}: largest error {worst:.2e}, covered {covered:.3}");
     assert!(worst < allowed, "{what}: error {worst:.2e}, allowed {allowed:.2e}");
-    assert!((0.90..=0.99).contains(&covered), "{what}: the intervals cover {:.1} %", 100.0 * covered);
+    let allowed = if is_full() { 0.93..=0.97 } else { 0.90..=0.995 };
+    assert!(allowed.contains(&covered), "{what}: the intervals cover {:.1} %", 100.0 * covered);
 }
 
 /// Ten drops of six impacts, timed to 0.2 ms: e within 0.01.
@@ -159,18 +159,22 @@ fn soft_wall_constants_follow_from_dma_tables() {
     assert_claim("η", over_seeds(loss, found(1)), 0.03 * loss);
 }
 
-/// 21 points over the resonance with 0.5 % noise of amplitude and phase.
+/// 21 points over the resonance with 0.5 % noise of amplitude and phase, on sensors of x and z whose scales are off, that of x less at
+/// large amplitudes.
 #[test]
 fn a_frequency_response_gives_frequency_and_damping() {
     let (natural, zeta) = (2.5f64, 0.0038f64);
     let text = |rng: &mut Rng, with_phase: bool| {
         let mut text = format!("frequency_hz,x_mm,z_mm{}\n", if with_phase { ",phase_deg" } else { "" });
+        let [of_x, of_z] = [0; 2].map(|_| Sensors::ASSUMED.scale * normal(rng));
         for n in -10..=10 {
             let f = natural + 0.01 * f64::from(n);
             let (r, d) = (f / natural, 2.0 * zeta * f / natural);
             let ratio = ((1.0 + d * d) / ((1.0 - r * r).powi(2) + d * d)).sqrt();
             let phase = d.atan() - d.atan2(1.0 - r * r);
-            write!(text, "{f},{:.9},0.05", 0.05 * ratio * (1.0 + 0.005 * normal(rng))).unwrap();
+            let scale = 1.0 + of_x * (1.0 - (2.0 * zeta * ratio).powi(2));
+            let x_mm = 0.05 * ratio * scale * (1.0 + 0.005 * normal(rng));
+            write!(text, "{f},{x_mm:.9},{:.9}", 0.05 * (1.0 + of_z)).unwrap();
             if with_phase {
                 write!(text, ",{:.7}", (phase + 0.005 * normal(rng)).to_degrees()).unwrap();
             }
@@ -182,7 +186,7 @@ fn a_frequency_response_gives_frequency_and_damping() {
         let found = |place: usize| {
             move |rng: &mut Rng| {
                 let read = response::points(&table(&text(rng, with_phase))).unwrap();
-                response::identify(&read.points, read.driven_by).unwrap().remove(place)
+                response::identify(&read.points, read.driven_by, &read.sensors).unwrap().remove(place)
             }
         };
         let name = if with_phase { "with phase" } else { "amplitudes alone" };
