@@ -65,14 +65,6 @@ impl BaseMotion {
         Self { ends_m: read(z_m, beyond, width), otherwise_m: other.map(|width| read(z_m, beyond, width)) }
     }
 
-    /// Stays where it is for some more ticks.
-    pub(super) fn stay(&mut self, ticks: usize) {
-        for ends_m in std::iter::once(&mut self.ends_m).chain(&mut self.otherwise_m) {
-            let last = ends_m.last().copied().unwrap_or(0.0);
-            ends_m.resize(ends_m.len() + ticks, last);
-        }
-    }
-
     /// The same motion times a factor.
     pub(super) fn scaled(&self, factor: f64) -> Self {
         let scaled = |ends_m: &Vec<f64>| ends_m.iter().map(|z| z * factor).collect();

@@ -11,8 +11,8 @@ use std::path::Path;
 use damprig_core::model::{Initial, SetUp};
 use toml::{Table, Value};
 
-use super::CannotCompare;
 use super::metric::{Metric, Values};
+use super::{COVERAGE_FACTOR, CannotCompare};
 use crate::campaign::{Campaign, CampaignSetUp};
 use crate::identify::statistics::student_95;
 use crate::input::{Copies, Source};
@@ -154,8 +154,9 @@ fn place_of(set_up: &CampaignSetUp) -> f64 {
         .map_or(0.0, |particle| set_up.particle_start_m() / particle.clearance_m.max(f64::MIN_POSITIVE))
 }
 
-/// Mean and standard uncertainty of the members' values: of a further draw beside their mean, for k = 2 with Student's factor. Without
-/// members those of the set-up as stated.
+/// Mean and standard uncertainty of the members' values: of a further draw beside their mean, for k = 2 with Student's factor. The
+/// expanded uncertainty reaches beyond the farthest of them and the set-up as stated, since a motion may have few outcomes, as counts have.
+/// Without members those of the set-up as stated.
 pub(super) fn summary(stated: &Values, members: &[Values]) -> (Values, Values) {
     let (mut means, mut uncertainties) = (Values::new(), Values::new());
     for (metric, about) in stated {
@@ -168,6 +169,8 @@ pub(super) fn summary(stated: &Values, members: &[Values]) -> (Values, Values) {
             let variance = away.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / (n - 1.0);
             value = wrapped(*metric, about + mean);
             u = 0.5 * student_95(n - 1.0) * (1.0 + 1.0 / n).sqrt() * variance.sqrt();
+            let farthest = away.iter().fold(mean.abs(), |most, a| most.max((a - mean).abs()));
+            u = u.max(farthest * (1.0 + 1.0 / n) / COVERAGE_FACTOR);
         }
         means.insert(*metric, value);
         uncertainties.insert(*metric, u);
@@ -179,26 +182,33 @@ fn wrapped(metric: Metric, value: f64) -> f64 {
     if metric == Metric::Phase { metric.difference(value, 0.0) } else { value }
 }
 
-/// The set-ups of a campaign for each member, with the identified values of its set-up file varied by their standard uncertainty.
-/// Empty without a set-up file or without an uncertainty.
+/// The set-ups of a campaign with the identified values of its set-up file varied by their standard uncertainty.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Varied {
+    /// For each member; empty if nothing varies.
+    pub(super) set_ups: Vec<Vec<CampaignSetUp>>,
+    /// Keys of the values that vary.
+    keys: Vec<String>,
+    /// Keys of identified values that no set-up uses: the campaign states its own.
+    unused: Vec<String>,
+}
+
+/// Varies the identified values of a campaign.
 ///
 /// # Errors
 /// Why the values cannot be varied, in words.
-pub(super) fn varied_set_ups(campaign: &Campaign, is_simulated: bool) -> Result<Vec<Vec<CampaignSetUp>>, String> {
-    let Some(file) = &campaign.set_up_file else { return Ok(Vec::new()) };
+pub(super) fn varied_set_ups(campaign: &Campaign, is_simulated: bool) -> Result<Varied, String> {
+    let Some(file) = &campaign.set_up_file else { return Ok(Varied::default()) };
     let uncertain: Vec<&Identified> = file.identified.iter().filter(|value| value.standard_uncertainty > 0.0).collect();
-    if uncertain.is_empty() {
-        return Ok(Vec::new());
-    }
     let folder = tempfile::tempdir().map_err(|error| format!("no temporary folder: {error}"))?;
     let copies = Path::new(crate::campaign::transient::RECORDS);
     let copy = set_up_file::kept(&folder.path().join(copies), &file.file);
     std::fs::create_dir_all(folder.path().join(copies)).map_err(|error| format!("no temporary folder: {error}"))?;
     let text = set_ups_alone(campaign.source.text())?;
-    let set_ups_of = |member: usize| -> Result<Vec<CampaignSetUp>, String> {
+    let set_ups_with = |changes: &[(&Identified, f64)]| -> Result<Vec<CampaignSetUp>, String> {
         let mut values: Table = file.text.parse().map_err(|error| format!("the set-up file is not TOML: {error}"))?;
-        for (n, value) in uncertain.iter().enumerate() {
-            vary(&mut values, &value.key, deviation(member, PARAMETERS + n) * value.standard_uncertainty)?;
+        for (value, by) in changes {
+            vary(&mut values, &value.key, by * value.standard_uncertainty)?;
         }
         let varied = toml::to_string(&values).map_err(|error| error.to_string())?;
         std::fs::write(&copy, varied).map_err(|error| format!("{}: {error}", copy.display()))?;
@@ -209,7 +219,23 @@ pub(super) fn varied_set_ups(campaign: &Campaign, is_simulated: bool) -> Result<
         let _ = read.on_board(&campaign.rig.board, is_simulated);
         Ok(read.set_ups)
     };
-    (0..MEMBERS).map(set_ups_of).collect()
+    let models = |set_ups: &[CampaignSetUp]| set_ups.iter().map(CampaignSetUp::model).collect::<Vec<_>>();
+    let (mut used, mut varied) = (Vec::new(), Varied::default());
+    for value in uncertain {
+        if models(&set_ups_with(&[(value, 1.0)])?) == models(&campaign.set_ups) {
+            varied.unused.push(value.key.clone());
+        } else {
+            varied.keys.push(value.key.clone());
+            used.push(value);
+        }
+    }
+    if !used.is_empty() {
+        let changes =
+            |member| used.iter().enumerate().map(move |(n, value)| (*value, deviation(member, PARAMETERS + n)));
+        let of_members = (0..MEMBERS).map(|member| set_ups_with(&changes(member).collect::<Vec<_>>()));
+        varied.set_ups = of_members.collect::<Result<_, _>>()?;
+    }
+    Ok(varied)
 }
 
 /// The campaign with one short experiment instead of its own, whose records are elsewhere.
@@ -261,19 +287,23 @@ pub(super) fn model_of(own: &CampaignSetUp, model: &Campaign) -> Result<Campaign
 }
 
 /// What is said about the uncertainty of the parameters.
-pub(super) fn about_parameters(model: &Campaign, varied: &Result<Vec<Vec<CampaignSetUp>>, String>) -> String {
-    match (varied, &model.set_up_file) {
-        (Err(why), _) => format!("Parameters: their uncertainty is not included: {why}."),
-        (Ok(varied), Some(file)) if !varied.is_empty() => {
-            let keys: Vec<&str> = file.identified.iter().map(|value| value.key.as_str()).collect();
-            format!(
-                "Parameters: identified with uncertainty: {} ({}); all others count as exact.",
-                keys.join(", "),
-                file.file
-            )
+pub(super) fn about_parameters(model: &Campaign, varied: &Result<Varied, String>) -> String {
+    let file = model.set_up_file.as_ref().map_or("", |file| file.file.as_str());
+    match varied {
+        Err(why) => format!("Parameters: their uncertainty is not included: {why}."),
+        Ok(Varied { keys, unused, .. }) => {
+            let identified = if keys.is_empty() {
+                "their uncertainty is not included: no identified value is used (`damprig identify`, `set_up_file`)"
+                    .into()
+            } else {
+                format!("identified with uncertainty: {} ({file}); all others count as exact", keys.join(", "))
+            };
+            let unused = match unused[..] {
+                [] => String::new(),
+                _ => format!("; the set-ups do not use {} of {file}: the campaign states its own", unused.join(", ")),
+            };
+            format!("Parameters: {identified}{unused}.")
         }
-        _ => "Parameters: their uncertainty is not included: none was identified (`damprig identify`, `set_up_file`)."
-            .into(),
     }
 }
 

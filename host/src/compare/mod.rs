@@ -103,7 +103,7 @@ pub fn compare(
     )];
     let varied = ensemble::varied_set_ups(model, is_simulated);
     assumptions.push(ensemble::about_parameters(model, &varied));
-    let varied = varied.unwrap_or_default();
+    let varied = varied.unwrap_or_default().set_ups;
     let go_on = || !options.stop.load(Ordering::Relaxed);
     let recorded = AllRecorded::of(run, go_on).map_err(CannotCompare::Run)?;
     unreadable.extend(recorded.unreadable.iter().cloned());

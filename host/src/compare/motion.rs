@@ -53,6 +53,17 @@ pub(super) struct SimulatedMotion {
     pub(super) pulses: Vec<WallPulse>,
 }
 
+impl SimulatedMotion {
+    /// The same motion with readings of x that are off by `by_m`.
+    pub(super) fn read_beside(&self, by_m: f64) -> Self {
+        let mut beside = self.clone();
+        for reading in &mut beside.readings {
+            reading.x_m += by_m as f32;
+        }
+        beside
+    }
+}
+
 /// Simulates a set-up. `base_m` has z at the ends of the ticks, from two ticks before the first to one tick after the last; `shares` has
 /// the share of the friction force in each tick; the last value holds on.
 ///

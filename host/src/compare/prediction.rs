@@ -11,6 +11,7 @@ use super::metric::{Metric, Values};
 use super::motion::{SimulatedMotion, TICK_S, simulate};
 use super::spring::SpringForce;
 use super::{COVERAGE_FACTOR, ComparedMetric, Predicted, Uncertain, Verdict};
+use crate::identify::sensors::rectangular;
 
 /// Values of a prediction with their standard uncertainties, and whether neighbouring starts part.
 #[derive(Clone, Debug, Default)]
@@ -18,6 +19,18 @@ pub(super) struct Prediction {
     pub(super) values: Values,
     pub(super) uncertainties: Values,
     pub(super) is_sensitive: bool,
+}
+
+impl Prediction {
+    /// Adds what the reading of x contributes: values of the same motion read at both ends of the reading's error.
+    pub(super) fn add_reading(&mut self, [low, high]: &[Option<Values>; 2]) {
+        let (Some(low), Some(high)) = (low, high) else { return };
+        for (metric, u) in &mut self.uncertainties {
+            if let (Some(low), Some(high)) = (low.get(metric), high.get(metric)) {
+                *u = u.hypot(rectangular(0.5 * (high - low)));
+            }
+        }
+    }
 }
 
 /// The predictions for the windows of one simulation.
@@ -142,14 +155,13 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
         if moved_m == 0.0 {
             return 0.0;
         }
-        let Window { z_m, end_m, cycles, .. } = window;
-        let of_decay = moved_m / (std::f64::consts::TAU * cycles * end_m);
+        let Window { z_m, .. } = window;
         match metric {
             Metric::XOverZ | Metric::XOverZLockIn => moved_m / z_m,
             Metric::Phase => moved_m / (z_m * values.get(&Metric::XOverZLockIn).copied().unwrap_or(f64::NAN)),
             Metric::XMax | Metric::XRms | Metric::RelativeMax => moved_m,
-            Metric::DampingRatio => of_decay,
-            Metric::Frequency => 2.0_f64.sqrt() * values.get(&metric).copied().unwrap_or(f64::NAN) * of_decay,
+            // Of a base at rest, or not by the structure's free vibration.
+            Metric::DampingRatio | Metric::Frequency => 0.0,
             Metric::XMaxTime | Metric::ImpactsPerCycle | Metric::Impacts | Metric::Impulse | Metric::WallForce => 0.0,
         }
     }
@@ -160,14 +172,12 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
 pub(super) struct Window {
     /// Its ticks.
     pub(super) ticks: Range<usize>,
-    /// Cycles of the drive, or of a decay.
+    /// Cycles of the drive.
     pub(super) cycles: f64,
     /// RMS noise of a reading of z, m; 0 of an ideal base.
     pub(super) z_noise_m: f64,
     /// Amplitude of z at a point, m.
     pub(super) z_m: f64,
-    /// The last peak of a decay, m.
-    pub(super) end_m: f64,
 }
 
 /// Whether two motions differ by more than [`PARTED`] of their size in these ticks.

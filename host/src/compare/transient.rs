@@ -23,8 +23,8 @@ const MOST_TICKS: u64 = 10_000_000;
 /// Ticks in which a released structure must have fallen by a tenth, at most: that of 0.01 Hz.
 const LONGEST_FALL: f64 = 1e5;
 
-/// Ticks by which a motion may be longer than the measured one, for a release that is detected later.
-const SPARE: usize = 4;
+/// Why a free vibration is simulated on the ideal base alone.
+const NOT_DRIVEN: &str = "the base is at rest in a free vibration, and the noise of its sensor is no motion";
 
 /// The simulations of a transient, and where its measured ticks are in them.
 struct Simulated {
@@ -56,7 +56,7 @@ impl Compared<'_> {
         let simulated = match (experiment.playback(), experiment.free_vibration()) {
             _ if !is_sound || row.end_tick - row.start_tick > MOST_TICKS => None,
             (Some(playback), _) => Some(self.playback(playback, (models, &spring), recorded, (&ticks, noise_m))),
-            (None, Some(free)) => self.release(free, (models, &spring), recorded, (row, noise_m)),
+            (None, Some(free)) => self.release(free, (models, &spring), (row, noise_m)),
             (None, None) => None,
         };
         let mut point = self.transient_point((row, noise_m), &id, recorded, models, simulated);
@@ -91,8 +91,7 @@ impl Compared<'_> {
         &self,
         free: &FreeVibration,
         (models, spring): (&Models, &SpringForce),
-        recorded: Option<&Recorded>,
-        (row, z_noise_m): (&TransientRow, f64),
+        (row, noise_m): (&TransientRow, f64),
     ) -> Option<Simulated> {
         // A person releases a real structure about there.
         let is_measured = !self.is_simulated && row.start_m.is_finite();
@@ -112,21 +111,16 @@ impl Compared<'_> {
             let release = metric::release(motion, free, held_m)?;
             Some(metric::of_simulated_release(motion, &release, kind))
         };
-        let answer = |base: &BaseMotion, z_noise_m: f64| {
-            let cycles = f64::from(row.cycles.max(1));
-            let watched = Window { ticks: window.clone(), cycles, z_noise_m, end_m: row.end_m, ..Window::default() };
-            self.of_transient((models, spring), start_m, base, watched, &measure)
-        };
-        let ideal = answer(&at_rest, 0.0);
-        let begins = row.start_tick.checked_sub(detected as u64);
-        let base =
-            begins.ok_or_else(|| "the release is at the beginning of the samples".to_string()).and_then(|begins| {
-                let mut base = self.measured_base(recorded, &(begins..row.end_tick), models, z_noise_m)?;
-                base.stay(SPARE);
-                Ok(base)
-            });
-        let measured = base.as_ref().ok().and_then(|base| answer(base, z_noise_m));
-        Some(Simulated { ideal, measured, why_not: base.err(), window })
+        let watched = Window { ticks: window.clone(), cycles: 1.0, ..Window::default() };
+        let mut ideal = self.of_transient((models, spring), start_m, &at_rest, watched, &measure);
+        if let Some(answer) = &mut ideal {
+            let half_width_m = 4.0 * noise_m + 0.5 * self.sensors.step_m;
+            let read = [-half_width_m, half_width_m].map(|by_m| measure(&answer.motion.read_beside(by_m), 0));
+            for prediction in answer.predictions.iter_mut().flatten() {
+                prediction.add_reading(&read);
+            }
+        }
+        Some(Simulated { ideal, measured: None, why_not: Some(NOT_DRIVEN.into()), window })
     }
 
     fn of_transient(

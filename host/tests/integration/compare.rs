@@ -112,14 +112,82 @@ fn a_release_and_a_pulse_agree_with_their_own_model() {
                 shape = \"versine\"\namplitude_m = 0.004\nduration_s = 0.2\ntail_s = 4";
     let set_ups = [("bare", 0.003, ""), ("spid", 0.003, SPID), ("tuned", 0.003, TUNED)];
     let comparison = compared(&ran(&campaign("", &set_ups, both)), &[]);
-    for base in ["on_measured_base", "on_ideal_base"] {
+    let of_pulse = ["x_rms", "x_max", "x_max_time", "impacts"];
+    // The base is not driven in a release: it is judged on the ideal base alone.
+    for (base, more) in [("on_measured_base", &[][..]), ("on_ideal_base", &["damping_ratio", "frequency", "impulse"])] {
         let errors = errors(&comparison, base);
-        let metrics = ["damping_ratio", "frequency", "x_rms", "x_max", "x_max_time", "impacts", "impulse"];
-        assert!(metrics.iter().all(|metric| errors.iter().any(|e| e.2 == *metric)), "{errors:?}");
+        assert!(of_pulse.iter().chain(more).all(|metric| errors.iter().any(|e| e.2 == *metric)), "{errors:?}");
+        assert!(!more.is_empty() || errors.iter().all(|e| e.2 != "frequency"), "{errors:?}");
         // 24 quantities at 5 %: more than four have a probability of 0.6 %.
         let differing: Vec<_> = errors.iter().filter(|e| e.3.abs() > 1.0).collect();
         assert!(differing.len() <= 4, "{base}: {differing:?}");
     }
+}
+
+/// The last cycles of a release are small under friction, so noise shifts their crossings of zero, and decides how many are counted. The
+/// quantities of a release differ together: of 16 right releases at most three may differ, more have a probability below 1 %.
+#[test]
+fn releases_under_friction_with_a_particle_agree_with_their_own_model() {
+    let mut random = fastrand::Rng::with_seed(2);
+    let mut within = |low: f64, high: f64| low + (high - low) * random.f64();
+    let dampers: Vec<(String, String)> = (0..16)
+        .map(|n| {
+            let particle = format!(
+                "particle = {{ mass_ratio = 0.1, clearance_m = {:.4}, wall = {{ kind = \"restitution\", coefficient = {:.2} }} }}\n",
+                within(0.005, 0.03),
+                within(0.3, 0.8)
+            );
+            let particle = if n % 4 == 0 { String::new() } else { particle };
+            (format!("s{n}"), format!("{particle}friction_damper = {{ force_n = {:.3} }}", within(0.02, 0.6)))
+        })
+        .collect();
+    let set_ups: Vec<(&str, f64, &str)> = dampers.iter().map(|(name, damper)| (&**name, 0.003, &**damper)).collect();
+    let rig = "[rig]\nsensor_noise_rms_m = 20e-6\nnoise_seed = 3\n";
+    let release = "kind = \"free_vibration\"\nstart_m = 0.035\nmeasure_s = 10.0";
+    let comparison = compared(&ran(&campaign(rig, &set_ups, release)), &[]);
+    let decided: Vec<(&str, f64)> = points(&comparison)
+        .flat_map(|(set_up, point)| point["metrics"].as_array().unwrap().iter().map(move |own| (set_up, own)))
+        .filter_map(|(set_up, own)| {
+            let decides = if own["on_measured_base"].is_null() { "on_ideal_base" } else { "on_measured_base" };
+            Some((set_up, own[decides]["normalised_error"].as_f64()?))
+        })
+        .collect();
+    assert!(decided.len() > 50, "{decided:?}");
+    let mut differing: Vec<&str> = decided.iter().filter(|own| own.1.abs() > 1.0).map(|own| own.0).collect();
+    differing.dedup();
+    println!("releases that differ: {differing:?}");
+    assert!(differing.len() <= 3, "{decided:?}");
+}
+
+/// A campaign that states a value itself does not use the identified one.
+#[test]
+fn identified_values_that_the_campaign_overrides_are_not_said_to_be_used() {
+    let folder = ran(&campaign("", &[("bare", 0.0003, "")], SWEEP));
+    let entry = |key: &str, value: f64| {
+        format!(
+            "[[identified]]\nkey = \"{key}\"\nvalue = {value}\nstandard_uncertainty = 0.0001\ninterval_95 = [0, 3]\ntaken_from = \"a test\"\n"
+        )
+    };
+    let file = format!(
+        "[structure]\nnatural_frequency_hz = 2.5\ndamping_ratio = 0.0038\n{}{}",
+        entry("structure.natural_frequency_hz", 2.5),
+        entry("structure.damping_ratio", 0.0038)
+    );
+    std::fs::write(folder.path().join("identified.toml"), file).unwrap();
+    let said = |damping: &str| {
+        let own = campaign("", &[("bare", 0.0003, "")], SWEEP)
+            .replace("natural_frequency_hz = 2.50\ndamping_ratio = 0.0038\n", damping)
+            .replace("name = \"compared\"", "name = \"compared\"\nset_up_file = \"identified.toml\"");
+        std::fs::write(folder.path().join("other.toml"), own).unwrap();
+        compared(&folder, &["--set-ups", "other.toml"])["assumptions"][1].as_str().unwrap().to_string()
+    };
+    let both = said("");
+    assert!(both.contains("uncertainty: structure.natural_frequency_hz, structure.damping_ratio ("), "{both}");
+    let one = said("damping_ratio = 0.0038\n");
+    assert!(one.contains("uncertainty: structure.natural_frequency_hz (identified.toml)"), "{one}");
+    assert!(one.contains("do not use structure.damping_ratio of identified.toml"), "{one}");
+    let none = said("natural_frequency_hz = 2.5\ndamping_ratio = 0.0038\n");
+    assert!(none.contains("no identified value is used") && !none.contains("identified with"), "{none}");
 }
 
 /// From rest the envelope grows with the time constant 1/(ζω): with twice the damping X/Z at resonance is 23 % lower after 8 to 12 s,
