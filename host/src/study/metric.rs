@@ -229,7 +229,7 @@ pub struct Figures {
 pub struct Periodicity {
     /// Drive periods after which it repeats.
     pub period_cycles: f64,
-    /// Magnitude of the largest multiplier.
+    /// Magnitude of the largest multiplier that is not neutral.
     pub largest_multiplier: f64,
 }
 
@@ -240,7 +240,11 @@ impl Periodicity {
         let periodic = driven.filter(|driven| driven.motion == MotionKind::Periodic);
         let periods = periodic.as_ref().and_then(|driven| driven.repeats_after);
         let orbit = periodic.as_ref().and_then(|driven| driven.orbit.as_ref());
-        let largest = orbit.and_then(|orbit| orbit.multipliers.first()).map(|[re, im]| re.hypot(*im));
+        // Of a particle that no impact reaches, neutral ones say nothing about the motion.
+        let largest = orbit.and_then(|orbit| {
+            let mut own = orbit.multipliers.iter().zip(&orbit.neutral).filter(|(_, is_neutral)| !**is_neutral);
+            own.next().map(|([re, im], _)| re.hypot(*im))
+        });
         Self {
             period_cycles: periods.map_or(f64::NAN, |periods| periods as f64),
             largest_multiplier: largest.unwrap_or(f64::NAN),

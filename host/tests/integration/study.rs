@@ -81,6 +81,21 @@ fn refused(study: &str, words: &[&str]) {
     assert!(!folder.path().join("out").exists(), "{study}");
 }
 
+/// A particle that never reaches its walls has two multipliers of 1. Those of the structure are e^(−ζωT), T the drive period.
+#[test]
+fn the_largest_multiplier_of_a_motion_without_impacts_is_that_of_the_structure() {
+    let study = "case = \"case.toml\"\nmetrics = [\"largest_multiplier\"]\n[[axis]]\nkey = \"base.frequency_hz\"\nvalues = [1.0, 1.25]\n";
+    let folder = folder(study);
+    let case = CASE.replace("amplitude_m = 0.003", "amplitude_m = 1e-5").replace("duration_s = 8", "duration_s = 400");
+    std::fs::write(folder.path().join("case.toml"), case).unwrap();
+    let table = done(&folder);
+    let found = column(&table, "largest_multiplier");
+    for (largest, drive_hz) in found.iter().zip([1.0, 1.25]) {
+        let expected = (-0.0038 * std::f64::consts::TAU * 2.5 / drive_hz).exp();
+        assert!((largest - expected).abs() < 1e-6, "{found:?} {expected}");
+    }
+}
+
 /// Compares every row with a single simulation of its point: `alike` gets the value of the table and that of the simulation.
 fn every_point(folder: &TempDir, alike: impl Fn(f64, f64) -> bool) {
     let table = done(folder);
