@@ -193,7 +193,6 @@ impl Compared<'_> {
             cycles: f64::from(row.cycles.max(1)),
             z_noise_m,
             z_m: f64::from(row.z_amplitude_m),
-            ..Window::default()
         };
         let windows = drive.rows.iter().map(of_row).collect();
         let measure = |motion: &SimulatedMotion, place: usize| {

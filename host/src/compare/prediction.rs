@@ -155,10 +155,9 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
         if moved_m == 0.0 {
             return 0.0;
         }
-        let Window { z_m, .. } = window;
         match metric {
-            Metric::XOverZ | Metric::XOverZLockIn => moved_m / z_m,
-            Metric::Phase => moved_m / (z_m * values.get(&Metric::XOverZLockIn).copied().unwrap_or(f64::NAN)),
+            Metric::XOverZ | Metric::XOverZLockIn => moved_m / window.z_m,
+            Metric::Phase => moved_m / (window.z_m * values.get(&Metric::XOverZLockIn).copied().unwrap_or(f64::NAN)),
             Metric::XMax | Metric::XRms | Metric::RelativeMax => moved_m,
             // Of a base at rest, or not by the structure's free vibration.
             Metric::DampingRatio | Metric::Frequency => 0.0,
