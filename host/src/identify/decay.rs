@@ -79,13 +79,21 @@ pub fn identify(t_s: &[f64], x_m: &[f64], model: Model) -> Result<Decay, CannotI
     let value = |index: usize| fitted.value(index, variance);
     let omega = value(0);
     let motion = motion_of(&fitted.parameters, indices);
+    let swings_m = [swings.turnings[0].1.abs(), swings.turnings[swings.turnings.len() - 1].1.abs()];
+    let periods = (swings.crossings_s.len() - 1) as f64 / 2.0;
+    let by_cubic =
+        model.sensors.share_of_cubic(swings_m[0], swings_m[0]) - model.sensors.share_of_cubic(swings_m[1], swings_m[0]);
+    let by_decrement = Modal {
+        damping_ratio: by_decrement.damping_ratio.widened(model.sensors.scale * by_cubic / (TAU * periods)),
+        ..by_decrement
+    };
     let decay = Decay {
         fitted: Modal { natural_frequency_hz: omega.mapped(omega.value / TAU, 1.0 / TAU), damping_ratio: value(1) },
         by_decrement,
         coulomb_m: indices.coulomb.map(|index| value(index).widened(model.sensors.scale * fitted.parameters[index])),
         cubic_per_m2: indices.cubic.map(value),
-        periods: (swings.crossings_s.len() - 1) as f64 / 2.0,
-        swings_m: [swings.turnings[0].1.abs(), swings.turnings[swings.turnings.len() - 1].1.abs()],
+        periods,
+        swings_m,
         residual_rms_m: fitted.variance().sqrt(),
         inflation,
         motion,

@@ -202,13 +202,12 @@ pub fn identify(points: &[Point], driven_by: DrivenBy, sensors: &Sensors) -> Res
             100.0 * deviation
         ));
     }
-    let range_m = sensors.range_m.unwrap_or(points.iter().map(|point| point.x_m).fold(f64::MIN_POSITIVE, f64::max));
-    let bent = |x_m: f64| if sensors.has_cubic() { (x_m / range_m).powi(2) } else { 0.0 };
+    let largest_m = points.iter().map(|point| point.x_m).fold(0.0, f64::max);
     let moved = |by: &dyn Fn(&Point) -> f64| {
         let moved = points.iter().map(|point| Point { ratio: point.ratio * (1.0 + by(point)), ..*point });
         fitting.best(&moved.collect::<Vec<_>>(), std::slice::from_ref(&best.parameters))
     };
-    let by_x = moved(&|point| sensors.scale * (1.0 - bent(point.x_m)));
+    let by_x = moved(&|point| sensors.scale * (1.0 - sensors.share_of_cubic(point.x_m, largest_m)));
     let by_drive = moved(&|_| sensors.scale);
     let of_sensors = |place: usize| {
         let by = |moved: &Option<Fit>| moved.as_ref().map_or(0.0, |fit| fit.parameters[place] - best.parameters[place]);

@@ -105,6 +105,14 @@ impl Sensors {
         self.linearity > 0.0
     }
 
+    /// By how much the error of the scale falls up to the amplitude `x_m`, as a share of it. Where the range is not known, the largest
+    /// amplitude counts as its end.
+    #[must_use]
+    pub fn share_of_cubic(&self, x_m: f64, largest_m: f64) -> f64 {
+        let range_m = self.range_m.unwrap_or(largest_m).max(f64::MIN_POSITIVE);
+        if self.has_cubic() { (x_m / range_m).powi(2) } else { 0.0 }
+    }
+
     /// What a person has to know about them.
     #[must_use]
     pub fn remark(&self) -> String {

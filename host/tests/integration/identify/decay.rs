@@ -273,6 +273,16 @@ fn a_run_with_data_sheet_sensors_gives_intervals_that_cover_the_truth_without_an
         assert!(covers(&answer, quantity, truth), "{quantity}: {answer}");
     }
     assert!(answer["remarks"].to_string().contains("report the viscous damping ratio of the fit"), "{answer}");
+    // Without friction the decrement shows the same damping, with the sensor's third-order error as a part of its interval.
+    let campaign = std::fs::read_to_string(folder.path().join("test.toml")).unwrap();
+    std::fs::write(folder.path().join("bare.toml"), campaign.replace("friction_damper = { force_n = 0.05 }\n", ""))
+        .unwrap();
+    damprig(&folder).args(["run", "bare.toml", "--out", "bare"]).assert().success();
+    let output = damprig(&folder).args(["identify", "decay", "bare", "--json"]).output().unwrap();
+    let bare = serde_json::from_slice(&output.stdout).unwrap();
+    for quantity in ["viscous damping ratio", "damping ratio, friction included"] {
+        assert!(covers(&bare, quantity, 0.0038), "{quantity}: {bare}");
+    }
     // The sensor's third-order error counts as damping where it is not fitted.
     assert!(!covers(&identified(&["--linear-sensor"]), "viscous damping ratio", 0.0038));
 }
