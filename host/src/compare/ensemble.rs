@@ -155,8 +155,8 @@ fn place_of(set_up: &CampaignSetUp) -> f64 {
 }
 
 /// Mean and standard uncertainty of the members' values: of a further draw beside their mean, for k = 2 with Student's factor. The
-/// expanded uncertainty reaches beyond the farthest of them and the set-up as stated, since a motion may have few outcomes, as counts have.
-/// Without members those of the set-up as stated.
+/// expanded uncertainty reaches the set-up as stated, which may lie beyond where a motion has few outcomes, as counts have. Without
+/// members those of the set-up as stated.
 pub(super) fn summary(stated: &Values, members: &[Values]) -> (Values, Values) {
     let (mut means, mut uncertainties) = (Values::new(), Values::new());
     for (metric, about) in stated {
@@ -169,8 +169,7 @@ pub(super) fn summary(stated: &Values, members: &[Values]) -> (Values, Values) {
             let variance = away.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / (n - 1.0);
             value = wrapped(*metric, about + mean);
             u = 0.5 * student_95(n - 1.0) * (1.0 + 1.0 / n).sqrt() * variance.sqrt();
-            let farthest = away.iter().fold(mean.abs(), |most, a| most.max((a - mean).abs()));
-            u = u.max(farthest * (1.0 + 1.0 / n) / COVERAGE_FACTOR);
+            u = u.max(mean.abs() * (1.0 + 1.0 / n) / COVERAGE_FACTOR);
         }
         means.insert(*metric, value);
         uncertainties.insert(*metric, u);
