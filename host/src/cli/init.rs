@@ -10,7 +10,8 @@ use damprig_core::model::Material;
 use super::arguments::{not_negative, positive};
 use super::outcome::{Failure, Outcome};
 use crate::campaign::Campaign;
-use crate::file_keys::new_file::{self, Damper, Excitation, RecordFile, Values};
+use crate::file_keys::fit;
+use crate::file_keys::new_file::{self, Damper, Excitation, Fitted, RecordFile, Values};
 use crate::file_keys::new_study;
 use crate::input::Source;
 use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
@@ -78,8 +79,8 @@ Examples:
   damprig init --study case.toml --axis particle.clearance_ratio=4:24:41
   damprig run my.toml --dry-run
 
-A campaign drives set-ups that only viscous damping limits with a smaller Z than --base-amplitude-m where they
-would leave the range of the sensors.
+A set-up that a sweep with --base-amplitude-m would move beyond two thirds of the displacement limit, as the prediction has
+it, gets a smaller Z; the command says so, and so does a comment in the file. A record is not scaled.
 
 Exit codes:
   0    success
@@ -213,6 +214,7 @@ impl ValueArgs {
             natural_frequency_hz: self.natural_frequency_hz.unwrap_or(default.natural_frequency_hz),
             damping_ratio: self.damping_ratio.unwrap_or(default.damping_ratio),
             base_amplitude_m: self.base_amplitude_m.unwrap_or(default.base_amplitude_m),
+            fitted: default.fitted,
             mass_ratio: self.mass_ratio.unwrap_or(default.mass_ratio),
             clearance_ratio: self.clearance_ratio.unwrap_or(default.clearance_ratio),
             restitution: self.restitution.unwrap_or(default.restitution),
@@ -258,10 +260,17 @@ pub fn run(args: &Args) -> Outcome {
         wanted.values.record = record_of(args, record, &path)?;
     }
     refuse_existing(&path, args.force)?;
-    let text = text_of(&wanted, &name_of(&path))?;
-    check(&wanted, &path, &text)?;
+    let text = fitting_text(&mut wanted, &path)?;
     write(&path, &text, args.force)?;
     let shown = path.display();
+    for Fitted { damper, base_amplitude_m, max_x_m } in &wanted.values.fitted {
+        say!(
+            "Set-up {:?}: base_amplitude_m = {base_amplitude_m:?} in place of {:?}, with which the prediction is max|x| = {:.0} mm.",
+            damper.names().0,
+            wanted.values.base_amplitude_m,
+            max_x_m * 1e3
+        );
+    }
     if wanted.is_case {
         say!("Written to {shown}. Next: damprig simulate {shown}");
     } else {
@@ -368,11 +377,38 @@ fn names<T: ValueEnum>(arguments: &[T]) -> Vec<String> {
     arguments.iter().filter_map(|argument| Some(argument.to_possible_value()?.get_name().to_string())).collect()
 }
 
-/// Values that are out of range are reported with their keys before anything is written.
-fn check(wanted: &Wanted, path: &Path, text: &str) -> Outcome {
+/// Times that an amplitude is fitted: once, or more with soft walls.
+const FITS: usize = 4;
+
+/// The text, with smaller amplitudes where the prediction is too large.
+fn fitting_text(wanted: &mut Wanted, path: &Path) -> Result<String, Failure> {
+    let dampers: Vec<Damper> = wanted.dampers.iter().map(|damper| (*damper).into()).collect();
+    let mut text = text_of(wanted, &name_of(path))?;
+    let mut campaign = check(wanted, path, &text)?;
+    for _ in 0..FITS {
+        let Some(parsed) = campaign.filter(|_| wanted.experiments.contains(&ExperimentArg::SteppedSine)) else { break };
+        let too_large = fit::too_large(&parsed, &dampers).map_err(Failure::input)?;
+        if too_large.is_empty() {
+            break;
+        }
+        for one in too_large {
+            match wanted.values.fitted.iter_mut().find(|known| known.damper == one.damper) {
+                // What the first amplitude does stays.
+                Some(known) => known.base_amplitude_m = one.base_amplitude_m,
+                None => wanted.values.fitted.push(one),
+            }
+        }
+        text = text_of(wanted, &name_of(path))?;
+        campaign = check(wanted, path, &text)?;
+    }
+    Ok(text)
+}
+
+/// Values that are out of range are reported with their keys before anything is written. Gives the campaign; none of a case.
+fn check(wanted: &Wanted, path: &Path, text: &str) -> Result<Option<Campaign>, Failure> {
     // Records are named relative to the file.
     let source = Source::new(path.with_file_name("new file").display().to_string(), text);
-    if wanted.is_case { Case::parse(&source, "case").map(drop) } else { Campaign::parse(source).map(drop) }
+    if wanted.is_case { Case::parse(&source, "case").map(|_| None) } else { Campaign::parse(source).map(Some) }
         .map_err(|refusal| Failure::Input(format!("{refusal}\n  nothing was written")))
 }
 

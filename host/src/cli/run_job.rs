@@ -222,6 +222,7 @@ impl Job<'_> {
         let EndedRun { manifest, taken, rows, result, written, drawn } = ended;
         if self.campaign.experiments.iter().any(|e| e.stepped_sine().is_some()) {
             say!("{}", terminal::campaign::results(self.campaign, &self.predicted.responses, &rows));
+            terminal::campaign::unresolved_peaks(self.campaign, &rows).iter().for_each(|line| say!("{line}"));
         }
         terminal::transients::results(taken.transients()).iter().for_each(|table| say!("{table}"));
         predicted_and_measured(self.campaign).iter().for_each(|note| say!("{note}"));

@@ -14,7 +14,9 @@ use crate::report::exports::mat::Mat;
 use crate::report::exports::uff::Uff;
 use crate::report::exports::{ExportSelection, Exporter, RunTable};
 use crate::report::page::{page, page_of_runs};
+use crate::report::peak::Peak;
 use crate::report::terminal::plain_table as table;
+use crate::run_folder::read::campaign_copy;
 use crate::run_folder::read::columns::{Value, column, numbers, texts};
 use crate::run_folder::read::folder::{below, find, is_run};
 use crate::run_folder::read::verify::{Finding, verify};
@@ -262,6 +264,7 @@ fn show(run: &RunFolder) -> Outcome {
         "phase (rad)",
         "steadiness",
     ]);
+    let mut points: Vec<(String, String, (f64, f64))> = Vec::new();
     for batch in run.results().map_err(Failure::failed)? {
         let names =
             (texts(&batch, "set_up").map_err(Failure::failed)?, texts(&batch, "experiment").map_err(Failure::failed)?);
@@ -279,7 +282,9 @@ fn show(run: &RunFolder) -> Outcome {
             |x: &Value, z: &Value| x.number().zip(z.number()).map_or("–".into(), |(x, z)| format!("{:.3}", x / z));
         let number =
             |v: &Value, scale: f64, digits: usize| format!("{:.digits$}", v.number().unwrap_or(f64::NAN) * scale);
+        let of = |v: &Value| v.number().unwrap_or(f64::NAN);
         for i in 0..batch.num_rows() {
+            points.push((names.0[i].clone(), names.1[i].clone(), (of(&f[i]), of(&xz[i]))));
             table.add_row([
                 names.0[i].clone(),
                 names.1[i].clone(),
@@ -294,6 +299,13 @@ fn show(run: &RunFolder) -> Outcome {
     }
     if table.row_count() > 0 {
         say!("{table}");
+    }
+    // A campaign that cannot be read is a matter of `runs verify`.
+    if let Ok(campaign) = campaign_copy::campaign(run.path()) {
+        let points_of = |set_up: &str, experiment: &str| {
+            points.iter().filter(|(s, e, _)| s == set_up && e == experiment).map(|(_, _, point)| *point).collect()
+        };
+        Peak::notes(&campaign, points_of).iter().for_each(|note| say!("{}", shown_in_line(note)));
     }
     show_transients(run)
 }

@@ -99,6 +99,7 @@ fn run_study(args: &RunArgs) -> Outcome {
     let cores = rayon::current_num_threads();
     let estimate_s = run::estimate_s(&study).map_err(Failure::input)? / cores as f64;
     let scope = terminal::study::scope(&study, run::cycles(&study));
+    study.settling().map_err(Failure::input)?.iter().for_each(|text| warn!("warning: {text}"));
     if args.dry_run {
         say!("{scope}");
         say!("{} on {cores} cores", about(estimate_s));

@@ -1,8 +1,10 @@
 //! The keys of each kind of input file, as its parser declares them: for editors as a JSON Schema ([`schema`]), for people as a
 //! reference ([`mod@reference`]) and as a new file with comments ([`new_file`]).
 
+pub mod fit;
 pub mod new_file;
 pub mod new_study;
+mod new_sweep;
 pub mod reference;
 pub mod schema;
 

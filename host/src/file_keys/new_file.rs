@@ -5,7 +5,6 @@ use std::collections::BTreeSet;
 use damprig_core::model::Material;
 
 use super::{FileKind, kinds_at};
-use crate::campaign::transient::two_digits_down;
 use crate::input::key::{Quantity, Table};
 
 /// What is mounted in a set-up.
@@ -28,7 +27,7 @@ impl Damper {
     pub const ALL: [Self; 5] = [Self::Bare, Self::Spid, Self::Fd, Self::Hybrid, Self::Tmd];
 
     /// Name and label of its set-up.
-    const fn names(self) -> (&'static str, &'static str) {
+    pub(crate) const fn names(self) -> (&'static str, &'static str) {
         match self {
             Self::Bare => ("bare", "Bare structure"),
             Self::Spid => ("spid", "SPID"),
@@ -87,8 +86,10 @@ pub struct Values {
     pub natural_frequency_hz: f64,
     /// ζ.
     pub damping_ratio: f64,
-    /// Z, m; smaller where the structure would leave the range of the sensors.
+    /// Z, m.
     pub base_amplitude_m: f64,
+    /// Z of set-ups that would move too far with that one.
+    pub fitted: Vec<Fitted>,
     /// m/M of particle and tuned mass.
     pub mass_ratio: f64,
     /// d/Z.
@@ -105,6 +106,17 @@ pub struct Values {
     pub record: RecordFile,
 }
 
+/// The base amplitude of a set-up that would move too far with [`Values::base_amplitude_m`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fitted {
+    /// Its damper.
+    pub damper: Damper,
+    /// Its Z, m.
+    pub base_amplitude_m: f64,
+    /// Predicted largest |x| with the Z of the others, m.
+    pub max_x_m: f64,
+}
+
 impl Default for Values {
     /// The rig of the source document.
     fn default() -> Self {
@@ -113,6 +125,7 @@ impl Default for Values {
             natural_frequency_hz: 2.5,
             damping_ratio: 0.0038,
             base_amplitude_m: 0.0015,
+            fitted: Vec::new(),
             mass_ratio: 0.1,
             clearance_ratio: 5.0,
             restitution: 0.47,
@@ -124,14 +137,11 @@ impl Default for Values {
     }
 }
 
-/// Largest displacement at resonance that a new campaign aims at, m: two thirds of the board's limit as delivered.
-const AIM_M: f64 = 0.053;
-
 /// Displacement at a release, m.
 const START_M: f64 = 0.035;
 
 /// Periods that are measured at each frequency.
-const DWELL_PERIODS: f64 = 80.0;
+pub(super) const DWELL_PERIODS: f64 = 80.0;
 
 /// Periods and length (s, at most) of noise, and its band in natural frequencies.
 const NOISE_PERIODS: f64 = 145.0;
@@ -146,29 +156,13 @@ const NOISE_UP_TO_HZ: f64 = 50.0;
 const FREE_PERIODS: f64 = 20.0;
 
 impl Values {
-    /// Z with a damper, m: where viscous damping alone bounds the resonance, it is small enough for the sensors.
-    fn base_amplitude_with(&self, damper: Damper) -> f64 {
-        // Friction below π/4 of kZ takes this share of the base's work.
-        let share = match damper {
-            Damper::Bare => 1.0,
-            Damper::Fd => 1.0 - self.friction_ratio * 4.0 / std::f64::consts::PI,
-            _ => return self.base_amplitude_m,
-        };
-        let bounded = AIM_M * 2.0 * self.damping_ratio / share;
-        if share > 0.0 && bounded > 0.0 && bounded < self.base_amplitude_m {
-            two_digits_down(bounded)
-        } else {
-            self.base_amplitude_m
-        }
-    }
-
     /// Length of noise, s.
     fn noise_s(&self) -> f64 {
         self.periods_s(NOISE_PERIODS).min(LONGEST_NOISE_S)
     }
 
     /// A number of natural periods, s, in three digits.
-    fn periods_s(&self, periods: f64) -> f64 {
+    pub(super) fn periods_s(&self, periods: f64) -> f64 {
         three_digits(periods / self.natural_frequency_hz)
     }
 }
@@ -183,7 +177,7 @@ impl RecordFile {
     }
 }
 
-fn three_digits(value: f64) -> f64 {
+pub(super) fn three_digits(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
 
@@ -204,7 +198,15 @@ pub fn campaign(name: &str, dampers: &[Damper], experiments: &[Excitation], valu
     for damper in dampers {
         let (name, label) = damper.names();
         file.table("[set_up]", None);
-        let z = number(values.base_amplitude_with(*damper));
+        let fitted = values.fitted.iter().find(|fitted| fitted.damper == *damper);
+        if let Some(Fitted { max_x_m, .. }) = fitted {
+            let whole = number(values.base_amplitude_m);
+            file.line(&format!(
+                "# With base_amplitude_m = {whole} the prediction is max|x| = {:.0} mm.",
+                max_x_m * 1e3
+            ));
+        }
+        let z = number(fitted.map_or(values.base_amplitude_m, |fitted| fitted.base_amplitude_m));
         file.keys("set_up", None, &[("name", text(name)), ("label", text(label)), ("base_amplitude_m", z)]);
         file.damper("set_up.", *damper, values);
     }
@@ -212,7 +214,8 @@ pub fn campaign(name: &str, dampers: &[Damper], experiments: &[Excitation], valu
         file.experiment(*experiment, values);
     }
     file.table("telemetry", None);
-    file.keys("telemetry", None, &[("rate_hz", "100".into()), ("signals", "[\"x\", \"z\"]".into())]);
+    file.line("# Every tick of x and z: `damprig compare` simulates each point on the base motion as measured.");
+    file.keys("telemetry", None, &[("rate_hz", "1000".into()), ("signals", "[\"x\", \"z\"]".into())]);
     file.text
 }
 
@@ -273,7 +276,7 @@ pub fn case(name: &str, damper: Damper, excitation: Excitation, values: &Values)
     file.text
 }
 
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     format!("{value:?}")
 }
 
@@ -398,8 +401,7 @@ impl Writer {
         let after = number(values.periods_s(FREE_PERIODS));
         match experiment {
             Excitation::SteppedSine => {
-                let share = |share: f64| number(three_digits(share * values.natural_frequency_hz));
-                let grid = format!("{{ from_hz = {}, to_hz = {}, step_hz = {} }}", share(0.8), share(1.2), share(0.02));
+                let grid = values.grid();
                 keys.extend([
                     ("frequencies_hz", grid),
                     ("start", text("from_rest")),
@@ -420,8 +422,9 @@ impl Writer {
                 keys.extend([("target_peak_m", number(values.base_amplitude_m)), ("tail_s", after)]);
             }
             Excitation::Record => {
+                // As recorded: without a target nothing is scaled.
                 keys.extend(values.record.keys());
-                keys.extend([("target_peak_m", number(values.base_amplitude_m)), ("tail_s", after)]);
+                keys.push(("tail_s", after));
                 // An acceleration has its baseline removed, so that the base begins and ends at rest.
                 let is_displacement = values.record.quantity.as_deref() == Some("displacement");
                 keys.extend(is_displacement.then(|| ("ramp_s", number(values.periods_s(0.5)))));
@@ -434,7 +437,7 @@ impl Writer {
         }
         if experiment == Excitation::SteppedSine {
             self.table("experiment.steady", None);
-            self.keys("experiment.steady", None, &[("longest_dwell_s", number(values.periods_s(3.0 * DWELL_PERIODS)))]);
+            self.keys("experiment.steady", None, &[("longest_dwell_s", number(values.longest_dwell_s()))]);
         }
     }
 }

@@ -9,11 +9,12 @@ use super::axis::{self, Axis, Value};
 use super::keys::{ensemble, overlay, record, sampling, study as keys};
 use super::metric::Metric;
 use super::points::{Method, Points, Sampling};
-use super::simulate::Record;
+use super::simulate::{Counted, Record};
 use super::table::LEAST_OF_MAP;
 use crate::continuation::Continuation;
 use crate::input::section::Text;
 use crate::input::{Files, Problem, Refusal, Section, Source, near};
+use crate::prediction::settling;
 use crate::simulation::case::default_name;
 use crate::simulation::{Case, SetValues};
 
@@ -154,6 +155,30 @@ impl Study {
     fn parse_case(&self, case: &Source, values: &[Value]) -> Result<Case, Refusal> {
         let set = SetValues { origin: ORIGIN.into(), lines: lines(&self.axes, values) };
         Case::parse_changed(case, &default_name(&self.case_path), &set)
+    }
+
+    /// A warning if the structure's free vibration is not decayed when the counted cycles begin, for the corner of the axes where most of it
+    /// is left.
+    ///
+    /// # Errors
+    /// As [`Self::case_with`].
+    pub fn settling(&self) -> Result<Option<String>, Refusal> {
+        let mut worst: Option<(f64, Option<String>)> = None;
+        for corner in corners(&self.axes) {
+            let case = self.case_with(&corner)?;
+            let counted = Counted::of(&case, self.record);
+            let structure = &case.set_up.structure;
+            let decays = structure.damping_ratio()
+                * structure.angular_frequency_rad_per_s()
+                * counted.first_cycle
+                * counted.cycle_s;
+            let key = if self.record.is_some() { "settle_cycles" } else { "steady_from_cycle" };
+            let text = settling::of_case(&case, key, counted.first_cycle, [counted.cycle_s, counted.end_s]);
+            if text.is_some() && worst.as_ref().is_none_or(|(least, _)| decays < *least) {
+                worst = Some((decays, text));
+            }
+        }
+        Ok(worst.and_then(|(_, text)| text))
     }
 
     /// Whether `new` is a better value of the objective than `old`.

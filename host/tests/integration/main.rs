@@ -29,6 +29,7 @@ mod hostile_folder;
 mod hostile_text;
 mod identify;
 mod idle;
+mod init_peaks;
 mod killed_folder;
 mod kills;
 mod limits;

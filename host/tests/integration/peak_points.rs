@@ -88,6 +88,31 @@ fn points_between_the_neighbours_of_the_highest_one_are_part_of_each_curve() {
 }
 
 #[test]
+fn a_peak_between_wide_steps_is_marked_wherever_it_is_shown() {
+    let folder = folder_with(&with("[2.3, 2.4, 2.5, 2.6]"));
+    let answer = damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let note =
+        "Set-up \"bare\", experiment \"sweep\": the peak is not resolved: beside the highest X/Z (cycle maxima), ";
+    answer.stdout(contains(note));
+    damprig(&folder).args(["runs", "show", "out"]).assert().success().stdout(contains(note));
+    let file = |name: &str| std::fs::read_to_string(folder.path().join("out").join(name)).unwrap();
+    let page = file("report.html");
+    assert!(page.contains("the peak is not resolved: beside") && page.contains(">not resolved</td>"));
+    let words = "peak not resolved or at a jump";
+    assert!(file("figure.svg").contains(words));
+    // With steps of a seventh of the half-power bandwidth there is nothing to mark.
+    let strong = with("[2.44, 2.46, 2.48, 2.5, 2.52]").replace("0.0038", "0.05");
+    std::fs::write(
+        folder.path().join("test.toml"),
+        strong.replace("experiment]]", "experiment]]\nset_ups = [\"bare\"]"),
+    )
+    .unwrap();
+    let answer = damprig(&folder).args(["run", "test.toml", "--out", "strong"]).assert().success();
+    answer.stdout(contains("not resolved").not().and(contains("resolved")));
+    assert!(!std::fs::read_to_string(folder.path().join("strong/figure.svg")).unwrap().contains(words));
+}
+
+#[test]
 fn a_point_around_a_peak_is_measured_as_a_listed_one() {
     let folder = folder_with(&with(GRID));
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();

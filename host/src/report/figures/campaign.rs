@@ -12,6 +12,7 @@ use super::{FigureError, Picture};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, Start};
 use crate::report::describe;
 use crate::report::numbers::trimmed;
+use crate::report::peak::Peak;
 use crate::run_folder::ResultRow;
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::columns::{numbers, texts};
@@ -73,7 +74,7 @@ pub fn groups(campaign: &Campaign) -> Vec<Option<String>> {
 /// # Errors
 /// The drawing library's error.
 pub fn response(campaign: &Campaign, points: &[PlottedPoint], group: Option<&str>) -> Result<Picture, FigureError> {
-    let quantity = Ordinate { label: X_OVER_Z, scale: Scale::Log };
+    let quantity = Ordinate { label: X_OVER_Z, rings_peaks: true, scale: Scale::Log };
     curves(campaign, (points, group), &quantity, ABOUT_X_OVER_Z, |p| p.x_over_z)
 }
 
@@ -97,7 +98,7 @@ pub fn responses_of_runs(runs: &[PlottedRun]) -> Vec<(Option<String>, Result<Pic
         names.iter().map(|name| (Some((*name).to_string()), curves_of_runs(runs, Some(name)))).collect()
     };
     let common = common_natural_hz(runs.iter().map(|(_, campaign, _)| *campaign));
-    let quantity = Ordinate { label: X_OVER_Z, scale: Scale::Log };
+    let quantity = Ordinate { label: X_OVER_Z, rings_peaks: true, scale: Scale::Log };
     let drawn = |(name, curves): (Option<String>, Vec<ResponseCurve>)| {
         let notes = ResponseNotes { natural_frequency_hz: common, caption: format!("{ABOUT_X_OVER_Z}.") };
         (name, draw(&curves, &quantity, &notes))
@@ -129,7 +130,7 @@ fn curves_of_runs(runs: &[PlottedRun], set_up: Option<&str>) -> Vec<ResponseCurv
 pub fn phase(campaign: &Campaign, points: &[PlottedPoint], group: Option<&str>) -> Result<Picture, FigureError> {
     // Above resonance x lags by 180°, where the phase must not wrap.
     let unbroken = |degrees: f64| if degrees > 90.0 { degrees - 360.0 } else { degrees };
-    let quantity = Ordinate { label: "Phase of x relative to z (°)", scale: Scale::Linear };
+    let quantity = Ordinate { label: "Phase of x relative to z (°)", rings_peaks: false, scale: Scale::Linear };
     let about = "Phase: lock-in at the drive frequency over the dwell";
     curves(campaign, (points, group), &quantity, about, |p| unbroken(p.phase_rad.to_degrees()))
 }
@@ -162,7 +163,7 @@ pub fn wall_force(
     if points.is_empty() {
         return Ok(None);
     }
-    let quantity = Ordinate { label: "Largest force on a wall (N)", scale: Scale::Log };
+    let quantity = Ordinate { label: "Largest force on a wall (N)", rings_peaks: false, scale: Scale::Log };
     let about = "Largest peak of a wall's force in the dwell, as the board measured it";
     curves(campaign, (&points, group), &quantity, about, |p| force(p).unwrap_or(f64::NAN)).map(Some)
 }
@@ -203,9 +204,22 @@ fn response_curves(
         label: label(campaign, set_up, experiment),
         detail: describe::set_up(set_up),
         points: means(campaign, points, (set_up, experiment), &value),
+        unresolved_peak_hz: unresolved_peak_hz(campaign, points, (set_up, experiment)),
     };
     let drawn = series_of(campaign).filter(|(_, e)| group.is_none_or(|group| e.series == group));
     drawn.enumerate().map(curve).filter(|c| !c.points.is_empty()).collect()
+}
+
+/// Frequency of the highest X/Z of an experiment on a set-up, Hz, if its peak is not resolved.
+fn unresolved_peak_hz(
+    campaign: &Campaign,
+    points: &[PlottedPoint],
+    (set_up, experiment): (&CampaignSetUp, &Experiment),
+) -> Option<f64> {
+    let points = means(campaign, points, (set_up, experiment), &|p: &PlottedPoint| p.x_over_z);
+    let points: Vec<(f64, f64)> = points.iter().map(|p| (p.frequency_hz, p.value)).collect();
+    let peak = Peak::measured(set_up, experiment, &points)?;
+    (!peak.is_resolved()).then_some(peak.frequency_hz)
 }
 
 /// The points of an experiment on a set-up; of its repeats the mean at each frequency, settled if all are.

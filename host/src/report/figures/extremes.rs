@@ -144,9 +144,10 @@ fn responses_and_histories_of_extreme_values_say_how_many_are_not_drawn() {
             detail: "d".into(),
             points: values.iter().enumerate().map(point).collect(),
             place: 0,
+            unresolved_peak_hz: values.iter().position(|v| *v > 0.0).map(|place| 2.0 + 0.1 * place as f64),
         };
         for scale in [Scale::Linear, Scale::Log] {
-            let quantity = Ordinate { label: "y", scale };
+            let quantity = Ordinate { label: "y", rings_peaks: true, scale };
             let notes = ResponseNotes { natural_frequency_hz: Some(1.0), caption: "c.".into() };
             check(
                 frequency_response::draw(std::slice::from_ref(&curve), &quantity, &notes),

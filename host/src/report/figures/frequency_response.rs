@@ -1,6 +1,6 @@
 //! Draws curves over frequency, one per set-up, for example X/Z. [`super::campaign`] supplies the curves.
 
-use plotters::element::{PathElement, Polygon, Text};
+use plotters::element::{Circle, PathElement, Polygon, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, RGBColor, WHITE};
 
@@ -29,6 +29,8 @@ pub struct ResponseCurve {
     pub detail: String,
     /// Points in the order of the run.
     pub points: Vec<ResponsePoint>,
+    /// Frequency of the highest X/Z, Hz, if the points beside it do not resolve the peak ([`crate::report::peak`]).
+    pub unresolved_peak_hz: Option<f64>,
 }
 
 /// Labels of the figure.
@@ -45,6 +47,8 @@ pub struct ResponseNotes {
 pub struct Ordinate {
     /// Ordinate and unit, as written beside the axis.
     pub label: &'static str,
+    /// Whether a peak that is not resolved is ringed.
+    pub rings_peaks: bool,
     /// Linear or logarithmic; a logarithmic one leaves out values of 0 and below.
     pub scale: Scale,
 }
@@ -64,8 +68,9 @@ const LEGEND_LINE: i32 = 19;
 /// The drawing library's error.
 pub fn draw(curves: &[ResponseCurve], quantity: &Ordinate, notes: &ResponseNotes) -> Result<Picture, FigureError> {
     let widest = curves.iter().flat_map(|c| [width(&text(14.0, INK), &c.label), width(&text(12.0, GREY), &c.detail)]);
-    let legend_width = widest.chain([width(&text(12.0, GREY), NOT_STEADY.0)]).max().unwrap_or(0) + 52;
-    let height = HEIGHT.max(TOP + curves.len() as i32 * (2 * LEGEND_LINE + 9) + 3 * LEGEND_LINE + 34);
+    let legend_width =
+        widest.chain([NOT_STEADY.0, UNRESOLVED].map(|word| width(&text(12.0, GREY), word))).max().unwrap_or(0) + 52;
+    let height = HEIGHT.max(TOP + curves.len() as i32 * (2 * LEGEND_LINE + 9) + 4 * LEGEND_LINE + 34);
     let values = || curves.iter().flat_map(|c| &c.points);
     let frame = Frame {
         x: Axis::around("Frequency (Hz)", Scale::Linear, values().map(|p| p.frequency_hz)),
@@ -79,8 +84,11 @@ pub fn draw(curves: &[ResponseCurve], quantity: &Ordinate, notes: &ResponseNotes
         }
         for curve in curves {
             draw_curve(canvas, &frame, curve, curve.place)?;
+            if quantity.rings_peaks {
+                ring_peak(canvas, &frame, curve)?;
+            }
         }
-        legend(canvas, frame.bounds.2 + 22, curves)?;
+        legend(canvas, frame.bounds.2 + 22, curves, quantity.rings_peaks)?;
         let undrawn =
             Scale::Linear.undrawn(values().map(|p| p.value)).map(|words| format!(" {words}.")).unwrap_or_default();
         let caption = text(12.0, GREY).pos(Pos::new(HPos::Left, VPos::Bottom));
@@ -96,6 +104,19 @@ fn draw_curve(canvas: &Canvas, frame: &Frame, curve: &ResponseCurve, index: usiz
     let path = points.iter().map(|p| at(p)).collect::<Vec<_>>();
     canvas.draw(&PathElement::new(path, colour(index).stroke_width(2))).map_err(FigureError::of)?;
     points.iter().try_for_each(|p| marker(canvas, at(p), index, p.is_settled))
+}
+
+/// Radius of the ring around a peak that is not resolved, pixels.
+const RING: i32 = 10;
+
+fn ring_peak(canvas: &Canvas, frame: &Frame, curve: &ResponseCurve) -> Result<(), FigureError> {
+    let is_peak = |p: &&ResponsePoint| Some(p.frequency_hz) == curve.unresolved_peak_hz;
+    let drawn = curve.points.iter().filter(is_peak).find(|p| frame.draws(p.frequency_hz, p.value));
+    drawn.map_or(Ok(()), |p| ring(canvas, frame.point(p.frequency_hz, p.value), colour(curve.place)))
+}
+
+fn ring(canvas: &Canvas, at: (i32, i32), tint: RGBColor) -> Result<(), FigureError> {
+    canvas.draw(&Circle::new(at, RING, tint.stroke_width(1))).map_err(FigureError::of)
 }
 
 /// Draws a marker; curves differ in its shape and colour.
@@ -122,7 +143,9 @@ fn marker(canvas: &Canvas, (x, y): (i32, i32), index: usize, filled: bool) -> Re
 const STEADY: (&str, bool) = ("steady or stationary", true);
 const NOT_STEADY: (&str, bool) = ("not steady within the dwell", false);
 
-fn legend(canvas: &Canvas, left: i32, curves: &[ResponseCurve]) -> Result<(), FigureError> {
+const UNRESOLVED: &str = "peak not resolved or at a jump";
+
+fn legend(canvas: &Canvas, left: i32, curves: &[ResponseCurve], rings_peaks: bool) -> Result<(), FigureError> {
     let at = |style: plotters::style::TextStyle<'static>| style.pos(Pos::new(HPos::Left, VPos::Center));
     let mut y = TOP + 8;
     for curve in curves {
@@ -143,6 +166,10 @@ fn legend(canvas: &Canvas, left: i32, curves: &[ResponseCurve]) -> Result<(), Fi
         }
         canvas.draw(&Text::new(word.to_string(), (left + 40, y), at(text(12.0, GREY)))).map_err(FigureError::of)?;
         y += LEGEND_LINE + 2;
+    }
+    if rings_peaks && curves.iter().any(|curve| curve.unresolved_peak_hz.is_some()) {
+        ring(canvas, (left + 16, y), GREY)?;
+        canvas.draw(&Text::new(UNRESOLVED, (left + 40, y), at(text(12.0, GREY)))).map_err(FigureError::of)?;
     }
     Ok(())
 }

@@ -5,6 +5,7 @@ use maud::{Markup, html};
 use super::data::{PageData, PagePoint};
 use crate::host_time;
 use crate::report::numbers::trimmed;
+use crate::report::peak::Peak;
 use crate::run_folder::schema::results::steadiness_text;
 
 /// Date, time and UTC offset.
@@ -32,7 +33,7 @@ pub(super) fn peaks(data: &PageData) -> Markup {
             div.wide { table {
                 thead { tr {
                     th.word { "Set-up" } th.word { "Experiment" }
-                    th { "Peak X/Z" small { "cycle maxima" } } th { "X/Z there" small { "lock-in" } } th { "at" small { "Hz" } } th { "Steadiness" }
+                    th { "Peak X/Z" small { "cycle maxima" } } th { "X/Z there" small { "lock-in" } } th { "at" small { "Hz" } } th { "Peak" } th { "Steadiness" }
                     th { "Largest |x|" small { "mm" } } th { "Points" } th { "Settled points" small { "steady or stationary" } }
                 } }
                 tbody {
@@ -44,6 +45,10 @@ pub(super) fn peaks(data: &PageData) -> Markup {
                                 td { (number(peak.shown.x_over_z, 2)) }
                                 td { (number(peak.x_over_z_lock_in, 2)) }
                                 td { (short(peak.shown.frequency_hz, 4)) }
+                                @match peak_of(data, set_up, experiment) {
+                                    Some(peak) => { td.odd[!peak.is_resolved()] { (peak.verdict()) } }
+                                    None => { td { "–" } }
+                                }
                                 td.odd[!peak.shown.steadiness.is_settled()] { (steadiness_text(peak.shown.steadiness)) }
                                 td { (number(own().map(|p| p.x_max_m).fold(f64::NAN, f64::max) * 1e3, 2)) }
                                 td { (own().count()) }
@@ -53,8 +58,25 @@ pub(super) fn peaks(data: &PageData) -> Markup {
                     }
                 }
             } }
+            @if let Ok(campaign) = &data.campaign {
+                @for note in Peak::notes(campaign, |set_up, experiment| points_of(data, set_up, experiment)) { p.under { (note) } }
+            }
         }
     }
+}
+
+/// Frequency (Hz) and X/Z (cycle maxima) of the points of an experiment on a set-up.
+fn points_of(data: &PageData, set_up: &str, experiment: &str) -> Vec<(f64, f64)> {
+    let own = data.points_of(set_up).filter(|p| p.shown.experiment == experiment);
+    own.map(|p| (p.shown.frequency_hz, p.shown.x_over_z)).collect()
+}
+
+/// The peak of an experiment on a set-up; none if the campaign cannot be read.
+fn peak_of(data: &PageData, set_up: &str, experiment: &str) -> Option<Peak> {
+    let campaign = data.campaign.as_ref().ok()?;
+    let own = campaign.set_ups.iter().find(|own| own.name == set_up)?;
+    let points = points_of(data, set_up, experiment);
+    Peak::measured(own, campaign.experiments.iter().find(|e| e.name == experiment)?, &points)
 }
 
 /// Largest |x| of a set-up, m; NaN without points.

@@ -9,6 +9,7 @@ use crate::prediction::{Prediction, Response};
 use crate::report::describe;
 use crate::report::figures::campaign::stepped_sines;
 use crate::report::numbers::trimmed;
+use crate::report::peak::Peak;
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::manifest::Manifest;
 use crate::run_folder::schema::results::steadiness_text;
@@ -104,6 +105,19 @@ pub fn peak_points(campaign: &Campaign, responses: &[Response]) -> Vec<String> {
     lines
 }
 
+/// Frequency (Hz) and X/Z (cycle maxima) of the results of an experiment on a set-up.
+fn points_of(rows: &[ResultRow], set_up: &str, experiment: &str) -> Vec<(f64, f64)> {
+    let own = rows.iter().filter(|row| row.set_up == set_up && row.experiment == experiment);
+    own.map(|row| (row.frequency_hz, row.x_over_z())).collect()
+}
+
+/// A line for each peak that its points do not resolve.
+#[must_use]
+pub fn unresolved_peaks(campaign: &Campaign, rows: &[ResultRow]) -> Vec<String> {
+    let lines = Peak::notes(campaign, |set_up, experiment| points_of(rows, set_up, experiment));
+    lines.iter().map(|line| shown_in_line(line).into_owned()).collect()
+}
+
 /// Largest |x| of the dwells of an experiment on a set-up as predicted, m.
 fn predicted_m(campaign: &Campaign, responses: &[Response], set_up: &str, experiment: &str) -> Option<f64> {
     let is_own = |r: &&Response| {
@@ -126,6 +140,7 @@ pub fn results(campaign: &Campaign, responses: &[Response], rows: &[ResultRow]) 
         "peak X/Z\n(cycle maxima)",
         "X/Z there\n(lock-in)",
         "at (Hz)",
+        "peak",
         "steadiness",
         "X/Z at fn\n(cycle maxima)",
         "steadiness",
@@ -148,6 +163,8 @@ pub fn results(campaign: &Campaign, responses: &[Response], rows: &[ResultRow]) 
             format!("{:.2}", peak.x_over_z()),
             format!("{:.2}", peak.x_over_z_lock_in()),
             trimmed(peak.frequency_hz, 4),
+            Peak::measured(set_up, experiment, &points_of(rows, &set_up.name, &experiment.name))
+                .map_or("–".into(), |peak| peak.verdict().to_string()),
             verdict(peak),
             at_natural.map_or("–".into(), |r| format!("{:.2}", r.x_over_z())),
             at_natural.map_or("–".into(), |r| verdict(r)),

@@ -7,6 +7,7 @@ use damprig_core::model::Wall;
 use damprig_particles::Damper;
 
 use crate::motion_record::Quantity;
+use crate::prediction::settling;
 use crate::report::describe;
 use crate::report::numbers::{about, millimetres, significant};
 use crate::simulation::collector::MAX_ACCUMULATIONS_WITHOUT_IMPACTS;
@@ -27,6 +28,10 @@ const LARGE_OVERLAP: f64 = 0.05;
 /// Warnings before the run: stiff walls, long computing time, large files.
 pub fn warnings(case: &Case, cost: &Cost, history: Option<(&TablePath, f64)>) -> Vec<String> {
     let mut warnings = Vec::new();
+    if let (Some(first), Some(cycle_s)) = (case.run.steady_from_cycle, case.run.cycle_s) {
+        let times_s = [cycle_s, case.run.duration_s];
+        warnings.extend(settling::of_case(case, "steady_from_cycle", first as f64, times_s));
+    }
     if let Some(arc_s) = cost.stiff_arc_s {
         warnings.push(format!(
             "the wall is stiff compared with the structure: in contact, a natural period takes {} arcs of {} s",

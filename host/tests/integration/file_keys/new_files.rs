@@ -3,8 +3,9 @@
 use std::process::Command;
 
 use damprig::campaign::Campaign;
-use damprig::file_keys::new_file::{self, Damper, Excitation, Values};
+use damprig::file_keys::new_file::{self, Damper, Excitation, RecordFile, Values};
 use damprig::input::Source;
+use damprig::prediction::settling;
 use damprig::simulation::Case;
 use damprig_core::model::Material;
 use predicates::prelude::PredicateBooleanExt;
@@ -143,17 +144,44 @@ fn a_new_campaign_has_the_given_values_and_explains_each_key_once() {
 }
 
 #[test]
-fn a_lightly_damped_bare_structure_is_driven_less() {
-    let z = |damping_ratio: f64, damper: Damper| {
-        let values = Values { damping_ratio, ..Values::default() };
-        let text = new_file::campaign("new", &[damper], &[Excitation::SteppedSine], &values);
-        Campaign::parse(Source::new("new.toml", text)).unwrap().set_ups[0].base_amplitude_m
+fn a_set_up_that_would_move_too_far_is_driven_less_and_the_command_says_so() {
+    let folder = TempDir::new().unwrap();
+    let written = |damper: &str, ratio: &str| {
+        let arguments = ["init", "--force", "--damper", damper, "--damping-ratio", ratio];
+        let output = damprig(&folder).args(arguments).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        let text = std::fs::read_to_string(folder.path().join("campaign.toml")).unwrap();
+        let z = Campaign::parse(Source::new("new.toml", text.clone())).unwrap().set_ups[0].base_amplitude_m;
+        (z, String::from_utf8_lossy(&output.stdout).into_owned(), text)
     };
-    assert_eq!(z(0.05, Damper::Bare), 0.0015);
-    assert_eq!(z(0.0038, Damper::Spid), 0.0015);
+    let (z, said, text) = written("bare", "0.05");
+    assert_eq!(z, 0.0015);
+    assert!(!said.contains("in place of") && !text.contains("the prediction is"), "{said}\n{text}");
     // Z/(2ζ) is two thirds of the limit of 78 mm, in two digits.
-    let driven = z(0.001, Damper::Bare);
-    assert!((0.045..0.0531).contains(&(driven / 0.002)), "{driven}");
+    let (z, said, text) = written("bare", "0.004");
+    assert!((0.048..0.0535).contains(&(z / 0.008)), "{z}");
+    assert!(said.contains("Set-up \"bare\": base_amplitude_m = 0.00042 in place of 0.0015"), "{said}");
+    assert!(text.contains("# With base_amplitude_m = 0.0015 the prediction is max|x| = 18"), "{text}");
+    damprig(&folder).args(["run", "campaign.toml", "--dry-run"]).assert().success();
+}
+
+#[test]
+fn a_record_is_played_as_it_was_given_and_compare_can_use_the_telemetry() {
+    let record = RecordFile { file: "quake.AT2".into(), quantity: None, unit: None };
+    let values = Values { record, ..Values::default() };
+    let text = new_file::campaign("new", &[Damper::Bare], &[Excitation::Record], &values);
+    assert!(!text.contains("target_peak_m") && !text.contains("scale"), "{text}");
+    assert!(text.contains("rate_hz = 1000") && text.contains("[\"x\", \"z\"]"), "{text}");
+}
+
+#[test]
+fn the_points_of_a_new_sweep_settle_however_light_the_damping() {
+    for damping_ratio in [0.0005, 0.002, 0.0038, 0.02] {
+        let values = Values { damping_ratio, ..Values::default() };
+        let text = new_file::campaign("new", &Damper::ALL, &[Excitation::SteppedSine], &values);
+        let campaign = Campaign::parse(Source::new("new.toml", text)).unwrap();
+        assert_eq!(settling::advice(&campaign), [""; 0], "ζ = {damping_ratio}");
+    }
 }
 
 #[test]
