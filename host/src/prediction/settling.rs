@@ -166,7 +166,6 @@ mod tests {
     }
 
     #[test]
-<<<<<<< HEAD
     fn a_structure_that_hardly_decays_gets_finite_numbers_and_no_dwell_of_years() {
         for damping_ratio in [1e-6, 1e-9] {
             let told = advice(&campaign(damping_ratio, "dwell_s = 32", ""));
@@ -179,10 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn strong_damping_and_dampers_need_no_advice() {
-=======
     fn strong_damping_and_a_tuned_mass_need_no_advice() {
->>>>>>> 9150a19 (init, report: a sweep that finds its peak, and marks of peaks that are not resolved; settling: warn of studies and cases)
         assert_eq!(advice(&campaign(0.1, "dwell_s = 40\nsettle_s = 4", "")), [""; 0]);
         let damper = "tmd = { mass_ratio = 0.1, tuning = \"warburton\" }\n";
         assert_eq!(advice(&campaign(0.0038, "dwell_s = 32", damper)), [""; 0]);

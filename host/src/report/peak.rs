@@ -80,10 +80,10 @@ impl Peak {
 
     /// The peaks of all stepped sines of a campaign that have points; `points_of` gives frequency (Hz) and X/Z of the points of a set-up and
     /// an experiment, by their names.
-    pub fn all<'c>(
-        campaign: &'c Campaign,
+    pub fn all(
+        campaign: &Campaign,
         points_of: impl Fn(&str, &str) -> Vec<(f64, f64)>,
-    ) -> Vec<(&'c CampaignSetUp, &'c Experiment, Self)> {
+    ) -> Vec<(&CampaignSetUp, &Experiment, Self)> {
         let sines = campaign.set_ups.iter().enumerate().flat_map(|(index, set_up)| {
             campaign.experiments.iter().filter(move |e| e.set_ups.contains(&index)).map(move |e| (set_up, e))
         });
