@@ -69,7 +69,7 @@ def terminal(tmp_path):
 
 def test_the_keys_of_the_terminal_hold_pause_and_stop_a_run(terminal, tmp_path):
     view = terminal(f"run {CAMPAIGNS}/hybrid.toml --out out --rig virtual:realtime --speed 10 --tui")
-    screen = view.until("RUNNING", "0 of 126 points", "s stop   p pause   h hold")
+    screen = view.until("RUNNING", "0 of 426 points", "s stop   p pause   h hold")
     assert "hybrid" in screen and "X/Z (cycle maxima) over frequency" in screen
     # The controller's numbers appear: the base moves.
     view.until("Z (mm) 0.4")
