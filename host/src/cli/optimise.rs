@@ -41,7 +41,8 @@ Examples:
   damprig optimise host/optimisations/hybrid-band.toml --out optimum
   damprig optimise my-optimisation.toml --json
 
-The answer does not depend on the number of threads. Ctrl-C ends the search, or what follows it; the best point so far is kept.
+The values of the answer are rounded to what the tolerances of the variables allow (`tolerance`, by default 0.1 % of the value), and the
+objective is what the printed values give. The answer does not depend on the number of threads. Ctrl-C ends the search, or what follows it; the best point so far is kept.
 
 Exit codes:
   0    success

@@ -5,11 +5,13 @@ use serde::Serialize;
 use super::cases::Cases;
 use super::evaluate::{Evaluated, from_starts};
 use super::file::Optimisation;
+use super::mount;
 use super::neighbourhood::{self, Sensitivity};
 use super::references::References;
-use super::search::{Found, Stage};
+use super::search::Found;
 use crate::input::Refusal;
 use crate::study::axis::{Axis, Reduction, Value};
+use crate::study::band::Effort;
 use crate::study::evaluate::quantile;
 use crate::study::simulate::{GoOn, Halt};
 
@@ -19,12 +21,28 @@ const DENSE_STARTS: u32 = 101;
 /// A number and what it is of.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Named {
-    /// Key or metric.
+    /// Key.
     pub key: String,
     /// Value.
     pub value: f64,
     /// Symbol of its unit; empty for a plain number.
     pub unit: &'static str,
+}
+
+/// A variable at the optimum.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Variable {
+    /// Key.
+    pub key: String,
+    /// Value: rounded to the power of ten at or below the tolerance, or as the search had it if it was stopped or no point keeps the
+    /// constraints.
+    pub value: f64,
+    /// How far from it the mounted value may be, to either side.
+    pub tolerance: f64,
+    /// Symbol of the unit of both; empty for a plain number.
+    pub unit: &'static str,
+    /// The end of its range lies within the tolerance: a better value may lie outside.
+    pub is_at_edge: bool,
 }
 
 /// A constraint at the optimum.
@@ -76,14 +94,16 @@ pub struct Answer {
     pub is_stopped: bool,
     /// Evaluated points of the search.
     pub evaluations: usize,
-    /// The part of the search that found the optimum.
-    pub found_by: &'static str,
-    /// The objective at the optimum.
+    /// The objective at the values of the variables.
     pub objective: f64,
+    /// The worst objective at the ends of the tolerances; `None` if the values are not rounded.
+    pub worst_within_tolerance: Option<f64>,
+    /// Whether all constraints are kept there; `None` if the values are not rounded.
+    pub is_feasible_within_tolerance: Option<bool>,
     /// Symbol of its unit.
     pub unit: &'static str,
     /// The variables at the optimum.
-    pub variables: Vec<Named>,
+    pub variables: Vec<Variable>,
     /// Where in the band the objective is.
     pub band: Vec<Named>,
     /// The constraints at the optimum.
@@ -108,9 +128,22 @@ impl Answer {
     /// # Errors
     /// The refusal of a case that the values make.
     pub fn of(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<Self, Refusal> {
-        let (stage, best) = &found.points[found.best];
-        let around = Around::of(optimisation, best, found.is_stopped, go_on)?;
-        let named = |(axis, value): (&Axis, f64)| Named { key: axis.key.clone(), value, unit: axis.unit() };
+        let best = &found.points[found.best].1;
+        let setting = if found.is_stopped || !best.is_feasible() {
+            None
+        } else {
+            Halt::unless_stopped(mount::best(optimisation, found, go_on))?.flatten()
+        };
+        let best = setting.as_ref().map_or(best, |setting| &setting.at);
+        let is_stopped = found.is_stopped || (setting.is_none() && best.is_feasible());
+        let around = Around::of(optimisation, best, is_stopped, go_on)?;
+        let worst = setting.as_ref().map(|setting| &setting.worst);
+        let variable = |(place, axis): (usize, &Axis)| {
+            let (value, (from, to)) = (best.values[place], optimisation.range(place));
+            let tolerance = optimisation.tolerance(place, value);
+            let is_at_edge = value - from <= tolerance || to - value <= tolerance;
+            Variable { key: axis.key.clone(), value, tolerance, unit: axis.unit(), is_at_edge }
+        };
         let kept = |(constraint, value): (&super::file::Constraint, &f64)| Kept {
             metric: constraint.metric.name(),
             limit: constraint
@@ -128,10 +161,11 @@ impl Answer {
             is_feasible: best.is_feasible(),
             is_stopped: around.is_stopped,
             evaluations: found.points.len(),
-            found_by: Stage::name(*stage),
             objective: best.objective,
+            worst_within_tolerance: worst.map(|worst| worst.objective),
+            is_feasible_within_tolerance: worst.map(Evaluated::is_feasible),
             unit: optimisation.objective.unit(),
-            variables: optimisation.variables().iter().zip(best.values.iter().copied()).map(named).collect(),
+            variables: optimisation.variables().iter().enumerate().map(variable).collect(),
             band: place_in_band(optimisation, best),
             constraints: optimisation.constraints.iter().zip(&best.constraints).map(kept).collect(),
             unresolved: best.unresolved,
@@ -181,23 +215,22 @@ impl Around {
 
 /// Values of the band's axes where the objective is; none of axes with a mean, and of those after one.
 fn place_in_band(optimisation: &Optimisation, best: &Evaluated) -> Vec<Named> {
-    let values = optimisation.band_values(best.band_point);
-    let number = |(axis, value): (&Axis, Value)| match value {
-        Value::Number(value) => Some(Named { key: axis.key.clone(), value, unit: axis.unit() }),
+    let number = |(axis, value): (&Axis, &Value)| match value {
+        Value::Number(value) => Some(Named { key: axis.key.clone(), value: *value, unit: axis.unit() }),
         Value::Word(_) => None,
     };
-    let is_extreme = |(axis, _): &(&Axis, Value)| axis.reduce != Some(Reduction::Mean);
-    optimisation.band().iter().zip(values).take_while(is_extreme).filter_map(number).collect()
+    let is_extreme = |(axis, _): &(&Axis, &Value)| axis.reduce != Some(Reduction::Mean);
+    optimisation.band().iter().zip(&best.band).take_while(is_extreme).filter_map(number).collect()
 }
 
 fn starts(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Option<Starts>, Halt> {
-    let case = Cases::at(optimisation, &best.values)?.case(0)?;
+    let case = Cases::at(optimisation, &best.values)?.case(&optimisation.band_values(0))?;
     if case.set_up.particle.is_none() {
         return Ok(None);
     }
     let last = f64::from(DENSE_STARTS - 1);
     let shares: Vec<f64> = (0..DENSE_STARTS).map(|n| 2.0 * f64::from(n) / last - 1.0).collect();
-    let mut values = from_starts(optimisation, &best.values, &shares, go_on)?;
+    let mut values = from_starts(optimisation, &best.values, &shares, Effort::Peaks, go_on)?;
     values.sort_by(f64::total_cmp);
     let at = |share: f64| quantile(&values, share);
     let (q05, median, q95) = (at(0.05), at(0.5), at(0.95));

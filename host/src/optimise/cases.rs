@@ -148,13 +148,13 @@ impl<'a> Cases<'a> {
         Ok(Self { optimisation, variables, template })
     }
 
-    /// The case at a point of the band.
+    /// The case with values of the band's axes.
     ///
     /// # Errors
     /// The refusal of a case that the values make.
-    pub fn case(&self, point: usize) -> Result<Case, Refusal> {
+    pub fn case(&self, at: &[Value]) -> Result<Case, Refusal> {
         let mut all = self.variables.clone();
-        all.extend(self.optimisation.band_values(point));
+        all.extend(at.iter().cloned());
         let made = self.template.as_ref().and_then(|template| self.optimisation.direct.set(template, &all));
         made.map_or_else(|| self.optimisation.case_with(&all), Ok)
     }
@@ -202,7 +202,8 @@ mod tests {
             (0..optimisation.band_points()).all(|point| {
                 let mut all: Vec<Value> = values.iter().copied().map(Value::Number).collect();
                 all.extend(optimisation.band_values(point));
-                cases.case(point).expect("sound") == optimisation.case_with(&all).expect("sound")
+                cases.case(&optimisation.band_values(point)).expect("sound")
+                    == optimisation.case_with(&all).expect("sound")
             })
         })
     }

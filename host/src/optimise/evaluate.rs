@@ -1,13 +1,15 @@
-//! The objective and the constraints at a point: the metrics of a study over the band and over the starts.
+//! The objective and the constraints at a point: the metrics of a study over the band, between the values of its grid too, and over the
+//! starts.
 
 use super::cases::Cases;
-use super::file::Optimisation;
+use super::file::{Constraint, Optimisation};
 use crate::input::Refusal;
 use crate::simulation::Case;
 use crate::study::axis::{Axis, Value};
-use crate::study::evaluate::{quantile, reduce_over, started_at};
+use crate::study::band::{Band, Effort, Reduced};
+use crate::study::evaluate::{quantile, started_at};
 use crate::study::metric::Metric;
-use crate::study::simulate::{GoOn, Halt, metrics_of_all};
+use crate::study::simulate::{GoOn, Halt, metrics_of_all, metrics_of_each};
 
 /// What an evaluated point gives.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,8 +20,8 @@ pub struct Evaluated {
     pub values: Vec<f64>,
     /// The objective; not a number if it does not exist.
     pub objective: f64,
-    /// Point of the band that gives the objective; 0 for a mean, and for the first start where there are several.
-    pub band_point: usize,
+    /// Values of the band's axes where the objective is; the first ones for a mean.
+    pub band: Vec<Value>,
     /// For each constraint its metric where it is kept least.
     pub constraints: Vec<f64>,
     /// Sum of the constraints' violations; 0 if all are kept.
@@ -51,115 +53,214 @@ impl Evaluated {
 /// The metrics of some simulations: by metric, then by start, then by point of the band.
 type Simulated = Vec<Vec<Vec<f64>>>;
 
+/// How thoroughly a point is evaluated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Care {
+    /// How the band is searched between its grid's values,
+    pub effort: Effort,
+    /// unless the point costs more than this on the grid already: it is no better between its values.
+    pub up_to_cost: f64,
+}
+
+impl Care {
+    /// A point that is searched whatever it costs.
+    #[must_use]
+    pub const fn of(effort: Effort) -> Self {
+        Self { effort, up_to_cost: f64::INFINITY }
+    }
+}
+
 /// Evaluates the point at these shares of the variables' ranges.
 ///
 /// # Errors
 /// The refusal of a case that the values make, or that `go_on` said no.
-pub fn at(optimisation: &Optimisation, shares: &[f64], go_on: GoOn) -> Result<Evaluated, Halt> {
+pub fn at(optimisation: &Optimisation, shares: &[f64], care: Care, go_on: GoOn) -> Result<Evaluated, Halt> {
+    let values = values(optimisation, shares);
+    Ok(Evaluated { shares: shares.to_vec(), ..at_values(optimisation, values, care, go_on)? })
+}
+
+/// The values of the variables at these shares of their ranges.
+#[must_use]
+pub fn values(optimisation: &Optimisation, shares: &[f64]) -> Vec<f64> {
     let number = |(axis, share): (&Axis, &f64)| match axis.value(0, *share) {
         Value::Number(number) => number,
         Value::Word(_) => f64::NAN,
     };
-    let values: Vec<f64> = optimisation.variables().iter().zip(shares).map(number).collect();
-    at_values(optimisation, values, shares.to_vec(), go_on)
+    optimisation.variables().iter().zip(shares).map(number).collect()
 }
 
-/// Evaluates the point with these values of the variables.
+/// Evaluates the point with these values of the variables; it has no shares.
 ///
 /// # Errors
 /// As [`at`].
-pub fn at_values(
-    optimisation: &Optimisation,
-    values: Vec<f64>,
-    shares: Vec<f64>,
-    go_on: GoOn,
-) -> Result<Evaluated, Halt> {
+pub fn at_values(optimisation: &Optimisation, values: Vec<f64>, care: Care, go_on: GoOn) -> Result<Evaluated, Halt> {
     let metrics: Vec<Metric> =
         [optimisation.objective].into_iter().chain(optimisation.constraints.iter().map(|c| c.metric)).collect();
     let starts = optimisation.starts.as_ref();
-    let start_shares = starts.map(|starts| starts.shares.as_slice());
     let cases = Cases::at(optimisation, &values)?;
-    let cases = |point: usize| cases.case(point);
-    let (simulated, unresolved) = simulate_band(optimisation, &metrics, start_shares, &cases, go_on)?;
-    let (objective, band_point) =
-        over_starts(optimisation, &simulated[0], starts.map_or(1.0, |starts| starts.quantile));
-    let mut constraints = Vec::new();
-    for (constraint, of_metric) in optimisation.constraints.iter().zip(&simulated[1..]) {
-        let limit = constraint.limit;
-        let all = of_metric.iter().flatten().copied();
-        constraints.push(all.reduce(|a, b| if limit.excess(b) > limit.excess(a) { b } else { a }).unwrap_or(f64::NAN));
+    let case = |at: &[Value]| cases.case(at);
+    let mut point =
+        Simulations { optimisation, case: &case, go_on, is_answer: care.effort == Effort::Scan, unresolved: 0.0 };
+    let simulated = point.grid(&metrics, starts.map(|starts| starts.shares.as_slice()))?;
+    let mut evaluated = point.evaluated(&simulated, Effort::Grid)?;
+    let can_improve = optimisation.can_improve_between();
+    if care.effort != Effort::Grid && (can_improve || evaluated.cost(optimisation.is_maximum) <= care.up_to_cost) {
+        evaluated = point.evaluated(&simulated, care.effort)?;
     }
-    let violation = optimisation.constraints.iter().zip(&constraints).map(|(c, value)| c.limit.violation(*value)).sum();
-    Ok(Evaluated { shares, values, objective, band_point, constraints, violation, unresolved })
+    Ok(Evaluated { values, ..evaluated })
 }
 
 /// The objective from each of some starts, at these values of the variables.
 ///
 /// # Errors
 /// As [`at`].
-pub fn from_starts(optimisation: &Optimisation, values: &[f64], starts: &[f64], go_on: GoOn) -> Result<Vec<f64>, Halt> {
+pub fn from_starts(
+    optimisation: &Optimisation,
+    values: &[f64],
+    starts: &[f64],
+    effort: Effort,
+    go_on: GoOn,
+) -> Result<Vec<f64>, Halt> {
     let cases = Cases::at(optimisation, values)?;
-    let cases = |point: usize| cases.case(point);
-    let (simulated, _) = simulate_band(optimisation, &[optimisation.objective], Some(starts), &cases, go_on)?;
-    Ok(simulated[0].iter().map(|over_band| reduced(optimisation, over_band).0).collect())
+    let case = |at: &[Value]| cases.case(at);
+    let mut point =
+        Simulations { optimisation, case: &case, go_on, is_answer: effort == Effort::Scan, unresolved: 0.0 };
+    let simulated = point.grid(&[optimisation.objective], Some(starts))?;
+    let of_start = |(share, over_band): (&f64, &Vec<f64>)| {
+        Ok(point.reduced(&optimisation.reduced_band, over_band, Some(*share), effort)?.value)
+    };
+    starts.iter().zip(&simulated[0]).map(of_start).collect()
 }
 
-/// A metric over the band of cases that are not the optimisation's own, from their own starts.
+/// The objective of cases that are not the optimisation's own, from their own starts, over the band: `case` makes one from values of the
+/// band's axes.
 ///
 /// # Errors
 /// A case that is refused, or that `go_on` said no.
 pub fn over_band(
     optimisation: &Optimisation,
-    metric: Metric,
-    cases: &dyn Fn(usize) -> Result<Case, Refusal>,
+    case: &dyn Fn(&[Value]) -> Result<Case, Refusal>,
     go_on: GoOn,
-) -> Result<(f64, usize), Halt> {
-    let (simulated, _) = simulate_band(optimisation, &[metric], None, cases, go_on)?;
-    Ok(reduced(optimisation, &simulated[0][0]))
+) -> Result<f64, Halt> {
+    let mut point = Simulations { optimisation, case, go_on, is_answer: true, unresolved: 0.0 };
+    let simulated = point.grid(&[optimisation.objective], None)?;
+    Ok(point.reduced(&optimisation.reduced_band, &simulated[0][0], None, Effort::Scan)?.value)
 }
 
-/// Simulates the case at each point of the band from each start (from its own without any).
-fn simulate_band(
-    optimisation: &Optimisation,
-    metrics: &[Metric],
-    starts: Option<&[f64]>,
-    cases: &dyn Fn(usize) -> Result<Case, Refusal>,
-    go_on: GoOn,
-) -> Result<(Simulated, f64), Halt> {
-    let points = optimisation.band_points();
-    let count = starts.map_or(1, <[f64]>::len);
-    let mut all = Vec::with_capacity(points * count);
-    for point in 0..points {
-        let case = cases(point)?;
-        match starts {
-            None => all.push(case),
-            Some(shares) => all.extend(shares.iter().map(|share| started_at(&case, *share))),
+/// The simulations of a point.
+struct Simulations<'a> {
+    optimisation: &'a Optimisation,
+    /// The case with values of the band's axes.
+    case: &'a dyn Fn(&[Value]) -> Result<Case, Refusal>,
+    go_on: GoOn<'a>,
+    /// The values are printed: they are those of `damprig simulate` to the last bit.
+    is_answer: bool,
+    /// How often an event search was given up.
+    unresolved: f64,
+}
+
+impl Simulations<'_> {
+    /// Simulates the case at each point of the band's grid from each start (from its own without any).
+    fn grid(&mut self, metrics: &[Metric], starts: Option<&[f64]>) -> Result<Simulated, Halt> {
+        let points = self.optimisation.band_points();
+        let count = starts.map_or(1, <[f64]>::len);
+        let mut all = Vec::with_capacity(points * count);
+        for point in 0..points {
+            let case = (self.case)(&self.optimisation.band_values(point))?;
+            match starts {
+                None => all.push(case),
+                Some(shares) => all.extend(shares.iter().map(|share| started_at(&case, *share))),
+            }
         }
-    }
-    let mut simulated = vec![vec![Vec::with_capacity(points); count]; metrics.len()];
-    let mut unresolved = 0.0;
-    for (place, (values, given_up)) in
-        metrics_of_all(&all, optimisation.record, metrics, go_on)?.into_iter().enumerate()
-    {
-        unresolved += given_up;
-        for (value, of_metric) in values.into_iter().zip(&mut simulated) {
-            of_metric[place % count].push(value);
+        let mut simulated = vec![vec![Vec::with_capacity(points); count]; metrics.len()];
+        for (place, values) in self.metrics(&all, metrics)?.into_iter().enumerate() {
+            for (value, of_metric) in values.into_iter().zip(&mut simulated) {
+                of_metric[place % count].push(value);
+            }
         }
+        Ok(simulated)
     }
-    Ok((simulated, unresolved))
-}
 
-/// The values over the band as one, with the point of the band that has it.
-fn reduced(optimisation: &Optimisation, values: &[f64]) -> (f64, usize) {
-    let band: Vec<&Axis> = optimisation.band().iter().collect();
-    reduce_over(&band, values)
-}
+    fn metrics(&mut self, cases: &[Case], metrics: &[Metric]) -> Result<Vec<Vec<f64>>, Halt> {
+        let simulate = if self.is_answer { metrics_of_each } else { metrics_of_all };
+        let simulated = simulate(cases, self.optimisation.record, metrics, self.go_on)?;
+        self.unresolved += simulated.iter().map(|(_, given_up)| given_up).sum::<f64>();
+        Ok(simulated.into_iter().map(|(values, _)| values).collect())
+    }
 
-/// The objective over the starts, with the point of the band of the start nearest to it.
-fn over_starts(optimisation: &Optimisation, values: &[Vec<f64>], share: f64) -> (f64, usize) {
-    let mut of_starts: Vec<(f64, usize)> = values.iter().map(|values| reduced(optimisation, values)).collect();
-    of_starts.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let sorted: Vec<f64> = of_starts.iter().map(|(value, _)| *value).collect();
-    let nearest = (share * (sorted.len() - 1) as f64).round() as usize;
-    (quantile(&sorted, share), of_starts[nearest].1)
+    /// A metric at points of the band from a start.
+    fn at(&mut self, points: &[Vec<Value>], share: Option<f64>, metric: Metric) -> Result<Vec<f64>, Halt> {
+        let case = |at: &Vec<Value>| {
+            let case = (self.case)(at)?;
+            Ok(share.map_or_else(|| case.clone(), |share| started_at(&case, share)))
+        };
+        let cases = points.iter().map(case).collect::<Result<Vec<Case>, Refusal>>()?;
+        Ok(self.metrics(&cases, &[metric])?.into_iter().flatten().collect())
+    }
+
+    /// The objective over the band from a start.
+    fn reduced(&mut self, band: &Band, grid: &[f64], share: Option<f64>, effort: Effort) -> Result<Reduced, Halt> {
+        let metric = self.optimisation.objective;
+        band.reduce(grid, effort, &mut |points| self.at(points, share, metric))
+    }
+
+    /// The metric of a constraint where it is kept least over the band, from a start.
+    fn least_kept(
+        &mut self,
+        constraint: &Constraint,
+        grid: &[f64],
+        share: Option<f64>,
+        effort: Effort,
+    ) -> Result<f64, Halt> {
+        let excess = |value: &f64| constraint.limit.excess(*value);
+        let worse = |a: f64, b: f64| if excess(&b) > excess(&a) { b } else { a };
+        let mut worst = grid.iter().copied().reduce(worse).unwrap_or(f64::NAN);
+        let band = &self.optimisation.constraint_band;
+        let excesses: Vec<f64> = grid.iter().map(excess).collect();
+        band.reduce(&excesses, effort, &mut |points| {
+            let values = self.at(points, share, constraint.metric)?;
+            worst = values.iter().copied().fold(worst, worse);
+            Ok(values.iter().map(excess).collect())
+        })?;
+        Ok(worst)
+    }
+
+    /// What a point gives from what its grid gave; it has no values and shares.
+    fn evaluated(&mut self, simulated: &Simulated, effort: Effort) -> Result<Evaluated, Halt> {
+        let optimisation = self.optimisation;
+        let starts = optimisation.starts.as_ref();
+        let share_of = |place: usize| starts.map(|starts| starts.shares[place]);
+        let mut of_starts: Vec<Reduced> = Vec::new();
+        for (place, grid) in simulated[0].iter().enumerate() {
+            of_starts.push(self.reduced(&optimisation.reduced_band, grid, share_of(place), effort)?);
+        }
+        // The objective over the starts, with the place in the band of the start nearest to it.
+        of_starts.sort_by(|a, b| a.value.total_cmp(&b.value));
+        let sorted: Vec<f64> = of_starts.iter().map(|reduced| reduced.value).collect();
+        let quantile_share = starts.map_or(1.0, |starts| starts.quantile);
+        let nearest = (quantile_share * (sorted.len() - 1) as f64).round() as usize;
+        let mut constraints = Vec::new();
+        for (constraint, of_metric) in optimisation.constraints.iter().zip(&simulated[1..]) {
+            let mut worst = f64::NEG_INFINITY;
+            let mut value = f64::NAN;
+            for (place, grid) in of_metric.iter().enumerate() {
+                let from_start = self.least_kept(constraint, grid, share_of(place), effort)?;
+                if constraint.limit.excess(from_start) > worst {
+                    (worst, value) = (constraint.limit.excess(from_start), from_start);
+                }
+            }
+            constraints.push(value);
+        }
+        let violation =
+            optimisation.constraints.iter().zip(&constraints).map(|(c, value)| c.limit.violation(*value)).sum();
+        Ok(Evaluated {
+            shares: Vec::new(),
+            values: Vec::new(),
+            objective: quantile(&sorted, quantile_share),
+            band: of_starts[nearest].at.clone(),
+            constraints,
+            violation,
+            unresolved: self.unresolved,
+        })
+    }
 }

@@ -8,13 +8,17 @@ use super::keys::{constraint, ensemble, optimisation as keys, variable};
 use crate::input::{Files, Problem, Refusal, Section, Source, Span};
 use crate::simulation::case::default_name;
 use crate::simulation::{Case, SetValues};
-use crate::study::axis::{self, Axis, Value, Values};
+use crate::study::axis::{self, Axis, Reduction, Value, Values};
+use crate::study::band::{self, Band};
 use crate::study::file::{corners, lines, read_case, read_record};
 use crate::study::metric::Metric;
 use crate::study::simulate::Record;
 
 /// Evaluations for each variable, unless the file states their number.
 const EVALUATIONS_PER_VARIABLE: u64 = 2_000;
+
+/// Tolerance of a variable as a share of its value, unless the file states one.
+pub const TOLERANCE: f64 = 1e-3;
 
 /// Who sets the values of a case, in messages about a single point.
 const ORIGIN: &str = "the variables and axes";
@@ -67,6 +71,12 @@ pub struct Optimisation {
     pub axes: Vec<Axis>,
     /// Number of variables.
     pub variables: usize,
+    /// How closely each variable can be set, in the key's unit, where the file says so.
+    pub tolerances: Vec<Option<f64>>,
+    /// The band as the objective is reduced over it,
+    pub reduced_band: Band,
+    /// and as a constraint is judged over it.
+    pub constraint_band: Band,
     /// What is counted; as the case's `run` says without one.
     pub record: Option<Record>,
     /// Several starts, if any.
@@ -161,14 +171,7 @@ impl Optimisation {
     /// The values of the band's axes at one of its points, of which the last axis varies fastest.
     #[must_use]
     pub fn band_values(&self, point: usize) -> Vec<Value> {
-        let mut rest = point;
-        let mut values: Vec<Value> = Vec::new();
-        for axis in self.band().iter().rev() {
-            values.push(axis.value(rest % axis.count(), 0.0));
-            rest /= axis.count();
-        }
-        values.reverse();
-        values
+        band::values_at(self.band(), point)
     }
 
     /// Simulations of a point.
@@ -202,6 +205,29 @@ impl Optimisation {
 
     fn set_values(&self, values: &[Value]) -> SetValues {
         SetValues { origin: ORIGIN.into(), lines: lines(&self.axes, values) }
+    }
+
+    /// Whether the objective can be better between the values of the band's grid than on it.
+    #[must_use]
+    pub fn can_improve_between(&self) -> bool {
+        let refined = self.reduced_band.refined();
+        refined.is_some_and(|reduction| self.is_maximum == (reduction != Reduction::Minimum))
+    }
+
+    /// The least and the largest value of a variable.
+    #[must_use]
+    pub fn range(&self, variable: usize) -> (f64, f64) {
+        match self.axes[variable].values {
+            Values::Drawn { from, to, .. } => (from, to),
+            _ => (f64::NEG_INFINITY, f64::INFINITY),
+        }
+    }
+
+    /// How far from this value a variable may be mounted, to either side, in the key's unit.
+    #[must_use]
+    pub fn tolerance(&self, variable: usize, value: f64) -> f64 {
+        let (from, to) = self.range(variable);
+        self.tolerances[variable].unwrap_or(TOLERANCE * if value == 0.0 { to - from } else { value.abs() })
     }
 
     /// Whether `new` is a better value of the objective than `old`.
@@ -265,15 +291,18 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Opti
     let objective = root.word(&keys::OBJECTIVE).map(|place| Metric::ALL[place]);
     let goal = root.word(&keys::GOAL);
     let (evaluations, seed) = (root.scalar(&keys::EVALUATIONS), root.scalar(&keys::SEED));
-    let variables: Vec<Option<Axis>> = root.tables_of(&keys::VARIABLE).iter().map(read_variable).collect();
+    let variables: Vec<Option<(Axis, Option<f64>)>> =
+        root.tables_of(&keys::VARIABLE).iter().map(read_variable).collect();
     let band: Vec<Option<Axis>> = root.tables_of(&keys::AXIS).iter().map(read_axis).collect();
     let constraints: Vec<_> = root.tables_of(&keys::CONSTRAINT).iter().map(read_constraint).collect();
     let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
     let is_maximum = goal? == 1;
     let starts = root.table_of(&keys::ENSEMBLE, None).map(|s| read_starts(&s, is_maximum));
-    let mut axes = variables.into_iter().collect::<Option<Vec<Axis>>>()?;
+    let (mut axes, tolerances): (Vec<Axis>, Vec<_>) =
+        variables.into_iter().collect::<Option<Vec<_>>>()?.into_iter().unzip();
     let variables = axes.len();
-    axes.extend(band.into_iter().collect::<Option<Vec<Axis>>>()?);
+    let band = band.into_iter().collect::<Option<Vec<Axis>>>()?;
+    axes.extend(band.iter().cloned());
     check_axes(root, &axes, variables)?;
     let (case_path, case_text) = case?;
     Some(Optimisation {
@@ -283,6 +312,9 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Opti
         case_text,
         axes,
         variables,
+        tolerances,
+        constraint_band: Band::of_largest(&band),
+        reduced_band: Band::of(band),
         record: record.unwrap_or(Some(None))?,
         starts: starts.unwrap_or(Some(None))?,
         objective: objective?,
@@ -295,8 +327,10 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Opti
     })
 }
 
-fn read_variable(s: &Section) -> Option<Axis> {
+/// A variable and its tolerance.
+fn read_variable(s: &Section) -> Option<(Axis, Option<f64>)> {
     let key = s.text_of(&variable::KEY);
+    let tolerance = s.is_given(&variable::TOLERANCE).then(|| s.scalar(&variable::TOLERANCE));
     let (from, to) = (s.placed(&variable::FROM), s.placed(&variable::TO));
     let is_log = s.word(&variable::SCALE) == Some(1);
     s.finish();
@@ -304,7 +338,17 @@ fn read_variable(s: &Section) -> Option<Axis> {
     let (from, to) = (from?, to?);
     axis::checked_range(s, &from, &to, is_log, "leave the variable out, and state it in the case")?;
     let values = Values::Drawn { from: from.value, to: to.value, is_log };
-    Some(Axis { key: key.value, values, is_log, reduce: None, span: key.span, value_spans: vec![from.span, to.span] })
+    let tolerance = match tolerance {
+        Some(tolerance) => Some(tolerance?),
+        None => None,
+    };
+    if tolerance.is_some_and(|tolerance| tolerance >= to.value - from.value) {
+        let allowed = format!("must be below the range, {}", to.value - from.value);
+        s.reject(variable::TOLERANCE.name(), allowed, Some("it is in the unit of the key, not in %".into()));
+        return None;
+    }
+    let value_spans = vec![from.span, to.span];
+    Some((Axis { key: key.value, values, is_log, reduce: None, span: key.span, value_spans }, tolerance))
 }
 
 fn read_axis(s: &Section) -> Option<Axis> {

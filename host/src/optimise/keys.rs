@@ -2,7 +2,7 @@
 
 use crate::input::key::DefaultValue::{Number, Word};
 use crate::input::key::Need::{Default, Optional, Required};
-use crate::input::key::Range::{Any, Between, Whole};
+use crate::input::key::Range::{Any, Between, Positive, Whole};
 use crate::input::key::{Kind, MOST_WHOLE, Quantity, Table, key, number, tables, word};
 use crate::study::metric::METRIC_NAMES;
 
@@ -32,6 +32,7 @@ tables! {
         KEY: Required, [key("key", Kind::Text, "the key with its tables, as in the case: particle.clearance_ratio")];
         FROM: Required, [number("from", Any, "least value")];
         TO: Required, [number("to", Any, "largest value; greater than `from`")];
+        TOLERANCE: Optional, [number("tolerance", Positive, "how far from the wanted value the mounted one may be, to either side, in the key's unit; default: 0.1 % of the value (of the range where the value is 0)")];
         SCALE: Default(Word("linear")), [word("scale", &["linear", "log"], "whether the search is even in the value or in its logarithm")];
     }
 

@@ -1,12 +1,16 @@
-//! What small changes of the variables do at the optimum: each alone in fine steps, and pairs of them on a grid.
+//! What small changes of the variables do at the optimum: each alone in fine steps, and pairs of them on a grid. The band is searched
+//! around the peaks of its grid, which may give less than the scan of the optimum itself.
 
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::evaluate::{Evaluated, at_values};
+use super::evaluate::{Care, Evaluated, at_values};
 use super::file::Optimisation;
 use crate::study::axis::{Axis, Values};
+use crate::study::band::Effort;
 use crate::study::simulate::{GoOn, Halt};
+
+const CARE: Care = Care::of(Effort::Peaks);
 
 /// Fine steps in a change of 1 %.
 const STEPS: i32 = 10;
@@ -30,6 +34,8 @@ pub struct Sensitivity {
     pub key: String,
     /// A change of 1 %: of the value, or of the range if the value is 0.
     pub step: f64,
+    /// The objective without a change, searched as that of the changes.
+    pub here: f64,
     /// The objective at 1 % less; `None` outside the variable's range.
     pub below: Option<f64>,
     /// The objective at 1 % more.
@@ -87,19 +93,16 @@ fn of_variable(
     let step = step(axis, best.values[place]);
     let value = |n: i32| best.values[place] + step * f64::from(n) / f64::from(STEPS);
     let objective = |n: i32| {
-        if n == 0 {
-            return Ok(Some(best.objective));
-        }
         let mut values = best.values.clone();
         values[place] = value(n);
         let inside = is_inside(axis, values[place]);
-        inside.then(|| Ok(at_values(optimisation, values, Vec::new(), go_on)?.objective)).transpose()
+        inside.then(|| Ok(at_values(optimisation, values, CARE, go_on)?.objective)).transpose()
     };
     let scan: Vec<Option<f64>> = (-REACH..=REACH).into_par_iter().map(objective).collect::<Result<_, Halt>>()?;
     let at = |n: i32| scan[(n + REACH) as usize];
+    let here = at(0).unwrap_or(best.objective);
     let within = (-STEPS..=STEPS).filter_map(at);
-    let worst =
-        within.fold(best.objective, |worst, value| if optimisation.is_better(worst, value) { value } else { worst });
+    let worst = within.fold(here, |worst, value| if optimisation.is_better(worst, value) { value } else { worst });
     // Each fine step, outwards from the optimum.
     let outwards = (0..REACH).flat_map(|n| [(n, n + 1), (-n, -n - 1)]);
     let changes: Vec<Jump> = outwards
@@ -108,8 +111,16 @@ fn of_variable(
             Some(Jump { near: value(near), far: value(far), objective_near, objective_far })
         })
         .collect();
-    let jump = largest_jump(&changes, best.objective);
-    Ok(Sensitivity { key: axis.key.clone(), step, below: at(-STEPS), above: at(STEPS), worst_within: worst, jump })
+    let jump = largest_jump(&changes, here);
+    Ok(Sensitivity {
+        key: axis.key.clone(),
+        step,
+        here,
+        below: at(-STEPS),
+        above: at(STEPS),
+        worst_within: worst,
+        jump,
+    })
 }
 
 impl Jump {
@@ -152,7 +163,7 @@ pub fn grid(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Resul
         }
     }
     points.retain(|point| axes.iter().zip(point).all(|(axis, value)| is_inside(axis, *value)));
-    points.into_par_iter().map(|values| at_values(optimisation, values, Vec::new(), go_on)).collect()
+    points.into_par_iter().map(|values| at_values(optimisation, values, CARE, go_on)).collect()
 }
 
 #[cfg(test)]

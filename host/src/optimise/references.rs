@@ -8,6 +8,7 @@ use super::cases::Cases;
 use super::evaluate::{Evaluated, over_band};
 use super::file::Optimisation;
 use crate::simulation::Case;
+use crate::study::axis::Value;
 use crate::study::simulate::{GoOn, Halt};
 
 /// The objective of other dampers; `None` where it does not exist for them.
@@ -40,7 +41,8 @@ impl References {
     /// # Errors
     /// The refusal of a case that the values make, or that `go_on` said no.
     pub fn at(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Self, Halt> {
-        let middle = Cases::at(optimisation, &best.values)?.case(optimisation.band_points() / 2)?;
+        let middle = optimisation.band_values(optimisation.band_points() / 2);
+        let middle = Cases::at(optimisation, &best.values)?.case(&middle)?;
         let bare = objective(optimisation, best, &|case| without_dampers(case, None), go_on)?;
         let mass_kg = middle.set_up.particle.map(|p| p.mass_kg).or(middle.set_up.tmd.map(|t| t.mass_kg));
         let Some(mass_kg) = mass_kg else { return Ok(Self { bare, tmd: None }) };
@@ -78,11 +80,11 @@ fn objective(
     go_on: GoOn,
 ) -> Result<Option<f64>, Halt> {
     let cases = Cases::at(optimisation, &best.values)?;
-    let changed = |point: usize| Ok(change(cases.case(point)?));
-    let first = changed(0)?;
+    let changed = |at: &[Value]| Ok(change(cases.case(at)?));
+    let first = changed(&optimisation.band_values(0))?;
     if optimisation.objective.refusal(&first).is_some() || first.set_up.validate().is_err() {
         return Ok(None);
     }
-    let (value, _) = over_band(optimisation, optimisation.objective, &changed, go_on)?;
+    let value = over_band(optimisation, &changed, go_on)?;
     Ok(Some(value).filter(|value| !value.is_nan()))
 }

@@ -6,7 +6,6 @@
 use std::borrow::Borrow;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::{Duration, Instant};
 
 use argmin::core::{CostFunction, Error, Executor, PopulationState};
 use argmin::solver::neldermead::NelderMead;
@@ -15,9 +14,13 @@ use rand_core::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 
-use super::evaluate::{self, Evaluated};
+use super::cases::Cases;
+use super::evaluate::{self, Care, Evaluated};
 use super::file::Optimisation;
 use crate::input::Refusal;
+use crate::study::band::Effort;
+use crate::study::evaluate::simulating_s;
+use crate::study::metric::Metric;
 use crate::study::points::{Method, Sampling};
 use crate::study::simulate::Halt;
 
@@ -25,14 +28,20 @@ use crate::study::simulate::Halt;
 const SOBOL_SHARE: f64 = 0.4;
 const SWARM_SHARE: f64 = 0.3;
 
+/// The first of so many Sobol points are searched over the whole band, and of the others those that may be among the best of so many.
+const FIRST: usize = 8;
+
+/// Share of the points whose band is searched, about, for an estimate.
+const SEARCHED: f64 = 0.5;
+
 /// Particles of the swarm.
 const PARTICLES: usize = 32;
 
 /// Places that are followed to their end.
-const PLACES: usize = 8;
+pub(super) const PLACES: usize = 8;
 
 /// Least distance between two of them, as a share of the ranges.
-const APART: f64 = 0.03;
+pub(super) const APART: f64 = 0.03;
 
 /// Edge of the first simplex as a share of the ranges, and of the second one, from where the first has ended.
 const EDGES: [f64; 2] = [0.03, 0.003];
@@ -89,51 +98,62 @@ pub struct Found {
 /// A case that is refused; a search that was stopped before its first point.
 pub fn run(optimisation: &Optimisation, report: &(dyn Fn(&Progress) -> bool + Sync)) -> Result<Found, Refusal> {
     let judge = Judge::new(optimisation, report);
+    let cost = |point: &(Stage, Evaluated)| point.1.cost(optimisation.is_maximum);
     let share = |share: f64| (share * optimisation.evaluations as f64) as usize;
     let sampling = Sampling { method: Method::Sobol, count: share(SOBOL_SHARE).max(1), seed: optimisation.seed };
     // The first point of the sequence is a corner; the second is the middle.
-    let mut points = judge.evaluate_all(Stage::Sobol, &sampling.shares(optimisation.variables));
+    let shares = sampling.shares(optimisation.variables);
+    let (first, rest) = shares.split_at(shares.len().div_ceil(FIRST));
+    let mut points = judge.evaluate_all(Stage::Sobol, first, f64::INFINITY);
+    // The band is searched only where the objective may be among the best: a bar that does not depend on the threads.
+    let mut costs: Vec<f64> = points.iter().map(cost).collect();
+    costs.sort_by(f64::total_cmp);
+    let bar = costs.get(costs.len() / FIRST).copied().unwrap_or(f64::INFINITY);
+    points.extend(judge.evaluate_all(Stage::Sobol, rest, bar));
     points.extend(swarm(&judge, &points, share(SWARM_SHARE) / PARTICLES));
-    let places = best_places(&points, optimisation.is_maximum);
+    let places = best_places(&points, optimisation.is_maximum, (PLACES, APART));
     let left = optimisation.evaluations as usize - points.len().min(optimisation.evaluations as usize);
     let each = left / places.len().max(1);
     let polished: Vec<Vec<(Stage, Evaluated)>> =
         places.into_par_iter().map(|place| polish(&judge, place, each)).collect();
     points.extend(polished.into_iter().flatten());
     judge.verdict()?;
-    let cost = |place: &usize| points[*place].1.cost(optimisation.is_maximum);
-    let best = (0..points.len()).min_by(|a, b| cost(a).total_cmp(&cost(b)));
+    let best = (0..points.len()).min_by(|a, b| cost(&points[*a]).total_cmp(&cost(&points[*b])));
     let best = best.ok_or_else(|| Refusal("stopped before the first point".into()))?;
     Ok(Found { points, best, is_stopped: judge.is_stopped.load(Ordering::Relaxed) })
 }
 
-/// Time after which no further point is tried for an estimate.
-const TRIAL: Duration = Duration::from_millis(500);
-
 /// Points tried for an estimate.
 const TRIED: usize = 4;
 
-/// Estimated computing time of the search on one core, s, from some of its points.
+/// Estimated computing time of the search on one core, s, from the beginnings of some of its simulations.
 ///
 /// # Errors
 /// The refusal of a case that the values make.
 pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Refusal> {
     let sampling = Sampling { method: Method::Sobol, count: TRIED + 1, seed: optimisation.seed };
-    let start = Instant::now();
-    let points = sampling.shares(optimisation.variables);
-    let mut tried = 0.0;
-    for shares in &points[1..] {
-        let _ = Halt::unless_stopped(evaluate::at(optimisation, shares, &|| true))?;
-        tried += 1.0;
-        if start.elapsed() > TRIAL {
-            break;
-        }
+    let metrics: Vec<Metric> =
+        [optimisation.objective].into_iter().chain(optimisation.constraints.iter().map(|c| c.metric)).collect();
+    let (points, mut point_s) = (optimisation.band_points(), 0.0);
+    for (place, shares) in sampling.shares(optimisation.variables)[1..].iter().enumerate() {
+        let values = evaluate::values(optimisation, shares);
+        // One of each quarter of the band.
+        let at = optimisation.band_values((2 * place + 1) * points / (2 * TRIED));
+        let case = Cases::at(optimisation, &values)?.case(&at)?;
+        point_s += simulating_s(case, optimisation.record, &metrics)? / TRIED as f64;
     }
-    Ok(start.elapsed().as_secs_f64() / tried * optimisation.evaluations as f64)
+    let starts = optimisation.simulations_per_point() / points;
+    let around = optimisation.reduced_band.refined().map_or(0, |_| metrics.len() * Effort::Peaks.most_simulations());
+    let simulations = points as f64 + SEARCHED * around as f64;
+    Ok(point_s * starts as f64 * simulations * optimisation.evaluations as f64)
 }
 
-/// The best points so far that are apart from each other, best first.
-fn best_places(points: &[(Stage, Evaluated)], is_maximum: bool) -> Vec<Evaluated> {
+/// So many of the best points so far that are apart from each other by this share of the ranges, best first.
+pub(super) fn best_places(
+    points: &[(Stage, Evaluated)],
+    is_maximum: bool,
+    (count, apart): (usize, f64),
+) -> Vec<Evaluated> {
     let mut sorted: Vec<&Evaluated> = points.iter().map(|(_, point)| point).collect();
     sorted.sort_by(|a, b| a.cost(is_maximum).total_cmp(&b.cost(is_maximum)));
     let mut places: Vec<Evaluated> = Vec::new();
@@ -142,10 +162,10 @@ fn best_places(points: &[(Stage, Evaluated)], is_maximum: bool) -> Vec<Evaluated
             let along = other.shares.iter().zip(&point.shares).map(|(a, b)| (a - b).abs());
             along.fold(0.0, f64::max)
         };
-        if places.iter().all(|other| distance(other) > APART) {
+        if places.iter().all(|other| distance(other) > apart) {
             places.push(point.clone());
         }
-        if places.len() == PLACES {
+        if places.len() == count {
             break;
         }
     }
@@ -168,8 +188,9 @@ fn swarm(judge: &Judge, points: &[(Stage, Evaluated)], iterations: usize) -> Vec
     let bounds = (vec![0.0; variables], vec![1.0; variables]);
     let random = Xoshiro256PlusPlus::seed_from_u64(judge.optimisation.seed);
     let solver = ParticleSwarm::new(bounds, particles.len()).with_rng_generator(random);
+    let bar = sorted.last().map_or(f64::INFINITY, |point| point.cost(is_maximum));
     let points = Mutex::default();
-    let search = Search { judge, stage: Stage::Swarm, limit: usize::MAX, points: &points };
+    let search = Search { judge, stage: Stage::Swarm, limit: usize::MAX, bar, points: &points };
     let state = |state: PopulationState<Particle<Vec<f64>, f64>, f64>| {
         state.population(particles.clone()).max_iters(iterations as u64)
     };
@@ -193,7 +214,7 @@ fn polish(judge: &Judge, place: Evaluated, evaluations: usize) -> Vec<(Stage, Ev
         // An iteration has at least one evaluation.
         let limit = (evaluations / EDGES.len()).max(1);
         let kept = Mutex::default();
-        let search = Search { judge, stage: Stage::Polish, limit, points: &kept };
+        let search = Search { judge, stage: Stage::Polish, limit, bar: best.cost(is_maximum), points: &kept };
         let Ok(solver) = NelderMead::new(simplex).with_sd_tolerance(FLAT * best.objective.abs()) else { return points };
         let _ = Executor::new(search, solver).configure(|state| state.max_iters(limit as u64)).timer(false).run();
         let found = taken(kept);
@@ -229,13 +250,14 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// The point, unless the search is stopped.
-    fn evaluate(&self, shares: &[f64]) -> Option<Evaluated> {
+    /// The point, unless the search is stopped. Its band is searched if it costs no more than `bar` on the grid.
+    fn evaluate(&self, shares: &[f64], bar: f64) -> Option<Evaluated> {
         if self.is_stopped.load(Ordering::Relaxed) {
             return None;
         }
         let inside: Vec<f64> = shares.iter().map(|share| share.clamp(0.0, 1.0)).collect();
-        match evaluate::at(self.optimisation, &inside, &|| self.goes_on()) {
+        let care = Care { effort: Effort::Peaks, up_to_cost: bar };
+        match evaluate::at(self.optimisation, &inside, care, &|| self.goes_on()) {
             Ok(point) => {
                 self.meet(&point);
                 Some(point)
@@ -269,8 +291,8 @@ impl<'a> Judge<'a> {
         !self.is_stopped.load(Ordering::Relaxed)
     }
 
-    fn evaluate_all(&self, stage: Stage, points: &[Vec<f64>]) -> Vec<(Stage, Evaluated)> {
-        let evaluated: Vec<Option<Evaluated>> = points.par_iter().map(|shares| self.evaluate(shares)).collect();
+    fn evaluate_all(&self, stage: Stage, points: &[Vec<f64>], bar: f64) -> Vec<(Stage, Evaluated)> {
+        let evaluated: Vec<Option<Evaluated>> = points.par_iter().map(|shares| self.evaluate(shares, bar)).collect();
         evaluated.into_iter().flatten().map(|point| (stage, point)).collect()
     }
 
@@ -293,6 +315,8 @@ struct Search<'a> {
     stage: Stage,
     /// Most points.
     limit: usize,
+    /// Cost on the grid above which the band is not searched.
+    bar: f64,
     points: &'a Mutex<Vec<(Stage, Evaluated)>>,
 }
 
@@ -314,12 +338,13 @@ impl CostFunction for Search<'_> {
         if lock(self.points).len() >= self.limit {
             return Ok(f64::MAX);
         }
-        Ok(self.keep(self.judge.evaluate(shares)))
+        Ok(self.keep(self.judge.evaluate(shares, self.bar)))
     }
 
     fn bulk_cost<P: Borrow<Vec<f64>>>(&self, points: &[P]) -> Result<Vec<f64>, Error> {
         let points: Vec<&Vec<f64>> = points.iter().map(|point| point.borrow()).collect();
-        let evaluated: Vec<Option<Evaluated>> = points.par_iter().map(|shares| self.judge.evaluate(shares)).collect();
+        let evaluated: Vec<Option<Evaluated>> =
+            points.par_iter().map(|shares| self.judge.evaluate(shares, self.bar)).collect();
         Ok(evaluated.into_iter().map(|point| self.keep(point)).collect())
     }
 }

@@ -46,16 +46,20 @@ pub enum Values {
 /// How the points of an axis become one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reduction {
-    /// The largest value.
+    /// The largest value; over frequencies also between the values.
     Maximum,
-    /// The smallest value.
+    /// The smallest value; over frequencies also between the values.
     Minimum,
     /// The mean.
     Mean,
+    /// The largest of the values alone.
+    GridMaximum,
+    /// The largest value; over frequencies it is looked for as the answer of an optimisation is.
+    ScanMaximum,
 }
 
 impl Reduction {
-    const ALL: [Self; 3] = [Self::Maximum, Self::Minimum, Self::Mean];
+    const ALL: [Self; 5] = [Self::Maximum, Self::Minimum, Self::Mean, Self::GridMaximum, Self::ScanMaximum];
 
     /// Of some values, with the place of the largest or smallest; not a number if one of them is not.
     #[must_use]
@@ -73,17 +77,17 @@ impl Reduction {
             (values.get(best).copied().unwrap_or(f64::NAN), best)
         };
         match self {
-            Self::Maximum => extreme(|new, old| new > old),
+            Self::Maximum | Self::GridMaximum | Self::ScanMaximum => extreme(|new, old| new > old),
             Self::Minimum => extreme(|new, old| new < old),
             Self::Mean => (values.iter().sum::<f64>() / values.len() as f64, 0),
         }
     }
 
-    /// As study files write it.
+    /// What it gives, in a word.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Maximum => "maximum",
+            Self::Maximum | Self::GridMaximum | Self::ScanMaximum => "maximum",
             Self::Minimum => "minimum",
             Self::Mean => "mean",
         }
@@ -116,6 +120,19 @@ impl Axis {
             Values::Words(words) => words.len(),
             Values::Drawn { .. } => 1,
         }
+    }
+
+    /// Whether it is a band of drive frequencies whose extreme is looked for between its values too.
+    #[must_use]
+    pub fn is_refined(&self) -> bool {
+        let is_drive = self.key.starts_with("base.") || self.key.starts_with("force.");
+        let is_frequency =
+            matches!(self.short_key(), "frequency_hz" | "frequency_ratio" | "angular_frequency_rad_per_s");
+        let is_grid = matches!(&self.values, Values::Numbers(numbers) if numbers.len() > 1);
+        is_drive
+            && is_frequency
+            && is_grid
+            && matches!(self.reduce, Some(Reduction::Maximum | Reduction::Minimum | Reduction::ScanMaximum))
     }
 
     /// Its value at a place of a grid, or at a share of a drawn range, 0 to 1.

@@ -7,9 +7,10 @@ use damprig_core::integrator::exact::Exact;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 
 use super::axis::{Axis, Reduction, Value};
+use super::band::{Band, Reduced};
 use super::file::Study;
 use super::metric::Metric;
-use super::simulate::{Counted, GoOn, Halt, Simulated, metrics_of_all};
+use super::simulate::{Counted, GoOn, Halt, Record, Simulated, metrics_of_all};
 use crate::input::Refusal;
 use crate::simulation::case::RunSpec;
 use crate::simulation::{Case, cost};
@@ -129,27 +130,46 @@ pub fn rows(study: &Study, rows: Range<u64>, go_on: GoOn) -> Result<Vec<Vec<f64>
     }
     let simulated = metrics_of_all(&cases, study.record, &study.metrics, go_on)?;
     let each = study.simulations_per_row() as usize;
-    Ok(rows.zip(simulated.chunks(each)).map(|(row, simulated)| row_of(study, row, simulated)).collect())
+    let band = Band::of(study.points.reduced().iter().map(|axis| study.axes[*axis].clone()).collect());
+    let row_of = |(row, simulated)| row_of(study, &band, row, simulated, go_on);
+    rows.zip(simulated.chunks(each)).map(row_of).collect()
 }
 
-/// A row from its simulations: by point, then by start.
-fn row_of(study: &Study, row: u64, simulated: &[Simulated]) -> Vec<f64> {
+/// A row from its simulations, by point, then by start, and from more of them around the peaks of a band.
+fn row_of(study: &Study, band: &Band, row: u64, simulated: &[Simulated], go_on: GoOn) -> Result<Vec<f64>, Halt> {
     let starts = study.ensemble.as_ref().map_or(1, |ensemble| ensemble.shares.len());
     let mut row_values = Vec::new();
-    for metric in 0..study.metrics.len() {
-        let over_points = |start: usize| -> Vec<f64> {
-            simulated[start..].iter().step_by(starts).map(|(values, _)| values[metric]).collect()
-        };
-        let reduced: Vec<(f64, Vec<Value>)> =
-            (0..starts).map(|start| reduce(study, row, &over_points(start))).collect();
+    let mut unresolved: f64 = simulated.iter().map(|(_, given_up)| given_up).sum();
+    for (place, metric) in study.metrics.iter().enumerate() {
+        let mut reduced: Vec<Reduced> = Vec::new();
+        for start in 0..starts {
+            let share = study.ensemble.as_ref().map(|ensemble| ensemble.shares[start]);
+            let mut simulate = |points: &[Vec<Value>]| {
+                let case = |at: &Vec<Value>| {
+                    let mut values = study.points.values(&study.axes, row, 0);
+                    for (axis, value) in study.points.reduced().iter().zip(at) {
+                        values[*axis] = value.clone();
+                    }
+                    let case = study.case_with(&values)?;
+                    Ok(share.map_or_else(|| case.clone(), |share| started_at(&case, share)))
+                };
+                let cases = points.iter().map(case).collect::<Result<Vec<Case>, Refusal>>()?;
+                let found = metrics_of_all(&cases, study.record, &[*metric], go_on)?;
+                unresolved += found.iter().map(|(_, given_up)| given_up).sum::<f64>();
+                Ok(found.iter().map(|(values, _)| values[0]).collect())
+            };
+            let grid: Vec<f64> = simulated[start..].iter().step_by(starts).map(|(values, _)| values[place]).collect();
+            reduced.push(band.reduce(&grid, band.effort_of_study(), &mut simulate)?);
+        }
         match &study.ensemble {
             None => {
-                row_values.push(reduced[0].0);
+                row_values.push(reduced[0].value);
                 let number = |value: &Value| if let Value::Number(number) = value { *number } else { f64::NAN };
-                row_values.extend(extreme_axes(study).map(|axis| number(&reduced[0].1[axis])));
+                let extremes = extreme_axes(study).count();
+                row_values.extend(reduced[0].at.iter().take(extremes).map(number));
             }
             Some(ensemble) => {
-                let mut sorted: Vec<f64> = reduced.iter().map(|(value, _)| *value).collect();
+                let mut sorted: Vec<f64> = reduced.iter().map(|reduced| reduced.value).collect();
                 sorted.sort_by(f64::total_cmp);
                 row_values.push(quantile(&sorted, 0.0));
                 row_values.extend(ensemble.quantiles.iter().map(|share| quantile(&sorted, *share)));
@@ -157,8 +177,8 @@ fn row_of(study: &Study, row: u64, simulated: &[Simulated]) -> Vec<f64> {
             }
         }
     }
-    row_values.push(simulated.iter().map(|(_, given_up)| given_up).sum());
-    row_values
+    row_values.push(unresolved);
+    Ok(row_values)
 }
 
 /// The case with its particle at this share of the clearance from the centre.
@@ -181,13 +201,6 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     let at = share * (sorted.len() - 1) as f64;
     let (low, high) = (at.floor() as usize, at.ceil() as usize);
     sorted[low] + (at - low as f64) * (sorted[high] - sorted[low])
-}
-
-/// Reduces the values at all points of a row to one, with the values of the axes there.
-fn reduce(study: &Study, row: u64, values: &[f64]) -> (f64, Vec<Value>) {
-    let reduced: Vec<&Axis> = study.points.reduced().iter().map(|axis| &study.axes[*axis]).collect();
-    let (value, point) = reduce_over(&reduced, values);
-    (value, study.points.values(&study.axes, row, point as u64))
 }
 
 /// Reduces the values at all points of some axes, of which the last varies fastest, to one, with the number of its point.
@@ -218,35 +231,51 @@ pub fn trial_s(study: &Study, row: u64) -> Result<f64, Refusal> {
     let start = Instant::now();
     let case = study.case_with(&study.points.values(&study.axes, row, 0))?;
     let reading_s = start.elapsed().as_secs_f64();
+    let simulating_s = simulating_s(case, study.record, &study.metrics)?;
+    Ok((reading_s + simulating_s) * most_simulations(study))
+}
+
+/// Estimated computing time of a simulation, s, from its beginning.
+///
+/// # Errors
+/// The refusal of a case.
+pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Metric]) -> Result<f64, Refusal> {
     let start = Instant::now();
-    let simulating_s = if case.many_particles.is_some() {
-        let end_s = Counted::of(&case, study.record).end_s;
-        cost::estimate(&Case { run: RunSpec { duration_s: end_s, ..RunSpec::default() }, ..case })
-            .map_err(|invalid| Refusal(invalid.to_string()))?
-            .seconds
-    } else if case.record.is_some() {
-        // Nothing stops it, so it has a result.
-        let _ = Halt::unless_stopped(metrics_of_all(&[case], None, &study.metrics, &|| true))?;
-        start.elapsed().as_secs_f64()
-    } else {
-        let end_s = Counted::of(&case, study.record).end_s;
-        let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)
-            .map_err(|invalid| Refusal(invalid.to_string()))?;
-        let mut response = Response::new(Wanted { cycle_s: Some(case.cycle_s()), ..Wanted::default() });
-        let mut until_s = (8.0 * case.cycle_s()).min(end_s);
-        loop {
-            motion.run(until_s, &mut response);
-            if until_s >= end_s || start.elapsed() > TRIAL {
-                break;
-            }
-            until_s = (2.0 * until_s).min(end_s);
-        }
-        start.elapsed().as_secs_f64() * end_s / until_s
-    };
-    let needs_analysis = study.metrics.iter().any(|metric| metric.needs_analysis());
+    let end_s = Counted::of(&case, record).end_s;
+    let refused = |invalid: damprig_core::io::Invalid| Refusal(invalid.to_string());
     // The analysis runs the motion again, and some of its periods many times.
-    let times = if needs_analysis { 4.0 } else { 1.0 };
-    Ok((reading_s + times * simulating_s) * study.simulations_per_row() as f64)
+    let times = if metrics.iter().any(|metric| metric.needs_analysis()) { 4.0 } else { 1.0 };
+    if case.many_particles.is_some() {
+        let run = RunSpec { duration_s: end_s, ..RunSpec::default() };
+        return Ok(times * cost::estimate(&Case { run, ..case }).map_err(refused)?.seconds);
+    }
+    if case.record.is_some() {
+        // Nothing stops it, so it has a result.
+        let _ = Halt::unless_stopped(metrics_of_all(&[case], None, metrics, &|| true))?;
+        return Ok(times * start.elapsed().as_secs_f64());
+    }
+    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial).map_err(refused)?;
+    let mut response = Response::new(Wanted { cycle_s: Some(case.cycle_s()), ..Wanted::default() });
+    let mut until_s = (8.0 * case.cycle_s()).min(end_s);
+    loop {
+        motion.run(until_s, &mut response);
+        if until_s >= end_s || start.elapsed() > TRIAL {
+            break;
+        }
+        until_s = (2.0 * until_s).min(end_s);
+    }
+    Ok(times * start.elapsed().as_secs_f64() * end_s / until_s)
+}
+
+/// Simulations behind each row, with most of those around the peaks of a band.
+fn most_simulations(study: &Study) -> f64 {
+    let refined = study.axes.iter().find(|axis| axis.is_refined());
+    let around = refined.map_or(0.0, |axis| {
+        let effort = Band::of(vec![axis.clone()]).effort_of_study();
+        let share = effort.most_simulations() as f64 / axis.count() as f64;
+        share * study.metrics.len() as f64
+    });
+    study.simulations_per_row() as f64 * (1.0 + around)
 }
 
 /// Simulated cycles of a row at its first point, for estimates and for the size of parts.
@@ -257,7 +286,7 @@ pub fn cycles_per_row(study: &Study) -> f64 {
         let counted = Counted::of(&case, study.record);
         counted.end_s / counted.cycle_s
     });
-    cycles * study.simulations_per_row() as f64
+    cycles * most_simulations(study)
 }
 
 #[cfg(test)]

@@ -35,7 +35,7 @@ tables! {
             key("values", Kind::Numbers(Any), "the values, in place of a range"),
             key("words", Kind::Texts, "the values of a key that takes words, in place of a range"),
         ];
-        REDUCE: Optional, [word("reduce", &["maximum", "minimum", "mean"], "the points of this axis become one: the largest (smallest, mean) value over it")];
+        REDUCE: Optional, [word("reduce", &["maximum", "minimum", "mean", "grid_maximum", "scan_maximum"], "the points of this axis become one: the largest (smallest, mean) value over it; over drive frequencies the largest and smallest are looked for between the values too, on 1600 intervals with scan_maximum; grid_maximum is that of the values alone")];
     }
 
     "Points drawn from the ranges of the axes without a `count`."

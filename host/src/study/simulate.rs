@@ -136,6 +136,20 @@ pub fn metrics_of_all(
     cases.iter().zip(&lanes).map(simulated).collect()
 }
 
+/// As [`metrics_of_all`], each case by itself with the engine of `damprig simulate`: in a chaotic motion the lanes' other roundings grow
+/// to another result.
+///
+/// # Errors
+/// As [`metrics_of_all`].
+pub fn metrics_of_each(
+    cases: &[Case],
+    record: Option<Record>,
+    metrics: &[Metric],
+    go_on: GoOn,
+) -> Result<Vec<Simulated>, Halt> {
+    cases.iter().map(|case| metrics_of(case, record, metrics, go_on)).collect()
+}
+
 /// The case as a point for the lanes, if it is a particle that flies without friction between hard walls under a sine, and if the
 /// lanes compute what the metrics need.
 fn point(case: &Case, record: Option<Record>, metrics: &[Metric]) -> Option<Point> {

@@ -2,10 +2,14 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Output;
+use std::time::{Duration, Instant};
 
 use crate::common::damprig;
+use damprig::input::Source;
+use damprig::optimise::evaluate::Care;
 use damprig::optimise::search::{self, Progress};
-use damprig::optimise::{Optimisation, evaluate};
+use damprig::optimise::{Answer, Optimisation, evaluate};
+use damprig::study::band::Effort;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -65,23 +69,23 @@ fn a_tuned_mass_is_tuned_as_its_closed_form_says() {
     let case = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0 }\n\
                 tmd = { mass_ratio = 0.1, frequency_ratio = 0.9, damping_ratio = 0.2 }\n\
                 force = { kind = \"sine\", amplitude_n = 1.2, frequency_ratio = 1 }\nrun = { duration_s = 8 }\n";
-    let file = "case = \"case.toml\"\nobjective = \"x_over_z\"\nevaluations = 1000\n\
+    let file = "case = \"case.toml\"\nobjective = \"x_over_z\"\nevaluations = 300\n\
                 [record]\ncycles = 2\nsettle_cycles = 60\n\
                 [[variable]]\nkey = \"tmd.frequency_ratio\"\nfrom = 0.8\nto = 1\n\
                 [[variable]]\nkey = \"tmd.damping_ratio\"\nfrom = 0.1\nto = 0.3\n\
                 [[axis]]\nkey = \"force.frequency_ratio\"\nfrom = 0.7\nto = 1.2\ncount = 26\nreduce = \"maximum\"\n";
     let found = answer(&folder(case, file));
     let peak = |gamma: f64, zeta: f64| {
-        (0..26).map(|n| magnification(0.1, gamma, zeta, 0.7 + 0.02 * f64::from(n))).fold(0.0, f64::max)
+        (0..=2500).map(|n| magnification(0.1, gamma, zeta, 0.7 + 0.0002 * f64::from(n))).fold(0.0, f64::max)
     };
     let (gamma, zeta) = (variable(&found, 0), variable(&found, 1));
     let objective = found["objective"].as_f64().unwrap();
     // After 60 cycles the slower mode, whose damping ratio is above 0.04, has e^(−2π·60·0.04) = 3e-7 of its transient left.
     assert!((objective / peak(gamma, zeta) - 1.0).abs() < 1e-5, "{objective} at {gamma}, {zeta}");
-    let grid =
-        (0..=400).flat_map(|a| (0..=400).map(move |b| (0.8 + 0.0005 * f64::from(a), 0.1 + 0.0005 * f64::from(b))));
+    let grid = (0..=50).flat_map(|a| (0..=50).map(move |b| (0.88 + 0.001 * f64::from(a), 0.15 + 0.002 * f64::from(b))));
     let least = grid.map(|(gamma, zeta)| peak(gamma, zeta)).fold(f64::MAX, f64::min);
-    assert!(objective < 1.0005 * least, "{objective} against {least}");
+    // The values are rounded, and the worst within 0.1 % of them counts.
+    assert!(objective < 1.003 * least, "{objective} against {least}");
     // The reference is the same damper after Den Hartog.
     let (mass_ratio, tmd) = (0.1, &found["references"]["tmd"]);
     let tuned = peak(1.0 / (1.0 + mass_ratio), (3.0 * mass_ratio / (8.0 * (1.0 + mass_ratio))).sqrt());
@@ -106,10 +110,10 @@ fn the_optimum_is_a_simulation_that_anyone_can_repeat() {
     let result: Value = serde_json::from_slice(&command.output().unwrap().stdout).expect("JSON");
     let largest_m = result["summary"]["max_abs_x_m"].as_f64().unwrap();
     assert_eq!(found["objective"].as_f64().unwrap(), largest_m / 0.003);
-    // The centre is among the starts, and the interval has it.
+    // The centre is among the starts. Their bands are searched around the peaks only, so it is compared with itself without a change.
     let starts = &found["starts"];
     let [min, max] = ["min", "max"].map(|key| starts[key].as_f64().unwrap());
-    assert!((min..=max).contains(&found["objective"].as_f64().unwrap()), "{starts}");
+    assert!((min..=max).contains(&found["sensitivity"][0]["here"].as_f64().unwrap()), "{starts}");
 }
 
 #[test]
@@ -136,7 +140,7 @@ fn least_of_dense_search(optimisation: &Optimisation, count: usize) -> f64 {
         let shares: Vec<f64> = (0..variables)
             .map(|variable| (point / count.pow(variable as u32) % count) as f64 / (count - 1) as f64)
             .collect();
-        evaluate::at(optimisation, &shares, &|| true).expect("it is sound").objective
+        evaluate::at(optimisation, &shares, Care::of(Effort::Peaks), &|| true).expect("it is sound").objective
     };
     (0..points).map(at).fold(f64::MAX, f64::min)
 }
@@ -158,18 +162,19 @@ fn the_optimum_is_within_half_a_percent_of_a_dense_search() {
 #[test]
 fn a_constraint_is_kept_at_every_point_of_the_band_and_costs_what_it_costs() {
     let free = answer(&folder(CASE, &format!("{TOP}{CLEARANCE}{BAND}")));
-    let constraint = "[[constraint]]\nmetric = \"impacts_per_cycle\"\nat_most = 1.2\n";
+    let constraint = "[[constraint]]\nmetric = \"impacts_per_cycle\"\nat_most = 1.96\n";
     let folder = folder(CASE, &format!("{TOP}{CLEARANCE}{BAND}{constraint}"));
     let bound = answer(&folder);
-    assert!(bound["objective"].as_f64() >= free["objective"].as_f64());
-    for frequency in ["2.3", "2.4", "2.5", "2.6", "2.7"] {
+    // Values are rounded and judged by their tolerances, which moves either by less than a percent.
+    assert!(bound["objective"].as_f64() >= free["objective"].as_f64().map(|free| 0.99 * free));
+    for frequency in ["2.3", "2.4", "2.433", "2.47", "2.5", "2.53", "2.6", "2.666", "2.7"] {
         let set =
             [format!("particle.clearance_ratio={:?}", variable(&bound, 0)), format!("base.frequency_hz={frequency}")];
         let mut command = damprig(&folder);
         command.args(["simulate", "case.toml", "--json", "--set", &set[0], "--set", &set[1]]);
         let result: Value = serde_json::from_slice(&command.output().unwrap().stdout).expect("JSON");
         let cycles = 8.0 * frequency.parse::<f64>().unwrap();
-        assert!(result["summary"]["impact_count"].as_f64().unwrap() / cycles <= 1.2 * (1.0 + 1e-12), "{frequency} Hz");
+        assert!(result["summary"]["impact_count"].as_f64().unwrap() / cycles <= 1.96 * (1.0 + 1e-12), "{frequency} Hz");
     }
 }
 
@@ -193,13 +198,14 @@ fn the_worst_start_counts_unless_a_quantile_is_wanted() {
     let file = |over: &str| format!("{TOP}{CLEARANCE}[ensemble]\nstarts = 5\n{over}");
     let objective = |over: &str| {
         let folder = folder(CASE, &file(over));
-        evaluate::at(&read(&folder), &[0.3], &|| true).expect("it is sound").objective
+        evaluate::at(&read(&folder), &[0.3], Care::of(Effort::Peaks), &|| true).expect("it is sound").objective
     };
     let optimisation = folder(CASE, &file(""));
     let optimisation = read(&optimisation);
-    let value = evaluate::at(&optimisation, &[0.3], &|| true).expect("it is sound").values;
+    let value = evaluate::at(&optimisation, &[0.3], Care::of(Effort::Peaks), &|| true).expect("it is sound").values;
     let mut starts =
-        evaluate::from_starts(&optimisation, &value, &[-1.0, -0.5, 0.0, 0.5, 1.0], &|| true).expect("sound");
+        evaluate::from_starts(&optimisation, &value, &[-1.0, -0.5, 0.0, 0.5, 1.0], Effort::Peaks, &|| true)
+            .expect("sound");
     starts.sort_by(f64::total_cmp);
     assert!(starts[0] < starts[4], "the starts differ");
     assert_eq!(objective(""), starts[4]);
@@ -265,5 +271,109 @@ fn shipped_optimisations_are_sound() {
     for file in files {
         let optimisation = Optimisation::read(file).unwrap_or_else(|refusal| panic!("{refusal}"));
         assert!(optimisation.simulations_per_point() > 10, "it is judged over a band or from several starts");
+    }
+}
+
+/// The printed optimum: the value, and `--set` for each variable and for the place in the band.
+fn printed(told: &str) -> (f64, Vec<String>) {
+    let (_, value) = told.split_once("est max_x_over_z: ").expect("a headline");
+    let value = value.split_whitespace().next().and_then(|value| value.parse().ok()).expect("a number");
+    let lines = told.lines().skip_while(|line| !line.contains("est max_x_over_z: ")).skip(1);
+    let set = |line: &str| {
+        let mut words = line.trim_start().trim_start_matches("there, ").split_whitespace();
+        Some(format!("{}={}", words.next()?, words.next()?))
+    };
+    (value, lines.take_while(|line| line.starts_with("  ")).filter_map(set).collect())
+}
+
+fn simulated_x_over_z(folder: &TempDir, set: &[String]) -> f64 {
+    let mut command = damprig(folder);
+    command.args(["simulate", "case.toml", "--json"]).args(set.iter().flat_map(|set| ["--set", set]));
+    let result: Value = serde_json::from_slice(&command.output().unwrap().stdout).expect("JSON");
+    result["summary"]["max_abs_x_m"].as_f64().unwrap() / 0.003
+}
+
+/// Frequency, restitution and duration of cases in which the search's best clearance lies on a ridge: its first six digits give a value that
+/// differs by 1.7 % and 0.2 %, and 0.1 % more or less by up to 13 %.
+const ON_A_RIDGE: [(&str, &str, &str); 2] = [("2.48", "0.9", "100"), ("2.42", "0.95", "100")];
+
+#[test]
+fn the_printed_values_give_the_printed_optimum_and_keep_it_within_their_tolerance() {
+    for (frequency_hz, restitution, duration_s) in ON_A_RIDGE {
+        let case = CASE
+            .replace("frequency_hz = 2.5 }", &format!("frequency_hz = {frequency_hz} }}"))
+            .replace("coefficient = 0.5", &format!("coefficient = {restitution}"))
+            .replace("duration_s = 8", &format!("duration_s = {duration_s}"));
+        let file = format!("{TOP}[[variable]]\nkey = \"particle.clearance_m\"\nfrom = 0.01\nto = 0.05\n")
+            .replace("300", "1000");
+        let folder = folder(&case, &file);
+        let output = run(&folder, "2", &[]);
+        let told = String::from_utf8_lossy(&output.stdout);
+        let (value, set) = printed(&told);
+        let typed = simulated_x_over_z(&folder, &set);
+        // Six digits are printed.
+        assert!((typed / value - 1.0).abs() < 1e-5, "{typed} with {set:?} typed in\n{told}");
+        let (key, at) = set[0].split_once('=').expect("a value");
+        assert!(at.trim_start_matches(['0', '.']).len() <= 4, "four digits can be set: {at}");
+        let (_, worst) = told.split_once("(up to ").expect("what the tolerances make of it");
+        let worst: f64 = worst.split_whitespace().next().and_then(|worst| worst.parse().ok()).expect("a number");
+        let at: f64 = at.parse().unwrap();
+        for change in [-1e-3 * at, 1e-3 * at] {
+            let there = simulated_x_over_z(&folder, &[format!("{key}={}", at + change)]);
+            assert!(there < worst * (1.0 + 1e-4), "{there} at {at} + {change}\n{told}");
+        }
+    }
+}
+
+/// The shipped band with 1601 frequencies in place of 21. The scan has as many and looks around its peaks, so it can miss a little only.
+#[test]
+fn the_peak_over_the_shipped_band_is_that_of_a_grid_of_1601_frequencies() {
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("optimisations/spid-band.toml");
+    let optimisation = Optimisation::read(&shipped).expect("it is sound");
+    let text = std::fs::read_to_string(&shipped).unwrap().replace("count = 21", "count = 1601");
+    let dense = Optimisation::parse(&Source::new("dense.toml", text.as_str()), &shipped, None).expect("it is sound");
+    let values = if std::env::var_os("DAMPRIG_FULL").is_some() {
+        let found = search::run(&optimisation, &|_| true).expect("it is sound");
+        let answer = Answer::of(&optimisation, &found, &|| true).expect("it is sound");
+        vec![answer.variables.iter().map(|variable| variable.value).collect()]
+    } else {
+        vec![vec![10.2312, 0.137067], vec![15.0, 0.5]]
+    };
+    for values in values {
+        let of = |optimisation: &Optimisation, effort: Effort| {
+            let found = evaluate::at_values(optimisation, values.clone(), Care::of(effort), &|| true);
+            found.expect("it is sound").objective
+        };
+        let (peak, all) = (of(&optimisation, Effort::Scan), of(&dense, Effort::Grid));
+        assert!(peak > 0.99 * all, "{peak} against {all} of 1601 frequencies at {values:?}");
+        assert!(of(&optimisation, Effort::Peaks) >= of(&optimisation, Effort::Grid));
+    }
+}
+
+#[test]
+fn a_dry_run_of_hours_of_simulation_takes_seconds() {
+    let band = BAND.replace("to = 2.7", "to = 1e5");
+    let folder = folder(CASE, &format!("{TOP}{CLEARANCE}{band}[record]\nduration_s = 1e5\n"));
+    let start = Instant::now();
+    let output = run(&folder, "2", &["--dry-run"]);
+    let told = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && told.contains("300 points of 5 simulations"), "{told}");
+    // Some beginnings of 0.05 s, on a machine that does other things too.
+    assert!(start.elapsed() < Duration::from_secs(20), "{:?}", start.elapsed());
+}
+
+#[test]
+fn a_tolerance_says_how_closely_the_optimum_is_stated() {
+    let file = format!("{TOP}{}tolerance = 0.3\n", CLEARANCE);
+    let found = answer(&folder(CASE, &file));
+    let value = variable(&found, 0);
+    assert!((10.0 * value - (10.0 * value).round()).abs() < 1e-9, "{value} has one decimal");
+    assert_eq!(found["variables"][0]["tolerance"], 0.3);
+    for (text, words) in
+        [("tolerance = 30", ["file.toml:8", "below the range, 15"]), ("tolerance = 0", ["file.toml:8", "tolerance"])]
+    {
+        let output = run(&folder(CASE, &format!("{TOP}{CLEARANCE}{text}\n")), "2", &[]);
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && words.iter().all(|word| told.contains(word)), "{told}");
     }
 }

@@ -52,12 +52,20 @@ fn optimum(answer: &Answer) -> String {
             format!("no point keeps the constraints; the least violation, with {} {value}, is at", answer.metric)
         }
     };
+    let concerns = concerns(answer);
+    if !concerns.is_empty() {
+        text = format!("{} ({}) at", text.trim_end_matches(" at"), concerns.join("; "));
+    }
     let mut line = |key: &str, value: &str| text.push_str(&format!("\n  {key:34} {value}"));
+    let exact = |value: f64, unit: &str| format!("{value} {unit}").trim_end().to_string();
     for variable in &answer.variables {
-        line(&variable.key, &with_unit(variable.value, 6, variable.unit));
+        let value = exact(variable.value, variable.unit);
+        let tolerance = with_unit(variable.tolerance, 2, variable.unit);
+        let is_rounded = answer.worst_within_tolerance.is_some();
+        line(&variable.key, &if is_rounded { format!("{value} ± {tolerance}") } else { value });
     }
     for place in &answer.band {
-        line(&format!("there, {}", place.key), &with_unit(place.value, 6, place.unit));
+        line(&format!("there, {}", place.key), &exact(place.value, place.unit));
     }
     for constraint in &answer.constraints {
         let kept = if constraint.is_kept { "kept" } else { "not kept" };
@@ -68,6 +76,28 @@ fn optimum(answer: &Answer) -> String {
         line("unresolved", &format!("{} times too many events fell on one instant", answer.unresolved));
     }
     text
+}
+
+/// What bears on the value, for its line.
+fn concerns(answer: &Answer) -> Vec<String> {
+    let mut concerns = Vec::new();
+    if let Some(worst) = answer.worst_within_tolerance {
+        let side = if answer.goal == "maximum" { "down" } else { "up" };
+        let unkept = answer.is_feasible_within_tolerance == Some(false);
+        let unkept = if unkept { ", where a constraint is not kept" } else { "" };
+        concerns.push(format!("{side} to {} within the tolerances{unkept}", with_unit(worst, 5, answer.unit)));
+    }
+    if let Some(starts) = &answer.starts {
+        let (min, max) = (significant(starts.min, 4), significant(starts.max, 4));
+        concerns.push(format!("{min} to {max} from other starts"));
+    }
+    for sensitivity in answer.sensitivity.iter().filter(|sensitivity| sensitivity.jump.is_some()) {
+        concerns.push(format!("ridge of {}{}", sensitivity.key, distance(sensitivity, answer)));
+    }
+    for variable in answer.variables.iter().filter(|variable| variable.is_at_edge) {
+        concerns.push(format!("{} is at the edge of its range", variable.key));
+    }
+    concerns
 }
 
 fn starts(answer: &Answer) -> String {
@@ -88,8 +118,8 @@ fn sensitivity(optimisation: &Optimisation, answer: &Answer) -> String {
     if answer.sensitivity.is_empty() {
         return String::new();
     }
-    let change = |value: Option<f64>| match value {
-        Some(value) if !value.is_nan() => percent(value / answer.objective - 1.0),
+    let change = |value: Option<f64>, here: f64| match value {
+        Some(value) if !value.is_nan() => percent(value / here - 1.0),
         Some(_) => "missing".into(),
         None => "outside the range".into(),
     };
@@ -98,9 +128,9 @@ fn sensitivity(optimisation: &Optimisation, answer: &Answer) -> String {
         rows.add_row([
             sensitivity.key.clone(),
             with_unit(sensitivity.step, 3, axis.unit()),
-            change(sensitivity.below),
-            change(sensitivity.above),
-            change(Some(sensitivity.worst_within)),
+            change(sensitivity.below, sensitivity.here),
+            change(sensitivity.above, sensitivity.here),
+            change(Some(sensitivity.worst_within), sensitivity.here),
         ]);
     }
     let mut text = format!("What small changes do to {}:\n{rows}", answer.metric);
@@ -113,8 +143,7 @@ fn sensitivity(optimisation: &Optimisation, answer: &Answer) -> String {
 /// A ridge near the optimum, in words.
 fn ridge(sensitivity: &Sensitivity, answer: &Answer) -> String {
     let Some(jump) = &sensitivity.jump else { return String::new() };
-    let at = answer.variables.iter().find(|variable| variable.key == sensitivity.key).map_or(f64::NAN, |v| v.value);
-    let away = if at == 0.0 { String::new() } else { format!(" ({} away)", percent((jump.near - at) / at)) };
+    let away = distance(sensitivity, answer);
     format!(
         "\nridge: between {} = {} and {}{away} {} jumps from {} to {}",
         sensitivity.key,
@@ -124,6 +153,15 @@ fn ridge(sensitivity: &Sensitivity, answer: &Answer) -> String {
         significant(jump.objective_near, 5),
         significant(jump.objective_far, 5)
     )
+}
+
+/// How far the ridge is from the optimum: ` (+1.40 % away)`.
+fn distance(sensitivity: &Sensitivity, answer: &Answer) -> String {
+    let at = answer.variables.iter().find(|variable| variable.key == sensitivity.key).map_or(f64::NAN, |v| v.value);
+    match &sensitivity.jump {
+        Some(jump) if at != 0.0 => format!(" ({} away)", percent((jump.near - at) / at)),
+        _ => String::new(),
+    }
 }
 
 fn percent(share: f64) -> String {

@@ -252,6 +252,7 @@ ensemble = { starts = 3, over_starts = "median" }
 key = "particle.clearance_m"
 from = 0.01
 to = 0.02
+tolerance = 0.0001
 scale = "log"
 
 [[axis]]

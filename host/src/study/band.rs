@@ -1,0 +1,303 @@
+//! Finds the largest or smallest value over a band of frequencies, between the values of its grid too.
+
+use super::axis::{Axis, Reduction, Value};
+use super::evaluate::reduce_over;
+use super::simulate::Halt;
+
+/// How a band is searched between the values of its grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effort {
+    /// Not at all.
+    Grid,
+    /// Around the grid's three highest local maxima (lowest minima), up to their neighbours.
+    Peaks,
+    /// On a grid of 1600 intervals, then around its five highest local maxima.
+    Scan,
+}
+
+/// Intervals of a scan.
+const SCAN: usize = 1600;
+
+/// Values on each side of a peak in a round; the next round lies between the neighbours of the best.
+const EACH_SIDE: usize = 4;
+
+impl Effort {
+    const fn peaks(self) -> usize {
+        match self {
+            Self::Grid => 0,
+            Self::Peaks => 3,
+            Self::Scan => 5,
+        }
+    }
+
+    /// Rounds around each peak: two bring a peak to within 1/25 of a step, where a smooth one has its value.
+    const ROUNDS: usize = 2;
+
+    /// Most simulations between the values of a grid for one start and one metric.
+    #[must_use]
+    pub const fn most_simulations(self) -> usize {
+        let scan = if matches!(self, Self::Scan) { SCAN } else { 0 };
+        scan + self.peaks() * Self::ROUNDS * 2 * EACH_SIDE
+    }
+}
+
+/// The reduced axes of a study or an optimisation.
+#[derive(Clone, Debug)]
+pub struct Band {
+    axes: Vec<Axis>,
+    /// Place of the axis that is searched between its values.
+    refined: Option<usize>,
+}
+
+/// A band's value and the values of its axes there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reduced {
+    /// The value; not a number if one of them is not.
+    pub value: f64,
+    /// The values of the axes.
+    pub at: Vec<Value>,
+}
+
+/// Simulates points of the band, given by the values of its axes: a value for each.
+pub type Simulate<'a> = &'a mut dyn FnMut(&[Vec<Value>]) -> Result<Vec<f64>, Halt>;
+
+/// Evaluates a line of the band at some frequencies.
+type Evaluate<'a> = &'a mut dyn FnMut(&[f64]) -> Result<Vec<Sample>, Halt>;
+
+/// The value at a frequency, all later axes reduced.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    frequency: f64,
+    value: f64,
+    /// Point of the later axes.
+    inner: usize,
+}
+
+impl Band {
+    /// Of axes of which the last varies fastest.
+    #[must_use]
+    pub fn of(axes: Vec<Axis>) -> Self {
+        let refined = axes.iter().position(Axis::is_refined);
+        Self { axes, refined }
+    }
+
+    /// The same axes with the largest value over each, as a constraint has it.
+    #[must_use]
+    pub fn of_largest(axes: &[Axis]) -> Self {
+        Self::of(axes.iter().map(|axis| Axis { reduce: Some(Reduction::Maximum), ..axis.clone() }).collect())
+    }
+
+    /// How the axis that is searched between its values is reduced; `None` without such an axis. With `Minimum` the search can only
+    /// lower the band's value, otherwise only raise it.
+    #[must_use]
+    pub fn refined(&self) -> Option<Reduction> {
+        self.axes[self.refined?].reduce
+    }
+
+    /// How a study searches it.
+    #[must_use]
+    pub fn effort_of_study(&self) -> Effort {
+        if self.refined() == Some(Reduction::ScanMaximum) { Effort::Scan } else { Effort::Peaks }
+    }
+
+    /// Reduces the values at the points of the grid to one.
+    ///
+    /// # Errors
+    /// Those of `simulate`.
+    pub fn reduce(&self, grid: &[f64], effort: Effort, simulate: Simulate) -> Result<Reduced, Halt> {
+        let all: Vec<&Axis> = self.axes.iter().collect();
+        let Some(place) = self.refined.filter(|_| effort != Effort::Grid) else {
+            let (value, point) = reduce_over(&all, grid);
+            return Ok(Reduced { value, at: values_at(&self.axes, point) });
+        };
+        let (outer, axis, inner) = (&all[..place], all[place], &all[place + 1..]);
+        let (inner_axes, count) = (&self.axes[place + 1..], axis.count());
+        let inner_points: usize = inner.iter().map(|axis| axis.count()).product();
+        let mut best: Vec<Sample> = Vec::new();
+        for (number, of_line) in grid.chunks(count * inner_points).enumerate() {
+            let first = values_at(&self.axes[..place], number);
+            let sample = |(frequency, values): (f64, &[f64])| {
+                let (value, inner) = reduce_over(inner, values);
+                Sample { frequency, value, inner }
+            };
+            let mut line: Vec<Sample> =
+                numbers(axis).into_iter().zip(of_line.chunks(inner_points)).map(sample).collect();
+            let mut evaluate = |frequencies: &[f64]| -> Result<Vec<Sample>, Halt> {
+                let at = |frequency: &f64, point: usize| {
+                    let own = std::iter::once(Value::Number(*frequency));
+                    first.iter().cloned().chain(own).chain(values_at(inner_axes, point)).collect::<Vec<Value>>()
+                };
+                let points: Vec<Vec<Value>> =
+                    frequencies.iter().flat_map(|f| (0..inner_points).map(move |point| at(f, point))).collect();
+                let values = simulate(&points)?;
+                Ok(frequencies.iter().copied().zip(values.chunks(inner_points)).map(sample).collect())
+            };
+            if effort == Effort::Scan {
+                line.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
+                let parts = SCAN.div_ceil(count - 1);
+                let ends = line.windows(2).map(|ends| (ends[0].frequency, ends[1].frequency));
+                let between: Vec<f64> = ends.flat_map(|(from, to)| between(from, to, parts - 1)).collect();
+                line.extend(evaluate(&between)?);
+            }
+            best.push(highest(line, axis.reduce == Some(Reduction::Minimum), effort.peaks(), &mut evaluate)?);
+        }
+        let (value, number) = reduce_over(outer, &best.iter().map(|sample| sample.value).collect::<Vec<_>>());
+        let sample = best[number];
+        let mut at = values_at(&self.axes[..place], number);
+        at.push(Value::Number(sample.frequency));
+        at.extend(values_at(inner_axes, sample.inner));
+        Ok(Reduced { value, at })
+    }
+}
+
+/// The best sample of a line and of what lies around its best peaks.
+fn highest(mut line: Vec<Sample>, is_minimum: bool, peaks: usize, evaluate: Evaluate) -> Result<Sample, Halt> {
+    let height = |sample: &Sample| if is_minimum { -sample.value } else { sample.value };
+    let better = |a: Sample, b: Sample| if height(&b) > height(&a) { b } else { a };
+    line.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
+    if let Some(missing) = line.iter().find(|sample| sample.value.is_nan()) {
+        return Ok(*missing);
+    }
+    let last = line.len() - 1;
+    let is_peak = |place: &usize| {
+        let here = height(&line[*place]);
+        (*place == 0 || here > height(&line[place - 1])) && (*place == last || here >= height(&line[place + 1]))
+    };
+    let mut tops: Vec<usize> = (0..=last).filter(is_peak).collect();
+    tops.sort_by(|a, b| height(&line[*b]).total_cmp(&height(&line[*a])));
+    tops.truncate(peaks);
+    // Each peak with its neighbours.
+    let mut around: Vec<Vec<Sample>> =
+        tops.iter().map(|top| line[top.saturating_sub(1)..=(top + 1).min(last)].to_vec()).collect();
+    for _ in 0..Effort::ROUNDS {
+        let sides = |samples: &Vec<Sample>| -> Vec<f64> {
+            let ends = samples.windows(2).map(|ends| (ends[0].frequency, ends[1].frequency));
+            ends.flat_map(|(from, to)| between(from, to, EACH_SIDE)).collect()
+        };
+        let asked: Vec<Vec<f64>> = around.iter().map(sides).collect();
+        let mut found = evaluate(&asked.concat())?.into_iter();
+        for (samples, asked) in around.iter_mut().zip(&asked) {
+            samples.extend(found.by_ref().take(asked.len()));
+            if let Some(missing) = samples.iter().find(|sample| sample.value.is_nan()) {
+                return Ok(*missing);
+            }
+            samples.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
+            let top = (0..samples.len()).fold(0, |a, b| if height(&samples[b]) > height(&samples[a]) { b } else { a });
+            *samples = samples[top.saturating_sub(1)..(top + 2).min(samples.len())].to_vec();
+        }
+    }
+    let first = line.iter().copied().fold(line[0], better);
+    Ok(around.into_iter().flatten().fold(first, better))
+}
+
+/// So many values between two, evenly spaced, with seven significant digits so that a printed one is the simulated one; fewer where
+/// the digits do not tell them apart.
+fn between(from: f64, to: f64, count: usize) -> Vec<f64> {
+    let at = |n: usize| from + (to - from) * n as f64 / (count + 1) as f64;
+    let short = |value: f64| format!("{value:.6e}").parse().unwrap_or(value);
+    let mut values: Vec<f64> = (1..=count).map(|n| short(at(n))).filter(|value| from < *value && *value < to).collect();
+    values.dedup();
+    values
+}
+
+fn numbers(axis: &Axis) -> Vec<f64> {
+    let number = |place| if let Value::Number(number) = axis.value(place, 0.0) { number } else { f64::NAN };
+    (0..axis.count()).map(number).collect()
+}
+
+/// The values of some axes at one of their points, of which the last axis varies fastest.
+#[must_use]
+pub fn values_at(axes: &[Axis], point: usize) -> Vec<Value> {
+    let mut rest = point;
+    let mut values: Vec<Value> = Vec::new();
+    for axis in axes.iter().rev() {
+        values.push(axis.value(rest % axis.count(), 0.0));
+        rest /= axis.count();
+    }
+    values.reverse();
+    values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::axis::Values;
+
+    fn axis(key: &str, numbers: Vec<f64>, reduce: Reduction) -> Axis {
+        let values = Values::Numbers(numbers);
+        Axis { key: key.into(), values, is_log: false, reduce: Some(reduce), span: 0..0, value_spans: Vec::new() }
+    }
+
+    fn frequencies(reduce: Reduction) -> Axis {
+        axis("base.frequency_hz", (0..11).map(|n| 2.0 + 0.1 * f64::from(n)).collect(), reduce)
+    }
+
+    /// The band's value for a response over frequency and the other axis' value.
+    fn reduced(axes: Vec<Axis>, effort: Effort, response: impl Fn(f64, f64) -> f64) -> Reduced {
+        let of = |at: &Vec<Value>| {
+            let number = |key: &str| {
+                let place = axes.iter().position(|axis| axis.key == key);
+                place.map_or(0.0, |place| if let Value::Number(number) = at[place] { number } else { f64::NAN })
+            };
+            response(number("base.frequency_hz"), number("a"))
+        };
+        let points = axes.iter().map(Axis::count).product();
+        let grid: Vec<f64> = (0..points).map(|point| of(&values_at(&axes, point))).collect();
+        Band::of(axes.clone()).reduce(&grid, effort, &mut |asked| Ok(asked.iter().map(of).collect())).unwrap()
+    }
+
+    fn resonance(frequency: f64, natural: f64) -> f64 {
+        let (ratio, zeta) = (frequency / natural, 0.02);
+        1.0 / ((1.0 - ratio * ratio).powi(2) + (2.0 * zeta * ratio).powi(2)).sqrt()
+    }
+
+    #[test]
+    fn a_peak_between_the_frequencies_is_found_with_its_place() {
+        for natural in [2.003, 2.044, 2.45, 2.71, 2.999] {
+            let found = reduced(vec![frequencies(Reduction::Maximum)], Effort::Peaks, |f, _| resonance(f, natural));
+            // The last values are a fiftieth of 0.1 Hz apart, a peak at most 0.002 Hz from one: (0.002/2.003/0.02)²/2 = 0.13 %.
+            assert!((found.value * 0.04 - 1.0).abs() < 2.0e-3, "{found:?} for {natural}");
+            let Value::Number(at) = found.at[0] else { panic!("{found:?}") };
+            assert!((at - natural).abs() < 0.0045, "{at} for {natural}");
+            assert_eq!(resonance(at, natural), found.value);
+            let least = reduced(vec![frequencies(Reduction::Minimum)], Effort::Peaks, |f, _| -resonance(f, natural));
+            assert_eq!(least.value, -found.value);
+        }
+    }
+
+    #[test]
+    fn the_grid_alone_counts_where_it_is_asked_for() {
+        for reduce in [Reduction::GridMaximum, Reduction::Mean] {
+            let grid = reduced(vec![frequencies(reduce)], Effort::Grid, |f, _| resonance(f, 2.45));
+            assert_eq!(reduced(vec![frequencies(reduce)], Effort::Scan, |f, _| resonance(f, 2.45)), grid);
+        }
+    }
+
+    #[test]
+    fn other_axes_are_reduced_before_and_after_the_frequency() {
+        let other = |reduce| axis("a", vec![2.25, 2.45, 2.65], reduce);
+        let response = |f: f64, a: f64| a * resonance(f, a);
+        for (reduce, natural) in [(Reduction::Maximum, 2.65), (Reduction::Minimum, 2.25)] {
+            let found = reduced(vec![other(reduce), frequencies(Reduction::Maximum)], Effort::Scan, response);
+            assert!((found.value / (natural * 25.0) - 1.0).abs() < 1e-3, "{found:?}");
+            assert_eq!(found.at[0], Value::Number(natural));
+        }
+        let found = reduced(vec![frequencies(Reduction::Maximum), other(Reduction::Maximum)], Effort::Scan, response);
+        assert!((found.value / (2.65 * 25.0) - 1.0).abs() < 1e-3, "{found:?}");
+        assert_eq!(found.at[1], Value::Number(2.65));
+    }
+
+    #[test]
+    fn a_value_that_is_missing_between_the_frequencies_is_missing() {
+        let gap = |f: f64, _| if (2.41..2.48).contains(&f) { f64::NAN } else { resonance(f, 2.45) };
+        assert!(reduced(vec![frequencies(Reduction::Maximum)], Effort::Grid, gap).value > 0.0);
+        assert!(reduced(vec![frequencies(Reduction::Maximum)], Effort::Peaks, gap).value.is_nan());
+    }
+
+    #[test]
+    fn a_narrow_peak_away_from_the_others_is_found_by_the_scan_alone() {
+        let spike = |f: f64, _| resonance(f, 2.45) + 100.0 * f64::exp(-((f - 2.8531) / 0.002).powi(2));
+        assert!(reduced(vec![frequencies(Reduction::Maximum)], Effort::Peaks, spike).value < 30.0);
+        assert!(reduced(vec![frequencies(Reduction::Maximum)], Effort::Scan, spike).value > 101.0);
+    }
+}
