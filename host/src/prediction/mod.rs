@@ -208,7 +208,7 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refu
 }
 
 /// Up to six digits, no trailing zeros.
-fn trim(value: f64) -> String {
+pub fn trim(value: f64) -> String {
     format!("{value:.3}").trim_end_matches('0').trim_end_matches('.').to_string()
 }
 

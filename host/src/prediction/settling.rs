@@ -1,17 +1,14 @@
-//! Says how long a structure must settle until X/Z is within its tolerance of its limit: of a point of a campaign, of a study's or a case's
-//! counted cycles.
+//! Says how long a structure must settle until X/Z is within its tolerance of its limit.
 //!
 //! From rest the free vibration decays with the time constant τ = 1/(ζω), to exp(−ζωt) of its amplitude. At resonance the amplitude is 1 − e^(−t/τ) of its limit,
 //! so its mean over a dwell D from t on is τ/D·e^(−t/τ)·(1 − e^(−D/τ)) below it. Off resonance X/Z is nearer to its limit. Friction
 //! shortens the decay of a driven motion by nothing: near resonance the amplitude approaches its limit as without it. An impact damper makes
 //! it faster by an amount that this does not know, and the text says so; a tuned mass takes the free vibration away and is not judged.
 
-use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{SetUp, Structure};
+use damprig_core::model::Structure;
 
 use super::{trim, whole_cycles};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Start, SteppedSine};
-use crate::simulation::Case;
 
 /// The verdict on a point needs this many times its tolerance, for the uncertainty of the extrapolation.
 const WITH_UNCERTAINTY: f64 = 1.3;
@@ -35,19 +32,20 @@ fn settled_after_s(deviation_of: f64, dwell_s: f64, time_constant_s: f64) -> f64
 
 /// A mean over cycles that begins before the free vibration has decayed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Unsettled {
+pub struct Unsettled {
     /// Share of the free vibration's amplitude that is left when it begins.
-    share: f64,
+    pub share: f64,
     /// Relative deviation of X/Z from its limit at resonance.
-    deviation: f64,
+    pub deviation: f64,
     /// τ, s.
-    time_constant_s: f64,
+    pub time_constant_s: f64,
     /// Time after rest from which the deviation is within the tolerance, s.
-    enough_s: f64,
+    pub enough_s: f64,
 }
 
 /// Judges a mean over `counted_s` that begins `start_s` after rest; `None` if its deviation is within the tolerance, or without damping.
-fn unsettled(structure: &Structure, [start_s, counted_s]: [f64; 2], tolerance: f64) -> Option<Unsettled> {
+#[must_use]
+pub fn unsettled(structure: &Structure, [start_s, counted_s]: [f64; 2], tolerance: f64) -> Option<Unsettled> {
     let rate = structure.damping_ratio() * structure.angular_frequency_rad_per_s();
     if rate <= 0.0 {
         return None;
@@ -67,11 +65,6 @@ fn unsettled(structure: &Structure, [start_s, counted_s]: [f64; 2], tolerance: f
 pub fn longest_dwell_s(time_constant_s: f64, settle_s: f64, dwell_s: f64, tolerance: f64) -> f64 {
     let needed_s = settled_after_s(tolerance / WITH_UNCERTAINTY, dwell_s, time_constant_s);
     (1.0 + ((needed_s - settle_s).max(0.0) / dwell_s).ceil()) * dwell_s
-}
-
-/// Whether particles may shorten the decay.
-fn has_particles(set_up: &SetUp) -> bool {
-    set_up.particle.is_some()
 }
 
 /// A line for each experiment whose points near resonance will not be steady, with what would do.
@@ -103,7 +96,7 @@ fn of_experiment(set_up: &CampaignSetUp, experiment: &Experiment, sine: &Stepped
         let (longest, settle) = (trim(longest_s), found.enough_s.ceil());
         format!("For steady points write steady = {{ longest_dwell_s = {longest} }}, or settle_s = {settle}.")
     };
-    let unless = if has_particles(&model) { " unless the damper shortens it" } else { "" };
+    let unless = if model.particle.is_some() { " unless the damper shortens it" } else { "" };
     Some(format!(
         "Set-up {:?}, experiment {:?}: near resonance X/Z will be measured {:.0} % below its limit (time constant {} s){unless}:\n  when the last dwell begins, {:.0} % of the free vibration is left, exp(−ζωt).\n  {what_to_do}",
         set_up.name,
@@ -111,30 +104,6 @@ fn of_experiment(set_up: &CampaignSetUp, experiment: &Experiment, sine: &Stepped
         100.0 * found.deviation,
         trim(found.time_constant_s),
         100.0 * found.share,
-    ))
-}
-
-/// Tolerance of the mean over a case's counted cycles.
-const CASE_TOLERANCE: f64 = 0.01;
-
-/// A warning if a case under a sine is counted from a cycle (from 0, of `cycle_s`) to `end_s` before the free vibration has decayed. `key`
-/// is the one that says from which cycle it counts.
-#[must_use]
-pub fn of_case(case: &Case, key: &str, first_cycle: f64, [cycle_s, end_s]: [f64; 2]) -> Option<String> {
-    let is_sine = matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. });
-    if !is_sine || case.record.is_some() || case.set_up.tmd.is_some() {
-        return None;
-    }
-    let start_s = first_cycle * cycle_s;
-    let found = unsettled(&case.set_up.structure, [start_s, end_s - start_s], CASE_TOLERANCE)?;
-    let may_shorten = has_particles(&case.set_up) || case.many_particles.is_some();
-    let unless = if may_shorten { ", unless the damper shortens it" } else { "" };
-    Some(format!(
-        "the counted cycles begin after {first_cycle} cycles, when {:.0} % of the structure's free vibration is left{unless}: exp(−ζωt), time \
-         constant {} s\n  write {key} = {}",
-        100.0 * found.share,
-        trim(found.time_constant_s),
-        (found.enough_s / cycle_s).ceil(),
     ))
 }
 
@@ -192,16 +161,5 @@ mod tests {
         let wall = "wall = { kind = \"restitution\", coefficient = 0.5 }";
         let particle = format!("particle = {{ mass_ratio = 0.1, clearance_ratio = 5, {wall} }}\n");
         assert!(advice(&campaign(0.0038, "dwell_s = 32", &particle))[0].contains("unless the damper shortens it"));
-    }
-
-    #[test]
-    fn a_case_that_counts_too_early_is_told_what_is_left_and_from_which_cycle_it_may_count() {
-        let text = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }\n\
-                    base = { kind = \"sine\", amplitude_m = 0.001, frequency_hz = 2.5 }\nrun = { duration_s = 40 }\n";
-        let case = Case::parse(&Source::new("c.toml", text), "c").unwrap();
-        // exp(−0.0038 · 2π · 40) = 38.5 %; over 20 cycles τ/8·(1 − e^(−8/τ)) = 79.5 %, and 79.5 % · e^(−t/τ) = 1 %/1.3 at t = 77.7 s.
-        let told = of_case(&case, "settle_cycles", 40.0, [0.4, 24.0]).unwrap();
-        assert!(told.contains("after 40 cycles, when 38 % ") && told.ends_with("write settle_cycles = 195"), "{told}");
-        assert_eq!(of_case(&case, "settle_cycles", 195.0, [0.4, 86.0]), None);
     }
 }

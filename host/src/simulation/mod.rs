@@ -34,6 +34,7 @@ pub mod motion;
 pub mod result;
 mod sampled_driver;
 pub mod set_values;
+pub mod settling;
 mod simulate;
 pub mod statistics;
 pub mod time_history;

@@ -14,8 +14,8 @@ use super::table::LEAST_OF_MAP;
 use crate::continuation::Continuation;
 use crate::input::section::Text;
 use crate::input::{Files, Problem, Refusal, Section, Source, near};
-use crate::prediction::settling;
 use crate::simulation::case::default_name;
+use crate::simulation::settling;
 use crate::simulation::{Case, SetValues};
 
 /// Who sets the values of a case, in messages about a single point.
@@ -173,7 +173,7 @@ impl Study {
                 * counted.first_cycle
                 * counted.cycle_s;
             let key = if self.record.is_some() { "settle_cycles" } else { "steady_from_cycle" };
-            let text = settling::of_case(&case, key, counted.first_cycle, [counted.cycle_s, counted.end_s]);
+            let text = settling::warning(&case, key, counted.first_cycle, [counted.cycle_s, counted.end_s]);
             if text.is_some() && worst.as_ref().is_none_or(|(least, _)| decays < *least) {
                 worst = Some((decays, text));
             }

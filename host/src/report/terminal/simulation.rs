@@ -7,12 +7,12 @@ use damprig_core::model::Wall;
 use damprig_particles::Damper;
 
 use crate::motion_record::Quantity;
-use crate::prediction::settling;
 use crate::report::describe;
 use crate::report::numbers::{about, millimetres, significant};
 use crate::simulation::collector::MAX_ACCUMULATIONS_WITHOUT_IMPACTS;
 use crate::simulation::cost::Cost;
 use crate::simulation::many_particles::SpheresResult;
+use crate::simulation::settling;
 use crate::simulation::time_history::TablePath;
 use crate::simulation::{Case, SimulationResult};
 
@@ -30,7 +30,7 @@ pub fn warnings(case: &Case, cost: &Cost, history: Option<(&TablePath, f64)>) ->
     let mut warnings = Vec::new();
     if let (Some(first), Some(cycle_s)) = (case.run.steady_from_cycle, case.run.cycle_s) {
         let times_s = [cycle_s, case.run.duration_s];
-        warnings.extend(settling::of_case(case, "steady_from_cycle", first as f64, times_s));
+        warnings.extend(settling::warning(case, "steady_from_cycle", first as f64, times_s));
     }
     if let Some(arc_s) = cost.stiff_arc_s {
         warnings.push(format!(
