@@ -38,7 +38,7 @@ impl Value {
         [self.value - half, self.value + half]
     }
 
-    /// Whether a quantity that may be absent is found: above [`FOUND`] standard uncertainties.
+    /// Whether a quantity that may be absent is found: above 3 standard uncertainties.
     #[must_use]
     pub fn is_found(&self) -> bool {
         self.value > FOUND * self.standard_uncertainty
