@@ -20,6 +20,9 @@ const DRAWN: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 /// Farthest from its frame that a point is drawn, in lengths of the frame: lines keep their direction.
 const FARTHEST: f64 = 50.0;
 
+/// Fewest labels of an axis.
+const FEWEST_LABELS: usize = 3;
+
 /// Most decades of a logarithmic axis that are all labelled.
 const MOST_DECADES: f64 = 12.0;
 
@@ -96,48 +99,62 @@ impl Axis {
         }
     }
 
-    /// Major ticks, with a label, and minor ticks, with a line only.
+    /// Major ticks, with a label, and minor ticks, with a line only. An axis has three labels or more.
     #[must_use]
     pub fn ticks(&self) -> (Vec<f64>, Vec<f64>) {
         if !(self.from < self.to && self.from.is_finite() && self.to.is_finite()) {
             return (Vec::new(), Vec::new());
         }
-        let inside = |v: &f64| *v >= self.from * (1.0 - 1e-9) - 1e-300 && *v <= self.to + 1e-9 * self.to.abs();
-        match self.scale {
-            Scale::Log => {
-                let decades = (self.from.log10().floor() as i32)..=(self.to.log10().ceil() as i32);
-                let spread = (self.to / self.from).log10();
-                let labelled: &[f64] = if spread <= 3.5 { &[1.0, 2.0, 5.0] } else { &[1.0] };
-                let step = (spread / MOST_DECADES).ceil().max(1.0) as usize;
-                let digits = if step > 1 { 1..2 } else { 1..10 };
-                let of_decade = |d| digits.clone().map(move |m| (f64::from(m), f64::from(m) * 10f64.powi(d)));
-                let all = decades.step_by(step).flat_map(of_decade);
-                let (major, minor): (Vec<_>, Vec<_>) =
-                    all.filter(|(_, v)| inside(v)).partition(|(m, _)| labelled.contains(m));
-                (major.into_iter().map(|t| t.1).collect(), minor.into_iter().map(|t| t.1).collect())
-            }
-            Scale::Linear => {
-                let step = round_step((self.to - self.from) / 7.0);
-                let first = (self.from / step).ceil() as i64;
-                let last = (self.to / step).floor() as i64;
+        match self.even_step() {
+            Some(step) => {
+                let (first, last) = self.within(step);
                 ((first..=last).map(|i| i as f64 * step).collect(), Vec::new())
             }
+            None => self.decade_ticks(),
         }
+    }
+
+    /// Ticks of a logarithmic axis: labelled are 1, 2 and 5 of each decade, or the decades alone.
+    fn decade_ticks(&self) -> (Vec<f64>, Vec<f64>) {
+        let inside = |v: &f64| *v >= self.from * (1.0 - 1e-9) - 1e-300 && *v <= self.to + 1e-9 * self.to.abs();
+        let decades = (self.from.log10().floor() as i32)..=(self.to.log10().ceil() as i32);
+        let spread = (self.to / self.from).log10();
+        let labelled: &[f64] = if spread <= 3.5 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+        let step = (spread / MOST_DECADES).ceil().max(1.0) as usize;
+        let digits = if step > 1 { 1..2 } else { 1..10 };
+        let of_decade = |d| digits.clone().map(move |m| (f64::from(m), f64::from(m) * 10f64.powi(d)));
+        let all = decades.step_by(step).flat_map(of_decade);
+        let (major, minor): (Vec<_>, Vec<_>) = all.filter(|(_, v)| inside(v)).partition(|(m, _)| labelled.contains(m));
+        (major.into_iter().map(|t| t.1).collect(), minor.into_iter().map(|t| t.1).collect())
+    }
+
+    /// Step of evenly spaced ticks: of a linear axis, and of a logarithmic one that is too short for labels at 1, 2 and 5.
+    fn even_step(&self) -> Option<f64> {
+        if self.scale == Scale::Log && self.decade_ticks().0.len() >= FEWEST_LABELS {
+            return None;
+        }
+        let steps = [7.0, 10.0, 14.0].map(|parts| round_step((self.to - self.from) / parts));
+        let is_enough = |step: &f64| {
+            let (first, last) = self.within(*step);
+            last - first + 1 >= FEWEST_LABELS as i64
+        };
+        steps.iter().copied().find(is_enough).or(Some(steps[2]))
+    }
+
+    /// Numbers of the first and the last multiple of a step on the axis.
+    fn within(&self, step: f64) -> (i64, i64) {
+        ((self.from / step).ceil() as i64, (self.to / step).floor() as i64)
     }
 
     /// Label of a tick, with the decimals that the tick spacing needs.
     pub(super) fn tick_label(&self, value: f64) -> String {
-        let step = round_step((self.to - self.from) / 7.0);
-        let size = self.from.abs().max(self.to.abs());
-        let smallest = if self.scale == Scale::Log { value } else { step };
+        let (step, size) = (self.even_step(), self.from.abs().max(self.to.abs()));
+        let smallest = step.unwrap_or(value);
         if size >= LONG_LABEL.0 || smallest.log10() < -f64::from(LONG_LABEL.1) {
-            let digits = if self.scale == Scale::Log { 1.0 } else { (size / step).log10().ceil() + 1.0 };
+            let digits = step.map_or(1.0, |step| (size / step).log10().ceil() + 1.0);
             return significant(value, digits as usize).replace('-', "−");
         }
-        let decimals = match self.scale {
-            Scale::Log => (-value.log10().floor()).max(0.0) as usize,
-            Scale::Linear => (-step.log10().floor()).max(0.0) as usize,
-        };
+        let decimals = (-smallest.log10().floor()).max(0.0) as usize;
         format!("{value:.decimals$}").replace('-', "−")
     }
 }
@@ -296,6 +313,27 @@ mod tests {
         assert_eq!(
             ticks.iter().map(|t| axis.tick_label(*t)).collect::<Vec<_>>(),
             ["2.0", "2.2", "2.4", "2.6", "2.8", "3.0"]
+        );
+    }
+
+    #[test]
+    fn every_axis_has_three_different_labels_or_more() {
+        // A grid of ranges: ratios of the ends from 1.01 to 1e5, starts over a decade.
+        for (start, ratio) in (0..50).flat_map(|s| (1..80).map(move |r| (s, r))) {
+            let from = 10f64.powf(f64::from(start) / 50.0 - 2.0);
+            let to = from * 1.01 * 10f64.powf(f64::from(ratio) / 16.0);
+            for scale in [Scale::Linear, Scale::Log] {
+                let axis = Axis { label: String::new(), from, to, scale };
+                let mut labels: Vec<String> = axis.ticks().0.iter().map(|tick| axis.tick_label(*tick)).collect();
+                let count = labels.len();
+                labels.dedup();
+                assert!(labels.len() >= 3 && labels.len() == count && count <= 16, "{axis:?}: {labels:?}");
+            }
+        }
+        let short = Axis { label: String::new(), from: 3.0, to: 4.6, scale: Scale::Log };
+        assert_eq!(
+            short.ticks().0.iter().map(|t| short.tick_label(*t)).collect::<Vec<_>>(),
+            ["3.0", "3.5", "4.0", "4.5"]
         );
     }
 
