@@ -9,7 +9,7 @@
 //! points do not close a jump.
 
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
-use crate::report::numbers::trimmed;
+use crate::report::numbers::{significant, trimmed};
 
 /// Largest difference to a neighbour, in tolerances of X/Z.
 const TOLERANCES: f64 = 4.0;
@@ -98,6 +98,26 @@ impl Peak {
             Some(format!("Set-up {:?}, experiment {:?}: {}.", set_up.name, experiment.name, peak.note()?))
         };
         Self::all(campaign, points_of).into_iter().filter_map(line).collect()
+    }
+
+    /// A line for each experiment on a set-up without a damper and on others: its peak and the lowest of theirs; `points_of` as of [`Self::all`].
+    pub fn headlines(campaign: &Campaign, points_of: impl Fn(&str, &str) -> Vec<(f64, f64)>) -> Vec<String> {
+        let peaks = Self::all(campaign, points_of);
+        let is_bare = |set_up: &CampaignSetUp| set_up.spec.damper().is_none() && !set_up.has_unmodelled_damper;
+        let line = |experiment: &Experiment| {
+            let own = || peaks.iter().filter(|(_, its, _)| its.name == experiment.name);
+            let (bare, _, without) = own().find(|(set_up, ..)| is_bare(set_up))?;
+            let damped = own().filter(|(set_up, ..)| !is_bare(set_up));
+            let (best, _, with) = damped.min_by(|a, b| a.2.x_over_z.total_cmp(&b.2.x_over_z))?;
+            let change = format!("{:+.0}", 100.0 * (with.x_over_z / without.x_over_z - 1.0)).replace('-', "−");
+            let shown = |set_up: &CampaignSetUp, peak: &Self| {
+                let doubt = if peak.is_resolved() { String::new() } else { format!(" ({})", peak.verdict()) };
+                format!("{} {}{doubt}", set_up.label, significant(peak.x_over_z, 3))
+            };
+            let (without, with) = (shown(bare, without), shown(best, with));
+            Some(format!("Peak X/Z, {}: {without} → {with}, {change} %", experiment.name))
+        };
+        campaign.experiments.iter().filter_map(line).collect()
     }
 
     /// Whether the peak is known to its tolerance.

@@ -70,6 +70,25 @@ fn two_experiments_on_one_set_up_have_a_row_and_a_curve_each() {
 }
 
 #[test]
+fn the_page_begins_with_what_the_damper_makes_of_the_peak() {
+    let folder = folder_with(&short());
+    let told = damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let told = String::from_utf8_lossy(&told.get_output().stdout).into_owned();
+    let peak = |set_up: &str| -> f64 {
+        let line = told.lines().find(|line| line.contains(&format!("] {set_up}: "))).expect(set_up);
+        let number = line.split("peak X/Z (cycle maxima) ").nth(1).and_then(|rest| rest.split(' ').next());
+        number.unwrap().parse().unwrap()
+    };
+    let less = 100.0 * (1.0 - peak("hybrid") / peak("bare"));
+    let page = page(&folder.path().join("out"));
+    let line = page.split("<p class=\"headline\">").nth(1).unwrap().split("</p>").next().unwrap();
+    assert!(line.starts_with("Peak X/Z, sweep: Bare structure "), "{line}");
+    // Three points do not resolve a peak, and the line says so.
+    assert!(line.contains(" → Hybrid (SPID + FD) ") && line.matches("not resolved").count() == 2, "{line}");
+    assert!(line.ends_with(&format!(", −{less:.0} %")), "{line}: {less} %");
+}
+
+#[test]
 fn several_runs_have_one_page_with_all_curves_in_one_figure() {
     let folder = folder_with(&short());
     for name in ["first", "second"] {

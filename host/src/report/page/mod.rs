@@ -94,6 +94,7 @@ fn content(run: &RunFolder, data: &PageData) -> Markup {
             }
             @if let Some(seed) = m.plan.order_seed { p.under { "random order, seed " (seed) } }
             (health::state(data))
+            (tables::headlines(data))
         }
         (health::warnings(data))
         section { h2 { "Results" } (responses(data)) (tables::peaks(data)) (motions(run, data)) (histories(run, data)) (tables::transients(data)) (repeats::repeats(data)) }

@@ -65,6 +65,14 @@ pub(super) fn peaks(data: &PageData) -> Markup {
     }
 }
 
+/// What the dampers make of the peak of X/Z, a line for each experiment.
+pub(super) fn headlines(data: &PageData) -> Markup {
+    let Ok(campaign) = &data.campaign else { return html! {} };
+    html! {
+        @for line in Peak::headlines(campaign, |set_up, experiment| points_of(data, set_up, experiment)) { p.headline { (line) } }
+    }
+}
+
 /// Frequency (Hz) and X/Z (cycle maxima) of the points of an experiment on a set-up.
 fn points_of(data: &PageData, set_up: &str, experiment: &str) -> Vec<(f64, f64)> {
     let own = data.points_of(set_up).filter(|p| p.shown.experiment == experiment);
