@@ -16,6 +16,7 @@ use super::message::{
     Transient,
 };
 use super::section::Section;
+use super::unsent::Unsent;
 use super::words;
 use crate::host_time;
 
@@ -59,49 +60,6 @@ const SLOW: [&str; 9] = [
     "wall_high_n",
 ];
 
-/// A bounded list of which the newest entries have not been sent yet.
-#[derive(Debug)]
-struct Kept<T> {
-    all: VecDeque<T>,
-    most: usize,
-    new: usize,
-}
-
-impl<T: Clone> Kept<T> {
-    fn new(most: usize) -> Self {
-        Self { all: VecDeque::new(), most, new: 0 }
-    }
-
-    fn push(&mut self, value: T) {
-        if self.all.len() == self.most {
-            self.all.pop_front();
-        }
-        self.all.push_back(value);
-        self.new = (self.new + 1).min(self.all.len());
-    }
-
-    fn remove(&mut self, at: usize) {
-        let is_new = at >= self.all.len() - self.new;
-        self.all.remove(at);
-        self.new -= usize::from(is_new);
-    }
-
-    fn clear(&mut self) {
-        self.all.clear();
-        self.new = 0;
-    }
-
-    fn take_new(&mut self) -> Vec<T> {
-        let new = self.all.iter().skip(self.all.len() - self.new).cloned().collect();
-        self.new = 0;
-        new
-    }
-
-    fn everything(&self) -> Vec<T> {
-        self.all.iter().cloned().collect()
-    }
-}
-
 /// Time axis of the controller's numbers: rig time, and host time while rig time stands (the spring is being set, or a run is
 /// paused).
 #[derive(Debug, Default)]
@@ -136,11 +94,11 @@ pub(super) struct Live {
     slow_unsent: History,
     slow_clock: SlowClock,
     section_of: Section,
-    section: Kept<(f32, f32, f32)>,
-    points: Kept<Point>,
-    transients: Kept<Transient>,
-    impacts: Kept<Impact>,
-    log: Kept<Log>,
+    section: Unsent<(f32, f32, f32)>,
+    points: Unsent<Point>,
+    transients: Unsent<Transient>,
+    impacts: Unsent<Impact>,
+    log: Unsent<Log>,
     restart: bool,
     changed: bool,
     pace: VecDeque<(Instant, f64)>,
@@ -180,11 +138,11 @@ impl Live {
             slow_unsent: History::default(),
             slow_clock: SlowClock::default(),
             section_of: Section::default(),
-            section: Kept::new(MOST_SECTION),
-            points: Kept::new(MOST_POINTS),
-            transients: Kept::new(MOST_POINTS),
-            impacts: Kept::new(MOST_IMPACTS),
-            log: Kept::new(MOST_LOG),
+            section: Unsent::new(MOST_SECTION),
+            points: Unsent::new(MOST_POINTS),
+            transients: Unsent::new(MOST_POINTS),
+            impacts: Unsent::new(MOST_IMPACTS),
+            log: Unsent::new(MOST_LOG),
             restart: false,
             changed: true,
             pace: VecDeque::new(),
@@ -404,7 +362,8 @@ impl Live {
             p.set_up == point.set_up && p.experiment == point.experiment && p.frequency_hz == point.frequency_hz
         };
         // A point that is measured again replaces the earlier result.
-        match self.points.all.iter().position(is_same) {
+        let earlier = self.points.iter().position(is_same);
+        match earlier {
             Some(at) => self.points.remove(at),
             None => self.state.points_taken += 1,
         }

@@ -23,6 +23,7 @@ mod screen;
 mod section;
 mod server;
 pub mod terminal;
+mod unsent;
 mod words;
 
 use std::net::{IpAddr, SocketAddr, TcpListener};

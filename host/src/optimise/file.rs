@@ -6,22 +6,20 @@ use std::sync::Arc;
 use super::cases::Direct;
 use super::keys::{constraint, ensemble, optimisation as keys, variable};
 use crate::input::{Files, Problem, Refusal, Section, Source, Span};
+use crate::simulation::Case;
 use crate::simulation::case::default_name;
-use crate::simulation::{Case, SetValues};
 use crate::study::axis::{self, Axis, Reduction, Value, Values};
 use crate::study::band::{self, Band};
-use crate::study::file::{corners, lines, read_case, read_record};
+use crate::study::file::{corners, read_case, read_record};
 use crate::study::metric::Metric;
 use crate::study::simulate::Record;
+use crate::study::varied_case::VariedCase;
 
 /// Evaluations for each variable, unless the file states their number.
 const EVALUATIONS_PER_VARIABLE: u64 = 2_000;
 
 /// Tolerance of a variable as a share of its value, unless the file states one.
 pub const TOLERANCE: f64 = 1e-3;
-
-/// Who sets the values of a case, in messages about a single point.
-const ORIGIN: &str = "the variables and axes";
 
 /// Most variables.
 const MOST_VARIABLES: usize = 12;
@@ -185,26 +183,17 @@ impl Optimisation {
     /// # Errors
     /// Names the key, its value and what is allowed.
     pub fn case_with(&self, values: &[Value]) -> Result<Case, Refusal> {
-        self.parse_case(&self.case_source(), values)
+        self.varied_case().with(values)
     }
 
-    /// As [`Optimisation::case_with`]; a problem of a key or value is shown where the optimisation's file has it.
-    fn checked_case(&self, source: &Source, values: &[Value]) -> Result<Case, Refusal> {
-        let case = self.case_source();
-        let read = self.parse_case(&case, values);
-        read.map_err(|refusal| axis::refused(source, &self.axes, values, (&case, ORIGIN), refusal))
-    }
-
-    fn case_source(&self) -> Source {
-        Source::new(self.case_path.display().to_string(), self.case_text.as_str()).with_files(&self.files)
-    }
-
-    fn parse_case(&self, case: &Source, values: &[Value]) -> Result<Case, Refusal> {
-        Case::parse_changed(case, &default_name(&self.case_path), &self.set_values(values))
-    }
-
-    fn set_values(&self, values: &[Value]) -> SetValues {
-        SetValues { origin: ORIGIN.into(), lines: lines(&self.axes, values) }
+    fn varied_case(&self) -> VariedCase<'_> {
+        VariedCase {
+            path: &self.case_path,
+            text: &self.case_text,
+            files: &self.files,
+            axes: &self.axes,
+            origin: "the variables and axes",
+        }
     }
 
     /// Whether the objective can be better between the values of the band's grid than on it.
@@ -238,7 +227,7 @@ impl Optimisation {
 
     fn check(&self, source: &Source) -> Result<(), Refusal> {
         for corner in corners(&self.axes) {
-            let case = self.checked_case(source, &corner)?;
+            let case = self.varied_case().checked(source, &corner)?;
             self.check_case(&case, &corner)?;
             self.check_metrics(source, &case)?;
         }
@@ -248,7 +237,7 @@ impl Optimisation {
             for value in axis.checked_values() {
                 let mut values = first.clone();
                 values[place] = value;
-                self.checked_case(source, &values)?;
+                self.varied_case().checked(source, &values)?;
             }
         }
         Ok(())
@@ -257,7 +246,7 @@ impl Optimisation {
     fn check_case(&self, case: &Case, values: &[Value]) -> Result<(), Refusal> {
         let path = self.case_path.display();
         let text = (&*path.to_string(), self.case_text.as_str());
-        case.refuse_many_particles(text, &self.set_values(values), "an optimisation")?;
+        case.refuse_many_particles(text, &self.varied_case().set_values(values), "an optimisation")?;
         if self.starts.is_some() && case.set_up.particle.is_none() {
             return Err(Refusal(format!("[ensemble] is for a particle, and {path} has none\n  leave it out")));
         }

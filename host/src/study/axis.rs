@@ -3,7 +3,7 @@
 use super::keys::axis as keys;
 use crate::input::key::Unit;
 use crate::input::section::{Given, Number, Text};
-use crate::input::{Problem, Refusal, Section, Source, Span};
+use crate::input::{Section, Span};
 
 /// The value of an axis at a point.
 #[derive(Clone, Debug, PartialEq)]
@@ -146,7 +146,7 @@ impl Axis {
     }
 
     /// Where the file has a value; `None` for one between the ends of a range.
-    fn span_of(&self, value: &Value) -> Option<Span> {
+    pub(super) fn span_of(&self, value: &Value) -> Option<Span> {
         let own = self.checked_values();
         let place = own.iter().position(|own| own == value)?;
         let of_list = self.value_spans.get(place).filter(|_| self.value_spans.len() == own.len());
@@ -174,45 +174,6 @@ impl Axis {
             _ => (0..self.count()).map(|place| self.value(place, 0.0)).collect(),
         }
     }
-}
-
-/// Says where the `file` of some axes has what a case refuses: a key, or a value of it. `case` is the case with these values, a line
-/// for each axis, in the attached text `origin`, and `refusal` what it says of problems elsewhere.
-pub(crate) fn refused(
-    file: &Source,
-    axes: &[Axis],
-    values: &[Value],
-    (case, origin): (&Source, &str),
-    refusal: Refusal,
-) -> Refusal {
-    let lines = super::file::lines(axes, values);
-    for problem in case.problems_in(origin) {
-        let before = lines.get(..problem.span.start).unwrap_or(&lines);
-        let place = before.matches('\n').count();
-        let (Some(axis), Some(value)) = (axes.get(place), values.get(place)) else { continue };
-        let is_key = before.len() - before.rfind('\n').map_or(0, |end| end + 1) < axis.key.len();
-        if is_key {
-            file.report(Problem { span: axis.span.clone(), ..problem });
-            continue;
-        }
-        let (span, title, help) = match axis.span_of(value) {
-            Some(span) => {
-                let written = file.written(&span).unwrap_or_default();
-                let title = format!("`{}` = {written} is not allowed", axis.key);
-                (span, title, problem.help)
-            }
-            // Both ends are allowed.
-            None => {
-                let help = "choose `from`, `to` and `count` so that every value is allowed, or give `values`";
-                (axis.span.clone(), problem.title, Some(help.into()))
-            }
-        };
-        file.report(Problem { title, span, allowed: problem.allowed, help });
-    }
-    file.verdict().err().unwrap_or_else(|| {
-        let at = lines.trim_end().replace('\n', ", ");
-        Refusal(format!("{refusal}\n  {} sets {at}", file.name()))
-    })
 }
 
 /// A value between two ends: exactly the ends at 0 and 1, and a whole number where only rounding keeps it from being one.

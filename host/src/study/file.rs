@@ -11,15 +11,13 @@ use super::metric::Metric;
 use super::points::{Method, Points, Sampling};
 use super::simulate::{Counted, Record};
 use super::table::LEAST_OF_MAP;
+use super::varied_case::VariedCase;
 use crate::continuation::Continuation;
 use crate::input::section::Text;
 use crate::input::{Files, Problem, Refusal, Section, Source, near};
+use crate::simulation::Case;
 use crate::simulation::case::default_name;
 use crate::simulation::settling;
-use crate::simulation::{Case, SetValues};
-
-/// Who sets the values of a case, in messages about a single point.
-const ORIGIN: &str = "the axes of the study";
 
 /// Most corners of the grid that are checked before a study.
 const MOST_CORNERS: u32 = 64;
@@ -138,23 +136,17 @@ impl Study {
     /// # Errors
     /// Names the key, its value and what is allowed.
     pub fn case_with(&self, values: &[Value]) -> Result<Case, Refusal> {
-        self.parse_case(&self.case_source(), values)
+        self.varied_case().with(values)
     }
 
-    /// As [`Study::case_with`]; a problem of a key or value is shown where the study's file has it.
-    fn checked_case(&self, source: &Source, values: &[Value]) -> Result<Case, Refusal> {
-        let case = self.case_source();
-        let read = self.parse_case(&case, values);
-        read.map_err(|refusal| axis::refused(source, &self.axes, values, (&case, ORIGIN), refusal))
-    }
-
-    fn case_source(&self) -> Source {
-        Source::new(self.case_path.display().to_string(), self.case_text.as_str()).with_files(&self.files)
-    }
-
-    fn parse_case(&self, case: &Source, values: &[Value]) -> Result<Case, Refusal> {
-        let set = SetValues { origin: ORIGIN.into(), lines: lines(&self.axes, values) };
-        Case::parse_changed(case, &default_name(&self.case_path), &set)
+    fn varied_case(&self) -> VariedCase<'_> {
+        VariedCase {
+            path: &self.case_path,
+            text: &self.case_text,
+            files: &self.files,
+            axes: &self.axes,
+            origin: "the axes of the study",
+        }
     }
 
     /// A warning if the structure's free vibration is not decayed when the counted cycles begin, for the corner of the axes where most of it
@@ -203,7 +195,7 @@ impl Study {
     }
 
     fn check_at(&self, source: &Source, values: &[Value]) -> Result<(), Refusal> {
-        let case = self.checked_case(source, values)?;
+        let case = self.varied_case().checked(source, values)?;
         if self.ensemble.is_some() && case.set_up.particle.is_none() {
             return Err(Refusal(format!(
                 "[ensemble] is for a particle, and {} has none\n  leave it out",
@@ -220,7 +212,7 @@ impl Study {
     }
 
     fn check_metrics(&self, source: &Source, values: &[Value]) -> Result<(), Refusal> {
-        let case = self.checked_case(source, values)?;
+        let case = self.varied_case().checked(source, values)?;
         for metric in &self.metrics {
             if let Some(why) = metric.refusal(&case) {
                 source.report(Problem {
@@ -271,12 +263,6 @@ fn combinations_of_words(axes: &[Axis]) -> Vec<Vec<Value>> {
         all = all.iter().flat_map(with).collect();
     }
     all
-}
-
-/// Values of axes as lines of TOML.
-pub(crate) fn lines(axes: &[Axis], values: &[Value]) -> String {
-    let line = |(axis, value): (&Axis, &Value)| format!("{} = {}\n", axis.key, value.toml());
-    axes.iter().zip(values).map(line).collect()
 }
 
 /// The corners of the grid of some axes, or the first of them.

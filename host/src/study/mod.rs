@@ -1,7 +1,7 @@
 //! Studies: a case, the keys that are varied, and what is computed at each point; docs/STUDIES.md is the
 //! user's page.
 //!
-//! [`mod@file`] reads the study, [`axis`] and [`points`] say which cases it has, [`evaluate`] simulates them, [`band`] finds peaks, [`data_set`] keeps the
+//! [`mod@file`] reads the study, [`axis`] and [`points`] say which values it has, [`varied_case`] makes cases of them, [`evaluate`] simulates them, [`band`] finds peaks, [`data_set`] keeps the
 //! results as parts ([`part`]) that survive a kill in a [`store`], [`run`] does all of it on this machine, [`work`] some of it as one of many
 //! workers, with a [`lease`] on each part; [`inspect`] tells how far they are.
 
@@ -25,6 +25,7 @@ pub mod simulate;
 pub mod store;
 pub mod sums;
 pub mod table;
+pub mod varied_case;
 pub mod work;
 
 pub use file::Study;
