@@ -9,7 +9,7 @@ use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;
 
-use crate::common::{damprig, folder_with, two_records};
+use crate::common::{copy_folder, damprig, folder_with, two_records};
 
 const HEAD: &str = "name = \"two-records\"\n[structure]\nmass_kg = 1.6\nnatural_frequency_hz = 2.5\ndamping_ratio = 0.02\n[[set_up]]\nname = \
                     \"bare\"\nbase_amplitude_m = 0.001\n";
@@ -141,19 +141,8 @@ fn the_campaign_of_a_run_folder_is_run_again_with_its_copies() {
 /// A run folder that an earlier version wrote: `a` was played twice and `b`, killed before `b` was measured (`killed`), and resumed by
 /// that version with the record of `a` in its place (`resumed`).
 fn older(folder: &TempDir, name: &str) -> PathBuf {
-    fn copy(from: &Path, to: &Path) {
-        std::fs::create_dir(to).unwrap();
-        for entry in std::fs::read_dir(from).unwrap().map(Result::unwrap) {
-            let to = to.join(entry.file_name());
-            if entry.file_type().unwrap().is_dir() {
-                copy(&entry.path(), &to);
-            } else {
-                std::fs::copy(entry.path(), to).unwrap();
-            }
-        }
-    }
     let run = folder.path().join(name);
-    copy(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/older_runs").join(name), &run);
+    copy_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/older_runs").join(name), &run);
     run
 }
 

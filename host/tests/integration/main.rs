@@ -74,3 +74,4 @@ mod study_work;
 mod thesis;
 mod transients;
 mod unusual;
+mod written_by_0_1_0;

@@ -39,6 +39,19 @@ pub fn folder_with(campaign: &str) -> TempDir {
     folder
 }
 
+/// Copies a folder with all that is in it.
+pub fn copy_folder(from: &Path, to: &Path) {
+    std::fs::create_dir(to).expect("a new folder");
+    for entry in std::fs::read_dir(from).expect("a folder").map(|entry| entry.expect("an entry")) {
+        let (from, to) = (entry.path(), to.join(entry.file_name()));
+        if from.is_dir() {
+            copy_folder(&from, &to);
+        } else {
+            std::fs::copy(from, to).expect("a copy");
+        }
+    }
+}
+
 /// Writes two records of one file name into two folders; gives the experiments that play them: `a`, twice, and `b`.
 pub fn two_records(folder: &Path, set_ups: &[&str]) -> String {
     let record = |name: &str, frequency_hz: f64, samples: u32| {
