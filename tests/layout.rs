@@ -8,7 +8,7 @@ use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 use damprig_tests::support::images::project;
 
 /// The project's crates, and the project crates that each may depend on.
-const DIRECTIONS: [(&str, &[&str]); 13] = [
+const DIRECTIONS: [(&str, &[&str]); 14] = [
     ("damprig-core", &[]),
     ("damprig-batch", &["damprig-core"]),
     ("damprig-protocol", &["damprig-core"]),
@@ -29,6 +29,7 @@ const DIRECTIONS: [(&str, &[&str]); 13] = [
             "damprig-simulator",
         ],
     ),
+    ("damprig-thesis", &["damprig", "damprig-core"]),
     ("damprig-tests", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-fuzzing", &["damprig", "damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-benches", &["damprig", "damprig-core", "damprig-protocol"]),
@@ -56,7 +57,7 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 24] = [
+const HOST_LAYERS: [&str; 23] = [
     "host_time",
     "input",
     "settings",
@@ -78,8 +79,24 @@ const HOST_LAYERS: [&str; 24] = [
     "board",
     "report",
     "recorded_run",
-    "thesis",
     "monitor",
+    "cli",
+];
+
+/// The modules of the source document's program from the lowest layer to the highest.
+const THESIS_LAYERS: [&str; 13] = [
+    "files",
+    "keys",
+    "results",
+    "catalogue",
+    "published_curve",
+    "published",
+    "found",
+    "claims",
+    "marked",
+    "run",
+    "compared",
+    "page",
     "cli",
 ];
 
@@ -238,6 +255,11 @@ fn a_module_of_the_core_imports_only_lower_ones() {
 #[test]
 fn a_module_of_the_host_imports_only_lower_ones() {
     assert_layered("host", &HOST_LAYERS);
+}
+
+#[test]
+fn a_module_of_the_source_documents_program_imports_only_lower_ones() {
+    assert_layered("thesis", &THESIS_LAYERS);
 }
 
 #[test]

@@ -27,7 +27,6 @@ pub mod settings;
 pub mod setup;
 pub mod simulation;
 pub mod study;
-pub mod thesis;
 
 /// Name and version, as files and reports carry it.
 pub const VERSION_LINE: &str = concat!("damprig ", env!("CARGO_PKG_VERSION"));

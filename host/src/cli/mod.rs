@@ -35,9 +35,9 @@ mod log;
 mod monitor;
 mod optimise;
 mod outcome;
-mod output;
+pub mod output;
 mod output_paths;
-mod progress;
+pub mod progress;
 mod run;
 mod run_job;
 mod run_progress;
@@ -48,8 +48,6 @@ mod study;
 mod study_figures;
 mod study_work;
 mod terminal_line;
-mod thesis;
-mod thesis_work;
 
 #[cfg(not(feature = "probe"))]
 mod without_probe;
@@ -112,8 +110,6 @@ enum Command {
     Continue(continue_::Args),
     /// Optimise keys of a case over a band: the best values, and how sure they are
     Optimise(optimise::Args),
-    /// Compute the figures and tables of the source document beside the published values
-    Thesis(thesis::Args),
     /// Identify parameters of the rig from runs and tables, with their uncertainty
     Identify(identify::Args),
     /// Compare a run with simulations of its set-ups, with uncertainties
@@ -145,14 +141,24 @@ enum Command {
 /// Parses the command line and runs the subcommand.
 #[must_use]
 pub fn main() -> ExitCode {
-    let command = match Cli::try_parse() {
-        Ok(cli) => cli.command,
+    start(|cli: Cli| run(cli.command))
+}
+
+/// Parses the command line of a program and runs it; gives its exit code.
+#[must_use]
+pub fn start<A: Parser>(run: impl FnOnce(A) -> Outcome) -> ExitCode {
+    let arguments = match A::try_parse() {
+        Ok(arguments) => arguments,
         Err(text) => return output::print_help(&text),
     };
     // A file beyond `ulimit -f` then fails like a full disk: with a message, and the rig is stopped.
     #[cfg(unix)]
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
-    let outcome = match command {
+    run(arguments).map_or_else(Failure::report, |()| output::finish())
+}
+
+fn run(command: Command) -> Outcome {
+    match command {
         Command::Run(args) => run::run(&args),
         Command::Monitor(args) => monitor::run(&args),
         Command::Devices(args) => devices::run(&args),
@@ -173,20 +179,21 @@ pub fn main() -> ExitCode {
         Command::Study(args) => study::run(&args),
         Command::Continue(args) => continue_::run(&args),
         Command::Optimise(args) => optimise::run(&args),
-        Command::Thesis(args) => thesis::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Schema(args) => documents::schema(&args),
         Command::Keys(args) => documents::keys(&args),
         Command::Completions(args) => documents::completions(&args, Cli::command()),
         Command::Man(args) => documents::manual_page(&args, Cli::command()),
-    };
-    outcome.map_or_else(Failure::report, |()| output::finish())
+    }
 }
 
 /// Sets `stop` at the first Ctrl-C, SIGTERM or SIGHUP. A second Ctrl-C or SIGTERM ends the program at once; a terminal that
 /// closes may send SIGHUP several times.
-fn watch_for_ctrl_c(stop: &Arc<AtomicBool>) -> Outcome {
+///
+/// # Errors
+/// When signals cannot be watched.
+pub fn watch_for_ctrl_c(stop: &Arc<AtomicBool>) -> Outcome {
     #[cfg(unix)]
     watch_other_signals(stop).map_err(|e| Failure::Failed(format!("cannot watch for signals: {e}")))?;
     let stop = Arc::clone(stop);

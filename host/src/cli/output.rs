@@ -24,7 +24,7 @@ pub(super) fn be_quiet() {
 }
 
 /// Prints a line to standard output as [`print_always`] does, unless the command is to be quiet.
-pub(super) fn print(line: &str) {
+pub fn print(line: &str) {
     if !QUIET.load(Ordering::Relaxed) {
         print_always(line);
     }
@@ -58,7 +58,7 @@ pub(super) fn print_help(text: &clap::Error) -> ExitCode {
 }
 
 /// Prints a line to standard error, as [`print`] does. Nobody can be told when that fails.
-pub(super) fn print_error(line: &str) {
+pub fn print_error(line: &str) {
     let _ = writeln!(stderr(), "{}", shown(line));
 }
 

@@ -8,7 +8,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use crate::input::shown_in_line;
 
 /// A bar with the time left at the pace so far, hidden without a terminal.
-pub(super) fn bar(length: u64) -> ProgressBar {
+#[must_use]
+pub fn bar(length: u64) -> ProgressBar {
     bar_with(length, "{msg} {wide_bar} {percent:>3} %  {eta} left")
 }
 

@@ -349,21 +349,25 @@ impl DefaultValue {
 }
 
 /// A key that holds a number.
-pub(crate) const fn number(name: &'static str, range: Range, doc: &'static str) -> Key {
+#[must_use]
+pub const fn number(name: &'static str, range: Range, doc: &'static str) -> Key {
     Key { name, kind: Kind::Number(range), doc, usual: None, note: None }
 }
 
 /// A key that holds one of some words.
-pub(crate) const fn word(name: &'static str, words: &'static [&'static str], doc: &'static str) -> Key {
+#[must_use]
+pub const fn word(name: &'static str, words: &'static [&'static str], doc: &'static str) -> Key {
     Key { name, kind: Kind::Word(words), doc, usual: None, note: None }
 }
 
 /// A key of another kind.
-pub(crate) const fn key(name: &'static str, kind: Kind, doc: &'static str) -> Key {
+#[must_use]
+pub const fn key(name: &'static str, kind: Kind, doc: &'static str) -> Key {
     Key { name, kind, doc, usual: None, note: None }
 }
 
 /// Declares tables: a module for each, a constant for every quantity, and `TABLES` for all.
+#[macro_export]
 macro_rules! tables {
     ($all:literal $($doc:literal $module:ident($path:literal $(, $kind:literal)?) {
         $($name:ident: $need:expr, [$($key:expr),+ $(,)?];)*
@@ -386,7 +390,7 @@ macro_rules! tables {
         pub const TABLES: &[Table] = &[$($module::TABLE),+];
     };
 }
-pub(crate) use tables;
+pub use tables;
 
 /// The names of a list's items, as the words of a key.
 macro_rules! names {

@@ -71,7 +71,6 @@ mod study_damage;
 #[cfg(feature = "object-store")]
 mod study_objects;
 mod study_work;
-mod thesis;
 mod transients;
 mod unusual;
 mod written_by_0_1_0;

@@ -12,7 +12,8 @@ use arrow_schema::{DataType, Field, Schema};
 pub const DESCRIPTION: &str = "damprig.description";
 
 /// A column without missing values, with its unit.
-pub(crate) fn field(name: &str, kind: DataType, unit: &str) -> Field {
+#[must_use]
+pub fn field(name: &str, kind: DataType, unit: &str) -> Field {
     Field::new(name, kind, false).with_metadata(HashMap::from([("unit".to_string(), unit.to_string())]))
 }
 

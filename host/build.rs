@@ -1,6 +1,0 @@
-//! Compiles the crate again when a file is added to the folder that it embeds.
-
-fn main() {
-    println!("cargo:rerun-if-changed=thesis");
-    println!("cargo:rerun-if-env-changed=DAMPRIG_REVISION");
-}
