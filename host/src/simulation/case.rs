@@ -50,7 +50,7 @@ pub struct RunSpec {
     pub duration_s: f64,
     /// Times at which the state is output, s, rising, within the run.
     pub sample_times_s: Vec<f64>,
-    /// Length of a cycle, s.
+    /// Length of a cycle as given, s; [`Case::cycle_s`] has the default.
     pub cycle_s: Option<f64>,
     /// First cycle that counts as steady.
     pub steady_from_cycle: Option<u64>,
@@ -182,11 +182,16 @@ impl Case {
     /// Length of a cycle, s: as given, else the drive period, else the natural period.
     #[must_use]
     pub fn cycle_s(&self) -> f64 {
-        self.run.cycle_s.unwrap_or_else(|| match self.excitation {
+        self.run.cycle_s.or(self.drive_period_s()).unwrap_or_else(|| self.natural_period_s())
+    }
+
+    /// The period of a sine, s.
+    fn drive_period_s(&self) -> Option<f64> {
+        match self.excitation {
             Excitation::Sine { angular_frequency_rad_per_s, .. }
-            | Excitation::ForceSine { angular_frequency_rad_per_s, .. } => TAU / angular_frequency_rad_per_s,
-            _ => self.natural_period_s(),
-        })
+            | Excitation::ForceSine { angular_frequency_rad_per_s, .. } => Some(TAU / angular_frequency_rad_per_s),
+            _ => None,
+        }
     }
 }
 
@@ -307,7 +312,7 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     }
     let case = Case { name, set_up, many_particles, excitation, record, initial, run };
     if let Some(section) = &run_section {
-        check_cycle(section, &case);
+        check_cycles(section, &case);
     }
     if let (Some(section), Some(damper)) = (&spheres, &case.many_particles) {
         many_particles::read::check_contact(section, damper, case.shortest_period_s());
@@ -397,12 +402,24 @@ fn base_amplitude(excitation: &CaseExcitation, stated_m: Option<f64>, x0_m: Opti
 /// Shortest allowed cycle as a fraction of the shorter of natural and drive period.
 const LEAST_CYCLE: f64 = 1e-6;
 
-/// Rejects a cycle so short that the run would only close empty cycles.
-fn check_cycle(run: &Section, case: &Case) {
+/// Rejects a cycle so short that the run would only close empty cycles, and steady cycles without a length or beyond the run.
+fn check_cycles(run: &Section, case: &Case) {
     let least_s = LEAST_CYCLE * case.shortest_period_s();
     if case.run.cycle_s.is_some_and(|cycle_s| cycle_s < least_s) {
         let allowed = format!("must be {least_s:.3e} s or more: a millionth of the period of structure or drive");
-        run.reject("cycle_s", allowed, None);
+        run.reject(run::CYCLE.name(), allowed, None);
+    }
+    let Some(first) = case.run.steady_from_cycle else { return };
+    let key = run::STEADY_FROM.name();
+    let Some(cycle_s) = case.run.cycle_s.or(case.drive_period_s()) else {
+        let help = Some("give `cycle_s`, or leave out `steady_from_cycle`".into());
+        run.reject(key, "needs `cycle_s`, the length of a cycle: only a sine has a period of its own", help);
+        return;
+    };
+    let cycles = (case.run.duration_s / cycle_s * (1.0 + 1e-12)).floor();
+    if first as f64 + 1.0 > cycles {
+        let allowed = format!("must leave one whole cycle: the run has {cycles}, counted from 0");
+        run.reject(key, allowed, Some("make `duration_s` longer, or `steady_from_cycle` smaller".into()));
     }
 }
 
@@ -445,21 +462,6 @@ fn read_run(s: &Section, record_s: Option<f64>) -> Option<RunSpec> {
         if early || !(0.0..=duration_s * (1.0 + 1e-12)).contains(&time.value) {
             let allowed = format!("must be in rising order, from 0 to duration_s = {duration_s}");
             s.refuse(run::SAMPLE_TIMES.name(), &time.span, allowed, None);
-            return None;
-        }
-    }
-    if let Some(first) = steady_from {
-        let key = run::STEADY_FROM.name();
-        let Some(cycle_s) = cycle_s else {
-            let help = Some("give `cycle_s`, or leave out `steady_from_cycle`".into());
-            s.reject(key, "needs `cycle_s`, the length of a cycle", help);
-            return None;
-        };
-        if (first + 1.0) * cycle_s > duration_s * (1.0 + 1e-12) {
-            let cycles = (duration_s / cycle_s * (1.0 + 1e-12)).floor();
-            let allowed = format!("must leave one whole cycle: the run has {cycles}, counted from 0");
-            let help = Some("make `duration_s` longer, or `steady_from_cycle` smaller".into());
-            s.reject(key, allowed, help);
             return None;
         }
     }

@@ -120,7 +120,7 @@ tables! {
     run("run") {
         DURATION: RequiredUnless("the base follows a record, which has one"), [number("duration_s", Positive, "duration of the run; default with a record: that of the record").usual(0.01, 1e5)];
         SAMPLE_TIMES: Optional, [key("sample_times_s", Kind::Numbers(NotNegative), "times at which the state is output, rising")];
-        CYCLE: Optional, [number("cycle_s", Positive, "length of a cycle")];
+        CYCLE: Optional, [number("cycle_s", Positive, "length of a cycle; default under a sine: its period")];
         STEADY_FROM: Optional, [number("steady_from_cycle", Whole(0.0, MOST_WHOLE), "first cycle that counts as steady, from 0")];
     }
 }

@@ -16,7 +16,9 @@ use super::{Case, exact_driver, many_particles, sampled_driver};
 /// Names a value that is not physical.
 pub fn simulate<V: Viewer>(case: &Case, viewer: &mut V, options: RunOptions) -> Result<SimulationResult, Invalid> {
     let mut collector = Collector::new(case, options.keep, viewer);
-    let wanted = Wanted { cycle_s: case.run.cycle_s, steady_from_cycle: case.run.steady_from_cycle, whole_run: true };
+    let steady_from_cycle = case.run.steady_from_cycle;
+    let cycle_s = case.run.cycle_s.or(steady_from_cycle.map(|_| case.cycle_s()));
+    let wanted = Wanted { cycle_s, steady_from_cycle, whole_run: true };
     let mut spheres = None;
     let (summary, end) = match (&case.many_particles, &case.record) {
         (Some(damper), _) => {

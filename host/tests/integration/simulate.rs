@@ -290,3 +290,14 @@ fn an_output_that_is_a_folder_is_refused_before_the_simulation() {
         damprig(&folder).args(arguments).args(force).assert().code(2).stdout("").stderr(said);
     }
 }
+
+#[test]
+fn steady_cycles_under_a_sine_are_periods_of_the_drive_where_no_length_is_given() {
+    let folder = folder(&spid("{ duration_s = 16, steady_from_cycle = 30 }"));
+    let summary = answer(&folder, &[])["summary"].clone();
+    assert!(summary["steady_mean_cycle_max_abs_x_m"].as_f64().is_some_and(|mean_m| mean_m > 0.0), "{summary}");
+    let at = |frequency: &str| answer(&folder, &["--set", frequency, "--set", "run.cycle_s=0.5"])["summary"].clone();
+    let of_period = answer(&folder, &["--set", "base.frequency_hz=2"])["summary"].clone();
+    assert_eq!(of_period, at("base.frequency_hz=2"));
+    assert_ne!(of_period, at("base.frequency_hz=2.5"));
+}

@@ -114,6 +114,9 @@ fn steady_cycles_that_the_run_does_not_have_are_refused() {
     told("{ duration_s = 4, steady_from_cycle = 2 }", &without);
     let beyond = ["`run.steady_from_cycle` = 10 is not allowed", "the run has 10"];
     told("{ duration_s = 4, cycle_s = 0.4, steady_from_cycle = 10 }", &beyond);
+    let sine = "base = { kind = \"sine\", amplitude_m = 1e-3, frequency_hz = 2.5 }\n";
+    let case = format!("{STRUCTURE}{sine}run = {{ duration_s = 4, steady_from_cycle = 10 }}\n");
+    refused(&[("case.toml", &case)], &["case.toml"], &beyond);
     let case = format!("{STRUCTURE}run = {{ duration_s = 4, cycle_s = 0.4, steady_from_cycle = 9 }}\n");
     assert!(simulate(&folder(&[("case.toml", &case)]), &["case.toml"]).status.success(), "the last cycle is one");
 }

@@ -28,8 +28,8 @@ const LARGE_OVERLAP: f64 = 0.05;
 /// Warnings before the run: stiff walls, long computing time, large files.
 pub fn warnings(case: &Case, cost: &Cost, history: Option<(&TablePath, f64)>) -> Vec<String> {
     let mut warnings = Vec::new();
-    if let (Some(first), Some(cycle_s)) = (case.run.steady_from_cycle, case.run.cycle_s) {
-        let times_s = [cycle_s, case.run.duration_s];
+    if let Some(first) = case.run.steady_from_cycle {
+        let times_s = [case.cycle_s(), case.run.duration_s];
         warnings.extend(settling::warning(case, "steady_from_cycle", first as f64, times_s));
     }
     if let Some(arc_s) = cost.stiff_arc_s {
