@@ -56,7 +56,8 @@ impl FoundCurve {
         let of_end = |end| match end {
             BranchEnd::Range => "end of a range",
             BranchEnd::Grazing => "another grazing",
-            BranchEnd::Closed => "its own start",
+            // Curves do not branch.
+            BranchEnd::Closed | BranchEnd::SymmetryBreaking | BranchEnd::PeriodDoubling => "its own start",
             BranchEnd::NoConvergence => "no convergence",
             BranchEnd::TooLong => "largest number of points",
         };
@@ -163,11 +164,12 @@ impl FoundBranch {
                 format!("special point {} of branch {}", special + 1, branch + 1)
             }
         };
-        let of_end = |(end, is_first): (BranchEnd, bool)| match end {
+        let of_end = |end: BranchEnd| match end {
             BranchEnd::Range => "end of the range",
             BranchEnd::Grazing => "grazing",
-            BranchEnd::Closed if is_first && matches!(branch.origin, Origin::BranchPoint { .. }) => "branch point",
             BranchEnd::Closed => "its own start",
+            BranchEnd::SymmetryBreaking => "symmetry breaking",
+            BranchEnd::PeriodDoubling => "period doubling",
             BranchEnd::NoConvergence => "no convergence",
             BranchEnd::TooLong => "largest number of orbits",
         };
@@ -176,7 +178,7 @@ impl FoundBranch {
             origin,
             periods: branch.sequence.periods,
             events: branch.orbits.first().map_or(0, |_| branch.events()),
-            ends: [of_end((branch.ends[0], true)), of_end((branch.ends[1], false))],
+            ends: branch.ends.map(of_end),
             special_points: branch.specials.iter().map(|(n, special)| FoundSpecial::of(*n, special)).collect(),
             orbits: branch.orbits.iter().map(FoundOrbit::of).collect(),
         }

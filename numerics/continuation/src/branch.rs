@@ -38,6 +38,10 @@ pub enum BranchEnd {
     Grazing,
     /// It returns to its start.
     Closed,
+    /// It meets the symmetric orbits that it and its mirror image branch off from.
+    SymmetryBreaking,
+    /// It meets the orbits of half the period that it branches off from.
+    PeriodDoubling,
     /// Newton's method fails at the shortest step.
     NoConvergence,
     /// After the largest number of orbits.
@@ -47,13 +51,13 @@ pub enum BranchEnd {
 /// The orbits in one direction from a start.
 pub(crate) struct Trace {
     pub orbits: Vec<Orbit>,
-    pub points: Vec<Point>,
     /// Each with the number of orbits before it.
     pub specials: Vec<(usize, Special)>,
     pub end: BranchEnd,
-    /// Direction of the parameter at the end, −1 or 1.
-    pub heading: f64,
 }
+
+/// The special points between two orbits with their places, in order, and the end of the branch if it meets another there.
+type Between = (Vec<(f64, Special)>, Option<(f64, Point, BranchEnd)>);
 
 impl Follower<'_> {
     pub(crate) fn orbit(&self, point: &Point) -> Orbit {
@@ -79,13 +83,11 @@ impl Follower<'_> {
     /// Follows the branch from `start` along `tangent`.
     pub(crate) fn trace(&self, start: &Point, tangent: &Point, steps: Steps) -> Trace {
         let size = self.problem.len();
-        let mut trace =
-            Trace { orbits: vec![], points: vec![], specials: vec![], end: BranchEnd::TooLong, heading: 0.0 };
+        let mut trace = Trace { orbits: vec![], specials: vec![], end: BranchEnd::TooLong };
         let (mut at, mut along) = (start.clone(), tangent.clone());
         let mut tests = self.tests(&at, &along);
         let mut step = 0.1 * steps.longest;
         while trace.orbits.len() < steps.most_orbits {
-            trace.heading = along[size].signum();
             let next = self.correct(&at + &along * step, &at, &along, step);
             let next = next.and_then(|solution| {
                 let tangent = self.tangent(&solution.unknowns, &along)?;
@@ -126,15 +128,20 @@ impl Follower<'_> {
             }
             let next_along = if is_over { self.tangent(&next, &along).unwrap_or(next_along) } else { next_along };
             let next_tests = self.tests(&next, &next_along);
-            for (_, special) in self.between((&at, &along, &tests), (&next, &next_tests)) {
+            let (specials, meeting) = self.between((&at, &along, &tests), (&next, &next_tests));
+            let last_place = meeting.as_ref().map_or(f64::INFINITY, |(place, ..)| *place);
+            for (_, special) in specials.into_iter().filter(|(place, _)| *place < last_place) {
                 trace.specials.push((trace.orbits.len(), special));
             }
+            if let Some((_, point, end)) = meeting {
+                trace.orbits.push(self.orbit(&point));
+                trace.end = end;
+                return trace;
+            }
             trace.orbits.push(self.orbit(&next));
-            trace.points.push(next.clone());
             if let Some(special) = grazing {
                 trace.specials.push((trace.orbits.len(), special));
             }
-            trace.heading = next_along[size].signum();
             if is_over {
                 return trace;
             }
@@ -225,14 +232,11 @@ impl Follower<'_> {
         self.special(SpecialKind::Grazing(conditions), near, SHORTEST * self.scale.abs(), time)
     }
 
-    /// The special points between two orbits, in their order.
-    fn between(
-        &self,
-        (at, along, tests): (&Point, &Point, &Tests),
-        (next, next_tests): (&Point, &Tests),
-    ) -> Vec<(f64, Special)> {
+    /// The special points between two orbits. Where a branch meets the one that it branches off from, it turns back on the same orbits:
+    /// mirrored, or shifted by half their period.
+    fn between(&self, (at, along, tests): (&Point, &Point, &Tests), (next, next_tests): (&Point, &Tests)) -> Between {
         let arc = self.inner(along, &(next - at));
-        let mut found = Vec::new();
+        let (mut found, mut meeting) = (Vec::new(), None);
         let changes = |value: fn(&Tests) -> f64| value(tests) * value(next_tests) < 0.0;
         let mut locate = |value: fn(&Tests) -> f64, kind: SpecialKind| {
             let is_crossing = matches!(kind, SpecialKind::SymmetryBreaking | SpecialKind::BranchPoint);
@@ -240,10 +244,16 @@ impl Follower<'_> {
                 self.locate((at, along, tests), (arc, next, next_tests), value, is_crossing)
             {
                 let is_symmetric = |point| self.problem.is_symmetric(self.unknowns(point), &[self.value(point)]);
-                // A branch without mirror symmetry turns back where it meets the symmetric one.
-                let joins = kind == SpecialKind::Fold && is_symmetric(&point) && !is_symmetric(at);
-                let kind = if joins { SpecialKind::SymmetryBreaking } else { kind };
-                found.push((place, self.special(kind, &point, error, 0.0)));
+                let is_doubled = |point| self.problem.is_doubled(self.unknowns(point));
+                match kind {
+                    SpecialKind::Fold if is_symmetric(&point) && !is_symmetric(at) => {
+                        meeting = Some((place, point, BranchEnd::SymmetryBreaking));
+                    }
+                    SpecialKind::Fold if is_doubled(&point) && !is_doubled(at) => {
+                        meeting = Some((place, point, BranchEnd::PeriodDoubling));
+                    }
+                    kind => found.push((place, self.special(kind, &point, error, 0.0))),
+                }
             }
         };
         if changes(|t| t.fold) {
@@ -260,7 +270,7 @@ impl Follower<'_> {
             locate(|t| t.circle.unwrap_or(0.0), SpecialKind::NeimarkSacker);
         }
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
-        found
+        (found, meeting)
     }
 
     /// The zero of a test function between two orbits, by a secant inside a bracket: its place, the orbit and the error of

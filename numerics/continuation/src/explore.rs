@@ -133,7 +133,7 @@ impl System {
             *restarts += 1;
             match self.follow_from(task, at, &self.inside(task.parameter, at, initial), phase_rad) {
                 Ok(branch) => {
-                    diagram.branches.push(branch);
+                    diagram.add(branch);
                     return;
                 }
                 Err(why) => diagram.gaps.push((at, why)),
@@ -186,11 +186,8 @@ impl System {
                 SpecialKind::SymmetryBreaking => self.branch_off(task, &branch.sequence, special, 1.0, origin),
                 _ => None,
             };
-            // The branch may have been found from its other end.
-            if let Some(found) = found
-                && !diagram.branches.iter().any(|known| known.is_same(&found))
-            {
-                diagram.branches.push(found);
+            if let Some(found) = found {
+                diagram.add(found);
             }
         }
     }
@@ -235,7 +232,17 @@ impl System {
         let before = orbits.len();
         orbits.extend(trace.orbits);
         let specials = trace.specials.into_iter().map(|(n, special)| (n + before, special)).collect();
-        Some(Branch { sequence: doubled, origin, orbits, specials, ends: [BranchEnd::Closed, trace.end] })
+        let first = if twist < 0.0 { BranchEnd::PeriodDoubling } else { BranchEnd::SymmetryBreaking };
+        Some(Branch { sequence: doubled, origin, orbits, specials, ends: [first, trace.end] })
+    }
+}
+
+impl Diagram {
+    /// Adds a branch unless it or its mirror image is known: it may be found from its other end, or by a simulation from elsewhere.
+    fn add(&mut self, found: Branch) {
+        if !self.branches.iter().any(|known| known.is_same(&found)) {
+            self.branches.push(found);
+        }
     }
 }
 
@@ -254,7 +261,7 @@ impl Branch {
         })
     }
 
-    /// Whether two branches begin and end at the same orbits.
+    /// Whether two branches begin and end at the same orbits, or at their mirror images.
     fn is_same(&self, other: &Self) -> bool {
         let near = |a: Option<&Orbit>, b: Option<&Orbit>| match (a, b) {
             (Some(a), Some(b)) => {

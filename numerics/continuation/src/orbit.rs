@@ -51,7 +51,7 @@ impl Orbit {
     }
 }
 
-/// Two mirrored states are equal within this share of the motion. A fold is located to the root of its parameter's error.
+/// Two mirrored or repeated states are equal within this share of the motion. A fold is located to the root of its parameter's error.
 const SYMMETRIC: f64 = 1e-4;
 
 /// Longest step between samples of a segment: an angle of the drive, rad.
@@ -110,6 +110,20 @@ impl BoundaryProblem<'_> {
             },
             start_phase_rad: first.rem_euclid(TAU),
         }
+    }
+
+    /// Whether the orbit passes another one of half its period twice.
+    pub(crate) fn is_doubled(&self, unknowns: &[f64]) -> bool {
+        let segments = &self.sequence.segments;
+        let half = segments.len() / 2;
+        if !self.sequence.periods.is_multiple_of(2) || segments[..half] != segments[half..] {
+            return false;
+        }
+        let (first, second) = unknowns.split_at(UNKNOWNS * half);
+        let size = first.iter().map(|v| v.abs()).fold(1.0, f64::max);
+        // The drive has turned between the halves.
+        let is_same = |(n, (a, b)): (usize, (&f64, &f64))| n % UNKNOWNS == PHASE || (a - b).abs() <= SYMMETRIC * size;
+        first.iter().zip(second).enumerate().all(is_same)
     }
 
     /// Whether the second half of the orbit mirrors the first: x(t + T/2) = −x(t), compared at the middle of the longest segment.

@@ -2,9 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use damprig_continuation::{Branch, Orbit, Origin, Parameter, SpecialKind, Steps, System, Task, Ties};
+use damprig_continuation::{Branch, Diagram, Orbit, Origin, Parameter, SpecialKind, Steps, System, Task, Ties};
 use damprig_core::integrator::exact::{Exact, Excitation};
-use damprig_core::model::{SetUp, Structure};
+use damprig_core::model::{Particle, SetUp, Structure, Wall};
 
 use crate::common::{NATURAL, diagram, impact_damper, sine, start_on_symmetric_orbit, task, text};
 
@@ -78,7 +78,10 @@ fn a_motion_beside_the_orbit_returns_before_a_period_doubling_and_leaves_behind_
     let (place, point) = branch.specials.iter().find(|(_, s)| s.kind == SpecialKind::PeriodDoubling).expect("one");
     let nearest = point.orbit.multipliers.iter().map(|m| (m + 1.0).norm()).fold(f64::INFINITY, f64::min);
     assert!(nearest < 1e-8, "{point:?}");
-    let beside: Vec<&Orbit> = branch.orbits[place - 4..place + 4].iter().collect();
+    // A motion whose distance would change by less than e^10 in 400 periods is too near to the point to tell.
+    let decides = |orbit: &&Orbit| orbit.multipliers[0].norm().ln().abs() * 400.0 > 10.0;
+    let beside: Vec<&Orbit> = branch.orbits[place - 5..place + 5].iter().filter(decides).collect();
+    assert!(beside.iter().any(|orbit| orbit.is_stable()) && beside.iter().any(|orbit| !orbit.is_stable()));
     for orbit in beside {
         let later = distance(&system, &task, orbit, orbit.parameters[0], 1e-7, 400.0);
         assert_eq!(later < 1e-9, orbit.is_stable(), "{} {later} {:?}", orbit.parameters[0], orbit.multipliers);
@@ -198,4 +201,55 @@ fn a_neimark_sacker_curve_has_multipliers_on_the_unit_circle_and_meets_the_point
 fn a_curve_of_broken_symmetry_has_a_multiplier_of_one_and_meets_the_points_of_branches() {
     let off_one = |orbit: &Orbit| orbit.multipliers.iter().map(|m| (m - 1.0).norm()).fold(f64::INFINITY, f64::min);
     assert_curve_meets_branches(|kind| *kind == SpecialKind::SymmetryBreaking, (0.4, 0.6), off_one);
+}
+
+/// The numbers of branches of which one has the middle orbit of the other: its max |x| and max |y − x| within the error of a straight line
+/// between two orbits of a branch.
+fn repeated(diagram: &Diagram) -> Vec<(usize, usize)> {
+    let branches = || diagram.branches.iter().enumerate();
+    let has = |branch: &Branch, orbit: &Orbit| {
+        branch.sequence.periods == orbit.periods
+            && branch.orbits.windows(2).any(|pair| {
+                let [from, to] = [&pair[0], &pair[1]];
+                let share = (orbit.parameters[0] - from.parameters[0]) / (to.parameters[0] - from.parameters[0]);
+                let is_near = |value: fn(&Orbit) -> f64| {
+                    let on_line = value(from) + share * (value(to) - value(from));
+                    (on_line / value(orbit) - 1.0).abs() < 1e-4
+                };
+                (0.0..=1.0).contains(&share) && is_near(|o| o.peak_x_m) && is_near(|o| o.peak_offset_m)
+            })
+    };
+    let others = |n: usize, orbit: &Orbit| {
+        branches().filter(|(other, branch)| *other != n && has(branch, orbit)).map(move |(m, _)| (n, m)).collect()
+    };
+    branches().flat_map(|(n, branch)| -> Vec<_> { others(n, &branch.orbits[branch.orbits.len() / 2]) }).collect()
+}
+
+/// Over the frequency two asymmetric branches were listed as a whole with their mirror images, and again from the points where they
+/// branch off; over the clearance a branch of four periods; over the mass one and its mirror image, with other names of their grazings.
+#[test]
+fn a_branch_is_listed_once() {
+    let structure = Structure::from_modal(1.6, 2.5, 0.0038);
+    let spid = |clearance_m, friction_coefficient, coefficient| {
+        let wall = Wall::Restitution { coefficient };
+        SetUp {
+            particle: Some(Particle { mass_kg: 0.16, clearance_m, friction_coefficient, wall }),
+            ..SetUp::bare(structure)
+        }
+    };
+    let base = |amplitude_m| Excitation::Sine { amplitude_m, angular_frequency_rad_per_s: NATURAL, phase_rad: 0.0 };
+    let with_friction = spid(0.03, 0.05, 0.5);
+    let frequencies = task(Parameter::Frequency, (2.0, 3.0), 2.5);
+    let masses = task(Parameter::Mass, (0.032, 0.48), 0.16);
+    let clearances = task(Parameter::Clearance, (0.002, 0.04), 0.01);
+    for (set_up, amplitude_m, task, restarts, least) in [
+        (&with_friction, 0.003, &frequencies, 6, 4),
+        (&with_friction, 0.003, &masses, 30, 10),
+        (&spid(0.01, 0.0, 0.8), 0.001, &clearances, 6, 6),
+    ] {
+        let task = Task { switch: true, most_restarts: restarts, ..task.clone() };
+        let found = diagram(set_up, &base(amplitude_m), &task);
+        let repeated = repeated(&found);
+        assert!(repeated.is_empty() && found.branches.len() >= least, "{repeated:?}\n{}", text(&found));
+    }
 }
