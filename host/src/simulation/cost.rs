@@ -13,8 +13,8 @@ use super::simulate::simulate;
 /// Longest duration of the trial.
 const TRIAL: Duration = Duration::from_millis(30);
 
-/// Longest duration of the trial of a run that seems long: a flood of impacts at the start may end soon.
-const LONG_TRIAL: Duration = Duration::from_millis(300);
+/// Longest duration of the trial of a run that seems long: a flood of events may end soon.
+const LONG_TRIAL: Duration = Duration::from_secs(1);
 
 /// Computing time above which a run seems long, s.
 const LONG_S: f64 = 10.0;
@@ -90,20 +90,23 @@ fn trial(case: &Case, least_s: f64, stiff_arc_s: Option<f64>) -> Result<Cost, In
             return true;
         }
         let elapsed = start.elapsed();
-        let seconds = elapsed.as_secs_f64();
-        marks.push((seconds, t_s));
-        let seems_long = seconds * duration_s > LONG_S * t_s;
-        elapsed < TRIAL || (seems_long && elapsed < LONG_TRIAL)
+        marks.push((elapsed.as_secs_f64(), t_s));
+        elapsed < TRIAL || (elapsed < LONG_TRIAL && whole_s(&marks, elapsed.as_secs_f64(), t_s, duration_s) > LONG_S)
     };
     let options = RunOptions { keep: false, longest_part_s: STEPS_PER_CLOCK * least_s, go_on: &mut go_on };
     let trial_s = simulate(&trial, &mut count, options)?.summary.simulated_s;
     let spent_s = start.elapsed().as_secs_f64();
+    let seconds = whole_s(&marks, spent_s, trial_s, duration_s);
+    Ok(Cost { arcs: count.0 as f64 * seconds / spent_s, seconds: set_up_s + seconds, stiff_arc_s, trial_s })
+}
+
+/// Computing time of a run of `duration_s` of which `trial_s` took `spent_s`, s. `marks` are computing and simulated time during the trial.
+fn whole_s(marks: &[(f64, f64)], spent_s: f64, trial_s: f64, duration_s: f64) -> f64 {
     // The second half of the trial is nearer to the rest of the run than the first.
     let (from_s, from_t_s) = marks.iter().rev().find(|(s, _)| *s <= 0.5 * spent_s).copied().unwrap_or_default();
     // Very many impacts may leave the reached time where it was.
     let reached_s = (trial_s - from_t_s).max(duration_s * 1e-30);
-    let seconds = spent_s + (duration_s - trial_s).max(0.0) * (spent_s - from_s) / reached_s;
-    Ok(Cost { arcs: count.0 as f64 * seconds / spent_s, seconds: set_up_s + seconds, stiff_arc_s, trial_s })
+    spent_s + (duration_s - trial_s).max(0.0) * (spent_s - from_s) / reached_s
 }
 
 /// Simulated time between two progress checks, s: a two-thousandth of the run, but at least 10 000 and at most 300 000

@@ -301,3 +301,15 @@ fn steady_cycles_under_a_sine_are_periods_of_the_drive_where_no_length_is_given(
     assert_eq!(of_period, at("base.frequency_hz=2"));
     assert_ne!(of_period, at("base.frequency_hz=2.5"));
 }
+
+/// The particle starts at a wall so stiff that its contacts flood the first moments; the whole run takes a fifth of a second.
+#[test]
+fn a_run_whose_first_moments_are_slow_is_not_said_to_take_long() {
+    let wall = "{ kind = \"voigt\", stiffness_n_per_m = 1e11, damping_n_s_per_m = 10, release = \"zero_force\" }";
+    let start = "clearance_m = 0.03, start = \"at_positive_wall\", friction_coefficient = 0.05";
+    let case = spid("{ duration_s = 40 }").replace("{ kind = \"restitution\", coefficient = 0.5 }", wall);
+    let folder = folder(&case.replace("clearance_m = 0.03", start));
+    let output = damprig(&folder).args(["simulate", "case.toml"]).output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && told.contains("the wall is stiff") && !told.contains("may take"), "{told}");
+}
