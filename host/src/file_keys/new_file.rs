@@ -284,6 +284,9 @@ fn text(value: &str) -> String {
     format!("{value:?}")
 }
 
+/// Longest entry beside which its meaning stands, in characters; that of a longer one has a line of its own above it.
+const LONG_ENTRY: usize = 48;
+
 /// Writes tables whose keys have their meaning as a comment where they come first.
 struct Writer {
     tables: Vec<Table>,
@@ -325,12 +328,14 @@ impl Writer {
     fn keys(&mut self, path: &str, kind: Option<&str>, keys: &[(&'static str, String)]) {
         let path = path.strip_prefix("set_up.").unwrap_or(path);
         let quantities: Vec<&Quantity> = self.declared(path, kind).iter().flat_map(|table| table.quantities).collect();
-        let width = keys.iter().map(|(key, value)| key.len() + value.chars().count() + 3).max().unwrap_or(0);
+        let lengths = keys.iter().map(|(key, value)| key.len() + value.chars().count() + 3);
+        let width = lengths.filter(|length| *length <= LONG_ENTRY).max().unwrap_or(0);
         for (key, value) in keys {
             let entry = format!("{key} = {value}");
             let quantity = quantities.iter().find(|quantity| quantity.key(key).is_some());
             let meaning = quantity.and_then(|quantity| meaning(quantity, key));
             match meaning.filter(|_| self.explained.insert((path.to_string(), key))) {
+                Some(meaning) if entry.chars().count() > LONG_ENTRY => self.line(&format!("# {meaning}\n{entry}")),
                 Some(meaning) => self.line(&format!("{entry:width$}    # {meaning}")),
                 None => self.line(&entry),
             }

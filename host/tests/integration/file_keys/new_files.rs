@@ -289,3 +289,14 @@ fn a_study_that_could_not_run_is_not_written() {
     );
     damprig(&folder).args(["init", "--study", "test.toml"]).assert().code(2).stderr(contains("study.toml"));
 }
+
+#[test]
+fn a_meaning_stands_beside_a_short_entry_and_above_a_long_one() {
+    let text = new_file::campaign("new", &[Damper::Bare], &[Excitation::SteppedSine], &Values::default());
+    let column = |line: &str| line.find(" # ").map_or(0, |at| line[..at].chars().count());
+    let far: Vec<&str> = text.lines().filter(|line| column(line) > 60).collect();
+    assert!(far.is_empty(), "{far:?}");
+    let lines: Vec<&str> = text.lines().collect();
+    let long = lines.iter().position(|line| line.starts_with("frequencies_hz")).unwrap();
+    assert!(lines[long - 1].starts_with("# a list, or {"), "{text}");
+}
