@@ -6,6 +6,7 @@ use toml::de::DeTable;
 
 use super::keys::{campaign, set_up};
 use super::transient::two_digits_down;
+use crate::input::locate::Step::Key;
 use crate::input::{Problem, Section, Source, Span};
 use crate::setup::{self, BaseAmplitude, SetUpSpec, Shared, SpringSpec};
 
@@ -119,11 +120,12 @@ pub(super) fn read_all<'a>(root: &Section<'a>, file: Option<&DeTable<'a>>) -> Op
     let shared = Shared::of(root, file);
     let sections = root.tables_of(&campaign::SET_UP);
     if sections.is_empty() && root.source().is_clean() {
+        let is_case = root.source().locate(&[Key("run")]).is_some();
         root.source().report(Problem {
             title: "the campaign has no set-up".into(),
             span: 0..0,
             allowed: "give at least one `[[set_up]]`".into(),
-            help: None,
+            help: is_case.then(|| format!("a file with `run` is a case: damprig simulate {}", root.source().name())),
         });
         return None;
     }

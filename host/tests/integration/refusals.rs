@@ -329,3 +329,12 @@ fn a_spring_with_two_targets_or_none_is_refused() {
         &["friction_damper.friction_ratio` = 0.6", "`spring` is given too"],
     );
 }
+
+#[test]
+fn a_case_that_is_run_as_a_campaign_is_answered_with_the_command_that_simulates_it() {
+    let case = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }\n\
+                base = { kind = \"sine\", amplitude_m = 0.001, frequency_hz = 2.5 }\nrun = { duration_s = 40 }\n";
+    let output = damprig(&folder_with(case)).args(["run", "test.toml"]).output().unwrap();
+    let answer = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(2) && answer.contains("damprig simulate test.toml"), "{answer}");
+}
