@@ -213,6 +213,9 @@ fn a_peak_at_an_end_of_the_grid_is_refined_inside_and_said() {
     let page = std::fs::read_to_string(run.join("report.html")).unwrap();
     let warnings = page.split("<h2>Warnings</h2>").nth(1).unwrap().split("</section>").next().unwrap();
     assert!(warnings.contains("the peak may lie outside"), "{warnings}");
+    let unresolved = "the peak is not resolved: ";
+    assert!(warnings.contains(unresolved), "{warnings}");
+    assert_eq!(page.matches(unresolved).count(), warnings.matches(unresolved).count(), "it is said once");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use maud::{Markup, html};
 
 use super::data::PageData;
-use super::tables::{moment, number, short};
+use super::tables::{moment, number, peak_notes, short};
 use crate::client::controller::Controller;
 use crate::run_folder::schema::manifest::Manifest;
 use crate::run_folder::schema::peak_points::PeakPoints;
@@ -61,6 +61,7 @@ pub(super) fn warnings(data: &PageData) -> Markup {
         list.push(format!("the drive was at its limit at {saturated} points"));
     }
     list.extend(data.taken.peaks.iter().filter(|points| points.is_notable()).map(PeakPoints::text));
+    list.extend(peak_notes(data));
     list.extend(clipped(data));
     list.extend(signs(data));
     list.extend(base_errors(data));

@@ -58,11 +58,14 @@ pub(super) fn peaks(data: &PageData) -> Markup {
                     }
                 }
             } }
-            @if let Ok(campaign) = &data.campaign {
-                @for note in Peak::notes(campaign, |set_up, experiment| points_of(data, set_up, experiment)) { p.under { (note) } }
-            }
         }
     }
+}
+
+/// A line for each peak that is not resolved.
+pub(super) fn peak_notes(data: &PageData) -> Vec<String> {
+    let Ok(campaign) = &data.campaign else { return Vec::new() };
+    Peak::notes(campaign, |set_up, experiment| points_of(data, set_up, experiment))
 }
 
 /// What the dampers make of the peak of X/Z, a line for each experiment.
