@@ -1,4 +1,4 @@
-// Ranges and round ticks of axes: the rule of the report's figures (figures/axis.rs), but a small plot may have fewer than three labels.
+// Ranges and round ticks of axes: the rule of the report's figures (figures/axis.rs).
 
 // The smallest of 1, 2, 5 times a power of ten that is at least `atLeast`.
 export function roundStep(atLeast) {
@@ -21,16 +21,23 @@ export function around(values, isLog = false) {
   return [low - margin, high + margin];
 }
 
-// Ticks at round steps: at most `divisions` steps over the axis. The figures have 7; a small plot has room for fewer.
+const FEWEST_LABELS = 3;
+
+// Ticks at round steps: at most `divisions` steps over the axis, or as few more as give three labels. The figures have 7; a small plot
+// has room for fewer.
 export function linearTicks(from, to, divisions = 7) {
   if (!(to > from) || !Number.isFinite(to - from)) return [];
-  const step = roundStep((to - from) / divisions);
-  const ticks = [];
-  for (let i = Math.ceil(from / step); i <= Math.floor(to / step) && ticks.length < 50; i += 1) ticks.push(i * step);
+  let ticks = [];
+  for (const parts of [divisions, 7, 10, 14].filter((parts) => parts >= divisions)) {
+    const step = roundStep((to - from) / parts);
+    ticks = [];
+    for (let i = Math.ceil(from / step); i <= Math.floor(to / step) && ticks.length < 50; i += 1) ticks.push(i * step);
+    if (ticks.length >= FEWEST_LABELS) break;
+  }
   return ticks;
 }
 
-// Major ticks at 1, 2, 5 in every decade (at 1 only above 3.5 decades), and the minor ones between.
+// Major ticks at 1, 2, 5 in every decade (at 1 only above 3.5 decades), and the minor ones between; even ticks where those are too few.
 export function logTicks(from, to) {
   const major = [];
   const minor = [];
@@ -42,7 +49,7 @@ export function logTicks(from, to) {
       if (value >= from * (1 - 1e-9) && value <= to * (1 + 1e-9)) (labelled.includes(m) ? major : minor).push(value);
     }
   }
-  return { major, minor };
+  return major.length < FEWEST_LABELS ? { major: linearTicks(from, to), minor: [] } : { major, minor };
 }
 
 const decimalsOf = (step) => Math.min(12, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
@@ -54,7 +61,11 @@ export function linearLabels(ticks) {
   return ticks.map((value) => withMinus(value.toFixed(decimalsOf(step))));
 }
 
-export const logLabels = (ticks) => ticks.map((value) => value.toFixed(decimalsOf(value)));
+export function logLabels(ticks) {
+  const [first, second, third] = ticks;
+  const isEven = Math.abs(third - 2 * second + first) < 1e-6 * (second - first);
+  return isEven ? linearLabels(ticks) : ticks.map((value) => value.toFixed(decimalsOf(value)));
+}
 
 // A range for live data that grows at once and shrinks only when the data need less than half of it, so that it is calm. The
 // returned function maps lowest and highest value to the range; `least` is the smallest half range.
