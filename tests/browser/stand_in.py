@@ -22,7 +22,8 @@ HISTORY_ROWS = 20_000
 def files():
     """The files that the server embeds, by the path at which it serves them."""
     found = {f"/{file.name}": file for file in PAGE.iterdir() if file.suffix in (".js", ".css")}
-    return found | {"/": PAGE / "index.html", "/look.css": HOST / "report/look.css"}
+    shared = {f"/{name}": HOST / "report/script" / name for name in ("axis.js", "text.js")}
+    return found | shared | {"/": PAGE / "index.html", "/look.css": HOST / "report/look.css"}
 
 
 class Server:

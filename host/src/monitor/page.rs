@@ -1,5 +1,5 @@
 //! The files of the page, embedded in the program. [uPlot](https://github.com/leeoniya/uPlot) draws the curves; it is MIT-licensed,
-//! see `page/uplot.LICENSE`. The look is that of the report page.
+//! see `page/uplot.LICENSE`. Look, ticks and number formats are those of the report page.
 
 /// A file of the page.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +31,7 @@ pub(super) static FILES: &[File] = &[
     file!("/uplot.css", CSS, "page/uplot.css"),
     file!("/uplot.js", SCRIPT, "page/uplot.js"),
     file!("/uplot.LICENSE", TEXT, "page/uplot.LICENSE"),
-    file!("/axis.js", SCRIPT, "page/axis.js"),
+    file!("/axis.js", SCRIPT, "../report/script/axis.js"),
     file!("/connection.js", SCRIPT, "page/connection.js"),
     file!("/controls.js", SCRIPT, "page/controls.js"),
     file!("/decimate.js", SCRIPT, "page/decimate.js"),
@@ -45,7 +45,7 @@ pub(super) static FILES: &[File] = &[
     file!("/ring.js", SCRIPT, "page/ring.js"),
     file!("/slow_plots.js", SCRIPT, "page/slow_plots.js"),
     file!("/status.js", SCRIPT, "page/status.js"),
-    file!("/text.js", SCRIPT, "page/text.js"),
+    file!("/text.js", SCRIPT, "../report/script/text.js"),
     file!("/theme.js", SCRIPT, "page/theme.js"),
 ];
 

@@ -67,6 +67,12 @@ export function logLabels(ticks) {
   return isEven ? linearLabels(ticks) : ticks.map((value) => value.toFixed(decimalsOf(value)));
 }
 
+// Ticks of a figure's axis with their labels.
+export function figureTicks(from, to, isLog) {
+  const { major, minor } = isLog ? logTicks(from, to) : { major: linearTicks(from, to), minor: [] };
+  return { major, minor, labels: isLog ? logLabels(major) : linearLabels(major) };
+}
+
 // A range for live data that grows at once and shrinks only when the data need less than half of it, so that it is calm. The
 // returned function maps lowest and highest value to the range; `least` is the smallest half range.
 export function calmRange(least) {
