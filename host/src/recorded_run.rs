@@ -10,7 +10,7 @@ use crate::host_time;
 use crate::prediction::Predicted;
 use crate::report::figures::campaign::{self as figures, PlottedPoint};
 use crate::report::figures::peak_motion::draw as draw_motions;
-use crate::report::figures::{FigureError, Picture};
+use crate::report::figures::{Breadth, FigureError, Picture};
 use crate::report::page::page;
 use crate::run_folder::checksum;
 use crate::run_folder::journal::{Begin, CopiedFile, Ended, Entry, Journal, Withdrawn};
@@ -175,7 +175,7 @@ impl<'a> RecordedRun<'a> {
         let has_sines = self.campaign.experiments.iter().any(|e| e.stepped_sine().is_some());
         let drawn = if has_sines {
             let points: Vec<PlottedPoint> = rows.iter().map(PlottedPoint::from).collect();
-            figures::response(self.campaign, &points, None).and_then(|picture| write(picture, "figure"))
+            figures::response(self.campaign, &points, None, Breadth::Broad).and_then(|picture| write(picture, "figure"))
         } else {
             Ok(())
         };

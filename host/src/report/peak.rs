@@ -100,7 +100,8 @@ impl Peak {
         Self::all(campaign, points_of).into_iter().filter_map(line).collect()
     }
 
-    /// A line for each experiment on a set-up without a damper and on others: its peak and the lowest of theirs; `points_of` as of [`Self::all`].
+    /// A line for each experiment (its repeats together) on a set-up without a damper and on others: its peak and the lowest of theirs. `points_of`
+    /// as of [`Self::all`]; of an experiment with repeats, by the name of the first, their means.
     pub fn headlines(campaign: &Campaign, points_of: impl Fn(&str, &str) -> Vec<(f64, f64)>) -> Vec<String> {
         let peaks = Self::all(campaign, points_of);
         let is_bare = |set_up: &CampaignSetUp| set_up.spec.damper().is_none() && !set_up.has_unmodelled_damper;
@@ -115,9 +116,9 @@ impl Peak {
                 format!("{} {}{doubt}", set_up.label, significant(peak.x_over_z, 3))
             };
             let (without, with) = (shown(bare, without), shown(best, with));
-            Some(format!("Peak X/Z, {}: {without} → {with}, {change} %", experiment.name))
+            Some(format!("Peak X/Z, {}: {without} → {with}, {change} %", experiment.series))
         };
-        campaign.experiments.iter().filter_map(line).collect()
+        campaign.experiments.iter().filter(|e| e.repeat == 0).filter_map(line).collect()
     }
 
     /// Whether the peak is known to its tolerance.

@@ -269,7 +269,7 @@ fn a_study_draws_a_map_curves_or_points_and_a_page_that_needs_no_network() {
         let read = |name: &str| std::fs::read_to_string(folder.path().join("out").join(name)).unwrap();
         let page = read("study.html");
         assert!(page.contains("default-src 'none'") && !page.contains("src=\"http"), "the page loads something");
-        assert_eq!(page.matches("<svg").count(), 2);
+        assert_eq!(page.matches("<figure").count(), 2);
         assert!(folder.path().join("out/x_over_z.png").is_file());
         read("x_over_z.svg")
     };

@@ -227,6 +227,21 @@ impl Frame {
     /// # Errors
     /// The drawing library's error.
     pub fn draw(&self, canvas: &Canvas) -> Result<(), FigureError> {
+        self.draw_ticks(canvas)?;
+        self.draw_edges(canvas)
+    }
+
+    /// Draws frame, ticks and labels.
+    ///
+    /// # Errors
+    /// The drawing library's error.
+    pub fn draw_border(&self, canvas: &Canvas) -> Result<(), FigureError> {
+        self.draw_labels(canvas)?;
+        self.draw_edges(canvas)
+    }
+
+    /// Draws grid and ticks with their labels: what a change of the axes changes.
+    pub(super) fn draw_ticks(&self, canvas: &Canvas) -> Result<(), FigureError> {
         let (left, top, right, bottom) = self.bounds;
         let (major, minor) = self.y.ticks();
         for (values, colour) in [(minor, PALE.mix(0.45)), (major, PALE.mix(1.0))] {
@@ -239,15 +254,11 @@ impl Frame {
             let (x, _) = self.point(value, self.y.from);
             line(canvas, vec![(x, top), (x, bottom)], PALE.stroke_width(1))?;
         }
-        self.draw_border(canvas)
+        self.draw_labels(canvas)
     }
 
-    /// Draws frame, ticks and labels.
-    ///
-    /// # Errors
-    /// The drawing library's error.
-    pub fn draw_border(&self, canvas: &Canvas) -> Result<(), FigureError> {
-        let (left, top, right, bottom) = self.bounds;
+    fn draw_labels(&self, canvas: &Canvas) -> Result<(), FigureError> {
+        let (left, _, _, bottom) = self.bounds;
         let label = text(13.0, INK);
         for value in self.y.ticks().0 {
             let (_, y) = self.point(self.x.from, value);
@@ -261,6 +272,12 @@ impl Frame {
             let style = label.clone().pos(Pos::new(HPos::Center, VPos::Top));
             canvas.draw(&Text::new(self.x.tick_label(value), (x, bottom + 9), style)).map_err(FigureError::of)?;
         }
+        Ok(())
+    }
+
+    /// Draws the frame and the labels of its axes.
+    pub(super) fn draw_edges(&self, canvas: &Canvas) -> Result<(), FigureError> {
+        let (left, top, right, bottom) = self.bounds;
         let corners = vec![(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
         line(canvas, corners, INK.stroke_width(1))?;
         let centred = Pos::new(HPos::Center, VPos::Center);

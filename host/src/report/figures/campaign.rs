@@ -8,7 +8,7 @@ use damprig_core::measure::steadiness::Steadiness;
 use super::axis::Scale;
 use super::frequency_response::{Ordinate, ResponseCurve, ResponseNotes, ResponsePoint, draw};
 use super::time_histories::{self, HistoryCurve, HistoryPanel};
-use super::{FigureError, Picture};
+use super::{Breadth, FigureError, Picture};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, Start};
 use crate::report::describe;
 use crate::report::numbers::trimmed;
@@ -31,6 +31,8 @@ pub struct PlottedPoint {
     pub frequency_hz: f64,
     /// X/Z (cycle maxima).
     pub x_over_z: f64,
+    /// Half-width of the 95 % interval of X/Z as a mean over cycles, relative; NaN or 0 if it was not recorded.
+    pub interval: f64,
     /// Phase of x relative to z, rad.
     pub phase_rad: f64,
     /// Whether X/Z is within its tolerance of its limit.
@@ -44,6 +46,7 @@ impl From<&ResultRow> for PlottedPoint {
             experiment: row.experiment.clone(),
             frequency_hz: row.frequency_hz,
             x_over_z: row.x_over_z(),
+            interval: f64::from(row.interval),
             phase_rad: f64::from(row.phase_rad),
             steadiness: row.steadiness,
         }
@@ -73,9 +76,19 @@ pub fn groups(campaign: &Campaign) -> Vec<Option<String>> {
 ///
 /// # Errors
 /// The drawing library's error.
-pub fn response(campaign: &Campaign, points: &[PlottedPoint], group: Option<&str>) -> Result<Picture, FigureError> {
+pub fn response(
+    campaign: &Campaign,
+    points: &[PlottedPoint],
+    group: Option<&str>,
+    breadth: Breadth,
+) -> Result<Picture, FigureError> {
     let quantity = Ordinate { label: X_OVER_Z, rings_peaks: true, scale: Scale::Log };
-    curves(campaign, (points, group), &quantity, ABOUT_X_OVER_Z, |p| p.x_over_z)
+    curves(campaign, (points, group), (&quantity, ABOUT_X_OVER_Z), breadth, x_over_z)
+}
+
+/// X/Z of a point, and the half-width of its interval.
+fn x_over_z(point: &PlottedPoint) -> (f64, f64) {
+    (point.x_over_z, point.interval * point.x_over_z)
 }
 
 /// A run in a figure of several: its name, its campaign, its points.
@@ -84,7 +97,7 @@ pub type PlottedRun<'a> = (&'a str, &'a Campaign, Vec<PlottedPoint>);
 /// X/Z (cycle maxima) over frequency of several runs: one figure without a name, or one for each set-up, by its name, if that would be too
 /// many curves; none without a point.
 #[must_use]
-pub fn responses_of_runs(runs: &[PlottedRun]) -> Vec<(Option<String>, Result<Picture, FigureError>)> {
+pub fn responses_of_runs(runs: &[PlottedRun], breadth: Breadth) -> Vec<(Option<String>, Result<Picture, FigureError>)> {
     let all = curves_of_runs(runs, None);
     let mut names: Vec<&str> = Vec::new();
     for set_up in runs.iter().flat_map(|(_, campaign, _)| &campaign.set_ups) {
@@ -101,7 +114,7 @@ pub fn responses_of_runs(runs: &[PlottedRun]) -> Vec<(Option<String>, Result<Pic
     let quantity = Ordinate { label: X_OVER_Z, rings_peaks: true, scale: Scale::Log };
     let drawn = |(name, curves): (Option<String>, Vec<ResponseCurve>)| {
         let notes = ResponseNotes { natural_frequency_hz: common, caption: format!("{ABOUT_X_OVER_Z}.") };
-        (name, draw(&curves, &quantity, &notes))
+        (name, draw(&curves, &quantity, &notes, breadth))
     };
     groups.into_iter().filter(|(_, curves)| !curves.is_empty()).map(drawn).collect()
 }
@@ -112,7 +125,7 @@ fn curves_of_runs(runs: &[PlottedRun], set_up: Option<&str>) -> Vec<ResponseCurv
     for (name, campaign, points) in runs {
         let points: Vec<PlottedPoint> =
             points.iter().filter(|point| set_up.is_none_or(|set_up| point.set_up == set_up)).cloned().collect();
-        let own = response_curves(campaign, (&points, None), |p| p.x_over_z);
+        let own = response_curves(campaign, (&points, None), x_over_z);
         let place = curves.len();
         curves.extend(own.into_iter().enumerate().map(|(n, curve)| ResponseCurve {
             place: place + n,
@@ -127,12 +140,18 @@ fn curves_of_runs(runs: &[PlottedRun], set_up: Option<&str>) -> Vec<ResponseCurv
 ///
 /// # Errors
 /// The drawing library's error.
-pub fn phase(campaign: &Campaign, points: &[PlottedPoint], group: Option<&str>) -> Result<Picture, FigureError> {
+pub fn phase(
+    campaign: &Campaign,
+    points: &[PlottedPoint],
+    group: Option<&str>,
+    breadth: Breadth,
+) -> Result<Picture, FigureError> {
     // Above resonance x lags by 180°, where the phase must not wrap.
     let unbroken = |degrees: f64| if degrees > 90.0 { degrees - 360.0 } else { degrees };
     let quantity = Ordinate { label: "Phase of x relative to z (°)", rings_peaks: false, scale: Scale::Linear };
     let about = "Phase: lock-in at the drive frequency over the dwell";
-    curves(campaign, (points, group), &quantity, about, |p| unbroken(p.phase_rad.to_degrees()))
+    let value = |p: &PlottedPoint| (unbroken(p.phase_rad.to_degrees()), f64::NAN);
+    curves(campaign, (points, group), (&quantity, about), breadth, value)
 }
 
 /// Largest force on a wall over frequency, as [`response`], for the points that had impacts; `None` without any.
@@ -143,6 +162,7 @@ pub fn wall_force(
     campaign: &Campaign,
     taken: &JournalState,
     group: Option<&str>,
+    breadth: Breadth,
 ) -> Result<Option<Picture>, FigureError> {
     let mut forces_n: BTreeMap<(&str, &str, u64), f64> = BTreeMap::new();
     for row in taken.rows() {
@@ -165,7 +185,8 @@ pub fn wall_force(
     }
     let quantity = Ordinate { label: "Largest force on a wall (N)", rings_peaks: false, scale: Scale::Log };
     let about = "Largest peak of a wall's force in the dwell, as the board measured it";
-    curves(campaign, (&points, group), &quantity, about, |p| force(p).unwrap_or(f64::NAN)).map(Some)
+    let value = |p: &PlottedPoint| (force(p).unwrap_or(f64::NAN), f64::NAN);
+    curves(campaign, (&points, group), (&quantity, about), breadth, value).map(Some)
 }
 
 /// Every set-up with each of its stepped sines, in the order of the campaign.
@@ -193,11 +214,11 @@ fn experiments_of<'a>(campaign: &'a Campaign, series: &'a str) -> impl Iterator<
     campaign.experiments.iter().filter(move |e| e.series == series)
 }
 
-/// The curves of a quantity that have points.
+/// The curves of a quantity that have points; `value` gives it with the half-width of its interval.
 fn response_curves(
     campaign: &Campaign,
     (points, group): (&[PlottedPoint], Option<&str>),
-    value: impl Fn(&PlottedPoint) -> f64,
+    value: impl Fn(&PlottedPoint) -> (f64, f64),
 ) -> Vec<ResponseCurve> {
     let curve = |(place, (set_up, experiment)): (usize, (&CampaignSetUp, &Experiment))| ResponseCurve {
         place,
@@ -210,14 +231,23 @@ fn response_curves(
     drawn.enumerate().map(curve).filter(|c| !c.points.is_empty()).collect()
 }
 
+/// Frequency (Hz) and X/Z (cycle maxima) of an experiment on a set-up, by their names; of its repeats the means. Empty for unknown names.
+#[must_use]
+pub fn mean_responses(campaign: &Campaign, points: &[PlottedPoint], set_up: &str, experiment: &str) -> Vec<(f64, f64)> {
+    let set_up = campaign.set_ups.iter().find(|own| own.name == set_up);
+    let experiment = campaign.experiments.iter().find(|own| own.name == experiment);
+    let (Some(set_up), Some(experiment)) = (set_up, experiment) else { return Vec::new() };
+    let points = means(campaign, points, (set_up, experiment), &x_over_z);
+    points.iter().map(|p| (p.frequency_hz, p.value)).collect()
+}
+
 /// Frequency of the highest X/Z of an experiment on a set-up, Hz, if its peak is not resolved.
 fn unresolved_peak_hz(
     campaign: &Campaign,
     points: &[PlottedPoint],
     (set_up, experiment): (&CampaignSetUp, &Experiment),
 ) -> Option<f64> {
-    let points = means(campaign, points, (set_up, experiment), &|p: &PlottedPoint| p.x_over_z);
-    let points: Vec<(f64, f64)> = points.iter().map(|p| (p.frequency_hz, p.value)).collect();
+    let points = mean_responses(campaign, points, &set_up.name, &experiment.name);
     let peak = Peak::measured(set_up, experiment, &points)?;
     (!peak.is_resolved()).then_some(peak.frequency_hz)
 }
@@ -227,24 +257,32 @@ fn means(
     campaign: &Campaign,
     points: &[PlottedPoint],
     (set_up, experiment): (&CampaignSetUp, &Experiment),
-    value: &impl Fn(&PlottedPoint) -> f64,
+    value: &impl Fn(&PlottedPoint) -> (f64, f64),
 ) -> Vec<ResponsePoint> {
     let names: Vec<&str> = experiments_of(campaign, &experiment.series).map(|e| e.name.as_str()).collect();
     let own = points.iter().filter(|p| p.set_up == set_up.name && names.contains(&p.experiment.as_str()));
-    let all = own.map(|p| (p.frequency_hz, value(p), p.steadiness.is_settled()));
+    let mut all: Vec<ResponsePoint> = own
+        .map(|p| {
+            let (value, half_width) = value(p);
+            let (frequency_hz, is_settled) = (p.frequency_hz, p.steadiness.is_settled());
+            ResponsePoint { frequency_hz, value, is_settled, half_width, repeats: Vec::new() }
+        })
+        .collect();
     if names.len() == 1 {
-        return all
-            .map(|(frequency_hz, value, is_settled)| ResponsePoint { frequency_hz, value, is_settled })
-            .collect();
+        return all;
     }
-    let mut all: Vec<(f64, f64, bool)> = all.collect();
-    all.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mean = |same: &[(f64, f64, bool)]| ResponsePoint {
-        frequency_hz: same[0].0,
-        value: same.iter().map(|p| p.1).sum::<f64>() / same.len() as f64,
-        is_settled: same.iter().all(|p| p.2),
+    all.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+    let mean = |same: &[ResponsePoint]| match same {
+        [one] => one.clone(),
+        _ => ResponsePoint {
+            frequency_hz: same[0].frequency_hz,
+            value: same.iter().map(|p| p.value).sum::<f64>() / same.len() as f64,
+            is_settled: same.iter().all(|p| p.is_settled),
+            half_width: f64::NAN,
+            repeats: same.iter().map(|p| p.value).collect(),
+        },
     };
-    all.chunk_by(|a, b| a.0 == b.0).map(mean).collect()
+    all.chunk_by(|a, b| a.frequency_hz == b.frequency_hz).map(mean).collect()
 }
 
 /// A label of at most 48 characters: a longer one would leave no room for the curves.
@@ -265,9 +303,9 @@ fn common_natural_hz<'a>(campaigns: impl Iterator<Item = &'a Campaign>) -> Optio
 fn curves(
     campaign: &Campaign,
     (points, group): (&[PlottedPoint], Option<&str>),
-    quantity: &Ordinate,
-    about: &str,
-    value: impl Fn(&PlottedPoint) -> f64,
+    (quantity, about): (&Ordinate, &str),
+    breadth: Breadth,
+    value: impl Fn(&PlottedPoint) -> (f64, f64),
 ) -> Result<Picture, FigureError> {
     let curves = response_curves(campaign, (points, group), value);
     let common = common_natural_hz(std::iter::once(campaign));
@@ -286,7 +324,7 @@ fn curves(
     how.sort();
     how.dedup();
     let caption = format!("{about}. {}.", how.join("; "));
-    draw(&curves, quantity, &ResponseNotes { natural_frequency_hz: common, caption })
+    draw(&curves, quantity, &ResponseNotes { natural_frequency_hz: common, caption }, breadth)
 }
 
 type Histories = BTreeMap<(String, String), Vec<(f64, f64)>>;

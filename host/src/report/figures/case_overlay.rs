@@ -1,7 +1,7 @@
 //! Draws several simulated cases over each other: their displacements over time, and their cycle maxima over the cycles.
 
 use super::study_curves::{self, Curve, CurveLabels};
-use super::{FigureError, Picture};
+use super::{Breadth, FigureError, Picture};
 use crate::simulation::envelope::Envelope;
 
 /// Columns of the displacements: enough for the shape of each cycle of a free vibration.
@@ -68,6 +68,7 @@ pub fn over_step(series: Vec<Series>, title: &str, x: &str, y: &str) -> Result<P
     study_curves::draw(
         &curves,
         &CurveLabels { title: title.into(), x: x.into(), is_log: true, y: y.into(), best: None, marks: Vec::new() },
+        Breadth::Broad,
     )
 }
 
@@ -81,5 +82,5 @@ fn draw(
     let curves: Vec<Curve> = curves.map(curve).collect();
     let labels =
         CurveLabels { title: title.into(), x: x.into(), is_log: false, y: y.into(), best: None, marks: Vec::new() };
-    study_curves::draw(&curves, &labels)
+    study_curves::draw(&curves, &labels, Breadth::Broad)
 }

@@ -5,8 +5,8 @@ use super::study_curves::{Curve, CurveLabels, Mark};
 use super::study_map::{Map, MapAxis};
 use super::time_histories::{HistoryCurve, HistoryPanel};
 use super::{
-    FigureError, Picture, axis::Scale, bifurcation, branches, curves, frequency_response, study_curves, study_map,
-    time_histories,
+    Breadth, FigureError, Picture, axis::Scale, bifurcation, branches, curves, frequency_response, study_curves,
+    study_map, time_histories,
 };
 use crate::continuation::parameters::PARAMETERS;
 use crate::continuation::{Found, FoundBranch, FoundCurve, FoundOrbit, FoundSpecial};
@@ -89,7 +89,7 @@ fn curves_of_extreme_values_say_how_many_are_not_drawn() {
                 marks: vec![Mark { at: points[5], curve: 0, is_measured: true }],
             };
             check(
-                study_curves::draw(&[curve.clone(), curve], &labels),
+                study_curves::draw(&[curve.clone(), curve], &labels, Breadth::Broad),
                 [values.clone(), values.clone()].concat(),
                 &values,
             );
@@ -105,7 +105,8 @@ fn curves_of_extreme_values_say_how_many_are_not_drawn() {
                 y: String::new(),
                 best: None,
                 marks: Vec::new(),
-            }
+            },
+            Breadth::Narrow,
         )
         .is_ok()
     );
@@ -138,6 +139,8 @@ fn responses_and_histories_of_extreme_values_say_how_many_are_not_drawn() {
             frequency_hz: 2.0 + 0.1 * place as f64,
             value: *value,
             is_settled: true,
+            half_width: value.abs() / 7.0,
+            repeats: if place % 5 == 0 { vec![*value, 1.1 * value, 0.9] } else { Vec::new() },
         };
         let curve = ResponseCurve {
             label: "c".into(),
@@ -149,11 +152,10 @@ fn responses_and_histories_of_extreme_values_say_how_many_are_not_drawn() {
         for scale in [Scale::Linear, Scale::Log] {
             let quantity = Ordinate { label: "y", rings_peaks: true, scale };
             let notes = ResponseNotes { natural_frequency_hz: Some(1.0), caption: "c.".into() };
-            check(
-                frequency_response::draw(std::slice::from_ref(&curve), &quantity, &notes),
-                values.iter().copied(),
-                &values,
-            );
+            for breadth in [Breadth::Broad, Breadth::Narrow] {
+                let drawn = frequency_response::draw(std::slice::from_ref(&curve), &quantity, &notes, breadth);
+                check(drawn, values.iter().copied(), &values);
+            }
         }
         let history =
             HistoryCurve { label: "c".into(), points: (0u8..).map(f64::from).zip(values.iter().copied()).collect() };

@@ -25,11 +25,13 @@ mod study_labels;
 mod study_map;
 pub mod symbols;
 pub mod time_histories;
+pub mod traces;
 pub mod transfer_function;
 
 use std::path::Path;
 use std::sync::{Arc, Once};
 
+use maud::PreEscaped;
 use plotters::backend::SVGBackend;
 use plotters::coord::Shift;
 use plotters::element::Text;
@@ -38,6 +40,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontFamily, FontStyle, IntoTextStyle, RGBColor, TextStyle, WHITE};
 use resvg::{tiny_skia, usvg};
 
+use self::axis::{Axis, Frame, Scale};
 use crate::host_time;
 use crate::input::shown;
 use crate::run_folder::own_files;
@@ -67,6 +70,22 @@ pub const FINE: i32 = 10;
 
 /// Pixels of the PNG per point of the SVG.
 const PNG_SCALE: f32 = 2.0;
+
+/// What a figure is drawn for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Breadth {
+    /// A screen or a printed page: [`BROAD`] points wide, the legend beside the axes.
+    Broad,
+    /// A phone: [`NARROW`] points wide, the legend below the axes.
+    Narrow,
+}
+
+/// Width of a figure for a screen or a printed page, points.
+pub const BROAD: i32 = 760;
+/// Width of a figure for a phone, points.
+pub const NARROW: i32 = 400;
+/// Widest legend beside the axes, points; a wider one is below them.
+const WIDEST_LEGEND: i32 = 310;
 
 /// Size of the text that states where a figure's data are from, and its distance from the edges, points.
 const SOURCE_SIZE: f64 = 8.0;
@@ -116,6 +135,19 @@ pub fn text(size: f64, colour: RGBColor) -> TextStyle<'static> {
 #[must_use]
 pub fn width(text_style: &TextStyle<'static>, text: &str) -> i32 {
     text_style.font.box_size(text).map_or(0, |(width, _)| i32::try_from(width).unwrap_or(0))
+}
+
+/// A text in lines of at most `most` points; a longer word has a line of its own.
+#[must_use]
+pub fn wrapped(text_style: &TextStyle<'static>, text: &str, most: i32) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if width(text_style, &format!("{line} {word}")) <= most => *line = format!("{line} {word}"),
+            _ => lines.push(word.to_string()),
+        }
+    }
+    lines
 }
 
 /// A small note at the lower left of a figure, if there is one; `left` and the figure's height.
@@ -171,6 +203,23 @@ pub fn source(what: &str, identity: &str) -> String {
     format!("{what} {} · {now}", short(identity))
 }
 
+/// What `draw` draws, as elements of SVG.
+fn elements(draw: impl FnOnce(&Canvas) -> Result<(), FigureError>) -> Result<String, FigureError> {
+    let mut svg = String::new();
+    {
+        // They are cut out of an SVG of its own, which only has to be large enough.
+        let canvas = SVGBackend::with_string(&mut svg, (100_000, 100_000)).into_drawing_area();
+        draw(&canvas)?;
+        canvas.present().map_err(FigureError::of)?;
+    }
+    let inside = || {
+        let start = svg.find("<svg")?;
+        svg.get(start + svg[start..].find('>')? + 1..svg.rfind("</svg>")?)
+    };
+    let inside = inside().ok_or_else(|| FigureError("the layer is not SVG".into()))?;
+    Ok(shown(inside).into_owned())
+}
+
 /// A finished drawing.
 #[derive(Clone, Debug)]
 pub struct Picture {
@@ -207,7 +256,8 @@ impl Picture {
     /// # Errors
     /// The drawing library's error.
     pub fn overlay(self, draw: impl FnOnce(&Canvas) -> Result<(), FigureError>) -> Result<Self, FigureError> {
-        self.layer(FINE, draw)
+        let layer = elements(draw)?;
+        Ok(self.with_elements(&format!("<g transform=\"scale({})\">{layer}</g>\n", 1.0 / f64::from(FINE))))
     }
 
     /// Draws above everything so far, in points.
@@ -215,26 +265,47 @@ impl Picture {
     /// # Errors
     /// The drawing library's error.
     pub fn above(self, draw: impl FnOnce(&Canvas) -> Result<(), FigureError>) -> Result<Self, FigureError> {
-        self.layer(1, draw)
+        let layer = elements(draw)?;
+        Ok(self.with_elements(&format!("<g>{layer}</g>\n")))
     }
 
-    fn layer(mut self, steps: i32, draw: impl FnOnce(&Canvas) -> Result<(), FigureError>) -> Result<Self, FigureError> {
-        let mut svg = String::new();
-        {
-            // The layer is cut out of an SVG of its own, which only has to be large enough.
-            let canvas = SVGBackend::with_string(&mut svg, (100_000, 100_000)).into_drawing_area();
-            draw(&canvas)?;
-            canvas.present().map_err(FigureError::of)?;
-        }
-        let inside =
-            |svg: &str| Some((svg.find("<svg")? + svg[svg.find("<svg")?..].find('>')? + 1, svg.rfind("</svg>")?));
-        let (Some((from, to)), Some((_, end))) = (inside(&svg), inside(&self.svg)) else {
-            return Err(FigureError("the layer is not SVG".into()));
+    /// Draws an entry of a legend, with which the script of a page hides the curve of this place ([`traces`]), and `above` it elements of SVG.
+    ///
+    /// # Errors
+    /// The drawing library's error.
+    pub fn legend_entry(
+        self,
+        place: usize,
+        above: &str,
+        draw: impl FnOnce(&Canvas) -> Result<(), FigureError>,
+    ) -> Result<Self, FigureError> {
+        let entry = elements(draw)?;
+        Ok(self.with_elements(&format!("<g data-legend=\"{place}\">{entry}{above}</g>\n")))
+    }
+
+    /// Draws a frame and what is within it: elements of SVG, whose curves the script of a page shows and zooms ([`traces`]).
+    ///
+    /// # Errors
+    /// The drawing library's error.
+    pub fn framed(self, frame: &Frame, inside: &str) -> Result<Self, FigureError> {
+        let (left, top, right, bottom) = frame.bounds;
+        let axis = |axis: &Axis| {
+            let Axis { label, from, to, scale } = axis;
+            serde_json::json!({ "label": label, "from": from, "to": to, "isLog": *scale == Scale::Log })
         };
-        let layer = shown(&svg[from..to]);
-        let layer = format!("<g transform=\"scale({})\">{layer}</g>\n", 1.0 / f64::from(steps));
-        self.svg.insert_str(end, &layer);
-        Ok(self)
+        let axes =
+            serde_json::json!({ "bounds": [left, top, right, bottom], "x": axis(&frame.x), "y": axis(&frame.y) });
+        let (ticks, edges) =
+            (elements(|canvas| frame.draw_ticks(canvas))?, elements(|canvas| frame.draw_edges(canvas))?);
+        let group = maud::html! {
+            g data-axes=(axes) {
+                g data-ticks="" { (PreEscaped(ticks)) }
+                (PreEscaped(edges))
+                g data-inside="" { (PreEscaped(inside)) }
+            }
+        };
+        // XML forbids most control characters, and names may have any.
+        Ok(self.with_elements(&shown(&group.into_string())))
     }
 
     /// States where the data are from: in small letters in the lower right corner, and in the metadata of SVG and PNG.

@@ -1,4 +1,4 @@
-//! Draws the set-ups of a campaign as sketches, not to scale: base, structure on its springs, particle between its walls, friction
+//! Draws a set-up of a campaign as a sketch, not to scale: base, structure on its springs, particle between its walls, friction
 //! block, tuned mass.
 
 use damprig_core::model::{SetUp, Wall};
@@ -12,50 +12,37 @@ use crate::campaign::CampaignSetUp;
 use crate::report::describe;
 use crate::report::numbers::{significant, trimmed};
 
-const WIDTH: u32 = 1040;
-const IN_A_ROW: usize = 3;
-const CELL: (i32, i32) = (WIDTH as i32 / IN_A_ROW as i32, 206);
+/// Width and height.
+const CELL: (i32, i32) = (346, 206);
 
-/// Places within a cell.
+/// Places.
 const BASE: i32 = 168;
 const FLOOR: i32 = 112;
 const ROOF: i32 = 88;
 const LEFT: i32 = 84;
 const RIGHT: i32 = 224;
 
-/// Draws all set-ups, three in a row.
+/// Draws a set-up.
 ///
 /// # Errors
 /// The drawing library's error.
-pub fn draw(set_ups: &[CampaignSetUp]) -> Result<Picture, FigureError> {
-    let rows = set_ups.len().div_ceil(IN_A_ROW).max(1) as u32;
-    Picture::draw(WIDTH, rows * CELL.1 as u32, |canvas| {
-        for (place, set_up) in set_ups.iter().enumerate() {
-            let origin = ((place % IN_A_ROW) as i32 * CELL.0, (place / IN_A_ROW) as i32 * CELL.1);
-            Sketch { canvas, origin }.set_up(set_up)?;
-        }
-        Ok(())
-    })
+pub fn draw(set_up: &CampaignSetUp) -> Result<Picture, FigureError> {
+    Picture::draw(CELL.0 as u32, CELL.1 as u32, |canvas| Sketch { canvas }.set_up(set_up))
 }
 
 struct Sketch<'a, 'b> {
     canvas: &'a Canvas<'b>,
-    origin: (i32, i32),
 }
 
 impl Sketch<'_, '_> {
-    fn at(&self, (x, y): (i32, i32)) -> (i32, i32) {
-        (self.origin.0 + x, self.origin.1 + y)
-    }
-
     fn line(&self, points: &[(i32, i32)], style: impl Into<ShapeStyle>) -> Result<(), FigureError> {
-        let path: Vec<_> = points.iter().map(|p| self.at(*p)).collect();
+        let path = points.to_vec();
         self.canvas.draw(&PathElement::new(path, style)).map_err(FigureError::of)
     }
 
     /// A filled box with an outline.
     fn body(&self, from: (i32, i32), to: (i32, i32), fill: RGBColor) -> Result<(), FigureError> {
-        let corners = [self.at(from), self.at(to)];
+        let corners = [from, to];
         self.canvas.draw(&Rectangle::new(corners, fill.filled())).map_err(FigureError::of)?;
         self.canvas.draw(&Rectangle::new(corners, INK.stroke_width(1))).map_err(FigureError::of)
     }
@@ -69,14 +56,14 @@ impl Sketch<'_, '_> {
         across: HPos,
     ) -> Result<(), FigureError> {
         let style = text(size, tint).pos(Pos::new(across, VPos::Center));
-        self.canvas.draw(&Text::new(words.to_string(), self.at(place), style)).map_err(FigureError::of)
+        self.canvas.draw(&Text::new(words.to_string(), place, style)).map_err(FigureError::of)
     }
 
     /// An arrow with two heads.
     fn travel(&self, from: i32, to: i32, height: i32) -> Result<(), FigureError> {
         self.line(&[(from, height), (to, height)], GREY.stroke_width(1))?;
         for (tip, back) in [(from, 5), (to, -5)] {
-            let head = [(tip, height), (tip + back, height - 3), (tip + back, height + 3)].map(|p| self.at(p));
+            let head = [(tip, height), (tip + back, height - 3), (tip + back, height + 3)];
             self.canvas.draw(&Polygon::new(head.to_vec(), GREY.filled())).map_err(FigureError::of)?;
         }
         Ok(())
@@ -85,7 +72,7 @@ impl Sketch<'_, '_> {
     /// An arrow to the right.
     fn arrow(&self, from: (i32, i32), to: i32) -> Result<(), FigureError> {
         self.line(&[from, (to, from.1)], GREY.stroke_width(2))?;
-        let head = [(to, from.1), (to - 7, from.1 - 4), (to - 7, from.1 + 4)].map(|p| self.at(p));
+        let head = [(to, from.1), (to - 7, from.1 - 4), (to - 7, from.1 + 4)];
         self.canvas.draw(&Polygon::new(head.to_vec(), GREY.filled())).map_err(FigureError::of)
     }
 
@@ -155,11 +142,11 @@ impl Sketch<'_, '_> {
         for (x, inwards) in [(low, 1), (high, -1)] {
             self.line(&[(x, ROOF), (x, top)], INK.stroke_width(3))?;
             if matches!(wall, Wall::Voigt { .. }) {
-                let pad = [(x + 2 * inwards, ROOF - 2), (x + 9 * inwards, top + 2)].map(|p| self.at(p));
+                let pad = [(x + 2 * inwards, ROOF - 2), (x + 9 * inwards, top + 2)];
                 self.canvas.draw(&Rectangle::new(pad, colour(1).filled())).map_err(FigureError::of)?;
             }
         }
-        self.canvas.draw(&Circle::new(self.at((154, ROOF - 11)), 10, colour(3).filled())).map_err(FigureError::of)?;
+        self.canvas.draw(&Circle::new((154, ROOF - 11), 10, colour(3).filled())).map_err(FigureError::of)?;
         let mass = format!("m = {} kg", trimmed(mass_kg, 3));
         self.write(&mass, (high + 8, ROOF - 12), 11.0, GREY, HPos::Left)?;
         self.travel(low + 3, high - 3, top - 4)?;

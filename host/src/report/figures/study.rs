@@ -4,7 +4,7 @@ use super::curves::Curve as SpecialCurve;
 use super::study_curves::{self, Curve, CurveLabels, Mark};
 use super::study_labels::{label, metric_label, metric_meaning, name};
 use super::study_map::{self, Map, MapAxis};
-use super::{FigureError, Picture};
+use super::{Breadth, FigureError, Picture};
 use crate::continuation::Found;
 use crate::report::numbers::significant;
 use crate::study::Study;
@@ -25,7 +25,12 @@ pub struct StudyFigure {
     pub caption: String,
     /// The figure, or why it could not be drawn.
     pub picture: Result<Picture, FigureError>,
+    /// The narrow figure, of curves.
+    pub narrow: Option<Result<Picture, FigureError>>,
 }
+
+/// A drawn figure, and a narrow one if it is of curves.
+type Drawn = (Result<Picture, FigureError>, Option<Result<Picture, FigureError>>);
 
 /// Published points to be drawn over the curves of a study.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,13 +99,18 @@ fn draw_metric(
     let column = main_column(study, metric);
     let values = table.column(&column).filter(|values| values.iter().any(|value| !value.is_nan()))?;
     let sheet = Sheet { study, table, metric, values, column, best, overlays, published };
-    let (picture, caption) = match &grids(study)[..] {
+    let ((picture, narrow), caption) = match &grids(study)[..] {
         _ if has_drawn_axis(study) => sheet.drawn_points(),
         [a, b, ..] if is_map(study) => sheet.map(*a.min(b), *a.max(b)),
         [a, rest @ ..] => sheet.curves(*a, rest.first().copied()),
         [] => return None,
     };
-    Some(StudyFigure { stem: metric.name().into(), caption, picture })
+    Some(StudyFigure { stem: metric.name().into(), caption, picture, narrow })
+}
+
+fn drawn(curves: &[Curve], labels: &CurveLabels) -> Drawn {
+    let [broad, narrow] = [Breadth::Broad, Breadth::Narrow].map(|breadth| study_curves::draw(curves, labels, breadth));
+    (broad, Some(narrow))
 }
 
 struct Sheet<'a> {
@@ -183,7 +193,7 @@ impl Sheet<'_> {
         (0..self.values.len() as u64).filter(is_in).collect()
     }
 
-    fn map(&self, x: usize, y: usize) -> (Result<Picture, FigureError>, String) {
+    fn map(&self, x: usize, y: usize) -> (Drawn, String) {
         let others = self.others(&[x, y]);
         let rising = |place: usize| {
             let mut values = numbers(self.study, place).unwrap_or_default().to_vec();
@@ -232,7 +242,7 @@ impl Sheet<'_> {
             caption.push_str(" Black: where a periodic motion changes; docs/CONTINUE.md has the names.");
         }
         let map = Map { title, x: across, y: up, label: self.value_label(), values, marked, curves, best };
-        (study_map::draw(&map), caption)
+        ((study_map::draw(&map), None), caption)
     }
 
     /// The curves of the overlays, with this axis as abscissa.
@@ -243,7 +253,7 @@ impl Sheet<'_> {
 
     /// Curves over `x`, one for each combination of the other axes. If these are too many: through the best point, one for each value
     /// of `next`.
-    fn curves(&self, x: usize, next: Option<usize>) -> (Result<Picture, FigureError>, String) {
+    fn curves(&self, x: usize, next: Option<usize>) -> (Drawn, String) {
         let is_all = self.values.len() / self.axis(x).count() <= MOST_CURVES;
         let varied = self.study.points.kept().iter().copied().filter(|place| self.axis(*place).count() > 1);
         let shown: Vec<usize> = if is_all { varied.collect() } else { [x].into_iter().chain(next).collect() };
@@ -300,10 +310,7 @@ impl Sheet<'_> {
         };
         let band =
             if quantiles.is_some() { "; the band is from the smallest to the largest over the starts" } else { "" };
-        (
-            study_curves::draw(&curves, &labels),
-            format!("{}: {}{band}.", self.column, metric_meaning(self.study, self.metric)),
-        )
+        (drawn(&curves, &labels), format!("{}: {}{band}.", self.column, metric_meaning(self.study, self.metric)))
     }
 
     /// Whether points belong to a value of an axis.
@@ -317,7 +324,7 @@ impl Sheet<'_> {
     }
 
     /// The value over the first drawn axis.
-    fn drawn_points(&self) -> (Result<Picture, FigureError>, String) {
+    fn drawn_points(&self) -> (Drawn, String) {
         let is_drawn = |place: &&usize| matches!(self.axis(**place).values, Values::Drawn { .. });
         let x = self.study.points.kept().iter().find(is_drawn).copied().unwrap_or(0);
         let point = |row: u64| (Self::number(&self.at(row), x), self.values[row as usize]);
@@ -334,6 +341,6 @@ impl Sheet<'_> {
             marks: Vec::new(),
         };
         let caption = format!("{}: {}, of all drawn points.", self.column, metric_meaning(self.study, self.metric));
-        (study_curves::draw(&[curve], &labels), caption)
+        (drawn(&[curve], &labels), caption)
     }
 }

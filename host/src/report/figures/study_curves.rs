@@ -1,11 +1,14 @@
 //! Draws a quantity over one axis of a study: a curve for each combination of the others, with the band between its quantiles.
 
-use plotters::element::{Circle, Cross, PathElement, Polygon, Text};
+use plotters::element::{Circle, Cross, PathElement, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, RGBColor};
+use plotters::style::{Color, TextStyle};
 
 use super::axis::{Axis, Frame, Scale};
-use super::{Canvas, FigureError, INK, Picture, colour, note, text, width};
+use super::traces::{PointerValue, Traces};
+use super::{
+    BROAD, Breadth, Canvas, FigureError, INK, NARROW, Picture, WIDEST_LEGEND, colour, note, text, width, wrapped,
+};
 
 /// A curve, or points.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,31 +51,46 @@ pub struct Mark {
     pub is_measured: bool,
 }
 
-/// A ring or a cross, with its size and line in the canvas' points.
-fn draw_mark(canvas: &Canvas, at: (i32, i32), mark: &Mark, colour: RGBColor, scale: i32) -> Result<(), FigureError> {
-    let style = colour.stroke_width(2 * scale as u32);
+/// The sign of a published point in the legend: a ring or a cross.
+fn draw_mark(canvas: &Canvas, at: (i32, i32), mark: &Mark) -> Result<(), FigureError> {
+    let style = INK.stroke_width(2);
     if mark.is_measured {
-        canvas.draw(&Circle::new(at, 5 * scale, style)).map_err(FigureError::of)
+        canvas.draw(&Circle::new(at, 5, style)).map_err(FigureError::of)
     } else {
-        canvas.draw(&Cross::new(at, 5 * scale, style)).map_err(FigureError::of)
+        canvas.draw(&Cross::new(at, 5, style)).map_err(FigureError::of)
     }
 }
 
-const WIDTH: i32 = 980;
-const HEIGHT: i32 = 560;
+/// Height of a broad figure; a long legend needs more.
+const HEIGHT: i32 = 470;
+/// Height of axes above their legend.
+const AXES: i32 = 360;
 const LEFT: i32 = 92;
 const TOP: i32 = 44;
 const BELOW: i32 = 88;
 const LEGEND_LINE: i32 = 21;
+const LINE: i32 = 17;
 
 /// Draws the curves.
 ///
 /// # Errors
 /// The drawing library's error.
-pub fn draw(curves: &[Curve], labels: &CurveLabels) -> Result<Picture, FigureError> {
+pub fn draw(curves: &[Curve], labels: &CurveLabels, breadth: Breadth) -> Result<Picture, FigureError> {
     let widest = curves.iter().map(|curve| width(&text(13.0, INK), &curve.label)).max().unwrap_or(0);
-    let legend = if curves.len() > 1 { widest + 70 } else { 30 };
-    let height = HEIGHT.max(TOP + curves.len() as i32 * LEGEND_LINE + BELOW);
+    let has_legend = curves.len() > 1;
+    let legend_height = if has_legend { curves.len() as i32 * LEGEND_LINE } else { 0 };
+    let (left, wide) = if breadth == Breadth::Broad { (LEFT, BROAD) } else { (LEFT - 18, NARROW) };
+    let title = wrapped(&text(15.0, INK), &labels.title, wide - left - 10);
+    let top = TOP + (title.len() as i32 - 1) * LEGEND_LINE;
+    // Left end and first line of the legend.
+    let (bounds, legend, height) = if breadth == Breadth::Broad && widest + 70 <= WIDEST_LEGEND {
+        let height = HEIGHT.max(top + legend_height + BELOW);
+        let right = wide - if has_legend { widest + 70 } else { 30 };
+        ((left, top, right, height - BELOW), (right + 14, top + 8), height)
+    } else {
+        let bottom = top + AXES;
+        ((left, top, wide - 16, bottom), (left - 40, bottom + 70), bottom + BELOW + legend_height + 12)
+    };
     let marks = || labels.marks.iter().map(|mark| mark.at);
     let abscissae =
         || curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.0)).chain(marks().map(|at| at.0));
@@ -83,66 +101,75 @@ pub fn draw(curves: &[Curve], labels: &CurveLabels) -> Result<Picture, FigureErr
     let frame = Frame {
         x: Axis::around(labels.x.clone(), scale, abscissae()),
         y: Axis::around(labels.y.clone(), Scale::Linear, values),
-        bounds: (LEFT, TOP, WIDTH - legend, height - BELOW),
+        bounds,
     };
     let all = || curves.iter().flat_map(|curve| &curve.points).copied();
     let undrawn = scale.undrawn(all().map(|at| at.0)).or_else(|| Scale::Linear.undrawn(all().map(|at| at.1)));
-    let is_drawn = |(x, y): &(f64, f64)| frame.draws(*x, *y);
-    let picture = Picture::draw(WIDTH as u32, height as u32, |canvas| {
-        frame.draw(canvas)?;
-        let left = |size: f64| text(size, INK).pos(Pos::new(HPos::Left, VPos::Center));
-        canvas.draw(&Text::new(labels.title.clone(), (LEFT, TOP - 20), left(15.0))).map_err(FigureError::of)?;
-        for (place, curve) in curves.iter().enumerate().filter(|_| curves.len() > 1) {
-            let (x, y) = (frame.bounds.2 + 14, TOP + 8 + place as i32 * LEGEND_LINE);
+    let inside: String =
+        curves.iter().enumerate().map(|(place, curve)| elements_of(&frame, place, curve, labels)).collect();
+    let mut picture = Picture::draw(wide as u32, height as u32, |_| Ok(()))?.framed(&frame, &inside)?;
+    for (place, curve) in curves.iter().enumerate().filter(|_| has_legend) {
+        let (x, y) = (legend.0, legend.1 + place as i32 * LEGEND_LINE);
+        picture = picture.legend_entry(place, "", |canvas| {
             let sample = PathElement::new(vec![(x, y), (x + 26, y)], colour(place).stroke_width(2));
             canvas.draw(&sample).map_err(FigureError::of)?;
-            canvas.draw(&Text::new(curve.label.clone(), (x + 34, y), left(13.0))).map_err(FigureError::of)?;
+            canvas.draw(&Text::new(curve.label.clone(), (x + 34, y), at_left(13.0))).map_err(FigureError::of)
+        })?;
+    }
+    picture.above(|canvas| {
+        for (line, n) in title.iter().zip(1..) {
+            let at = (left, top - 20 - (title.len() as i32 - n) * LINE);
+            canvas.draw(&Text::new(line.clone(), at, at_left(15.0))).map_err(FigureError::of)?;
         }
-        let mut x = LEFT;
+        let (mut x, y) = (left.min(legend.0), height - 16);
         if let Some((_, words)) = &labels.best {
-            canvas.draw(&Text::new(words.clone(), (x, height - 16), left(13.0))).map_err(FigureError::of)?;
+            canvas.draw(&Text::new(words.clone(), (x, y), at_left(13.0))).map_err(FigureError::of)?;
             x += width(&text(13.0, INK), words) + 40;
         }
         for (is_measured, words) in [(false, "published, computed"), (true, "published, measured")] {
             let Some(mark) = labels.marks.iter().find(|mark| mark.is_measured == is_measured) else { continue };
-            draw_mark(canvas, (x + 6, height - 16), mark, INK, 1)?;
-            canvas.draw(&Text::new(words, (x + 20, height - 16), left(13.0))).map_err(FigureError::of)?;
+            draw_mark(canvas, (x + 6, y), mark)?;
+            canvas.draw(&Text::new(words, (x + 20, y), at_left(13.0))).map_err(FigureError::of)?;
             x += width(&text(13.0, INK), words) + 50;
         }
         // On the line of these entries.
         note(canvas, (x, height - 8), undrawn.as_deref())
-    })?;
-    picture.overlay(|canvas| {
-        for (place, curve) in curves.iter().enumerate() {
-            let at = |x: f64, y: f64| frame.fine_point(x, y);
-            if !curve.band.is_empty()
-                && curve.band.iter().all(|(x, low, high)| is_drawn(&(*x, *low)) && is_drawn(&(*x, *high)))
-            {
-                let up = curve.band.iter().map(|(x, _, high)| at(*x, *high));
-                let back = curve.band.iter().rev().map(|(x, low, _)| at(*x, *low));
-                let outline: Vec<(i32, i32)> = up.chain(back).collect();
-                canvas.draw(&Polygon::new(outline, colour(place).mix(0.2).filled())).map_err(FigureError::of)?;
-            }
-            for part in curve.points.split(|at| !is_drawn(at)).filter(|part| !part.is_empty()) {
-                let points: Vec<(i32, i32)> = part.iter().map(|(x, y)| at(*x, *y)).collect();
-                if curve.is_scattered || points.len() == 1 {
-                    for point in &points {
-                        let dot = Circle::new(*point, 25, colour(place).filled());
-                        canvas.draw(&dot).map_err(FigureError::of)?;
-                    }
-                } else {
-                    let line = PathElement::new(points, colour(place).stroke_width(18));
-                    canvas.draw(&line).map_err(FigureError::of)?;
-                }
-            }
-        }
-        for mark in labels.marks.iter().filter(|mark| is_drawn(&mark.at)) {
-            draw_mark(canvas, frame.fine_point(mark.at.0, mark.at.1), mark, colour(mark.curve), 10)?;
-        }
-        if let Some((at, _)) = labels.best.as_ref().filter(|(at, _)| is_drawn(at)) {
-            let mark = Circle::new(frame.fine_point(at.0, at.1), 70, colour(5).stroke_width(28));
-            canvas.draw(&mark).map_err(FigureError::of)?;
-        }
-        Ok(())
     })
 }
+
+fn at_left(size: f64) -> TextStyle<'static> {
+    text(size, INK).pos(Pos::new(HPos::Left, VPos::Center))
+}
+
+/// The elements of a curve: band, line or dots, the published points on it, and the best point on the first one.
+fn elements_of(frame: &Frame, place: usize, curve: &Curve, labels: &CurveLabels) -> String {
+    let is_drawn = |(x, y): &(f64, f64)| frame.draws(*x, *y);
+    let tint = colour(place);
+    let mut traces = Traces::new(frame);
+    if curve.band.iter().all(|(x, low, high)| is_drawn(&(*x, *low)) && is_drawn(&(*x, *high))) {
+        traces.band(&curve.band, tint);
+    }
+    for part in curve.points.split(|at| !is_drawn(at)).filter(|part| !part.is_empty()) {
+        if curve.is_scattered || part.len() == 1 {
+            part.iter().for_each(|at| traces.dot(*at, 2.5, tint));
+        } else {
+            traces.line(part.iter().copied(), tint, 1.8);
+        }
+    }
+    for mark in labels.marks.iter().filter(|mark| mark.curve == place && is_drawn(&mark.at)) {
+        if mark.is_measured { traces.ring(mark.at, 5.0, tint, 2.0) } else { traces.cross(mark.at, 5.0, tint) }
+    }
+    if let Some((at, _)) = labels.best.as_ref().filter(|(at, _)| curve.points.contains(at) && is_drawn(at)) {
+        traces.ring(*at, 7.0, colour(5), 2.8);
+    }
+    let band_at = |n: usize| curve.band.get(n).filter(|(x, low, high)| is_drawn(&(*x, *low)) && is_drawn(&(*x, *high)));
+    let shown = |(n, at): (usize, &(f64, f64))| {
+        let range = band_at(n).filter(|band| band.0 == at.0).map(|(_, low, high)| (*low, *high));
+        PointerValue { x: at.0, value: at.1, range }
+    };
+    let drawn = curve.points.iter().enumerate().filter(|(_, at)| is_drawn(at)).take(MOST_READ_OUT).map(shown);
+    traces.curve(place, &curve.label, &drawn.collect::<Vec<_>>())
+}
+
+/// Most points of a curve whose numbers are on the page.
+const MOST_READ_OUT: usize = 20_000;

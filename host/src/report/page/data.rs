@@ -140,8 +140,9 @@ fn points(batch: &RecordBatch) -> Result<Vec<PagePoint>, ReadError> {
     let clipped = texts(batch, "sensors_clipped").unwrap_or_default();
     let segments = number("segment").unwrap_or_default();
     let is = |list: &[Value], n: usize| list.get(n) == Some(&Value::Bool(true));
-    // Older runs lack this column too.
+    // Older runs lack these columns too.
     let verdicts = texts(batch, "steadiness").unwrap_or_default();
+    let intervals = number("interval").unwrap_or_default();
     let steadiness = |n: usize| match verdicts.get(n) {
         Some(text) => steadiness_of(text),
         None if is(&steady, n) => Steadiness::Steady,
@@ -153,6 +154,7 @@ fn points(batch: &RecordBatch) -> Result<Vec<PagePoint>, ReadError> {
             experiment: experiments[n].clone(),
             frequency_hz: f[n],
             x_over_z: ratio[n],
+            interval: intervals.get(n).copied().unwrap_or(f64::NAN),
             phase_rad: phase[n],
             steadiness: steadiness(n),
         },

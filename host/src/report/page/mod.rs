@@ -8,6 +8,7 @@ mod data;
 mod gaps;
 mod health;
 mod repeats;
+mod script;
 mod set_ups;
 pub mod study;
 mod tables;
@@ -16,7 +17,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::input::shown;
 use crate::report::figures::campaign::{groups, phase, response, responses_of_runs, transients, wall_force};
-use crate::report::figures::{self, FigureError, Picture, peak_motion};
+use crate::report::figures::{self, Breadth, FigureError, Picture, peak_motion};
 use crate::run_folder::RunFolder;
 use data::PageData;
 
@@ -55,9 +56,9 @@ pub fn page_of_runs(runs: &[RunFolder]) -> Page {
         "Amplitude ratio X/Z (cycle maxima) over frequency of all runs. Hollow markers: not steady within the dwell.";
     let content = html! {
         header { h1 { (all.len()) " runs" } @for data in &all { p.under { (data.id) } } }
-        @for (set_up, picture) in responses_of_runs(&plotted) {
+        @for ((set_up, broad), (_, narrow)) in responses_of_runs(&plotted, Breadth::Broad).into_iter().zip(responses_of_runs(&plotted, Breadth::Narrow)) {
             @if let Some(set_up) = set_up { h3 { (set_up) } }
-            (drawn(picture, caption))
+            (drawn_in_both([broad, narrow], caption))
         }
         @for (run, data) in runs.iter().zip(&all) { article { (self::content(run, data)) } }
         (footer())
@@ -137,15 +138,18 @@ fn long_texts(data: &PageData) -> Markup {
     }
 }
 
-/// A self-contained HTML document with this content.
+/// A self-contained HTML document with this content and the script of its figures.
 fn document(title: &str, content: &Markup) -> String {
-    document_that_may(title, content, "default-src 'none'; style-src 'unsafe-inline'")
+    let policy = format!("default-src 'none'; style-src 'unsafe-inline'; script-src {}", script::source());
+    let content = html! { main { (content) } script type="module" { (PreEscaped(&*script::SCRIPT)) } };
+    document_that_may(title, &content, &policy)
 }
 
-/// A self-contained HTML document whose content may have images within it (`data:`).
+/// A self-contained HTML document whose content may have images within it (`data:`), without a script.
 #[must_use]
 pub fn document_with_images(title: &str, content: &Markup) -> String {
-    document_that_may(title, content, "default-src 'none'; style-src 'unsafe-inline'; img-src data:")
+    let content = html! { main { (content) } };
+    document_that_may(title, &content, "default-src 'none'; style-src 'unsafe-inline'; img-src data:")
 }
 
 fn document_that_may(title: &str, content: &Markup, policy: &str) -> String {
@@ -155,12 +159,12 @@ fn document_that_may(title: &str, content: &Markup, policy: &str) -> String {
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
-                // The browser fetches and runs nothing, whatever the names in the run contain.
+                // The browser fetches nothing and runs no other script, whatever the names in the run contain.
                 meta http-equiv="Content-Security-Policy" content=(policy);
                 title { (title) }
                 style { (PreEscaped(STYLE)) }
             }
-            body { main { (content) } }
+            body { (content) }
         }
     };
     // The template escapes what HTML reserves; control characters and direction marks are spelled out here.
@@ -180,17 +184,14 @@ fn responses(data: &PageData) -> Markup {
         @for group in groups(campaign) {
             @let group = group.as_deref();
             @if let Some(series) = group { h3 { (series) } }
-            (drawn(
-                response(campaign, &points, group),
-                "Amplitude ratio X/Z (cycle maxima) over frequency. Hollow markers: not steady within the dwell.",
+            (drawn_in_both(
+                BOTH.map(|breadth| response(campaign, &points, group, breadth)),
+                "Amplitude ratio X/Z (cycle maxima) over frequency. Hollow markers: not steady within the dwell. Bars: 95 % interval of X/Z \
+                 as a mean over cycles, without the sensors' scale.",
             ))
-            (drawn(phase(campaign, &points, group), "Phase of x relative to z over frequency."))
-            @match wall_force(campaign, &data.taken, group) {
-                Ok(None) => {}
-                Ok(Some(picture)) => div.on-screen {
-                    (drawn(Ok(picture), "Largest force on a wall over frequency, of the points with impacts."))
-                },
-                Err(error) => (drawn(Err(error), "")),
+            (drawn_in_both(BOTH.map(|breadth| phase(campaign, &points, group, breadth)), "Phase of x relative to z over frequency."))
+            @if let [Some(broad), Some(narrow)] = BOTH.map(|breadth| wall_force(campaign, &data.taken, group, breadth).transpose()) {
+                (drawn_in_both([broad, narrow], "Largest force on a wall over frequency, of the points with impacts."))
             }
         }
     }
@@ -199,7 +200,10 @@ fn responses(data: &PageData) -> Markup {
 /// The set-ups as sketches.
 fn sketches(data: &PageData) -> Markup {
     let Ok(campaign) = &data.campaign else { return html! {} };
-    html! { div.on-screen { (drawn(figures::set_ups::draw(&campaign.set_ups), "The set-ups, not to scale.")) } }
+    html! {
+        div.sketches { @for set_up in &campaign.set_ups { (drawn(figures::set_ups::draw(set_up), "")) } }
+        p.under { "The set-ups, not to scale." }
+    }
 }
 
 /// The motion at the peak of each frequency response.
@@ -226,11 +230,28 @@ fn histories(run: &RunFolder, data: &PageData) -> Markup {
     }
 }
 
+/// The layouts of a figure that is on the page for a screen, and for a phone and print.
+const BOTH: [Breadth; 2] = [Breadth::Broad, Breadth::Narrow];
+
+/// A figure in both layouts, of which the style sheet shows one.
+fn drawn_in_both(pictures: [Result<Picture, FigureError>; 2], caption: &str) -> Markup {
+    match pictures {
+        [Ok(broad), Ok(narrow)] => html! {
+            figure.both {
+                div.broad { (PreEscaped(without_prolog(broad.svg()))) }
+                div.narrow { (PreEscaped(without_prolog(narrow.svg()))) }
+                figcaption { (caption) }
+            }
+        },
+        [Err(error), _] | [_, Err(error)] => drawn(Err(error), caption),
+    }
+}
+
 fn drawn(picture: Result<Picture, FigureError>, caption: &str) -> Markup {
     html! {
         @match picture {
             // The drawing escapes its own text.
-            Ok(picture) => figure { (PreEscaped(without_prolog(picture.svg()))) figcaption { (caption) } },
+            Ok(picture) => figure { (PreEscaped(without_prolog(picture.svg()))) @if !caption.is_empty() { figcaption { (caption) } } },
             Err(error) => p.note.bad { (error) },
         }
     }

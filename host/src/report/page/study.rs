@@ -2,7 +2,7 @@
 
 use maud::html;
 
-use super::{document, drawn};
+use super::{document, drawn, drawn_in_both};
 use crate::report::figures::study::StudyFigure;
 use crate::study::Study;
 
@@ -11,7 +11,12 @@ use crate::study::Study;
 pub fn page(study: &Study, summary: &[String], figures: Vec<StudyFigure>, source: &str) -> String {
     let content = html! {
         header { h1 { (study.name) } @for line in summary { p.under { (line) } } }
-        section { @for figure in figures { (drawn(figure.picture, &figure.caption)) } }
+        section { @for figure in figures {
+            @match figure.narrow {
+                Some(narrow) => (drawn_in_both([figure.picture, narrow], &figure.caption)),
+                None => (drawn(figure.picture, &figure.caption)),
+            }
+        } }
         section { h2 { "Study" } pre { code { (study.text) } } }
         section { h2 { "Case" } p.under { (study.case_path.display()) } pre { code { (study.case_text) } } }
         footer { "Made by " (crate::VERSION_LINE) ": " (source) ". " code { "table.parquet" } " beside this page has all numbers." }

@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::data::{PageData, PagePoint};
 use crate::host_time;
+use crate::report::figures::campaign::mean_responses;
 use crate::report::numbers::trimmed;
 use crate::report::peak::Peak;
 use crate::run_folder::schema::results::steadiness_text;
@@ -68,11 +69,12 @@ pub(super) fn peak_notes(data: &PageData) -> Vec<String> {
     Peak::notes(campaign, |set_up, experiment| points_of(data, set_up, experiment))
 }
 
-/// What the dampers make of the peak of X/Z, a line for each experiment.
+/// What the dampers make of the peak of X/Z, a line for each experiment with its repeats.
 pub(super) fn headlines(data: &PageData) -> Markup {
     let Ok(campaign) = &data.campaign else { return html! {} };
+    let plotted = data.plotted_points();
     html! {
-        @for line in Peak::headlines(campaign, |set_up, experiment| points_of(data, set_up, experiment)) { p.headline { (line) } }
+        @for line in Peak::headlines(campaign, |set_up, experiment| mean_responses(campaign, &plotted, set_up, experiment)) { p.headline { (line) } }
     }
 }
 

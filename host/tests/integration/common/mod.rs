@@ -26,6 +26,22 @@ pub fn damprig(folder: &TempDir) -> Command {
     command
 }
 
+/// Checks that a page fetches nothing and runs no script but its own: its policy names that by its digest, and its only address is the SVG
+/// namespace.
+pub fn assert_self_contained(page: &str) {
+    assert!(page.contains("default-src &#39;none&#39;") || page.contains("default-src 'none'"), "no policy");
+    assert!(page.contains("sha256-"), "the policy names no script");
+    let (before, rest) = page.split_once("<script type=\"module\">").expect("a script");
+    let (script, after) = rest.split_once("</script>").expect("its end");
+    for word in ["import", "fetch(", "XMLHttpRequest", "WebSocket", "innerHTML", "https:"] {
+        assert!(!script.contains(word), "{word}");
+    }
+    let foreign = format!("{before}{after}").replace("http://www.w3.org/2000/svg", "").replace("href=\"#", "");
+    for word in ["http:", "https:", "src=", "href=", "<script", "@import", "url("] {
+        assert!(!foreign.contains(word), "{word}");
+    }
+}
+
 /// The shipped short campaign.
 pub fn short() -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("campaigns/short.toml");
