@@ -377,6 +377,41 @@ fn the_files_of_a_comparison_are_complete_and_not_overwritten() {
     damprig(&folder).args(["runs", "verify", "out"]).assert().success();
 }
 
+/// The set-up `heavy` is compared with a wrong stiffness, `bare` with its own.
+#[test]
+fn the_page_of_a_comparison_has_differences_first_and_folds_the_rest() {
+    let (heavy, wrong) =
+        ("[set_up.structure]\nmass_kg = 1.7\nnatural_frequency_hz = 2.50\ndamping_ratio = 0.0038", "2.51");
+    let right = campaign("", &[("bare", 0.0003, ""), ("heavy", 0.0003, heavy)], SWEEP);
+    let folder = ran(&right);
+    let (before, after) = right.split_at(right.find("mass_kg = 1.7").unwrap());
+    std::fs::write(folder.path().join("wrong.toml"), before.to_string() + &after.replacen("2.50", wrong, 1)).unwrap();
+    damprig(&folder).args(["compare", "out", "--set-ups", "wrong.toml", "--out", "compared"]).assert().success();
+    let page = std::fs::read_to_string(folder.path().join("compared/comparison.html")).unwrap();
+    let (table, rest) = page.split_once("<h2>Differences</h2>").unwrap().1.split_once("<details").unwrap();
+    // The largest first, all of them of the wrong set-up.
+    let rows: Vec<&str> = table.split("<tr>").skip(2).collect();
+    assert!(rows.len() > 3 && rows.iter().all(|row| row.contains("heavy: experiment") && row.contains("differs")));
+    let errors: Vec<f64> = rows
+        .iter()
+        .map(|row| row.split("<td>").nth(3).unwrap().split('<').next().unwrap().replace('−', "-").parse().unwrap())
+        .map(f64::abs)
+        .collect();
+    assert!(errors.windows(2).all(|pair| pair[0] >= pair[1]) && errors.iter().all(|error| *error > 1.0), "{errors:?}");
+    // What agrees is folded; the contents lead to both, the wrong one first.
+    assert!(rest.contains("<summary><h2>bare: experiment – <span>all 15 agree"), "{rest:.300}");
+    assert!(
+        page.contains("<details class=\"part\"><summary><h2>bare")
+            && page.contains("<details class=\"part\" open><summary><h2>heavy")
+    );
+    let contents = page.split_once("<nav>").unwrap().1.split_once("</nav>").unwrap().0;
+    for (set_up, place) in [("heavy", 1), ("bare", 0)] {
+        assert!(contents.contains(&format!("<a href=\"#experiment-{place}\">{set_up}: experiment</a>")), "{contents}");
+        assert!(page.contains(&format!("id=\"experiment-{place}\"")));
+    }
+    assert!(contents.find("heavy") < contents.find("bare"));
+}
+
 #[test]
 fn an_incomplete_run_is_compared_as_far_as_it_goes() {
     let (folder, _) = cut_off(&short());

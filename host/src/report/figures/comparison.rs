@@ -1,18 +1,18 @@
 //! Draws a run beside its simulations: X/Z over frequency with uncertainties and normalised errors, x over time with its residual and
 //! impacts, and the phase plane.
 
-use plotters::element::{PathElement, Polygon, Text};
+use plotters::element::{PathElement, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, RGBColor, ShapeStyle};
 
 use super::axis::{Axis, Frame, Scale};
 use super::time_histories::thinned;
-use super::{Canvas, FINE, FigureError, GREY, INK, Picture, colour, text, width};
+use super::traces::{PointerValue, Traces, bar_low};
+use super::{BROAD, Breadth, Canvas, FINE, FigureError, GREY, INK, NARROW, Picture, colour, text, width};
 use crate::compare::{ComparedExperiment, ComparedPoint, History, Metric, Predicted, Uncertain};
 
-const WIDTH: i32 = 980;
 const LEFT: i32 = 82;
-const RIGHT: i32 = WIDTH - 24;
+const RIGHT: i32 = BROAD - 24;
 const TOP: i32 = 52;
 const TALL: i32 = 340;
 const LOW: i32 = 150;
@@ -44,19 +44,23 @@ fn draw_path(canvas: &Canvas, path: Vec<(i32, i32)>, style: impl Into<ShapeStyle
 /// Words with a line of their colour each, in a row above the first panel.
 fn legend(canvas: &Canvas, entries: &[(&str, RGBColor)]) -> Result<(), FigureError> {
     let mut left = LEFT;
-    for (word, tint) in entries {
-        draw_path(canvas, vec![(left, 22), (left + 26, 22)], tint.stroke_width(3))?;
-        let style = text(13.0, INK).pos(Pos::new(HPos::Left, VPos::Center));
-        canvas.draw(&Text::new((*word).to_string(), (left + 34, 22), style)).map_err(FigureError::of)?;
-        left += 34 + width(&text(13.0, INK), word) + 28;
+    for (words, tint) in entries {
+        legend_entry(canvas, (left, 22), words, *tint)?;
+        left += 34 + width(&text(13.0, INK), words) + 28;
     }
     Ok(())
 }
 
-fn panels(x: &Axis, upper: Axis, lower: Axis) -> (Frame, Frame, i32) {
+fn legend_entry(canvas: &Canvas, (left, y): (i32, i32), words: &str, tint: RGBColor) -> Result<(), FigureError> {
+    draw_path(canvas, vec![(left, y), (left + 26, y)], tint.stroke_width(3))?;
+    let style = text(13.0, INK).pos(Pos::new(HPos::Left, VPos::Center));
+    canvas.draw(&Text::new(words.to_string(), (left + 34, y), style)).map_err(FigureError::of)
+}
+
+fn panels(x: &Axis, upper: Axis, lower: Axis, right: i32) -> (Frame, Frame, i32) {
     let (middle, below) = (TOP + TALL, TOP + TALL + GAP);
-    let upper = Frame { x: x.clone(), y: upper, bounds: (LEFT, TOP, RIGHT, middle) };
-    let lower = Frame { x: x.clone(), y: lower, bounds: (LEFT, below, RIGHT, below + LOW) };
+    let upper = Frame { x: x.clone(), y: upper, bounds: (LEFT, TOP, right, middle) };
+    let lower = Frame { x: x.clone(), y: lower, bounds: (LEFT, below, right, below + LOW) };
     (upper, lower, below + LOW + 64)
 }
 
@@ -88,75 +92,91 @@ fn plotted(experiment: &ComparedExperiment, metric: Metric) -> Vec<Plotted<'_>> 
 ///
 /// # Errors
 /// The drawing library's error.
-pub fn response(experiment: &ComparedExperiment) -> Result<Picture, FigureError> {
+pub fn response(experiment: &ComparedExperiment, breadth: Breadth) -> Result<Picture, FigureError> {
     let points = plotted(experiment, Metric::XOverZ);
-    let predicted: Vec<(f64, Uncertain)> =
-        points.iter().filter_map(|p| Some((p.frequency_hz, p.predicted?.value))).collect();
-    let ideal: Vec<(f64, f64)> = points.iter().filter_map(|p| Some((p.frequency_hz, p.ideal?.value.value))).collect();
+    let predicted = || points.iter().filter_map(|p| Some((p.frequency_hz, p.predicted?.value)));
+    let ideal: Vec<(f64, Uncertain)> = points.iter().filter_map(|p| Some((p.frequency_hz, p.ideal?.value))).collect();
     let errors: Vec<(f64, f64)> =
         points.iter().filter_map(|p| Some((p.frequency_hz, p.predicted?.normalised_error))).collect();
     let x = Axis::around("Frequency (Hz)", Scale::Linear, points.iter().map(|p| p.frequency_hz));
     let ends = |value: &Uncertain| [low(value), value.value, value.value + value.expanded];
-    let values =
-        points.iter().flat_map(|p| ends(&p.measured)).chain(predicted.iter().flat_map(|(_, value)| ends(value)));
-    let y = Axis::around("X/Z (cycle maxima)", Scale::Log, values.chain(ideal.iter().map(|(_, value)| *value)));
+    let values = points.iter().flat_map(|p| ends(&p.measured)).chain(predicted().flat_map(|(_, value)| ends(&value)));
+    let y = Axis::around("X/Z (cycle maxima)", Scale::Log, values.chain(ideal.iter().map(|(_, value)| value.value)));
     let error_axis = Axis::around("Normalised error E_n", Scale::Linear, errors.iter().map(|e| e.1).chain([-1.5, 1.5]));
-    let (upper, lower, height) = panels(&x, y, error_axis);
-    let page = Picture::draw(WIDTH as u32, height as u32, |canvas| {
-        let mut entries = vec![("measured, ± U", measured_colour()), ("predicted, band ± U", predicted_colour())];
-        if !ideal.is_empty() {
-            entries.push(("predicted on the ideal base", ideal_colour()));
+    let wide = if breadth == Breadth::Broad { BROAD } else { NARROW };
+    let (upper, lower, height) = panels(&x, y, error_axis, wide - (BROAD - RIGHT));
+    let entries = [("measured, ± U", measured_colour()), ("predicted, band ± U", predicted_colour())];
+    let entries = entries.into_iter().chain((!ideal.is_empty()).then_some(("on the ideal base", ideal_colour())));
+    let measured: Vec<(f64, Uncertain)> = points.iter().map(|p| (p.frequency_hz, p.measured)).collect();
+    let predicted: Vec<(f64, Uncertain)> = predicted().collect();
+    // Where both predictions are equal, the ideal one is seen beside the other.
+    let curves = [(2, "on the ideal base", &ideal), (1, "predicted", &predicted), (0, "measured", &measured)];
+    let curves: String = curves.map(|(place, label, values)| values_of(&upper, place, label, values)).concat();
+    let mut page = Picture::draw(wide as u32, height as u32, |_| Ok(()))?
+        .framed(&upper, &curves)?
+        .framed(&lower, &errors_of(&lower, &errors))?;
+    let start = if breadth == Breadth::Broad { LEFT } else { 14 };
+    let (mut left, mut y) = (start, if breadth == Breadth::Broad { 22 } else { 12 });
+    for (place, (words, tint)) in entries.enumerate() {
+        let after = left + 34 + width(&text(13.0, INK), words) + 28;
+        if after > wide && left > start {
+            (left, y) = (start, y + 20);
         }
-        legend(canvas, &entries)?;
-        upper.draw(canvas)?;
-        lower.draw(canvas)
-    })?;
-    page.overlay(|canvas| {
-        let mut band: Vec<(i32, i32)> =
-            predicted.iter().map(|(f, value)| upper.fine_point(*f, value.value + value.expanded)).collect();
-        band.extend(predicted.iter().rev().map(|(f, value)| upper.fine_point(*f, low(value))));
-        canvas.draw(&Polygon::new(band, predicted_colour().mix(0.22))).map_err(FigureError::of)?;
-        // Where both predictions are equal, the ideal one is seen beside the other.
-        let line: Vec<(i32, i32)> = ideal.iter().map(|(f, value)| upper.fine_point(*f, *value)).collect();
-        draw_path(canvas, line, ideal_colour().stroke_width(32))?;
-        let line: Vec<(i32, i32)> = predicted.iter().map(|(f, value)| upper.fine_point(*f, value.value)).collect();
-        draw_path(canvas, line, predicted_colour().stroke_width(14))?;
-        for point in &points {
-            let measured = &point.measured;
-            bar(canvas, &upper, point.frequency_hz, (low(measured), measured.value + measured.expanded))?;
-            dot(canvas, upper.fine_point(point.frequency_hz, measured.value), measured_colour())?;
+        page = page.legend_entry(place, "", |canvas| legend_entry(canvas, (left, y), words, tint))?;
+        left += 34 + width(&text(13.0, INK), words) + 28;
+    }
+    Ok(page)
+}
+
+/// A curve of the upper panel, by its place in the legend: what was measured, predicted, or predicted on the ideal base.
+fn values_of(frame: &Frame, place: usize, label: &str, values: &[(f64, Uncertain)]) -> String {
+    let ends = |value: &Uncertain| [low(value), value.value, value.value + value.expanded];
+    let is_drawn = |(f, value): &&(f64, Uncertain)| ends(value).into_iter().all(|end| frame.draws(*f, end));
+    let values: Vec<(f64, Uncertain)> = values.iter().filter(is_drawn).copied().collect();
+    let ranges = || values.iter().map(|(f, value)| (*f, low(value), value.value + value.expanded));
+    let mut traces = Traces::new(frame);
+    let line = || values.iter().map(|(f, value)| (*f, value.value));
+    match place {
+        0 => {
+            for (f, value) in &values {
+                traces.bar((*f, value.value), value.expanded, measured_colour());
+                traces.dot((*f, value.value), 4.0, measured_colour());
+            }
         }
-        for limit in [-1.0, 0.0, 1.0] {
-            let ends = [lower.x.from, lower.x.to].map(|f| lower.fine_point(f, limit));
-            draw_path(canvas, ends.to_vec(), GREY.stroke_width(if limit == 0.0 { 6 } else { 12 }))?;
+        1 => {
+            traces.band(&ranges().collect::<Vec<_>>(), predicted_colour());
+            traces.line(line(), predicted_colour(), 1.4);
         }
-        errors.iter().try_for_each(|(f, error)| {
-            let tint = if error.abs() <= 1.0 { predicted_colour() } else { impact_colour() };
-            draw_path(canvas, vec![lower.fine_point(*f, 0.0), lower.fine_point(*f, *error)], tint.stroke_width(20))?;
-            dot(canvas, lower.fine_point(*f, *error), tint)
-        })
-    })
+        _ => traces.line(line(), ideal_colour(), 3.2),
+    }
+    let shown = ranges().zip(&values).map(|((x, low, high), (_, value))| PointerValue {
+        x,
+        value: value.value,
+        range: Some((low, high)),
+    });
+    traces.curve(place, label, &shown.collect::<Vec<_>>())
+}
+
+/// The normalised errors, and lines at −1, 0 and 1.
+fn errors_of(frame: &Frame, errors: &[(f64, f64)]) -> String {
+    let mut traces = Traces::new(frame);
+    for limit in [-1.0, 0.0, 1.0] {
+        traces.line([frame.x.from, frame.x.to].map(|f| (f, limit)), GREY, if limit == 0.0 { 0.6 } else { 1.2 });
+    }
+    let errors: Vec<&(f64, f64)> = errors.iter().filter(|(f, error)| frame.draws(*f, *error)).collect();
+    for (f, error) in &errors {
+        let tint = if error.abs() <= 1.0 { predicted_colour() } else { impact_colour() };
+        traces.line([(*f, 0.0), (*f, *error)], tint, 2.0);
+        traces.dot((*f, *error), 4.0, tint);
+    }
+    let shown = errors.iter().map(|(x, value)| PointerValue { x: *x, value: *value, range: None });
+    // It is in no legend.
+    traces.curve(errors.len() + 3, "E_n", &shown.collect::<Vec<_>>())
 }
 
 /// The lower end of a value's interval; above 0, for a logarithmic axis.
 fn low(value: &Uncertain) -> f64 {
-    (value.value - value.expanded).max(0.05 * value.value)
-}
-
-/// A bar of uncertainty with its two ends.
-fn bar(canvas: &Canvas, frame: &Frame, x: f64, (from, to): (f64, f64)) -> Result<(), FigureError> {
-    let style = measured_colour().stroke_width(12);
-    let (low, high) = (frame.fine_point(x, from), frame.fine_point(x, to));
-    draw_path(canvas, vec![low, high], style)?;
-    let cap = |(x, y): (i32, i32)| vec![(x - 4 * FINE, y), (x + 4 * FINE, y)];
-    draw_path(canvas, cap(low), style)?;
-    draw_path(canvas, cap(high), style)
-}
-
-fn dot(canvas: &Canvas, (x, y): (i32, i32), tint: RGBColor) -> Result<(), FigureError> {
-    const OUTLINE: [(i32, i32); 8] = [(40, 0), (28, 28), (0, 40), (-28, 28), (-40, 0), (-28, -28), (0, -40), (28, -28)];
-    let outline: Vec<(i32, i32)> = OUTLINE.iter().map(|(dx, dy)| (x + dx, y + dy)).collect();
-    canvas.draw(&Polygon::new(outline, tint.filled())).map_err(FigureError::of)
+    bar_low(Scale::Log, value.value, value.expanded)
 }
 
 /// Unit of a displacement axis, and its number in a metre.
@@ -197,9 +217,9 @@ pub fn time_history(history: &History) -> Result<Picture, FigureError> {
         Scale::Linear,
         residual.iter().map(|p| p.1 * rest_scale).chain([0.0]),
     );
-    let (upper, lower, height) = panels(&x, y, rest);
+    let (upper, lower, height) = panels(&x, y, rest, RIGHT);
     let has_impacts = !history.measured_impacts.is_empty() || !history.simulated_impacts.is_empty();
-    let page = Picture::draw(WIDTH as u32, height as u32, |canvas| {
+    let page = Picture::draw(BROAD as u32, height as u32, |canvas| {
         let base =
             if history.on_measured_base { "simulated on the measured base" } else { "simulated on the ideal base" };
         let mut entries = Vec::new();

@@ -1,8 +1,9 @@
-//! The page of a comparison, `comparison.html`: one self-contained file with the look of the report page.
+//! The page of a comparison, `comparison.html`: one self-contained file with the look of the report page. What differs comes first; the rest is
+//! folded.
 
 use maud::{Markup, html};
 
-use super::{document, drawn};
+use super::{BOTH, document, drawn, drawn_in_both};
 use crate::compare::{ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, Metric, Predicted, Verdict};
 use crate::report::figures::comparison::{phase_plane, response, time_history};
 use crate::report::numbers::{normalised_error, significant, trimmed, with_uncertainty};
@@ -21,7 +22,9 @@ pub fn comparison_page(comparison: &Comparison) -> String {
                 " " (agreeing) " of " (all) " quantities agree: |E" sub { "n" } "| ≤ 1 with expanded uncertainties, k = 2." }
         }
         @for what in comparison.missing.iter().chain(&comparison.unreadable) { p.note.bad { (what) } }
-        @for experiment in &comparison.experiments { (section(experiment)) }
+        (contents(comparison))
+        (differences(comparison))
+        @for (n, experiment) in comparison.experiments.iter().enumerate() { (section(n, experiment)) }
         section {
             h2 { "How it is compared" }
             p { "Measured and simulated cover the same ticks from the same start, and the board's own code measures both. E" sub { "n" } " is the \
@@ -33,17 +36,97 @@ pub fn comparison_page(comparison: &Comparison) -> String {
     document(&format!("Measured and predicted – {}", comparison.run), &content)
 }
 
-fn section(experiment: &ComparedExperiment) -> Markup {
+fn name(experiment: &ComparedExperiment) -> String {
+    format!("{}: {}", experiment.label, experiment.experiment)
+}
+
+/// Number of quantities of an experiment that were compared, and how many of them differ.
+fn counts(experiment: &ComparedExperiment) -> (usize, usize) {
+    let all = || experiment.points.iter().flat_map(|point| &point.metrics);
+    let of = |verdict: Verdict| all().filter(|own| own.verdict == verdict).count();
+    (of(Verdict::Agrees) + of(Verdict::Differs), of(Verdict::Differs))
+}
+
+fn verdict(experiment: &ComparedExperiment) -> Markup {
+    html! {
+        @match counts(experiment) {
+            (0, _) => span { "nothing compared" },
+            (all, 0) => span { "all " (all) " agree" },
+            (all, differing) => span.differs { (differing) " of " (all) " differ" },
+        }
+    }
+}
+
+/// The experiments, those that differ most first, with links to their sections.
+fn contents(comparison: &Comparison) -> Markup {
+    let mut all: Vec<(usize, &ComparedExperiment)> = comparison.experiments.iter().enumerate().collect();
+    all.sort_by_key(|(_, experiment)| std::cmp::Reverse(counts(experiment).1));
+    html! {
+        @if all.len() > 1 {
+            nav {
+                h2 { "Contents" }
+                ul { @for (n, experiment) in all {
+                    li { a href=(format!("#experiment-{n}")) { (name(experiment)) } " – " (verdict(experiment)) }
+                } }
+            }
+        }
+    }
+}
+
+/// Most differences in the table at the top; the tables of the experiments have all.
+const MOST_DIFFERENCES: usize = 40;
+
+/// The quantities that differ, the largest normalised error first.
+fn differences(comparison: &Comparison) -> Markup {
+    let rows = comparison.experiments.iter().enumerate().flat_map(|(n, experiment)| {
+        let all = experiment.points.iter().flat_map(|point| point.metrics.iter().map(move |own| (point, own)));
+        all.filter(|(_, own)| own.verdict == Verdict::Differs).map(move |(point, own)| (n, experiment, point, own))
+    });
+    let error = |own: &ComparedMetric| own.predicted().map_or(0.0, |predicted| predicted.normalised_error.abs());
+    let mut rows: Vec<_> = rows.collect();
+    rows.sort_by(|a, b| error(b.3).total_cmp(&error(a.3)));
+    html! {
+        @if !rows.is_empty() {
+            section {
+                h2 { "Differences" }
+                div.wide { table {
+                    thead { tr { th.word { "Set-up and experiment" } (heads()) } }
+                    tbody { @for (n, experiment, point, own) in rows.iter().take(MOST_DIFFERENCES) {
+                        tr {
+                            td.word { a href=(format!("#experiment-{n}")) { (name(experiment)) } }
+                            (cells(point, own, true))
+                        }
+                    } }
+                } }
+                @if rows.len() > MOST_DIFFERENCES {
+                    p.under { "The " (MOST_DIFFERENCES) " largest of " (rows.len()) "; the tables of the experiments have all." }
+                }
+            }
+        }
+    }
+}
+
+/// An experiment: its figures, open if something differs, and its table, folded.
+fn section(n: usize, experiment: &ComparedExperiment) -> Markup {
     let is_sweep = experiment.kind == "stepped_sine";
     html! {
-        section {
-            h2 { (experiment.label) ": " (experiment.experiment) }
-            @for note in &experiment.notes { p.note { (note) } }
-            @if is_sweep {
-                (drawn(response(experiment), "X/Z (cycle maxima) over frequency with expanded uncertainties; below, the normalised error, within ±1 where both agree."))
+        details.part open[counts(experiment).1 > 0] {
+            summary { h2 { (name(experiment)) " – " (verdict(experiment)) } }
+            // A link to what is folded unfolds it.
+            div id=(format!("experiment-{n}")) {
+                @for note in &experiment.notes { p.note { (note) } }
+                @if is_sweep {
+                    (drawn_in_both(BOTH.map(|breadth| response(experiment, breadth)), "X/Z (cycle maxima) over frequency with expanded uncertainties; below, the normalised error, within ±1 where both agree."))
+                }
+                details {
+                    summary { "Histories" }
+                    @for point in shown_points(experiment) { (histories(point)) }
+                }
+                details {
+                    summary { "All quantities" }
+                    (table(experiment))
+                }
             }
-            @for point in shown_points(experiment) { (histories(point)) }
-            (table(experiment))
         }
     }
 }
@@ -86,18 +169,14 @@ fn histories(point: &ComparedPoint) -> Markup {
     }
 }
 
-/// A row for each quantity of each point.
+/// A row for each quantity of each point, and its remarks.
 fn table(experiment: &ComparedExperiment) -> Markup {
     html! {
         div.wide { table {
-            thead { tr {
-                th { "f" small { "Hz" } } th.word { "Quantity" } th.word { "Verdict" } th { "Measured" small { "± U" } }
-                th { "Predicted" small { "measured base, ± U" } } th { "E" sub { "n" } }
-                th { "Predicted" small { "ideal base, ± U" } } th { "E" sub { "n" } }
-            } }
+            thead { tr { (heads()) } }
             tbody {
                 @for point in &experiment.points {
-                    @for (n, own) in point.metrics.iter().enumerate() { (row(point, own, n == 0)) }
+                    @for (n, own) in point.metrics.iter().enumerate() { tr.first[n == 0] { (cells(point, own, n == 0)) } }
                     @let about = remarks(point);
                     @if !about.is_empty() { tr { td {} td.word colspan="7" { (about) } } }
                 }
@@ -106,7 +185,17 @@ fn table(experiment: &ComparedExperiment) -> Markup {
     }
 }
 
-fn row(point: &ComparedPoint, own: &ComparedMetric, is_first: bool) -> Markup {
+/// Heads of the columns of [`cells`].
+fn heads() -> Markup {
+    html! {
+        th { "f" small { "Hz" } } th.word { "Quantity" } th.word { "Verdict" } th { "Measured" small { "± U" } }
+        th { "Predicted" small { "measured base, ± U" } } th { "E" sub { "n" } }
+        th { "Predicted" small { "ideal base, ± U" } } th { "E" sub { "n" } }
+    }
+}
+
+/// The cells of a quantity of a point.
+fn cells(point: &ComparedPoint, own: &ComparedMetric, has_frequency: bool) -> Markup {
     let (unit, scale) = own.metric.shown_unit();
     let value = |value: f64, expanded: f64| with_uncertainty(value * scale, expanded * scale).replace('-', "−");
     let predicted = |p: &Option<Predicted>| p.as_ref().map_or("–".into(), |p| value(p.value.value, p.value.expanded));
@@ -114,16 +203,14 @@ fn row(point: &ComparedPoint, own: &ComparedMetric, is_first: bool) -> Markup {
         p.as_ref().map_or("–".into(), |p| normalised_error(p.normalised_error).replace('-', "−"))
     };
     html! {
-        tr.first[is_first] {
-            td { @if is_first { (point.frequency_hz.map_or("–".into(), |f| trimmed(f, 4))) } }
-            td.word.short { (own.metric.name()) @if !unit.is_empty() { " (" (unit) ")" } }
-            td.word.odd[own.verdict == Verdict::Differs] { (own.verdict.text()) }
-            td.short { (value(own.measured.value, own.measured.expanded)) }
-            td.short { (predicted(&own.on_measured_base)) }
-            td { (error(&own.on_measured_base)) }
-            td.short { (predicted(&own.on_ideal_base)) }
-            td { (error(&own.on_ideal_base)) }
-        }
+        td { @if has_frequency { (point.frequency_hz.map_or("–".into(), |f| trimmed(f, 4))) } }
+        td.word.short { (own.metric.name()) @if !unit.is_empty() { " (" (unit) ")" } }
+        td.word.odd[own.verdict == Verdict::Differs] { (own.verdict.text()) }
+        td.short { (value(own.measured.value, own.measured.expanded)) }
+        td.short { (predicted(&own.on_measured_base)) }
+        td { (error(&own.on_measured_base)) }
+        td.short { (predicted(&own.on_ideal_base)) }
+        td { (error(&own.on_ideal_base)) }
     }
 }
 
