@@ -15,9 +15,6 @@ from .tables import Table
 
 __all__ = ["Study", "continuation", "optimise", "study"]
 
-# Shares of a study for an executor that does not say how many workers it has.
-SHARES = 8
-
 
 @dataclass(frozen=True)
 class Study:
@@ -43,7 +40,6 @@ def study(
     out: str | os.PathLike[str] | None = None,
     *,
     executor: Any = None,
-    shares: int | None = None,
 ) -> Study:
     """Computes a study on all cores, or on the workers of an executor; goes on where an earlier call stopped.
 
@@ -53,12 +49,11 @@ def study(
         Study file (TOML), or a dict with the keys of one (docs/STUDIES.md). The ``case`` of a dict may be a dict too; relative files
         of a dict are those of the working directory.
     out : path, optional
-        Folder of the results; ``studies/`` and the name of the file when left out. Those of a dict without it are not kept. The
-        workers of an executor must see the folder and the files under the same paths.
+        Folder of the results; ``studies/`` and the name of the file when left out. Those of a dict without it are not kept.
     executor : optional
-        Any ``concurrent.futures`` executor, or a Dask ``Client``: gets one call for each share of the study's parts.
-    shares : int, optional
-        Number of shares for the executor; the number of its workers when it says so, else 8.
+        Any ``concurrent.futures`` executor, or a Dask ``Client``: gets one call for each part of the study that is missing, and answers
+        with its rows; only the caller writes the folder. The workers must see the study's files under the same paths; of a dict whose
+        ``case`` is a dict they need none, unless the case names one.
 
     Raises
     ------
@@ -67,23 +62,18 @@ def study(
     """
     given = _given(file)
     if out is None and isinstance(given, dict):
-        if executor is not None:
-            raise InputError("out is needed for a dict and an executor: the folder that its workers share")
         with tempfile.TemporaryDirectory(prefix="damprig-") as folder:
-            done = _study(given, Path(folder) / "study", None, shares)
+            done = _study(given, Path(folder) / "study", executor)
         return Study(done.table, done.best, None)
     folder = Path("studies") / Path(given).stem if out is None else Path(_path("out", out))
-    return _study(given, folder, executor, shares)
+    return _study(given, folder, executor)
 
 
-def _study(given: str | dict[str, Any], folder: Path, executor: Any, shares: int | None) -> Study:
+def _study(given: str | dict[str, Any], folder: Path, executor: Any) -> Study:
     if executor is None:
-        if shares is not None:
-            raise InputError("shares = … is for an executor: leave it out, or give executor")
         _damprig.study_run(given, folder)
     else:
-        path = given if isinstance(given, dict) else os.path.abspath(given)
-        _share_out(executor, path, os.path.abspath(folder), shares)
+        _compute_on(executor, given, folder)
     native, best, address = _damprig.study_merge(given, folder)
     return Study(Table(native), best and _best(*best), address)
 
@@ -101,17 +91,23 @@ def _best(row: int, objective: float, axes: list[tuple[str, float | None, str | 
     return {"row": row, "objective": objective, **values}
 
 
-def _share_out(executor: Any, file: str | dict[str, Any], out: str, shares: int | None) -> None:
+def _compute_on(executor: Any, given: str | dict[str, Any], folder: Path) -> None:
+    """Computes the missing parts on the workers of an executor; each part is written as soon as those before it are."""
     if not callable(getattr(executor, "submit", None)):
         raise InputError(f"executor: must have a method submit, as concurrent.futures and Dask have, not {type(executor).__name__}")
-    count = shares if shares is not None else getattr(executor, "_max_workers", None) or SHARES
-    if not isinstance(count, int) or count < 1:
-        raise InputError(f"shares = {count!r} is not allowed: must be a whole number of 1 or more")
+    parts = _damprig.study_missing(given, folder)
+    there = given if isinstance(given, dict) else os.path.abspath(given)
     # Dask takes equal calls for one unless it is told otherwise.
     own = {"pure": False} if type(executor).__module__.split(".")[0] == "distributed" else {}
-    futures = [executor.submit(_damprig.study_work, file, out, f"{i}/{count}", **own) for i in range(1, count + 1)]
-    for future in futures:
-        future.result()
+    futures = [executor.submit(_damprig.study_rows, there, part, **own) for part in parts]
+    try:
+        for place, part in enumerate(parts):
+            # The rows of a part are not kept.
+            future, futures[place] = futures[place], None
+            _damprig.study_write(given, folder, part, future.result())
+    finally:
+        for future in filter(None, futures):
+            future.cancel()
 
 
 def optimise(file: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:

@@ -21,7 +21,9 @@ fn _damprig(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(simulation::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(studies::study_run, module)?)?;
-    module.add_function(wrap_pyfunction!(studies::study_work, module)?)?;
+    module.add_function(wrap_pyfunction!(studies::study_missing, module)?)?;
+    module.add_function(wrap_pyfunction!(studies::study_rows, module)?)?;
+    module.add_function(wrap_pyfunction!(studies::study_write, module)?)?;
     module.add_function(wrap_pyfunction!(studies::study_merge, module)?)?;
     module.add_function(wrap_pyfunction!(studies::optimise, module)?)?;
     module.add_function(wrap_pyfunction!(studies::continuation, module)?)?;

@@ -10,10 +10,9 @@ use damprig::optimise::search;
 use damprig::run_folder::read::parquet_file;
 use damprig::study::Study;
 use damprig::study::axis::Value;
-use damprig::study::data_set::{DataSet, TABLE};
+use damprig::study::data_set::{DataSet, Manifest, TABLE};
 use damprig::study::run::{self, Ending, Progress};
 use damprig::study::store::Store;
-use damprig::study::work::{self as worker, Foreman, Shard, Step};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -42,14 +41,6 @@ impl Watch {
     }
 }
 
-impl Foreman for Watch {
-    fn sees(&self, _: Step) {}
-
-    fn goes_on(&self) -> bool {
-        self.goes_on()
-    }
-}
-
 fn opened(design: &Design, out: &Path) -> Result<(Study, DataSet), Failure> {
     let study = design.read(Study::read, Study::parse)?;
     let data_set = DataSet::open(&study, Store::at(out)?)?;
@@ -70,18 +61,42 @@ pub fn study_run(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf) -> PyRe
     })
 }
 
-/// Computes a share of the missing parts: `shard` is `i/n`.
+/// The parts of a study that are not there.
 #[pyfunction]
-pub fn study_work(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf, shard: String) -> PyResult<()> {
+pub fn study_missing(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf) -> PyResult<Vec<u64>> {
+    let design = Design::of("study", study)?;
+    work(py, || Ok(opened(&design, &out)?.1.missing()?))
+}
+
+/// The rows of a part, and the digest of the study's manifest: study, case, version and revision of damprig.
+type Rows = (String, Vec<Vec<f64>>);
+
+/// Computes a part of a study; writes nothing.
+#[pyfunction]
+pub fn study_rows(py: Python<'_>, study: &Bound<'_, PyAny>, part: u64) -> PyResult<Rows> {
     let design = Design::of("study", study)?;
     work(py, || {
-        let shard: Shard = shard.parse().map_err(Failure::Input)?;
-        let (study, data_set) = opened(&design, &out)?;
-        let watch = Watch::new();
-        match worker::shard(&study, &data_set, shard, &watch)? {
-            Ending::Complete => Ok(()),
-            Ending::Stopped => Err(watch.stopped()),
+        let study = design.read(Study::read, Study::parse)?;
+        let (manifest, watch) = (Manifest::of(&study), Watch::new());
+        match run::compute(&study, manifest.rows_of(part), &|_| watch.goes_on())? {
+            Some(rows) => Ok((manifest.sha256.unwrap_or_default(), rows)),
+            None => Err(watch.stopped()),
         }
+    })
+}
+
+/// Writes a part that [`study_rows`] has computed, maybe elsewhere.
+#[pyfunction]
+pub fn study_write(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf, part: u64, rows: Rows) -> PyResult<()> {
+    let design = Design::of("study", study)?;
+    work(py, || {
+        let (study, data_set) = opened(&design, &out)?;
+        let (digest, rows) = rows;
+        if Manifest::of(&study).sha256 != Some(digest) {
+            let what = "a worker has another study, case or version of damprig";
+            return Err(Failure::Input(format!("{what}: give all workers the same files and version")));
+        }
+        Ok(data_set.write_part(&study, part, &rows)?)
     })
 }
 

@@ -1,8 +1,11 @@
 """Studies, optimisations and continuations from Python equal those of the command."""
 
 import json
+import os
+import signal
 import tomllib
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 
 import numpy as np
@@ -65,7 +68,7 @@ def test_executors_make_the_same_table(folder):
     with ThreadPoolExecutor(2) as threads:
         assert same(damprig.study(folder / "study.toml", folder / "threads", executor=threads).table, alone)
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
-        found = damprig.study(folder / "study.toml", folder / "processes", executor=processes, shares=3)
+        found = damprig.study(folder / "study.toml", folder / "processes", executor=processes)
         assert same(found.table, alone)
 
 
@@ -76,7 +79,73 @@ def test_a_dask_cluster_makes_the_same_table(folder):
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, worker_dashboard_address=None
     )
     with cluster, distributed.Client(cluster) as client:
-        assert same(damprig.study(folder / "study.toml", folder / "dask", executor=client, shares=4).table, alone)
+        assert same(damprig.study(folder / "study.toml", folder / "dask", executor=client).table, alone)
+
+
+class Killed:
+    """A Dask client that kills the process of a worker with a part at hand."""
+
+    def __init__(self, client):
+        self.client = client
+        self.processes = client.run(os.getpid)
+        self.victim = None
+
+    def submit(self, function, *arguments):
+        future = self.client.submit(function, *arguments, pure=False)
+        while self.victim is None:
+            busy = [address for address, parts in self.client.processing().items() if parts]
+            if busy:
+                self.victim = self.processes[busy[0]]
+                os.kill(self.victim, signal.SIGKILL)
+        return future
+
+
+def test_a_part_of_a_killed_dask_worker_is_computed_by_another(folder):
+    distributed = pytest.importorskip("distributed")
+    (folder / "study.toml").write_text(STUDY.replace("cycles = 20", "cycles = 5000"), encoding="utf-8")
+    alone = damprig.study(folder / "study.toml", folder / "alone").table
+    cluster = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, worker_dashboard_address=None
+    )
+    with cluster, distributed.Client(cluster) as client:
+        killed = Killed(client)
+        assert same(damprig.study(folder / "study.toml", folder / "dask", executor=killed).table, alone)
+        assert killed.victim not in client.run(os.getpid).values()
+
+
+class Aborted(ProcessPoolExecutor):
+    """A pool of one process that dies after two parts."""
+
+    calls = 0
+
+    def submit(self, function, *arguments):
+        self.calls += 1
+        return super().submit(function, *arguments) if self.calls <= 2 else super().submit(os.abort)
+
+
+def test_parts_from_before_a_worker_died_are_kept(folder):
+    alone = damprig.study(folder / "study.toml", folder / "alone").table
+    with Aborted(1, mp_context=get_context("spawn")) as pool, pytest.raises(BrokenProcessPool):
+        damprig.study(folder / "study.toml", folder / "out", executor=pool)
+    parts = folder / "out" / "parts"
+    kept = {path.name: path.stat().st_mtime_ns for path in parts.iterdir()}
+    assert sorted(kept) == ["00000000.parquet", "00000001.parquet"]
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        assert same(damprig.study(folder / "study.toml", folder / "out", executor=pool).table, alone)
+    assert all((parts / name).stat().st_mtime_ns == written for name, written in kept.items())
+
+
+def test_rows_of_a_worker_with_another_case_are_refused(folder):
+    class Elsewhere(ThreadPoolExecutor):
+        def submit(self, function, study, part):
+            (folder / "case.toml").write_text(CASE.replace("0.0038", "0.0039"), encoding="utf-8")
+            rows = function(study, part)
+            (folder / "case.toml").write_text(CASE, encoding="utf-8")
+            return super().submit(lambda: rows)
+
+    with Elsewhere(1) as threads, pytest.raises(damprig.InputError, match="another study, case or version"):
+        damprig.study(folder / "study.toml", folder / "out", executor=threads)
+    assert not (folder / "out" / "parts").exists()
 
 
 def test_an_optimisation_and_a_continuation_are_those_of_the_command(folder, command):
@@ -103,8 +172,7 @@ def test_dicts_are_computed_as_their_files(folder, monkeypatch):
     assert damprig.study(study, "kept").path.endswith("table.parquet")
     with ThreadPoolExecutor(2) as threads:
         assert same(damprig.study(study, "shared", executor=threads).table, expected.table)
-        with pytest.raises(damprig.InputError, match="out is needed"):
-            damprig.study(study, executor=threads)
+        assert same(damprig.study(study, executor=threads).table, expected.table)
     variable = {"key": "particle.clearance_ratio", "from": np.float64(8), "to": 14}
     optimise = {"case": case, "objective": "x_over_z", "evaluations": 100, "record": {"cycles": 10}, "variable": [variable]}
     assert damprig.optimise({**optimise, "case": "case.toml"})["objective"] == damprig.optimise(optimise)["objective"]
@@ -133,8 +201,6 @@ def test_wrong_arguments_are_named(folder):
         damprig.study({})
     with pytest.raises(damprig.InputError, match="submit"):
         damprig.study(folder / "study.toml", folder / "out", executor=3)
-    with ThreadPoolExecutor(1) as threads, pytest.raises(damprig.InputError, match="shares = 0"):
-        damprig.study(folder / "study.toml", folder / "out", executor=threads, shares=0)
     with pytest.raises(damprig.InputError, match="no periodic|case.toml|unknown key|parameter"):
         (folder / "wrong.toml").write_text('case = "case.toml"\nparameter = "tmd.mass_ratio"\nfrom = 1\nto = 2\n', encoding="utf-8")
         damprig.continuation(folder / "wrong.toml")

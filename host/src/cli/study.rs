@@ -30,7 +30,7 @@ pub struct Args {
 enum What {
     /// Run a study on all cores; goes on where an earlier run stopped
     Run(RunArgs),
-    /// Compute parts of a study as one of several workers
+    /// Compute a share of a study as one of several workers
     Work(study_work::WorkArgs),
     /// Show how far the workers of a study are (exit code 1 if a part is wrong)
     Status(study_work::PlaceArgs),
@@ -48,8 +48,8 @@ struct RunArgs {
     #[arg(value_name = "STUDY")]
     study: PathBuf,
 
-    /// Folder or URL (s3://, gs://, az://) of the results [default: studies/ and the name of the file]
-    #[arg(long, value_name = "PLACE")]
+    /// Folder of the results [default: studies/ and the name of the file]
+    #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
 
     /// Print points, simulations, cycles and estimated time, and simulate nothing more
@@ -143,7 +143,7 @@ pub(super) fn kept(data_set: &DataSet, error: StudyFailure) -> Failure {
     if parts == 0 || !matches!(error, StudyFailure::Storage(_)) {
         return error.into();
     }
-    let (all, place) = (data_set.manifest().parts(), data_set.store().address(""));
+    let (all, place) = (data_set.manifest().parts(), data_set.store().path(""));
     Failure::Failed(format!(
         "{error}\n  {parts} of {all} parts are kept in {}: when it can be written (a full disk: free space), the same command goes on \
          with them",

@@ -30,7 +30,7 @@ pub(super) fn say_result(study: &Study, data_set: &DataSet, progress: &Progress)
     }
     let drawn = study_files::write(study, data_set, best, &summary);
     let complete = |error: &dyn std::fmt::Display| {
-        let (table, again) = (data_set.store().address(TABLE), "`damprig study merge` draws it again");
+        let (table, again) = (data_set.store().path(TABLE), "`damprig study merge` draws it again");
         Failure::Failed(format!("{error}\n  {} is complete; {again}", table.display()))
     };
     match drawn.map_err(|error| complete(&error))? {

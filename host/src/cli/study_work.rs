@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use clap::Args as ClapArgs;
 use jiff::Timestamp;
@@ -18,38 +18,21 @@ use crate::report::terminal;
 use crate::study::Study;
 use crate::study::data_set::{DataSet, ranges};
 use crate::study::inspect::{self, Parts};
-use crate::study::lease::{Lease, now_s};
 use crate::study::run::{self, Ending, Progress};
 use crate::study::store::Store;
 use crate::study::sums::SUMS;
-use crate::study::work::{self, Foreman, Shard, Step};
+use crate::study::work::{self, Done, Shard};
 
-/// Computes parts of a study as one of several workers, and joins nothing.
+/// Computes a share of a study as one of several workers, and joins nothing.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = WORK_HELP)]
 pub(super) struct WorkArgs {
     #[command(flatten)]
     place: PlaceArgs,
 
-    #[command(flatten)]
-    which: Which,
-
-    /// Time after which a part of a worker that no longer answers is taken over, s
-    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, conflicts_with = "shard", value_parser = length)]
-    lease_s: f64,
-}
-
-/// Which parts a worker computes.
-#[derive(Debug, ClapArgs)]
-#[group(required = true, multiple = false)]
-struct Which {
     /// Compute the i-th of n shares of the parts and stop; i counts from 1
     #[arg(long, value_name = "I/N")]
-    shard: Option<Shard>,
-
-    /// Take one missing part after the other until all are there
-    #[arg(long)]
-    claim: bool,
+    shard: Shard,
 }
 
 /// A study and the place of its results.
@@ -59,66 +42,26 @@ pub(super) struct PlaceArgs {
     #[arg(value_name = "STUDY")]
     study: PathBuf,
 
-    /// Folder or URL (s3://, gs://, az://) of the results [default: studies/ and the name of the file]
-    #[arg(long, value_name = "PLACE")]
+    /// Folder of the results [default: studies/ and the name of the file]
+    #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
 }
 
 const WORK_HELP: &str = "\
 Examples:
   damprig study work my-study.toml --out /data/my-study --shard 3/8    the third of eight shares
-  damprig study work my-study.toml --out /data/my-study --claim        whatever is missing
   damprig study status my-study.toml --out /data/my-study
   damprig study merge my-study.toml --out /data/my-study               when all parts are there
 
 All workers of a study have the same --out. A share leaves out the parts that are there, so the
-same command goes on after a kill. With --claim a worker holds a lease on the part that it computes
-and renews it; the part of a worker that was killed is taken over when its lease has expired.
-RAYON_NUM_THREADS sets the number of threads of a worker. host/studies/cluster has scripts for
-SLURM and GNU parallel.
+same command goes on after a kill. RAYON_NUM_THREADS sets the number of threads of a worker.
+host/studies/cluster has a script for SLURM.
 
 Exit codes:
-  0    success: the share is computed, or all parts are there
+  0    success: the share is computed
   1    a file could not be read or written
   2    the command line, the study or its case is wrong
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the parts so far are kept";
-
-/// A length of leases: long enough for renewals over a slow file server.
-fn length(text: &str) -> Result<f64, String> {
-    let seconds: Option<f64> = text.parse().ok().filter(|seconds| (1.0..=86_400.0).contains(seconds));
-    seconds.ok_or_else(|| "must be from 1 to 86400, in seconds".into())
-}
-
-/// Tells a log file what the worker does.
-struct Log {
-    parts: u64,
-    stop: Arc<AtomicBool>,
-}
-
-impl Foreman for Log {
-    fn sees(&self, step: Step) {
-        match step {
-            Step::Done { part, rows, took_s } => {
-                let (last, all, took) = (rows.end - 1, self.parts, duration(took_s));
-                say!("{}  part {part} of {all}: rows {} to {last}, {took}", clock(now_s()), rows.start);
-            }
-            Step::Lost { part } => {
-                say!("{}  part {part}: another worker has taken it over or finished it", clock(now_s()));
-            }
-            Step::NotRenewed { part, why } => {
-                warn!("warning: the lease of part {part} could not be renewed: {why}");
-            }
-            Step::Waiting { parts } => {
-                let why = "waiting, because these workers may be killed";
-                say!("{}  the missing parts ({parts}) are leased to other workers; {why}", clock(now_s()));
-            }
-        }
-    }
-
-    fn goes_on(&self) -> bool {
-        !self.stop.load(Ordering::Relaxed)
-    }
-}
 
 pub(super) fn work(args: &WorkArgs) -> Outcome {
     let study = Study::read(&args.place.study).map_err(Failure::input)?;
@@ -126,13 +69,13 @@ pub(super) fn work(args: &WorkArgs) -> Outcome {
     let data_set = DataSet::open(&study, store)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    let log = Log { parts: data_set.manifest().parts(), stop };
-    let threads = rayon::current_num_threads();
-    say!("{}; parts: {}, threads: {threads}", terminal::study::scope(&study, run::cycles(&study)), log.parts);
-    let ending = match args.which.shard {
-        Some(shard) => work::shard(&study, &data_set, shard, &log),
-        None => work::claim(&study, &data_set, Duration::from_secs_f64(args.lease_s), &log),
+    let (parts, threads) = (data_set.manifest().parts(), rayon::current_num_threads());
+    say!("{}; parts: {parts}, threads: {threads}", terminal::study::scope(&study, run::cycles(&study)));
+    let seen = |Done { part, rows, took_s }: Done| {
+        let (now, last, took) = (clock(), rows.end - 1, duration(took_s));
+        say!("{now}  part {part} of {parts}: rows {} to {last}, {took}", rows.start);
     };
+    let ending = work::shard(&study, &data_set, args.shard, seen, &|| !stop.load(Ordering::Relaxed));
     if ending.map_err(|error| kept(&data_set, error))? == Ending::Stopped {
         return Err(Failure::Interrupted(
             "stopped; the parts so far are kept, and the same command goes on with them".into(),
@@ -154,9 +97,6 @@ pub(super) fn status(args: &PlaceArgs) -> Outcome {
     say!("{}", terminal::study::scope(&study, run::cycles(&study)));
     say_parts(parts);
     say!("{} of {all} parts done, {} missing", parts.good, parts.missing.len());
-    for (part, lease) in &status.leases {
-        say!("  part {part}: {}", held(lease, now_s()));
-    }
     if parts.good == all {
         say!("`damprig study merge` joins them");
     } else if let Some((left_s, latest)) = status.left_s {
@@ -182,7 +122,7 @@ fn say_parts(parts: &Parts) {
 
 /// Fails if files are wrong.
 fn verdict(data_set: &DataSet, wrong: usize) -> Outcome {
-    let (files, place) = (if wrong == 1 { "file" } else { "files" }, data_set.store().address(""));
+    let (files, place) = (if wrong == 1 { "file" } else { "files" }, data_set.store().path(""));
     match wrong {
         0 => Ok(()),
         _ => Err(Failure::Failed(format!(
@@ -190,18 +130,6 @@ fn verdict(data_set: &DataSet, wrong: usize) -> Outcome {
             place.display()
         ))),
     }
-}
-
-/// Who holds a lease, since when, and whether it still holds.
-fn held(lease: &Lease, now_s: f64) -> String {
-    let (worker, since) = (&lease.worker, clock(lease.taken_s));
-    let age_s = now_s - lease.renewed_s;
-    let state = if lease.is_expired(now_s) {
-        format!("expired {} ago; the next worker takes it over", duration((age_s - lease.length_s).max(0.0)))
-    } else {
-        format!("renewed {} ago", duration(age_s.max(0.0)))
-    };
-    format!("{} (process {}) since {since}, {state}", worker.host, worker.process)
 }
 
 pub(super) fn verify(args: &PlaceArgs) -> Outcome {
@@ -250,7 +178,7 @@ fn store(args: &PlaceArgs) -> Result<Store, Failure> {
 fn existing(args: &PlaceArgs) -> Result<(Study, DataSet), Failure> {
     let study = Study::read(&args.study).map_err(Failure::input)?;
     let store = store(args)?;
-    let place = store.address("");
+    let place = store.path("");
     match DataSet::existing(&study, store)? {
         Some(data_set) => Ok((study, data_set)),
         None => Err(Failure::Input(format!(
@@ -260,8 +188,7 @@ fn existing(args: &PlaceArgs) -> Result<(Study, DataSet), Failure> {
     }
 }
 
-/// A time in whole seconds, in UTC as the other workers have it: 2026-05-01T10:20:30Z.
-fn clock(seconds: f64) -> String {
-    let time = Timestamp::from_second(seconds as i64).unwrap_or(Timestamp::UNIX_EPOCH);
-    time.to_zoned(TimeZone::UTC).strftime("%Y-%m-%dT%H:%M:%SZ").to_string()
+/// The time in whole seconds, in UTC as the other workers have it: 2026-05-01T10:20:30Z.
+fn clock() -> String {
+    Timestamp::now().to_zoned(TimeZone::UTC).strftime("%Y-%m-%dT%H:%M:%SZ").to_string()
 }

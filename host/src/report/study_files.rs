@@ -56,7 +56,7 @@ pub fn write(
         return Ok(None);
     }
     let store = data_set.store();
-    let shown = store.address(TABLE).display().to_string();
+    let shown = store.path(TABLE).display().to_string();
     let bytes = store.get(TABLE)?.ok_or_else(|| ReadError(format!("{shown} is missing")))?;
     let table = StudyTable::read(&shown, bytes)?;
     let (overlays, mut undrawn) = overlays(study);
@@ -82,7 +82,7 @@ pub fn write(
         sums.add(name, bytes);
     }
     sums.write(store)?;
-    Ok(Some(Drawn { page: store.address(PAGE), undrawn }))
+    Ok(Some(Drawn { page: store.path(PAGE), undrawn }))
 }
 
 /// What the overlays of the map find, and why those that find nothing are left out.

@@ -46,9 +46,6 @@ pub const MANIFEST: &str = "study.json";
 /// Folder of the parts.
 pub const PARTS: &str = "parts";
 
-/// Folder of the leases of workers.
-pub const LEASES: &str = "leases";
-
 /// What a data set is: written when it is created, compared when it is opened again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -122,7 +119,7 @@ impl Manifest {
     }
 }
 
-/// A data set in a folder or an object store.
+/// A data set in a folder.
 #[derive(Clone, Debug)]
 pub struct DataSet {
     store: Store,
@@ -156,7 +153,7 @@ impl DataSet {
         if let Some(data_set) = Self::existing(study, store.clone())? {
             return Ok(data_set);
         }
-        let shown = store.address("");
+        let shown = store.path("");
         // Parts tell which study they belong to: their manifest may be written again.
         let has_parts = store.list(PARTS)?.iter().any(|entry| part_number(&entry.name).is_some());
         if !others.is_empty() && !has_parts {
@@ -178,7 +175,7 @@ impl DataSet {
     pub fn existing(study: &Study, store: Store) -> Result<Option<Self>, StudyFailure> {
         let Some(bytes) = store.get(MANIFEST)? else { return Ok(None) };
         let manifest = Manifest::of(study);
-        let shown = store.address(MANIFEST);
+        let shown = store.path(MANIFEST);
         let damaged = |what: &dyn std::fmt::Display| {
             let help = "remove it: the next `damprig study run` or `work` writes it again and goes on with the parts";
             ReadError(format!("{} is damaged: {what}\n  {help}", shown.display()))
@@ -190,7 +187,7 @@ impl DataSet {
             return Err(damaged(&"it was changed since it was written (SHA-256 differs)").into());
         }
         if there.digest() != manifest.digest() {
-            return Err(Refusal(changed(&there, &manifest, &store.address(""))).into());
+            return Err(Refusal(changed(&there, &manifest, &store.path(""))).into());
         }
         Ok(Some(Self { store, manifest }))
     }
@@ -207,10 +204,10 @@ impl DataSet {
         &self.manifest
     }
 
-    /// Path or URL of a part.
+    /// Path of a part.
     #[must_use]
     pub fn part_path(&self, part: u64) -> PathBuf {
-        self.store.address(&place_of(part))
+        self.store.path(&place_of(part))
     }
 
     /// The parts that are there, and when each was written. They are not read.
@@ -267,7 +264,7 @@ impl DataSet {
         if !missing.is_empty() {
             return Err(ReadError(self.told_missing(&missing)).into());
         }
-        let path = self.store.address(TABLE);
+        let path = self.store.path(TABLE);
         let failed = |error: &dyn std::fmt::Display| StorageError::new("write", &path, error);
         let schema = schema(study, &self.manifest);
         let mut file = self.store.large_file(TABLE)?;
@@ -287,7 +284,7 @@ impl DataSet {
         Sums::remove(&self.store)?;
         self.store.put_file(TABLE, file)?;
         Sums::default().of_stored(&self.store, TABLE)?.write(&self.store)?;
-        for folder in ["", PARTS, LEASES] {
+        for folder in ["", PARTS] {
             self.store.remove_abandoned(folder);
         }
         Ok(path)
@@ -299,7 +296,7 @@ impl DataSet {
     /// # Errors
     /// When it cannot be read.
     pub fn table_has_digest(&self) -> Result<Option<Result<bool, ReadError>>, StorageError> {
-        let shown = self.store.address(TABLE).display().to_string();
+        let shown = self.store.path(TABLE).display().to_string();
         let Some(bytes) = self.store.get(TABLE)? else { return Ok(None) };
         let own = |content: Content| match content.metadata.get(IDENTITY) {
             Some(identity) if *identity == self.manifest.identity => Ok(content.has_digest),
@@ -318,10 +315,10 @@ impl DataSet {
     }
 
     fn told_missing(&self, missing: &[u64]) -> String {
-        let (all, shown) = (self.manifest.parts(), self.store.address(""));
+        let (all, shown) = (self.manifest.parts(), self.store.path(""));
         let (are, count) = (if missing.len() == 1 { "is" } else { "are" }, missing.len());
         format!(
-            "{count} of {all} parts of {} {are} missing: {}\n  compute them with `damprig study work`, then join again",
+            "{count} of {all} parts of {} {are} missing: {}\n  compute them with `damprig study work` or `run`, then join again",
             shown.display(),
             ranges(missing)
         )

@@ -5,7 +5,6 @@ use std::time::SystemTime;
 use super::Study;
 use super::data_set::{DataSet, PARTS, TABLE, part_number};
 use super::failure::StudyFailure;
-use super::lease::{self, Lease};
 use super::sums::{SUMS, Sums};
 use crate::run_folder::ReadError;
 
@@ -47,8 +46,6 @@ fn look(study: &Study, data_set: &DataSet, mut seen: impl FnMut(u64)) -> Result<
 pub struct Status {
     /// Its parts.
     pub parts: Parts,
-    /// Leases of missing parts.
-    pub leases: Vec<(u64, Lease)>,
     /// Estimated time until the last part, s, and the number of parts whose pace it is taken from; `None` before two parts of
     /// different times.
     pub left_s: Option<(f64, usize)>,
@@ -57,21 +54,12 @@ pub struct Status {
 /// How far a study is. Its parts are read: a wrong one is not done.
 ///
 /// # Errors
-/// When parts or leases cannot be listed or read.
+/// When parts cannot be listed or read.
 pub fn status(study: &Study, data_set: &DataSet) -> Result<Status, StudyFailure> {
     let there = data_set.parts()?;
     let parts = look(study, data_set, |_| ())?;
-    let mut leases = Vec::new();
-    for (part, term) in lease::terms(data_set.store())? {
-        if there.contains_key(&part) {
-            continue;
-        }
-        if let Some(lease) = lease::read(data_set.store(), part, term)? {
-            leases.push((part, lease));
-        }
-    }
     let left_s = left_s(there.into_values().collect(), parts.missing.len());
-    Ok(Status { parts, leases, left_s })
+    Ok(Status { parts, left_s })
 }
 
 /// Time for the missing parts at the pace of the latest ones.
@@ -115,17 +103,17 @@ pub fn verify(study: &Study, data_set: &DataSet, seen: impl FnMut(u64)) -> Resul
     let (parts, mut wrong) = (look(study, data_set, seen)?, Vec::new());
     for entry in store.list(PARTS)? {
         if part_number(&entry.name).is_none_or(|part| part >= data_set.manifest().parts()) {
-            let path = store.address(&format!("{PARTS}/{}", entry.name));
+            let path = store.path(&format!("{PARTS}/{}", entry.name));
             wrong.push(format!("{}: is no part of this study\n  remove it", path.display()));
         }
     }
     let again = |what: &String| format!("{what}\n  `damprig study merge` writes it again");
-    let (table, shown) = (data_set.table_has_digest()?, store.address(TABLE).display().to_string());
+    let (table, shown) = (data_set.table_has_digest()?, store.path(TABLE).display().to_string());
     let results = match Sums::read(store)? {
         Ok(None) => {
             // An older version wrote neither.
             if matches!(table, Some(Ok(true))) {
-                wrong.push(again(&format!("{}: missing", store.address(SUMS).display())));
+                wrong.push(again(&format!("{}: missing", store.path(SUMS).display())));
             }
             None
         }

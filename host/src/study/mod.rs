@@ -2,8 +2,8 @@
 //! user's page.
 //!
 //! [`mod@file`] reads the study, [`axis`] and [`points`] say which values it has, [`varied_case`] makes cases of them, [`evaluate`] simulates them, [`band`] finds peaks, [`data_set`] keeps the
-//! results as parts ([`part`]) that survive a kill in a [`store`], [`run`] does all of it on this machine, [`work`] some of it as one of many
-//! workers, with a [`lease`] on each part; [`inspect`] tells how far they are.
+//! results as parts ([`part`]) that survive a kill in a [`store`], [`run`] does all of it on this machine, [`work`] a share of it as one of
+//! several workers; [`inspect`] tells how far they are.
 
 pub mod axis;
 pub mod band;
@@ -14,10 +14,7 @@ pub mod failure;
 pub mod file;
 pub mod inspect;
 mod keys;
-pub mod lease;
 pub mod metric;
-#[cfg(feature = "object-store")]
-pub mod objects;
 pub mod part;
 pub mod points;
 pub mod run;

@@ -1,6 +1,5 @@
-//! Where the files of a study are: a folder, or an object store under a URL.
-//!
-//! Both have what several workers need: a file appears whole under its name, and only one of several writers can create a name.
+//! The folder with the files of a study, as several workers need it: a file appears whole under its name, and only one of several
+//! writers can create a name.
 
 use std::fs;
 use std::io::{self, ErrorKind, Write};
@@ -10,8 +9,6 @@ use std::time::{Duration, SystemTime};
 use bytes::Bytes;
 use tempfile::NamedTempFile;
 
-#[cfg(feature = "object-store")]
-use super::objects::Objects;
 use crate::input::{Refusal, regular};
 use crate::run_folder::{StorageError, checksum};
 
@@ -21,15 +18,9 @@ const UNFINISHED: (&str, &str) = (".unfinished-", ".tmp");
 /// Age from which an unfinished file belongs to a killed writer.
 const ABANDONED: Duration = Duration::from_secs(3_600);
 
-/// A place for files with names such as `parts/00000001.parquet`.
+/// A folder for files with names such as `parts/00000001.parquet`.
 #[derive(Clone, Debug)]
-pub enum Store {
-    /// A folder of this machine or of a file server.
-    Folder(PathBuf),
-    /// A prefix in a bucket or container.
-    #[cfg(feature = "object-store")]
-    Objects(Objects),
-}
+pub struct Store(PathBuf);
 
 /// A file in a store.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,39 +32,23 @@ pub struct Entry {
 }
 
 impl Store {
-    /// The store at a path or a URL (`s3://bucket/prefix`, `gs://…`, `az://…`). Nothing is created.
+    /// The store at a path of this machine or of a file server. Nothing is created.
     ///
     /// # Errors
-    /// A URL that is none, or in a build without object stores.
-    pub fn at(place: &Path) -> Result<Self, Refusal> {
-        match place.to_str().filter(|text| text.contains("://")) {
-            Some(url) => Self::at_url(url),
-            None => Ok(Self::Folder(place.to_path_buf())),
+    /// A URL.
+    pub fn at(folder: &Path) -> Result<Self, Refusal> {
+        match folder.to_str().filter(|text| text.contains("://")) {
+            Some(url) => Err(Refusal(format!(
+                "{url}: results are written to a folder\n  give a folder, and copy it with the tools of the object store"
+            ))),
+            None => Ok(Self(folder.to_path_buf())),
         }
     }
 
-    #[cfg(feature = "object-store")]
-    fn at_url(url: &str) -> Result<Self, Refusal> {
-        Objects::at(url).map(Self::Objects)
-    }
-
-    #[cfg(not(feature = "object-store"))]
-    fn at_url(url: &str) -> Result<Self, Refusal> {
-        Err(Refusal(format!(
-            "{url}: this damprig was built without object stores\n  give a folder, or build it with \
-             `cargo install --path host --features object-store`"
-        )))
-    }
-
-    /// Path or URL of a file, or of the store itself for an empty name.
+    /// Path of a file, or of the store itself for an empty name.
     #[must_use]
-    pub fn address(&self, name: &str) -> PathBuf {
-        match self {
-            Self::Folder(folder) if name.is_empty() => folder.clone(),
-            Self::Folder(folder) => folder.join(name),
-            #[cfg(feature = "object-store")]
-            Self::Objects(objects) => objects.address(name).into(),
-        }
+    pub fn path(&self, name: &str) -> PathBuf {
+        if name.is_empty() { self.0.clone() } else { self.0.join(name) }
     }
 
     /// Content of a file, `None` if it is not there.
@@ -81,12 +56,7 @@ impl Store {
     /// # Errors
     /// When it cannot be read.
     pub fn get(&self, name: &str) -> Result<Option<Bytes>, StorageError> {
-        match self {
-            Self::Folder(folder) => if_there(regular::read(&folder.join(name)).map(Bytes::from)),
-            #[cfg(feature = "object-store")]
-            Self::Objects(objects) => objects.get(name),
-        }
-        .map_err(|error| self.failed("read", name, error))
+        if_there(regular::read(&self.path(name)).map(Bytes::from)).map_err(|error| self.failed("read", name, error))
     }
 
     /// SHA-256 of a file in lower-case hexadecimal, `None` if it is not there.
@@ -94,13 +64,7 @@ impl Store {
     /// # Errors
     /// When it cannot be read.
     pub fn sha256(&self, name: &str) -> Result<Option<String>, StorageError> {
-        match self {
-            Self::Folder(folder) => {
-                if_there(checksum::of_path(&folder.join(name))).map_err(|error| self.failed("read", name, error))
-            }
-            #[cfg(feature = "object-store")]
-            Self::Objects(_) => Ok(self.get(name)?.map(|bytes| checksum::of_bytes(&bytes))),
-        }
+        if_there(checksum::of_path(&self.path(name))).map_err(|error| self.failed("read", name, error))
     }
 
     /// Whether a file is there.
@@ -108,12 +72,7 @@ impl Store {
     /// # Errors
     /// When that cannot be found out.
     pub fn has(&self, name: &str) -> Result<bool, StorageError> {
-        match self {
-            Self::Folder(folder) => folder.join(name).try_exists(),
-            #[cfg(feature = "object-store")]
-            Self::Objects(objects) => objects.has(name),
-        }
-        .map_err(|error| self.failed("find", name, error))
+        self.path(name).try_exists().map_err(|error| self.failed("find", name, error))
     }
 
     /// Creates a file, whole; answers whether it did. An existing one stays as it is: of several writers one succeeds.
@@ -121,12 +80,7 @@ impl Store {
     /// # Errors
     /// When it cannot be written.
     pub fn put_new(&self, name: &str, bytes: &[u8]) -> Result<bool, StorageError> {
-        match self {
-            Self::Folder(folder) => create(&folder.join(name), bytes),
-            #[cfg(feature = "object-store")]
-            Self::Objects(objects) => objects.put_new(name, bytes),
-        }
-        .map_err(|error| self.failed("write", name, error))
+        create(&self.path(name), bytes).map_err(|error| self.failed("write", name, error))
     }
 
     /// Writes a file, whole, in place of an earlier one.
@@ -134,15 +88,10 @@ impl Store {
     /// # Errors
     /// When it cannot be written; the earlier one stays.
     pub fn replace(&self, name: &str, bytes: &[u8]) -> Result<(), StorageError> {
-        match self {
-            Self::Folder(folder) => {
-                let path = folder.join(name);
-                write_beside(&path, bytes).and_then(|file| file.persist(&path).map(drop).map_err(|error| error.error))
-            }
-            #[cfg(feature = "object-store")]
-            Self::Objects(objects) => objects.replace(name, bytes),
-        }
-        .map_err(|error| self.failed("write", name, error))
+        let path = self.path(name);
+        write_beside(&path, bytes)
+            .and_then(|file| file.persist(&path).map(drop).map_err(|error| error.error))
+            .map_err(|error| self.failed("write", name, error))
     }
 
     /// Removes a file; one that is not there is removed already.
@@ -150,12 +99,7 @@ impl Store {
     /// # Errors
     /// When it cannot be removed.
     pub fn remove(&self, name: &str) -> Result<(), StorageError> {
-        match self {
-            Self::Folder(folder) => if_there(fs::remove_file(folder.join(name))).map(drop),
-            #[cfg(feature = "object-store")]
-            Self::Objects(objects) => objects.remove(name),
-        }
-        .map_err(|error| self.failed("remove", name, error))
+        if_there(fs::remove_file(self.path(name))).map(drop).map_err(|error| self.failed("remove", name, error))
     }
 
     /// Files and folders directly in a folder of the store, by name; none if it is not there. Unfinished files are left out.
@@ -163,12 +107,7 @@ impl Store {
     /// # Errors
     /// When it cannot be listed.
     pub fn list(&self, under: &str) -> Result<Vec<Entry>, StorageError> {
-        let entries = match self {
-            Self::Folder(folder) => listed(&folder.join(under)),
-            #[cfg(feature = "object-store")]
-            Self::Objects(objects) => objects.list(under),
-        };
-        let mut entries = entries.map_err(|error| self.failed("list", under, error))?;
+        let mut entries = listed(&self.path(under)).map_err(|error| self.failed("list", under, error))?;
         entries.retain(|entry| !is_unfinished(&entry.name));
         entries.sort_by(|a, b| a.name.cmp(&b.name));
         Ok(entries)
@@ -179,12 +118,7 @@ impl Store {
     /// # Errors
     /// When it cannot be created.
     pub fn large_file(&self, name: &str) -> Result<NamedTempFile, StorageError> {
-        match self {
-            Self::Folder(folder) => unfinished(folder),
-            #[cfg(feature = "object-store")]
-            Self::Objects(_) => NamedTempFile::new(),
-        }
-        .map_err(|error| self.failed("write", name, error))
+        unfinished(&self.0).map_err(|error| self.failed("write", name, error))
     }
 
     /// Gives a written file its name in the store, in place of an earlier one.
@@ -192,25 +126,15 @@ impl Store {
     /// # Errors
     /// When it cannot be written.
     pub fn put_file(&self, name: &str, file: NamedTempFile) -> Result<(), StorageError> {
-        match self {
-            Self::Folder(folder) => file
-                .as_file()
-                .sync_data()
-                .and_then(|()| file.persist(folder.join(name)).map(drop).map_err(|error| error.error)),
-            #[cfg(feature = "object-store")]
-            Self::Objects(objects) => objects.put_file(name, &file),
-        }
-        .map_err(|error| self.failed("write", name, error))
+        file.as_file()
+            .sync_data()
+            .and_then(|()| file.persist(self.path(name)).map(drop).map_err(|error| error.error))
+            .map_err(|error| self.failed("write", name, error))
     }
 
     /// Removes what killed writers left in a folder of the store more than an hour ago.
     pub fn remove_abandoned(&self, under: &str) {
-        let folder = match self {
-            Self::Folder(folder) => folder.join(under),
-            // An upload that was not finished is no object.
-            #[cfg(feature = "object-store")]
-            Self::Objects(_) => return,
-        };
+        let folder = self.path(under);
         for entry in listed(&folder).unwrap_or_default() {
             let is_old = entry.modified.elapsed().is_ok_and(|age| age > ABANDONED);
             if is_unfinished(&entry.name) && is_old {
@@ -220,7 +144,7 @@ impl Store {
     }
 
     fn failed(&self, action: &'static str, name: &str, error: io::Error) -> StorageError {
-        StorageError::new(action, &self.address(name), error)
+        StorageError::new(action, &self.path(name), error)
     }
 }
 

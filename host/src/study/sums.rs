@@ -24,7 +24,7 @@ impl Sums {
     /// When it is missing or cannot be read.
     pub fn of_stored(mut self, store: &Store, name: &str) -> Result<Self, StorageError> {
         let digest = store.sha256(name)?;
-        let missing = || StorageError::new("read", &store.address(name), "it was removed as soon as it was written");
+        let missing = || StorageError::new("read", &store.path(name), "it was removed as soon as it was written");
         self.0.insert(name.into(), digest.ok_or_else(missing)?);
         Ok(self)
     }
@@ -59,7 +59,7 @@ impl Sums {
         };
         let text = std::str::from_utf8(&bytes).ok().and_then(|text| text.strip_suffix('\n'));
         let sums = text.and_then(|text| text.split('\n').map(line).collect::<Option<BTreeMap<_, _>>>());
-        let damaged = || ReadError(format!("{}: a damaged line", store.address(SUMS).display()));
+        let damaged = || ReadError(format!("{}: a damaged line", store.path(SUMS).display()));
         Ok(sums.map(|sums| Some(Self(sums))).ok_or_else(damaged))
     }
 
@@ -70,7 +70,7 @@ impl Sums {
     pub fn check(&self, store: &Store) -> Result<(u64, Vec<String>), StorageError> {
         let (mut good, mut wrong) = (0, Vec::new());
         for (name, digest) in &self.0 {
-            let shown = store.address(name);
+            let shown = store.path(name);
             match store.sha256(name)? {
                 Some(there) if there == *digest => good += 1,
                 Some(_) => wrong.push(format!("{}: changed since it was written (SHA-256 differs)", shown.display())),

@@ -2,7 +2,7 @@
 # A study as a SLURM job array: each task computes a share of the parts, a last job joins them.
 #   host/studies/cluster/slurm.sh STUDY PLACE [SHARES] [SBATCH-OPTION…]
 #   host/studies/cluster/slurm.sh my-study.toml /home/group/my-study 100 --cpus-per-task=16 --time=4:00:00
-# PLACE is a folder that all nodes see, or the URL of an object store. The same command goes on where an earlier one was stopped.
+# PLACE is a folder that all nodes see. The same command goes on where an earlier one was stopped.
 # DAMPRIG names the command where it is not on the PATH of the nodes.
 set -euo pipefail
 

@@ -68,8 +68,6 @@ mod slow_disk;
 mod study;
 mod study_cluster;
 mod study_damage;
-#[cfg(feature = "object-store")]
-mod study_objects;
 mod study_work;
 mod transients;
 mod unusual;

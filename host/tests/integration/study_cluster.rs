@@ -1,4 +1,4 @@
-//! The scripts in host/studies/cluster: a SLURM job array on this machine, and GNU parallel. Left out where these are not installed.
+//! The script in host/studies/cluster: a SLURM job array on this machine. Left out where SLURM is not installed.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -42,22 +42,4 @@ fn a_slurm_job_array_makes_the_table_of_one_run() {
     assert!(output.status.success(), "{said}");
     assert!(said.contains("of 3 shares"), "{said}");
     assert_eq!(table(&folder, "out"), expected, "{said}");
-}
-
-#[test]
-fn workers_under_gnu_parallel_make_the_table_of_one_run() {
-    if !Command::new("parallel").arg("--version").output().is_ok_and(|said| said.stdout.starts_with(b"GNU parallel")) {
-        println!("left out: no GNU parallel here");
-        return;
-    }
-    let folder = folder(&short_study());
-    let expected = undisturbed(&folder);
-    let output = run(&folder, Path::new(&script("gnu-parallel.sh")), &["study.toml", "out", "2"]);
-    let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success(), "{said}");
-    assert!(
-        said.contains("worker 1") && said.contains("worker 2") && said.contains("Table: out/table.parquet"),
-        "{said}"
-    );
-    assert_eq!(table(&folder, "out"), expected);
 }

@@ -11,7 +11,6 @@ use std::time::Duration;
 use crate::common::damprig;
 use damprig::study::Study;
 use damprig::study::data_set::DataSet;
-use damprig::study::lease::{self, Claim, Lease, Worker};
 use damprig::study::store::Store;
 use tempfile::TempDir;
 
@@ -140,7 +139,7 @@ fn workers_killed_at_random_moments_spoil_nothing() {
     let folder = folder(STUDY);
     let expected = undisturbed(&folder);
     let mut random = fastrand::Rng::with_seed(7);
-    let which: [&[&str]; 3] = [&["--claim", "--lease-s", "1"], &["--shard", "1/1"], &["--claim", "--lease-s", "1"]];
+    let which: [&[&str]; 3] = [&["--shard", "1/2"], &["--shard", "1/1"], &["--shard", "2/2"]];
     for kill in 0..kills {
         let mut workers: Vec<Child> = which.iter().map(|which| worker(&folder, "out", which)).collect();
         for worker in &mut workers {
@@ -156,7 +155,7 @@ fn workers_killed_at_random_moments_spoil_nothing() {
             fs::remove_dir_all(folder.path().join("out")).unwrap();
         }
     }
-    succeeds(&study(&folder, "work", "out", &["--claim", "--lease-s", "1"]));
+    succeeds(&study(&folder, "work", "out", &["--shard", "1/1"]));
     succeeds(&study(&folder, "verify", "out", &[]));
     succeeds(&study(&folder, "merge", "out", &[]));
     assert_eq!(table(&folder, "out"), expected);
@@ -197,84 +196,20 @@ fn a_half_written_part_and_a_strange_file_are_named_with_what_to_do() {
     for wrong in [part(&folder, "out", 3), part(&folder, "out", 1), folder.path().join("out/parts/notes.txt")] {
         fs::remove_file(wrong).unwrap();
     }
-    succeeds(&study(&folder, "work", "out", &["--claim"]));
+    succeeds(&study(&folder, "work", "out", &["--shard", "1/1"]));
     succeeds(&study(&folder, "verify", "out", &[]));
     succeeds(&study(&folder, "merge", "out", &[]));
     assert_eq!(table(&folder, "out"), expected);
-}
-
-fn lease_of_another(folder: &TempDir, renewed_s: f64, length_s: f64) {
-    let worker = Worker { host: "node7".into(), process: 4242, key: 1 };
-    let lease = Lease { worker, taken_s: renewed_s, renewed_s, length_s };
-    let leases = folder.path().join("out/leases");
-    fs::create_dir_all(&leases).unwrap();
-    fs::write(leases.join("00000002.0000"), serde_json::to_vec(&lease).unwrap()).unwrap();
-}
-
-#[test]
-fn an_expired_lease_is_taken_over_and_one_that_holds_is_waited_for() {
-    let folder = folder(&short_study());
-    let expected = undisturbed(&folder);
-    data_set(&folder, "out");
-    lease_of_another(&folder, lease::now_s() - 100.0, 60.0);
-    let said = succeeds(&study(&folder, "status", "out", &[]));
-    assert!(said.contains("part 2: node7 (process 4242) since 2") && said.contains("expired 40 s ago"), "{said}");
-    let said = succeeds(&study(&folder, "work", "out", &["--claim"]));
-    assert!(said.contains("part 2 of 6") && !said.contains("waiting"), "{said}");
-    assert!(names(&folder.path().join("out/leases")).is_empty(), "all leases are given back");
-    succeeds(&study(&folder, "merge", "out", &[]));
-    assert_eq!(table(&folder, "out"), expected);
-
-    fs::remove_file(part(&folder, "out", 2)).unwrap();
-    lease_of_another(&folder, lease::now_s(), 2.0);
-    let said = succeeds(&study(&folder, "status", "out", &[]));
-    assert!(said.contains("part 2: node7") && said.contains("renewed"), "{said}");
-    let said = succeeds(&study(&folder, "work", "out", &["--claim", "--lease-s", "1"]));
-    let (waits, computes) = (said.find("waiting").expect(&said), said.find("part 2 of 6").expect(&said));
-    assert!(waits < computes, "{said}");
-}
-
-#[test]
-fn a_worker_that_lost_its_lease_notices_and_leaves_the_part_of_the_other() {
-    let folder = folder(&short_study());
-    let data_set = data_set(&folder, "out");
-    let (slow, fast) = (Worker::this(), Worker::this());
-    assert_ne!(slow, fast);
-    let moment = Duration::from_millis(1);
-    let lost = Claim::take(&data_set, 0, None, &slow, moment).unwrap().expect("nobody holds it");
-    assert!(lost.renew().unwrap());
-    let taken = loop {
-        // Until a millisecond has passed.
-        let latest = lease::terms(data_set.store()).unwrap().get(&0).copied();
-        if let Some(claim) = Claim::take(&data_set, 0, latest, &fast, Duration::from_secs(60)).unwrap() {
-            break claim;
-        }
-    };
-    assert!(!lost.renew().unwrap() && taken.renew().unwrap());
-    assert!(Claim::take(&data_set, 0, Some(1), &slow, moment).unwrap().is_none(), "it is held");
-    let study = study_of(&folder);
-    data_set.write_part(&study, 0, &[vec![1.0, 2.0, 0.0], vec![3.0, 4.0, 0.0]]).unwrap();
-    data_set.write_part(&study, 0, &[vec![9.0, 9.0, 0.0], vec![9.0, 9.0, 0.0]]).unwrap();
-    let first = data_set.part(&study, 0).unwrap().unwrap().batch.column_by_name("x_over_z").unwrap().clone();
-    let expected: arrow_array::Float64Array = vec![Some(1.0), Some(3.0)].into();
-    assert_eq!(first.as_ref(), &expected as &dyn arrow_array::Array);
-    lost.give_back().unwrap();
-    assert_eq!(names(&folder.path().join("out/leases")), ["00000000.0001"]);
-    assert!(!taken.renew().unwrap(), "the part is there");
-    taken.give_back().unwrap();
-    assert!(names(&folder.path().join("out/leases")).is_empty());
 }
 
 #[test]
 fn a_wrong_command_line_is_refused_and_makes_nothing() {
     let folder = folder(&short_study());
     let cases: &[(&str, &[&str], &[&str])] = &[
-        ("work", &[], &["--shard", "--claim"]),
+        ("work", &[], &["--shard"]),
         ("work", &["--shard", "0/4"], &["0/4", "counts from 1", "index + 1"]),
         ("work", &["--shard", "5/4"], &["5/4", "from 1 to n"]),
-        ("work", &["--claim", "--lease-s", "0"], &["1 to 86400"]),
-        ("work", &["--claim", "--shard", "1/2"], &["cannot be used with"]),
-        ("work", &["--shard", "1/2", "--lease-s", "5"], &["cannot be used with"]),
+        ("work", &["--claim"], &["--claim"]),
         ("status", &[], &["has no results of a study", "study work"]),
         ("verify", &[], &["has no results of a study"]),
         ("merge", &[], &["has no results of a study"]),
@@ -285,11 +220,8 @@ fn a_wrong_command_line_is_refused_and_makes_nothing() {
     assert!(!folder.path().join("out").exists());
     fs::create_dir(folder.path().join("out")).unwrap();
     fs::write(folder.path().join("out/thesis.tex"), "x").unwrap();
-    fails(&study(&folder, "work", "out", &["--claim"]), 2, &["is not empty and has no study"]);
-    #[cfg(not(feature = "object-store"))]
-    fails(&study(&folder, "work", "s3://bucket/a", &["--claim"]), 2, &["built without object stores", "--features"]);
-    #[cfg(feature = "object-store")]
-    fails(&study(&folder, "work", "ftp://bucket/a", &["--claim"]), 2, &["ftp://bucket/a", "s3://bucket/prefix"]);
+    fails(&study(&folder, "work", "out", &["--shard", "1/1"]), 2, &["is not empty and has no study"]);
+    fails(&study(&folder, "work", "s3://bucket/a", &["--shard", "1/1"]), 2, &["s3://bucket/a", "give a folder"]);
 }
 
 /// Largest memory of `study merge`, bytes, over a synthetic set of so many rows; the table has them all.

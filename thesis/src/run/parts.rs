@@ -26,7 +26,7 @@ type Report<'a> = &'a (dyn Fn(f64) -> bool + Sync);
 /// Runs a study into its folder; goes on where an earlier call stopped.
 pub(super) fn study(file: &Path, folder: &Path, report: Report<'_>) -> Result<Ending, RunFailure> {
     let study = Study::read(file)?;
-    let store = Store::Folder(folder.to_path_buf());
+    let store = Store::at(folder)?;
     let data_set = match DataSet::open(&study, store.clone()) {
         Ok(data_set) => data_set,
         // Results of this folder by another version, or of a file as it was before.
