@@ -57,8 +57,10 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 23] = [
+const HOST_LAYERS: [&str; 25] = [
     "host_time",
+    "quantity",
+    "table",
     "input",
     "settings",
     "setup",

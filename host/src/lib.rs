@@ -19,6 +19,7 @@ pub mod monitor;
 pub mod motion_record;
 pub mod optimise;
 pub mod prediction;
+pub mod quantity;
 pub mod recorded_run;
 pub mod report;
 pub mod run_folder;
@@ -27,6 +28,7 @@ pub mod settings;
 pub mod setup;
 pub mod simulation;
 pub mod study;
+pub mod table;
 
 /// Name and version, as files and reports carry it.
 pub const VERSION_LINE: &str = concat!("damprig ", env!("CARGO_PKG_VERSION"));

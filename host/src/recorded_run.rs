@@ -50,7 +50,7 @@ pub fn begin_entry(
 fn largest_predicted(predicted: &Predicted) -> BTreeMap<usize, f64> {
     let swings = predicted.swings.iter().map(|p| (p.set_up, p.swing.max_x_m));
     let mut all = BTreeMap::new();
-    for (set_up, x_m) in swings.chain(predicted.expected.iter().map(|e| (e.set_up, e.outlook.x_peak_m))) {
+    for (set_up, x_m) in swings.chain(predicted.expected.iter().map(|e| (e.set_up, e.outlook.max_abs_x_m))) {
         let most: &mut f64 = all.entry(set_up).or_default();
         *most = most.max(x_m);
     }

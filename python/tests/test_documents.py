@@ -36,7 +36,7 @@ def test_every_example_of_the_python_page_runs(project, clone, capsys):
         exec(compile(example, f"docs/PYTHON.md, example {number + 1}", "exec"), names)  # noqa: S102
     assert "complete []" in capsys.readouterr().out
     # What the page shows is what it says.
-    assert names["row"]["x_over_z"] > 1 and names["pulse"]["x_peak_m"][0] > 1e-3 and len(names["after"].faults) == 1
+    assert names["row"]["x_over_z"] > 1 and names["pulse"]["max_abs_x_m"][0] > 1e-3 and len(names["after"].faults) == 1
     assert sum("seq_num" in document for document in names["rows"]) == 3 and len(names["largest_x_m"]) == 3
 
 

@@ -299,7 +299,7 @@ impl Watcher for RunProgress {
         self.numbers = format!("  {} Hz  X/Z (cycle maxima) {:.2}", row.frequency_hz, row.x_over_z());
         self.show();
         let steady = steadiness_text(row.steadiness);
-        let (x_mm, z_mm) = (row.x_mean_cycle_max_m * 1e3, row.z_amplitude_m * 1e3);
+        let (x_mm, z_mm) = (row.mean_cycle_max_m * 1e3, row.z_amplitude_m * 1e3);
         self.log(&format!(
             "point {taken} of {planned}: set-up {}, {} Hz: X/Z (cycle maxima) {:.3}, X/Z (lock-in) {:.3}, X {x_mm:.3} mm, Z {z_mm:.4} mm, {steady}",
             row.set_up,

@@ -317,7 +317,7 @@ fn show_transients(run: &RunFolder) -> Outcome {
         let text = |name| texts(&batch, name).map_err(Failure::failed);
         let number = |name| numbers(&batch, name).map_err(Failure::failed);
         let (set_ups, experiments, kinds) = (text("set_up")?, text("experiment")?, text("kind")?);
-        let (peak, rms, impacts) = (number("x_peak_m")?, number("x_rms_m")?, number("impacts")?);
+        let (peak, rms, impacts) = (number("max_abs_x_m")?, number("rms_x_m")?, number("impacts")?);
         let (zeta, frequency) = (number("damping_ratio")?, number("frequency_hz")?);
         let shown = |value: f64, digits: usize| if value.is_nan() { "–".into() } else { format!("{value:.digits$}") };
         for i in 0..batch.num_rows() {

@@ -5,8 +5,8 @@ use std::ops::Range;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::metric::Metric;
 use super::motion::SimulatedMotion;
+use crate::quantity::Quantity;
 
 /// Coverage factor of the expanded uncertainties: 95 % of a normal distribution.
 pub const COVERAGE_FACTOR: f64 = 2.0;
@@ -80,7 +80,7 @@ pub struct ComparedPoint {
 impl ComparedPoint {
     /// A quantity of the point.
     #[must_use]
-    pub fn metric(&self, metric: Metric) -> Option<&ComparedMetric> {
+    pub fn metric(&self, metric: Quantity) -> Option<&ComparedMetric> {
         self.metrics.iter().find(|own| own.metric == metric)
     }
 }
@@ -116,7 +116,7 @@ impl Predicted {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ComparedMetric {
     /// The quantity.
-    pub metric: Metric,
+    pub metric: Quantity,
     /// Its unit.
     pub unit: &'static str,
     /// The measured value.
@@ -175,7 +175,7 @@ pub struct Residual {
     /// Its RMS, m.
     pub rms_m: f64,
     /// RMS of the measured x, m.
-    pub x_rms_m: f64,
+    pub rms_x_m: f64,
     /// RMS noise of a reading of x, m.
     pub noise_rms_m: f64,
 }
@@ -192,7 +192,7 @@ impl Residual {
         let difference_m: Vec<f32> = measured_m.iter().zip(simulated).map(|(m, s)| m - s.x_m).collect();
         (measured_m.len() == simulated.len() && !measured_m.is_empty()).then(|| Self {
             rms_m: rms(&difference_m),
-            x_rms_m: rms(measured_m),
+            rms_x_m: rms(measured_m),
             noise_rms_m,
         })
     }

@@ -11,11 +11,12 @@ use std::path::Path;
 use damprig_core::model::{Initial, SetUp};
 use toml::{Table, Value};
 
-use super::metric::{Metric, Values};
+use super::metric::Values;
 use super::{COVERAGE_FACTOR, CannotCompare};
 use crate::campaign::{Campaign, CampaignSetUp};
 use crate::identify::statistics::student_95;
 use crate::input::{Copies, Source};
+use crate::quantity::Quantity;
 use crate::setup::{Identified, set_up_file};
 
 /// Members of an ensemble.
@@ -177,8 +178,8 @@ pub(super) fn summary(stated: &Values, members: &[Values]) -> (Values, Values) {
     (means, uncertainties)
 }
 
-fn wrapped(metric: Metric, value: f64) -> f64 {
-    if metric == Metric::Phase { metric.difference(value, 0.0) } else { value }
+fn wrapped(metric: Quantity, value: f64) -> f64 {
+    if metric == Quantity::PhaseRad { metric.difference(value, 0.0) } else { value }
 }
 
 /// The set-ups of a campaign with the identified values of its set-up file varied by their standard uncertainty.
@@ -327,11 +328,11 @@ mod tests {
     #[test]
     fn the_spread_of_a_linear_response_is_the_propagated_uncertainty() {
         let (of_a, of_b) = (0.3, 0.4);
-        let value = |n: usize| Values::from([(Metric::XRms, 1.0 + of_a * deviation(n, 2) + of_b * deviation(n, 3))]);
+        let value = |n: usize| Values::from([(Quantity::RmsXM, 1.0 + of_a * deviation(n, 2) + of_b * deviation(n, 3))]);
         let members: Vec<Values> = (0..MEMBERS).map(value).collect();
-        let (mean, u) = summary(&Values::from([(Metric::XRms, 1.0)]), &members);
-        assert!((mean[&Metric::XRms] - 1.0).abs() < 1e-12);
+        let (mean, u) = summary(&Values::from([(Quantity::RmsXM, 1.0)]), &members);
+        assert!((mean[&Quantity::RmsXM] - 1.0).abs() < 1e-12);
         // √(0.3² + 0.4²), widened by Student's factor (1.06), by a further draw (1.03), and by what correlation the lattice has.
-        assert!((u[&Metric::XRms] / 0.5 / 1.09 - 1.0).abs() < 0.15, "{}", u[&Metric::XRms]);
+        assert!((u[&Quantity::RmsXM] / 0.5 / 1.09 - 1.0).abs() < 0.15, "{}", u[&Quantity::RmsXM]);
     }
 }

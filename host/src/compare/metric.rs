@@ -11,104 +11,16 @@ use damprig_core::measure::point::{Place, PointMeter};
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::measure::transient::{TransientMeter, TransientResult};
 use damprig_core::sine::Phase;
-use serde::Serialize;
 
 use super::motion::{SimulatedMotion, TICK_S, TickReading, WallPulse};
 use crate::campaign::FreeVibration;
 use crate::prediction::contact_s;
+use crate::quantity::Quantity;
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::transients::TransientRow;
 
-/// A compared quantity. Its values are in SI units.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Metric {
-    /// X/Z (cycle maxima).
-    XOverZ,
-    /// X/Z (lock-in).
-    XOverZLockIn,
-    /// Phase of x relative to z, rad.
-    Phase,
-    /// Largest |x|, m.
-    XMax,
-    /// When |x| was largest, after the start of the measurement, s.
-    XMaxTime,
-    /// RMS of x, m.
-    XRms,
-    /// Largest |x − z|, m.
-    RelativeMax,
-    /// Impacts that the board counts, in a cycle of the drive.
-    ImpactsPerCycle,
-    /// Impacts that the board counts.
-    Impacts,
-    /// Largest impulse on a hard wall, N·s.
-    Impulse,
-    /// Largest force on a soft wall, N.
-    WallForce,
-    /// Damping ratio of the linear structure that would decay so.
-    DampingRatio,
-    /// Frequency of the decay, Hz.
-    Frequency,
-}
-
-impl Metric {
-    /// Its name for people.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::XOverZ => "X/Z (cycle maxima)",
-            Self::XOverZLockIn => "X/Z (lock-in)",
-            Self::Phase => "phase",
-            Self::XMax => "max|x|",
-            Self::XMaxTime => "time of max|x|",
-            Self::XRms => "RMS x",
-            Self::RelativeMax => "max|x−z|",
-            Self::ImpactsPerCycle => "impacts per cycle",
-            Self::Impacts => "impacts",
-            Self::Impulse => "largest impulse",
-            Self::WallForce => "largest wall force",
-            Self::DampingRatio => "ζ of the decay",
-            Self::Frequency => "f of the decay",
-        }
-    }
-
-    /// Its SI unit; "1" of a ratio or a count.
-    #[must_use]
-    pub fn unit(self) -> &'static str {
-        match self {
-            Self::XOverZ | Self::XOverZLockIn | Self::ImpactsPerCycle | Self::Impacts | Self::DampingRatio => "1",
-            Self::Phase => "rad",
-            Self::XMax | Self::XRms | Self::RelativeMax => "m",
-            Self::XMaxTime => "s",
-            Self::Impulse => "N·s",
-            Self::WallForce => "N",
-            Self::Frequency => "Hz",
-        }
-    }
-
-    /// The unit that tables show and its number in an SI unit.
-    #[must_use]
-    pub fn shown_unit(self) -> (&'static str, f64) {
-        match self {
-            Self::Phase => ("°", 180.0 / std::f64::consts::PI),
-            Self::XMax | Self::XRms | Self::RelativeMax => ("mm", 1e3),
-            _ => (if self.unit() == "1" { "" } else { self.unit() }, 1.0),
-        }
-    }
-
-    /// The difference of two values; angles differ by half a turn at most.
-    #[must_use]
-    pub fn difference(self, a: f64, b: f64) -> f64 {
-        if self == Self::Phase {
-            (a - b + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI
-        } else {
-            a - b
-        }
-    }
-}
-
 /// Values of several quantities.
-pub(super) type Values = BTreeMap<Metric, f64>;
+pub(super) type Values = BTreeMap<Quantity, f64>;
 
 /// Impacts and the largest force on a wall, as the board measured them or a simulation has them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -134,13 +46,18 @@ impl Walls {
 
     fn add_to(self, values: &mut Values, is_soft: bool, cycles: Option<u32>) {
         match cycles {
-            Some(cycles) => values.insert(Metric::ImpactsPerCycle, f64::from(self.impacts) / f64::from(cycles.max(1))),
-            None => values.insert(Metric::Impacts, f64::from(self.impacts)),
+            Some(cycles) => {
+                values.insert(Quantity::ImpactsPerCycle, f64::from(self.impacts) / f64::from(cycles.max(1)))
+            }
+            None => values.insert(Quantity::Impacts, f64::from(self.impacts)),
         };
         // There is no largest impact without one.
         if self.force_n > 0.0 {
-            let (metric, value) =
-                if is_soft { (Metric::WallForce, self.force_n) } else { (Metric::Impulse, self.impulse_n_s) };
+            let (metric, value) = if is_soft {
+                (Quantity::PeakContactForceN, self.force_n)
+            } else {
+                (Quantity::MaxImpulseNS, self.impulse_n_s)
+            };
             values.insert(metric, value);
         }
     }
@@ -152,11 +69,11 @@ pub(super) type WallKind = Option<bool>;
 /// The measured values of a point.
 pub(super) fn of_result(row: &ResultRow, walls: Walls, kind: WallKind) -> Values {
     let mut values = Values::from([
-        (Metric::XOverZ, row.x_over_z()),
-        (Metric::XOverZLockIn, row.x_over_z_lock_in()),
-        (Metric::Phase, f64::from(row.phase_rad)),
-        (Metric::XMax, f64::from(row.x_max_m)),
-        (Metric::XRms, f64::from(row.x_rms_m)),
+        (Quantity::XOverZ, row.x_over_z()),
+        (Quantity::XOverZLockIn, row.x_over_z_lock_in()),
+        (Quantity::PhaseRad, f64::from(row.phase_rad)),
+        (Quantity::MaxAbsXM, f64::from(row.max_abs_x_m)),
+        (Quantity::RmsXM, f64::from(row.rms_x_m)),
     ]);
     if let Some(is_soft) = kind {
         walls.add_to(&mut values, is_soft, Some(row.cycles));
@@ -179,7 +96,7 @@ pub(super) struct PointWindow<'a> {
 
 fn readings(of: &TickReading) -> Readings {
     let reading = |mean_m, peak_m| Reading { mean_m, peak_m, inside_peak_m: peak_m, ..Reading::default() };
-    Readings { x: reading(of.x_m, of.x_peak_m), z: reading(of.z_m, of.z_peak_m), ..Readings::default() }
+    Readings { x: reading(of.x_m, of.max_abs_x_m), z: reading(of.z_m, of.max_abs_z_m), ..Readings::default() }
 }
 
 /// The simulated values of a point; `None` if the window has another number of cycles than the measured one.
@@ -203,11 +120,11 @@ pub(super) fn of_simulated_point(motion: &SimulatedMotion, window: &PointWindow,
     let result = meter.result(&place, &SteadyLimits::default());
     let z = f64::from(result.z_amplitude_m);
     let mut values = Values::from([
-        (Metric::XOverZ, f64::from(result.x_mean_cycle_max_m) / z),
-        (Metric::XOverZLockIn, f64::from(result.x_amplitude_m) / z),
-        (Metric::Phase, f64::from(result.phase_rad)),
-        (Metric::XMax, f64::from(result.x_max_m)),
-        (Metric::XRms, f64::from(result.x_rms_m)),
+        (Quantity::XOverZ, f64::from(result.mean_cycle_max_m) / z),
+        (Quantity::XOverZLockIn, f64::from(result.x_amplitude_m) / z),
+        (Quantity::PhaseRad, f64::from(result.phase_rad)),
+        (Quantity::MaxAbsXM, f64::from(result.max_abs_x_m)),
+        (Quantity::RmsXM, f64::from(result.rms_x_m)),
     ]);
     if let Some(is_soft) = kind {
         Walls::of(&motion.pulses, &window.ticks).add_to(&mut values, is_soft, Some(window.cycles));
@@ -217,14 +134,19 @@ pub(super) fn of_simulated_point(motion: &SimulatedMotion, window: &PointWindow,
 
 /// The measured values of a record, a pulse or a free vibration. `x_m`: the readings of x in its ticks, if they were recorded.
 pub(super) fn of_transient(row: &TransientRow, x_m: Option<&[f32]>, walls: Walls, kind: WallKind) -> Values {
-    let mut values = Values::from([(Metric::XRms, f64::from(row.x_rms_m))]);
+    let mut values = Values::from([(Quantity::RmsXM, f64::from(row.rms_x_m))]);
     if row.kind == "free_vibration" {
         if row.cycles > 0 {
-            values.extend([(Metric::DampingRatio, row.damping_ratio), (Metric::Frequency, row.frequency_hz)]);
+            values
+                .extend([(Quantity::DampingRatio, row.damping_ratio), (Quantity::DecayFrequencyHz, row.frequency_hz)]);
         }
     } else {
-        values.extend([(Metric::XMax, f64::from(row.x_peak_m)), (Metric::RelativeMax, f64::from(row.relative_peak_m))]);
-        values.extend(x_m.and_then(|x_m| time_of_largest(x_m.iter().copied())).map(|t_s| (Metric::XMaxTime, t_s)));
+        values.extend([
+            (Quantity::MaxAbsXM, f64::from(row.max_abs_x_m)),
+            (Quantity::MaxAbsXMinusZM, f64::from(row.max_abs_x_minus_z_m)),
+        ]);
+        values
+            .extend(x_m.and_then(|x_m| time_of_largest(x_m.iter().copied())).map(|t_s| (Quantity::MaxAbsXTimeS, t_s)));
     }
     if let Some(is_soft) = kind {
         walls.add_to(&mut values, is_soft, None);
@@ -245,11 +167,11 @@ pub(super) fn of_simulated_playback(motion: &SimulatedMotion, ticks: &Range<usiz
     own.iter().for_each(|reading| meter.push(&readings(reading), 0.0));
     let result = meter.result();
     let mut values = Values::from([
-        (Metric::XRms, f64::from(result.x_rms_m)),
-        (Metric::XMax, f64::from(result.x_peak_m)),
-        (Metric::RelativeMax, f64::from(result.relative_peak_m)),
+        (Quantity::RmsXM, f64::from(result.rms_x_m)),
+        (Quantity::MaxAbsXM, f64::from(result.max_abs_x_m)),
+        (Quantity::MaxAbsXMinusZM, f64::from(result.max_abs_x_minus_z_m)),
     ]);
-    values.extend(time_of_largest(own.iter().map(|reading| reading.x_m)).map(|t_s| (Metric::XMaxTime, t_s)));
+    values.extend(time_of_largest(own.iter().map(|reading| reading.x_m)).map(|t_s| (Quantity::MaxAbsXTimeS, t_s)));
     if let Some(is_soft) = kind {
         Walls::of(&motion.pulses, ticks).add_to(&mut values, is_soft, None);
     }
@@ -286,13 +208,13 @@ pub(super) fn of_simulated_release(
     (result, detected): &(TransientResult, usize),
     kind: WallKind,
 ) -> Values {
-    let mut values = Values::from([(Metric::XRms, f64::from(result.x_rms_m))]);
+    let mut values = Values::from([(Quantity::RmsXM, f64::from(result.rms_x_m))]);
     let decay = &result.decay;
     if decay.cycles > 0 {
         let cycles = f64::from(decay.cycles);
         let decrement = (f64::from(decay.start_m) / f64::from(decay.end_m)).ln() / cycles;
-        values.insert(Metric::DampingRatio, decrement / std::f64::consts::TAU.hypot(decrement));
-        values.insert(Metric::Frequency, cycles / f64::from(decay.span_s));
+        values.insert(Quantity::DampingRatio, decrement / std::f64::consts::TAU.hypot(decrement));
+        values.insert(Quantity::DecayFrequencyHz, cycles / f64::from(decay.span_s));
     }
     if let Some(is_soft) = kind {
         let ticks = *detected..*detected + (result.end_tick - result.start_tick) as usize;

@@ -36,7 +36,6 @@ pub use comparison::{
     Uncertain, Verdict,
 };
 use ensemble::Models;
-pub use metric::Metric;
 use metric::{WallKind, Walls};
 use motion::TICK_S;
 use recorded::AllRecorded;

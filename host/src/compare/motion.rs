@@ -24,11 +24,11 @@ pub(super) struct TickReading {
     /// Mean of x.
     pub(super) x_m: f32,
     /// Largest |x| of the sub-samples.
-    pub(super) x_peak_m: f32,
+    pub(super) max_abs_x_m: f32,
     /// Mean of z.
     pub(super) z_m: f32,
     /// Largest |z| of the sub-samples.
-    pub(super) z_peak_m: f32,
+    pub(super) max_abs_z_m: f32,
 }
 
 /// A pulse on a wall.
@@ -108,7 +108,7 @@ pub(super) fn simulate(
         let z_m: [f32; SUBSAMPLES] =
             std::array::from_fn(|n| (tick.0[0] + increment(&tick.0, (n + 1) as f64 / SUBSAMPLES as f64)) as f32);
         let (x, z) = (Reading::of(&observer.x_m.map(|x| x as f32)), Reading::of(&z_m));
-        readings.push(TickReading { x_m: x.mean_m, x_peak_m: x.peak_m, z_m: z.mean_m, z_peak_m: z.peak_m });
+        readings.push(TickReading { x_m: x.mean_m, max_abs_x_m: x.peak_m, z_m: z.mean_m, max_abs_z_m: z.peak_m });
     }
     let pulses = observer.watch.into_pulses().into_iter().map(|pulse| WallPulse {
         tick: (pulse.from / f64::from(parts)) as usize,

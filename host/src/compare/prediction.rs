@@ -7,11 +7,12 @@ use rayon::prelude::*;
 
 use super::base::BaseMotion;
 use super::ensemble::{self, Member, Models};
-use super::metric::{Metric, Values};
+use super::metric::Values;
 use super::motion::{SimulatedMotion, TICK_S, simulate};
 use super::spring::SpringForce;
 use super::{COVERAGE_FACTOR, ComparedMetric, Predicted, Uncertain, Verdict};
 use crate::identify::sensors::rectangular;
+use crate::quantity::Quantity;
 
 /// Values of a prediction with their standard uncertainties, and whether neighbouring starts part.
 #[derive(Clone, Debug, Default)]
@@ -84,7 +85,7 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
         let to_own_z = self.models.force_factor(&member.model);
         let values = |window: usize| {
             let mut values = (self.measure)(motion, window)?;
-            for metric in [Metric::XOverZ, Metric::XOverZLockIn] {
+            for metric in [Quantity::XOverZ, Quantity::XOverZLockIn] {
                 values.entry(metric).and_modify(|ratio| *ratio *= to_own_z);
             }
             Some(values)
@@ -123,14 +124,14 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
     }
 
     /// Standard uncertainty of a simulated value besides that of its inputs.
-    fn numerical(&self, metric: Metric, value: f64, motion: &SimulatedMotion, window: &Window) -> f64 {
+    fn numerical(&self, metric: Quantity, value: f64, motion: &SimulatedMotion, window: &Window) -> f64 {
         match metric {
-            Metric::Phase => NUMERICAL,
-            Metric::Impacts | Metric::ImpactsPerCycle => {
-                let cycles = if metric == Metric::Impacts { 1.0 } else { window.cycles };
+            Quantity::PhaseRad => NUMERICAL,
+            Quantity::Impacts | Quantity::ImpactsPerCycle => {
+                let cycles = if metric == Quantity::Impacts { 1.0 } else { window.cycles };
                 self.near_threshold(motion, window) / 3.0_f64.sqrt() / cycles
             }
-            Metric::XMaxTime => 0.5 * TICK_S,
+            Quantity::MaxAbsXTimeS => 0.5 * TICK_S,
             _ => value.abs() * NUMERICAL,
         }
     }
@@ -147,7 +148,7 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
     }
 
     /// Standard uncertainty by the noise of a measured base: it excites the structure's free vibration.
-    fn of_noise(&self, metric: Metric, values: &Values, window: &Window) -> f64 {
+    fn of_noise(&self, metric: Quantity, values: &Values, window: &Window) -> f64 {
         let structure = self.models.set_up.model().structure;
         let (omega, zeta) = (structure.angular_frequency_rad_per_s(), structure.damping_ratio());
         let excited = (0.5 * omega * window.ticks.end as f64 * TICK_S).min(0.25 / zeta);
@@ -156,12 +157,13 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
             return 0.0;
         }
         match metric {
-            Metric::XOverZ | Metric::XOverZLockIn => moved_m / window.z_m,
-            Metric::Phase => moved_m / (window.z_m * values.get(&Metric::XOverZLockIn).copied().unwrap_or(f64::NAN)),
-            Metric::XMax | Metric::XRms | Metric::RelativeMax => moved_m,
+            Quantity::XOverZ | Quantity::XOverZLockIn => moved_m / window.z_m,
+            Quantity::PhaseRad => {
+                moved_m / (window.z_m * values.get(&Quantity::XOverZLockIn).copied().unwrap_or(f64::NAN))
+            }
+            Quantity::MaxAbsXM | Quantity::RmsXM | Quantity::MaxAbsXMinusZM => moved_m,
             // Of a base at rest, or not by the structure's free vibration.
-            Metric::DampingRatio | Metric::Frequency => 0.0,
-            Metric::XMaxTime | Metric::ImpactsPerCycle | Metric::Impacts | Metric::Impulse | Metric::WallForce => 0.0,
+            _ => 0.0,
         }
     }
 }
@@ -194,7 +196,7 @@ pub(super) fn metrics(
     on_measured: Option<&Prediction>,
     on_ideal: Option<&Prediction>,
 ) -> Vec<ComparedMetric> {
-    let compared = |(metric, value): (&Metric, &f64)| {
+    let compared = |(metric, value): (&Quantity, &f64)| {
         let own = Uncertain {
             value: *value,
             expanded: COVERAGE_FACTOR * of_measured.get(metric).copied().unwrap_or(f64::NAN),
@@ -213,7 +215,7 @@ pub(super) fn metrics(
     measured.iter().filter(|(_, value)| value.is_finite()).map(compared).collect()
 }
 
-fn predicted(metric: Metric, measured: Uncertain, prediction: &Prediction) -> Option<Predicted> {
+fn predicted(metric: Quantity, measured: Uncertain, prediction: &Prediction) -> Option<Predicted> {
     let (value, u) = (*prediction.values.get(&metric)?, *prediction.uncertainties.get(&metric)?);
     let expanded = COVERAGE_FACTOR * u;
     let normalised_error = metric.difference(measured.value, value) / measured.expanded.hypot(expanded);

@@ -5,8 +5,9 @@ use std::f64::consts::TAU;
 use damprig_core::io::{SUBSAMPLES, TICK_HZ};
 use damprig_core::measure::noise::raised_maximum;
 
-use super::metric::{Metric, Values, WallKind};
+use super::metric::{Values, WallKind};
 use crate::identify::sensors::{Sensors, rectangular};
+use crate::quantity::Quantity;
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::transients::TransientRow;
 
@@ -49,7 +50,7 @@ impl Sensors {
         let cycles = f64::from(row.cycles.max(1));
         let noise_m = positive(f64::from(row.x_noise_rms_m));
         let (x_m, z_m) = (f64::from(row.x_amplitude_m), f64::from(row.z_amplitude_m));
-        let maxima_m = f64::from(row.x_mean_cycle_max_m);
+        let maxima_m = f64::from(row.mean_cycle_max_m);
         let omega = TAU * row.frequency_hz;
         let raised_m = f64::from(raised_maximum(noise_m as f32, row.x_amplitude_m, omega as f32 / TICK_HZ));
         // The noise of a maximum, the correction for the noise to 15 % (95 %), and a step of the converter.
@@ -59,12 +60,12 @@ impl Sensors {
         let of_z = of_x_m / z_m;
         let of_scales = 2.0_f64.sqrt() * self.scale;
         let ratio = |value: f64, own: f64| value * root_sum(&[own, of_z, of_scales, ROUNDING]);
-        let of = |metric: Metric, value: f64| match metric {
-            Metric::XOverZ => ratio(value, of_maxima_m / maxima_m),
-            Metric::XOverZLockIn => ratio(value, of_x_m / x_m),
-            Metric::Phase => root_sum(&[of_x_m / x_m, of_z, rectangular(omega * self.skew_s), ROUNDING]),
-            Metric::XMax => root_sum(&[value * self.scale, self.of_largest_m(noise_m), value * ROUNDING]),
-            Metric::XRms => self.of_rms_m(value, noise_m, ticks),
+        let of = |metric: Quantity, value: f64| match metric {
+            Quantity::XOverZ => ratio(value, of_maxima_m / maxima_m),
+            Quantity::XOverZLockIn => ratio(value, of_x_m / x_m),
+            Quantity::PhaseRad => root_sum(&[of_x_m / x_m, of_z, rectangular(omega * self.skew_s), ROUNDING]),
+            Quantity::MaxAbsXM => root_sum(&[value * self.scale, self.of_largest_m(noise_m), value * ROUNDING]),
+            Quantity::RmsXM => self.of_rms_m(value, noise_m, ticks),
             other => of_walls(other, value, cycles, kind),
         };
         values.iter().map(|(metric, value)| (*metric, of(*metric, *value))).collect()
@@ -81,21 +82,21 @@ impl Sensors {
         let of_end = (3.0 * noise_m + self.step_m / 12.0_f64.sqrt()) / end_m;
         // Each of both crossings is off by the noise over the speed there.
         let of_crossings_s = 2.0_f64.sqrt() * (noise_m + self.step_m / 12.0_f64.sqrt()) / (omega * end_m);
-        let largest_m = f64::from(row.x_peak_m);
-        let of = |metric: Metric, value: f64| match metric {
-            Metric::XMax => root_sum(&[value * self.scale, self.of_largest_m(noise_m), value * ROUNDING]),
-            Metric::RelativeMax => {
+        let largest_m = f64::from(row.max_abs_x_m);
+        let of = |metric: Quantity, value: f64| match metric {
+            Quantity::MaxAbsXM => root_sum(&[value * self.scale, self.of_largest_m(noise_m), value * ROUNDING]),
+            Quantity::MaxAbsXMinusZM => {
                 let scales = 2.0_f64.sqrt() * self.scale;
                 root_sum(&[value * scales, 2.0_f64.sqrt() * self.of_largest_m(noise_m), value * ROUNDING])
             }
-            Metric::XRms => self.of_rms_m(value, noise_m, ticks),
+            Quantity::RmsXM => self.of_rms_m(value, noise_m, ticks),
             // Near its peak x stays within the noise for this time.
-            Metric::XMaxTime => {
+            Quantity::MaxAbsXTimeS => {
                 let flat_s = (2.0 * (3.0 * noise_m + self.step_m) / largest_m).sqrt() / omega;
                 root_sum(&[rectangular(flat_s), rectangular(0.5 / f64::from(TICK_HZ))])
             }
-            Metric::DampingRatio => root_sum(&[of_end / (TAU * cycles), value * ROUNDING]),
-            Metric::Frequency => value * root_sum(&[of_crossings_s * value / cycles, ROUNDING]),
+            Quantity::DampingRatio => root_sum(&[of_end / (TAU * cycles), value * ROUNDING]),
+            Quantity::DecayFrequencyHz => value * root_sum(&[of_crossings_s * value / cycles, ROUNDING]),
             other => of_walls(other, value, 1.0, kind),
         };
         values.iter().map(|(metric, value)| (*metric, of(*metric, *value))).collect()
@@ -103,12 +104,12 @@ impl Sensors {
 }
 
 /// Of impacts and forces on the walls.
-fn of_walls(metric: Metric, value: f64, cycles: f64, kind: WallKind) -> f64 {
+fn of_walls(metric: Quantity, value: f64, cycles: f64, kind: WallKind) -> f64 {
     match metric {
         // An impact at either end of the window may fall inside or outside.
-        Metric::ImpactsPerCycle | Metric::Impacts => rectangular(1.0) / cycles,
-        Metric::Impulse => root_sum(&[rectangular(IMPULSE_ERROR * value), 0.1 * WALL_NOISE_N * 1e-3]),
-        Metric::WallForce => {
+        Quantity::ImpactsPerCycle | Quantity::Impacts => rectangular(1.0) / cycles,
+        Quantity::MaxImpulseNS => root_sum(&[rectangular(IMPULSE_ERROR * value), 0.1 * WALL_NOISE_N * 1e-3]),
+        Quantity::PeakContactForceN => {
             let jump = if kind == Some(true) { JUMP_ERROR } else { 0.0 };
             root_sum(&[rectangular(jump * value), rectangular(5.0 * WALL_NOISE_N)])
         }

@@ -66,7 +66,7 @@ impl FoundCurve {
             kind: curve.kind.name(),
             meaning: curve.meaning.clone(),
             ends: curve.ends.map(of_end),
-            points: curve.orbits.iter().map(|o| [o.parameters[0], o.parameters[1], o.peak_x_m]).collect(),
+            points: curve.orbits.iter().map(|o| [o.parameters[0], o.parameters[1], o.max_abs_x_m]).collect(),
         }
     }
 }
@@ -111,7 +111,7 @@ pub struct FoundSpecial {
     /// Error of the parameter by the last step of its location.
     pub parameter_error: f64,
     /// max |x| there, m.
-    pub peak_x_m: f64,
+    pub max_abs_x_m: f64,
     /// Number of orbits of the branch before it.
     pub after_orbits: usize,
 }
@@ -124,11 +124,11 @@ pub struct FoundOrbit {
     /// Whether it is stable.
     pub is_stable: bool,
     /// max |x|, m.
-    pub peak_x_m: f64,
+    pub max_abs_x_m: f64,
     /// Mean over the drive periods of max |x| in each, m.
-    pub mean_cycle_peak_x_m: f64,
+    pub mean_cycle_max_m: f64,
     /// max |y − x|, m.
-    pub peak_offset_m: f64,
+    pub max_abs_y_minus_x_m: f64,
     /// Impacts in an orbit.
     pub impacts: u32,
     /// The fastest approach speed, m/s.
@@ -192,7 +192,7 @@ impl FoundSpecial {
             meaning: special.meaning.clone(),
             parameter: special.parameter,
             parameter_error: special.parameter_error,
-            peak_x_m: special.orbit.peak_x_m,
+            max_abs_x_m: special.orbit.max_abs_x_m,
             after_orbits,
         }
     }
@@ -209,9 +209,9 @@ impl FoundOrbit {
         Self {
             parameter: orbit.parameters[0],
             is_stable: orbit.is_stable(),
-            peak_x_m: orbit.peak_x_m,
-            mean_cycle_peak_x_m: orbit.mean_cycle_peak_x_m,
-            peak_offset_m: orbit.peak_offset_m,
+            max_abs_x_m: orbit.max_abs_x_m,
+            mean_cycle_max_m: orbit.mean_cycle_max_m,
+            max_abs_y_minus_x_m: orbit.max_abs_y_minus_x_m,
             impacts: orbit.impacts,
             fastest_impact_m_per_s: orbit.fastest_impact_m_per_s,
             multipliers: orbit.multipliers.iter().map(|m| [m.re, m.im]).collect(),

@@ -2,7 +2,7 @@
 
 use super::{FileKind, is_part, plain};
 use crate::input::key::{Key, Kind, Need, Quantity, Range, Table};
-use crate::optimise;
+use crate::{optimise, quantity};
 
 const HEAD: &str = "\
 # Keys of input files
@@ -58,7 +58,21 @@ pub fn reference() -> String {
             }
         }
     }
+    page.push_str(&results());
     page
+}
+
+/// The names of results.
+fn results() -> String {
+    let mut text = "\n## Names of results\n\
+        A column of a table, a key of JSON, a metric and an attribute in Python have the same name for the same quantity, which ends in its \
+        unit.\n\n| name | unit | meaning |\n|---|---|---|\n"
+        .to_string();
+    for own in quantity::Quantity::ALL {
+        let definition = own.definition().replace('|', "\\|");
+        text.push_str(&format!("| `{}` | {} | {definition} |\n", own.name(), own.suffix()));
+    }
+    text
 }
 
 /// A table with its rows, which may come from several declarations.

@@ -160,7 +160,7 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, CannotIden
         let verdicts = names("steadiness").unwrap_or_default();
         let is_settled = |n: usize| verdicts.get(n).map_or(steady[n] != 0.0, |text| steadiness_of(text).is_settled());
         let deviations = read("deviation").ok().zip(read("deviation_uncertainty").ok());
-        let (f, x_over_z, x_m) = (read("frequency_hz")?, read("x_over_z")?, read("x_mean_cycle_max_m")?);
+        let (f, x_over_z, x_m) = (read("frequency_hz")?, read("x_over_z")?, read("mean_cycle_max_m")?);
         for n in 0..f.len() {
             let deviation = deviations.as_ref().map(|(deviation, interval)| (deviation[n], 0.5 * interval[n]));
             let ratio = x_over_z[n] / (1.0 + deviation.map_or(0.0, |(deviation, _)| deviation));

@@ -413,7 +413,7 @@ pub(super) fn point(row: &ResultRow) -> Point {
         frequency_hz: row.frequency_hz,
         x_over_z: known(row.x_over_z()),
         x_over_z_lock_in: known(row.x_over_z_lock_in()),
-        x_m: known(row.x_mean_cycle_max_m.into()),
+        x_m: known(row.mean_cycle_max_m.into()),
         z_m: known(row.z_amplitude_m.into()),
         steadiness: steadiness_text(row.steadiness).to_string(),
     }

@@ -148,9 +148,9 @@ impl Answer {
             metric: constraint.metric.name(),
             limit: constraint
                 .limit
-                .words(|limit| format!("{limit} {}", constraint.metric.unit()).trim_end().to_string()),
+                .words(|limit| format!("{limit} {}", constraint.metric.suffix()).trim_end().to_string()),
             value: *value,
-            unit: constraint.metric.unit(),
+            unit: constraint.metric.suffix(),
             is_kept: constraint.limit.violation(*value) == 0.0,
         };
         Ok(Self {

@@ -4,11 +4,11 @@
 use super::cases::Cases;
 use super::file::{Constraint, Optimisation};
 use crate::input::Refusal;
+use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::study::axis::{Axis, Value};
 use crate::study::band::{Band, Effort, Reduced};
 use crate::study::evaluate::{quantile, started_at};
-use crate::study::metric::Metric;
 use crate::study::simulate::{GoOn, Halt, metrics_of_all, metrics_of_each};
 
 /// What an evaluated point gives.
@@ -94,7 +94,7 @@ pub fn values(optimisation: &Optimisation, shares: &[f64]) -> Vec<f64> {
 /// # Errors
 /// As [`at`].
 pub fn at_values(optimisation: &Optimisation, values: Vec<f64>, care: Care, go_on: GoOn) -> Result<Evaluated, Halt> {
-    let metrics: Vec<Metric> =
+    let metrics: Vec<Quantity> =
         [optimisation.objective].into_iter().chain(optimisation.constraints.iter().map(|c| c.metric)).collect();
     let starts = optimisation.starts.as_ref();
     let cases = Cases::at(optimisation, &values)?;
@@ -161,7 +161,7 @@ struct Simulations<'a> {
 
 impl Simulations<'_> {
     /// Simulates the case at each point of the band's grid from each start (from its own without any).
-    fn grid(&mut self, metrics: &[Metric], starts: Option<&[f64]>) -> Result<Simulated, Halt> {
+    fn grid(&mut self, metrics: &[Quantity], starts: Option<&[f64]>) -> Result<Simulated, Halt> {
         let points = self.optimisation.band_points();
         let count = starts.map_or(1, <[f64]>::len);
         let mut all = Vec::with_capacity(points * count);
@@ -181,7 +181,7 @@ impl Simulations<'_> {
         Ok(simulated)
     }
 
-    fn metrics(&mut self, cases: &[Case], metrics: &[Metric]) -> Result<Vec<Vec<f64>>, Halt> {
+    fn metrics(&mut self, cases: &[Case], metrics: &[Quantity]) -> Result<Vec<Vec<f64>>, Halt> {
         let simulate = if self.is_answer { metrics_of_each } else { metrics_of_all };
         let simulated = simulate(cases, self.optimisation.record, metrics, self.go_on)?;
         self.unresolved += simulated.iter().map(|(_, given_up)| given_up).sum::<f64>();
@@ -189,7 +189,7 @@ impl Simulations<'_> {
     }
 
     /// A metric at points of the band from a start.
-    fn at(&mut self, points: &[Vec<Value>], share: Option<f64>, metric: Metric) -> Result<Vec<f64>, Halt> {
+    fn at(&mut self, points: &[Vec<Value>], share: Option<f64>, metric: Quantity) -> Result<Vec<f64>, Halt> {
         let case = |at: &Vec<Value>| {
             let case = (self.case)(at)?;
             Ok(share.map_or_else(|| case.clone(), |share| started_at(&case, share)))

@@ -6,12 +6,13 @@ use std::sync::Arc;
 use super::cases::Direct;
 use super::keys::{constraint, ensemble, optimisation as keys, variable};
 use crate::input::{Files, Problem, Refusal, Section, Source, Span};
+use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::simulation::case::default_name;
 use crate::study::axis::{self, Axis, Reduction, Value, Values};
 use crate::study::band::{self, Band};
 use crate::study::file::{corners, read_case, read_record};
-use crate::study::metric::Metric;
+use crate::study::metric::{self, METRICS};
 use crate::study::simulate::Record;
 use crate::study::varied_case::VariedCase;
 
@@ -48,7 +49,7 @@ pub enum Limit {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constraint {
     /// The metric.
-    pub metric: Metric,
+    pub metric: Quantity,
     /// What is asked of it.
     pub limit: Limit,
     span: Span,
@@ -80,7 +81,7 @@ pub struct Optimisation {
     /// Several starts, if any.
     pub starts: Option<Starts>,
     /// The objective.
-    pub objective: Metric,
+    pub objective: Quantity,
     /// The largest value is the best.
     pub is_maximum: bool,
     /// The constraints.
@@ -261,7 +262,7 @@ impl Optimisation {
         let objective = (self.objective, source.locate(&[crate::input::locate::Step::Key(keys::OBJECTIVE.name())]));
         let constraints = self.constraints.iter().map(|constraint| (constraint.metric, Some(constraint.span.clone())));
         for (metric, span) in std::iter::once(objective).chain(constraints) {
-            if let Some(why) = metric.refusal(case) {
+            if let Some(why) = metric::refusal(metric, case) {
                 source.report(Problem {
                     title: format!("the metric {:?} does not go with this case", metric.name()),
                     span: span.unwrap_or_default(),
@@ -277,7 +278,7 @@ impl Optimisation {
 fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Optimisation> {
     let name = root.text_of(&keys::NAME).map_or_else(|| default_name(path), |text| text.value);
     let case = root.text_of(&keys::CASE).and_then(|case| read_case(root, path, &case, given));
-    let objective = root.word(&keys::OBJECTIVE).map(|place| Metric::ALL[place]);
+    let objective = root.word(&keys::OBJECTIVE).map(|place| METRICS[place]);
     let goal = root.word(&keys::GOAL);
     let (evaluations, seed) = (root.scalar(&keys::EVALUATIONS), root.scalar(&keys::SEED));
     let variables: Vec<Option<(Axis, Option<f64>)>> =
@@ -356,7 +357,7 @@ fn read_constraint(s: &Section) -> Option<Constraint> {
     s.finish();
     let (place, value) = limit?;
     let limit = [Limit::AtMost, Limit::AtLeast, Limit::Equals][place](value);
-    Some(Constraint { metric: Metric::ALL[metric?], limit, span: s.span_of(constraint::METRIC.name()) })
+    Some(Constraint { metric: METRICS[metric?], limit, span: s.span_of(constraint::METRIC.name()) })
 }
 
 fn read_starts(s: &Section, is_maximum: bool) -> Option<Option<Starts>> {

@@ -9,6 +9,7 @@ use super::evaluate::{Evaluated, over_band};
 use super::file::Optimisation;
 use crate::simulation::Case;
 use crate::study::axis::Value;
+use crate::study::metric::refusal;
 use crate::study::simulate::{GoOn, Halt};
 
 /// The objective of other dampers; `None` where it does not exist for them.
@@ -82,7 +83,7 @@ fn objective(
     let cases = Cases::at(optimisation, &best.values)?;
     let changed = |at: &[Value]| Ok(change(cases.case(at)?));
     let first = changed(&optimisation.band_values(0))?;
-    if optimisation.objective.refusal(&first).is_some() || first.set_up.validate().is_err() {
+    if refusal(optimisation.objective, &first).is_some() || first.set_up.validate().is_err() {
         return Ok(None);
     }
     let value = over_band(optimisation, &changed, go_on)?;

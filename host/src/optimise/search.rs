@@ -18,9 +18,9 @@ use super::cases::Cases;
 use super::evaluate::{self, Care, Evaluated};
 use super::file::Optimisation;
 use crate::input::Refusal;
+use crate::quantity::Quantity;
 use crate::study::band::Effort;
 use crate::study::evaluate::simulating_s;
-use crate::study::metric::Metric;
 use crate::study::points::{Method, Sampling};
 use crate::study::simulate::Halt;
 
@@ -132,7 +132,7 @@ const TRIED: usize = 4;
 /// The refusal of a case that the values make.
 pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Refusal> {
     let sampling = Sampling { method: Method::Sobol, count: TRIED + 1, seed: optimisation.seed };
-    let metrics: Vec<Metric> =
+    let metrics: Vec<Quantity> =
         [optimisation.objective].into_iter().chain(optimisation.constraints.iter().map(|c| c.metric)).collect();
     let (points, mut point_s) = (optimisation.band_points(), 0.0);
     for (place, shares) in sampling.shares(optimisation.variables)[1..].iter().enumerate() {

@@ -2,10 +2,6 @@
 
 use std::fs;
 use std::path::Path;
-use std::sync::Arc;
-
-use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray};
-use arrow_schema::{DataType, Schema, SchemaRef};
 
 use super::answer::Answer;
 use super::evaluate::Evaluated;
@@ -13,9 +9,9 @@ use super::file::Optimisation;
 use super::search::Found;
 use crate::input::Refusal;
 use crate::run_folder::schema::self_description::of_file;
-use crate::run_folder::schema::table::{self, described};
 use crate::run_folder::{StorageError, own_files, sealed_parquet};
 use crate::simulation::fixed_parameters;
+use crate::table::{Column, TableBuilder};
 
 /// File with the answer.
 pub const ANSWER: &str = "answer.json";
@@ -65,56 +61,41 @@ fn write_table(
     path: &Path,
 ) -> Result<(), StorageError> {
     let failed = |error: &dyn std::fmt::Display| StorageError::new("write", path, error);
-    let schema = schema(optimisation, stages.is_some());
-    let mut arrays: Vec<ArrayRef> = Vec::new();
+    let rows: Vec<(usize, &Evaluated)> = points.iter().copied().enumerate().collect();
+    let some = |value: f64| Some(value).filter(|value| !value.is_nan());
+    let mut table = TableBuilder::new(&rows);
     if let Some(stages) = stages {
-        arrays.push(Arc::new(StringArray::from_iter_values(stages)));
+        let stage = Column::new("stage", "", "part of the search: sobol, swarm, nelder_mead");
+        table = table.column(stage, |(place, _)| stages[*place]);
     }
-    let mut column = |value: &dyn Fn(&Evaluated) -> f64| {
-        let values = points.iter().map(|point| Some(value(point)).filter(|value| !value.is_nan()));
-        arrays.push(Arc::new(values.collect::<Float64Array>()));
-    };
-    for variable in 0..optimisation.variables {
-        column(&|point| point.values[variable]);
+    for (variable, axis) in optimisation.variables().iter().enumerate() {
+        let unit = if axis.unit().is_empty() { "1" } else { axis.unit() };
+        let column = Column::new(axis.key.as_str(), unit, "variable of the optimisation");
+        table = table.column(column, move |(_, point)| some(point.values[variable]));
     }
-    column(&|point| point.objective);
-    for constraint in 0..optimisation.constraints.len() {
-        column(&|point| point.constraints[constraint]);
+    let metric = optimisation.objective;
+    let objective = Column::new(metric.name(), metric.unit(), format!("objective: {}", metric.definition()));
+    table = table.column(objective, |(_, point)| some(point.objective));
+    for (place, constraint) in optimisation.constraints.iter().enumerate() {
+        let (metric, limit) = (constraint.metric, constraint.limit.words(|limit| format!("{limit}")));
+        let meaning = format!("constraint, {limit}: {}", metric.definition());
+        let column = Column::new(format!("constraint_{}", metric.name()), metric.unit(), meaning);
+        table = table.column(column, move |(_, point)| some(point.constraints[place]));
     }
-    column(&|point| point.violation);
-    column(&|point| point.unresolved);
-    let batch = RecordBatch::try_new(schema, arrays).map_err(|error| failed(&error))?;
+    let violation = "sum of the violations of the constraints as shares of their limits";
+    let unresolved = "how often too many events fell on one instant";
+    let table = table
+        .column(Column::new("violation", "1", violation), |(_, point)| some(point.violation))
+        .column(Column::new("unresolved", "1", unresolved), |(_, point)| some(point.unresolved));
+    let keys: Vec<&str> = optimisation.axes.iter().map(|axis| axis.key.as_str()).collect();
+    let row =
+        if stages.is_some() { "a row for each evaluated point" } else { "a row for each point around the optimum" };
+    let about = of_file(row)
+        .with("damprig.name", optimisation.name.as_str())
+        .with("damprig.optimisation", optimisation.text.as_str())
+        .with("damprig.case", optimisation.case_text.as_str())
+        .with("damprig.fixed", fixed_parameters(&optimisation.case_text, &keys));
+    let batch = table.finish(about).map_err(|error| failed(&error))?;
     let bytes = sealed_parquet::bytes(&batch).map_err(|error| failed(&error))?;
     own_files::replace(path, &bytes)
-}
-
-fn schema(optimisation: &Optimisation, has_stage: bool) -> SchemaRef {
-    let field = |name: &str, kind: DataType, unit: &str, doc: &str| {
-        let unit = if unit.is_empty() && kind == DataType::Float64 { "1" } else { unit };
-        described(table::field(name, kind, unit).with_nullable(true), doc)
-    };
-    let number = |name: &str, unit: &str, doc: &str| field(name, DataType::Float64, unit, doc);
-    let mut fields = Vec::new();
-    if has_stage {
-        fields.push(field("stage", DataType::Utf8, "", "part of the search: sobol, swarm, nelder_mead"));
-    }
-    let variables = optimisation.variables().iter();
-    fields.extend(variables.map(|axis| number(&axis.key, axis.unit(), "variable of the optimisation")));
-    let metric = optimisation.objective;
-    fields.push(number(metric.name(), metric.unit(), &format!("objective: {}", metric.doc())));
-    for constraint in &optimisation.constraints {
-        let (name, limit) = (constraint.metric.name(), constraint.limit.words(|limit| format!("{limit}")));
-        let doc = format!("constraint, {limit}: {}", constraint.metric.doc());
-        fields.push(number(&format!("constraint_{name}"), constraint.metric.unit(), &doc));
-    }
-    fields.push(number("violation", "", "sum of the violations of the constraints as shares of their limits"));
-    fields.push(number("unresolved", "", "how often too many events fell on one instant"));
-    let keys: Vec<&str> = optimisation.axes.iter().map(|axis| axis.key.as_str()).collect();
-    let row = if has_stage { "a row for each evaluated point" } else { "a row for each point around the optimum" };
-    let mut about = of_file(row);
-    about.insert("damprig.name", optimisation.name.as_str());
-    about.insert("damprig.optimisation", optimisation.text.as_str());
-    about.insert("damprig.case", optimisation.case_text.as_str());
-    about.insert("damprig.fixed", fixed_parameters(&optimisation.case_text, &keys));
-    Arc::new(Schema::new_with_metadata(fields, about))
 }

@@ -39,7 +39,7 @@ pub fn check(campaign: &Campaign, expected: &[Expected], drive_m: f64) -> Result
     for Expected { set_up, experiment, outlook } in expected {
         let (set_up, experiment) = (&campaign.set_ups[*set_up], &campaign.experiments[*experiment]);
         if let Kind::Playback(playback) = &experiment.kind {
-            all.extend(record_too_high(&set_up.name, &experiment.name, playback, outlook.z_peak_m, drive_m));
+            all.extend(record_too_high(&set_up.name, &experiment.name, playback, outlook.max_abs_z_m, drive_m));
         }
     }
     let mut seen: Vec<Span> = Vec::new();
@@ -105,11 +105,11 @@ fn record_too_high(
     set_up: &str,
     experiment: &str,
     playback: &Playback,
-    z_peak_m: f64,
+    max_abs_z_m: f64,
     drive_m: f64,
 ) -> Option<TooMuch> {
     // The spline may overshoot between samples.
-    let peak_m = z_peak_m.max(playback.peak_m());
+    let peak_m = max_abs_z_m.max(playback.peak_m());
     (peak_m as f32 > drive_m as f32).then(|| TooMuch {
         title: format!("experiment {experiment:?} on set-up {set_up:?} exceeds the drive's range"),
         span: playback.span.clone(),

@@ -20,15 +20,15 @@ use crate::input::{Problem, Refusal};
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outlook {
     /// max |x|; NaN, as the other values of x, without a model of the damper.
-    pub x_peak_m: f64,
+    pub max_abs_x_m: f64,
     /// RMS of x over the measured window.
-    pub x_rms_m: f64,
+    pub rms_x_m: f64,
     /// max |z|.
-    pub z_peak_m: f64,
+    pub max_abs_z_m: f64,
     /// max |x − z|.
-    pub relative_peak_m: f64,
+    pub max_abs_x_minus_z_m: f64,
     /// RMS of x − z.
-    pub relative_rms_m: f64,
+    pub rms_x_minus_z_m: f64,
     /// Impacts that the board would count.
     pub impacts: u32,
     /// Impacts that it would not: below its threshold, or within the pulse of a stronger one.
@@ -42,12 +42,12 @@ pub struct Outlook {
 impl Outlook {
     /// What does not depend on the damper: the base's motion.
     fn of_base(self) -> Self {
-        let (x_peak_m, x_rms_m, relative_peak_m, relative_rms_m) = (f64::NAN, f64::NAN, f64::NAN, f64::NAN);
+        let (max_abs_x_m, rms_x_m, max_abs_x_minus_z_m, rms_x_minus_z_m) = (f64::NAN, f64::NAN, f64::NAN, f64::NAN);
         Self {
-            x_peak_m,
-            x_rms_m,
-            relative_peak_m,
-            relative_rms_m,
+            max_abs_x_m,
+            rms_x_m,
+            max_abs_x_minus_z_m,
+            rms_x_minus_z_m,
             impacts: 0,
             weak_impacts: 0,
             wall_force_n: 0.0,
@@ -81,11 +81,11 @@ pub fn outlook(
 
 /// Of several starts of the particle: the largest displacements and forces; the rest of the start with the median RMS.
 fn of_starts(mut all: Vec<Outlook>) -> Outlook {
-    all.sort_by(|a, b| a.x_rms_m.total_cmp(&b.x_rms_m));
+    all.sort_by(|a, b| a.rms_x_m.total_cmp(&b.rms_x_m));
     let largest = |value: fn(&Outlook) -> f64| all.iter().map(value).fold(0.0, f64::max);
     Outlook {
-        x_peak_m: largest(|o| o.x_peak_m),
-        relative_peak_m: largest(|o| o.relative_peak_m),
+        max_abs_x_m: largest(|o| o.max_abs_x_m),
+        max_abs_x_minus_z_m: largest(|o| o.max_abs_x_minus_z_m),
         wall_force_n: largest(|o| o.wall_force_n),
         ..all[all.len() / 2]
     }
@@ -111,11 +111,11 @@ struct Watched {
 
 impl Watched {
     /// Takes the end of a step, and the largest |x| in it.
-    fn see(&mut self, x: f64, x_peak_m: f64, z: f64) {
+    fn see(&mut self, x: f64, max_abs_x_m: f64, z: f64) {
         let out = &mut self.outlook;
-        out.x_peak_m = out.x_peak_m.max(x_peak_m);
-        out.z_peak_m = out.z_peak_m.max(z.abs());
-        out.relative_peak_m = out.relative_peak_m.max((x - z).abs());
+        out.max_abs_x_m = out.max_abs_x_m.max(max_abs_x_m);
+        out.max_abs_z_m = out.max_abs_z_m.max(z.abs());
+        out.max_abs_x_minus_z_m = out.max_abs_x_minus_z_m.max((x - z).abs());
         self.squares += x * x;
         self.relative += (x - z) * (x - z);
         self.steps += 1;
@@ -131,8 +131,8 @@ impl Watched {
         let rms = |sum: f64| (sum / self.steps.max(1) as f64).sqrt();
         let predicted_s = self.steps as f64 * step_s;
         Outlook {
-            x_rms_m: rms(self.squares),
-            relative_rms_m: rms(self.relative),
+            rms_x_m: rms(self.squares),
+            rms_x_minus_z_m: rms(self.relative),
             impacts: watch.measurable,
             weak_impacts: watch.weak,
             wall_force_n: watch.largest_force_n,
@@ -195,8 +195,8 @@ fn played(set_up: &CampaignSetUp, playback: &Playback, detection: &ImpactConfig)
                 BaseSegment::hermite(z0, z1, slope(from), slope(to))
             };
             motion.step_observed(&segment, &mut watch);
-            let x_peak_m = watch.end_step(motion.state().x);
-            watched.see(motion.state().x, x_peak_m, z1);
+            let max_abs_x_m = watch.end_step(motion.state().x);
+            watched.see(motion.state().x, max_abs_x_m, z1);
         }
     }
     rest(&mut motion, playback.tail_s / step_s, &mut watched, &mut watch);
@@ -210,8 +210,8 @@ fn rest(motion: &mut Joined<f64>, steps: f64, watched: &mut Watched, watch: &mut
             break;
         }
         motion.step_observed(&BaseSegment::at_rest(0.0), watch);
-        let x_peak_m = watch.end_step(motion.state().x);
-        watched.see(motion.state().x, x_peak_m, 0.0);
+        let max_abs_x_m = watch.end_step(motion.state().x);
+        watched.see(motion.state().x, max_abs_x_m, 0.0);
     }
 }
 
@@ -232,7 +232,7 @@ fn released(set_up: &CampaignSetUp, free: &FreeVibration, detection: &ImpactConf
     watch.restart_count();
     rest(&mut motion, free.measure_s / step_s, &mut watched, &mut watch);
     let mut outlook = watched.over(&watch, step_s, free.measure_s);
-    outlook.x_peak_m = outlook.x_peak_m.max(free.start_m.abs());
+    outlook.max_abs_x_m = outlook.max_abs_x_m.max(free.start_m.abs());
     Ok(outlook)
 }
 
@@ -274,9 +274,9 @@ pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Refusal> 
         let (set_up, experiment) = (&campaign.set_ups[*set_up], &campaign.experiments[*experiment]);
         let mm = |metres: f64| format!("{:.3} mm", metres * 1e3);
         let too_far = [
-            ("the shaker's stroke", "|z|", outlook.z_peak_m, stroke),
-            ("the displacement limit", "|z|", outlook.z_peak_m, USABLE * base_limit),
-            ("the displacement limit", "|x|", outlook.x_peak_m, USABLE * limit),
+            ("the shaker's stroke", "|z|", outlook.max_abs_z_m, stroke),
+            ("the displacement limit", "|z|", outlook.max_abs_z_m, USABLE * base_limit),
+            ("the displacement limit", "|x|", outlook.max_abs_x_m, USABLE * limit),
         ];
         let Some((what, which, value, most)) = too_far.into_iter().find(|(.., value, most)| value > most) else {
             continue;
@@ -323,10 +323,10 @@ fn fitting(
         let samples_m = playback.samples_m.iter().map(|z| z * factor).collect();
         let louder = Playback { samples_m, ..playback.clone() };
         let outlook = played(set_up, &louder, &campaign.rig.board.impacts).ok()?;
-        if outlook.x_peak_m <= most {
+        if outlook.max_abs_x_m <= most {
             return Some(candidate);
         }
-        candidate *= (most / outlook.x_peak_m).min(0.97);
+        candidate *= (most / outlook.max_abs_x_m).min(0.97);
     }
     None
 }

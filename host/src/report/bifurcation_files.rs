@@ -1,18 +1,16 @@
 //! Writes the files of a bifurcation diagram: the table of its sampled cycles, the figure, and a Poincaré section.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray};
-use arrow_schema::{DataType, Schema};
+use arrow_array::RecordBatch;
 
 use crate::report::figures::{self, FigureError, Picture, bifurcation as figure, symbols};
 use crate::report::numbers::significant;
 use crate::run_folder::schema::self_description::DESCRIPTION;
-use crate::run_folder::schema::table::{described, field};
 use crate::run_folder::{own_files, sealed_parquet};
 use crate::simulation::Case;
 use crate::study::bifurcation::{Sample, Sweep};
+use crate::table::{Column, TableBuilder};
 
 /// Name of the table.
 pub const TABLE: &str = "bifurcation.parquet";
@@ -67,25 +65,19 @@ fn title(case: &Case, Sweep { key, cycles, settle_cycles, .. }: &Sweep) -> Strin
     format!("{}: each dot is a cycle, {cycles} at each value of {name} after {settle_cycles} to settle", case.name)
 }
 
-fn batch(samples: &[Sample], key: &str, case: &Case) -> Result<RecordBatch, arrow_schema::ArrowError> {
+fn batch(samples: &[Sample], key: &str, case: &Case) -> Result<RecordBatch, String> {
     let unit = crate::input::key::Unit::of(key).map_or("1", |unit| unit.symbol);
-    let numbers = |of: fn(&Sample) -> f64| Arc::new(samples.iter().map(of).collect::<Float64Array>()) as ArrayRef;
-    let directions = samples.iter().map(|sample| sample.direction.name());
-    let columns: [(&str, &str, &str, ArrayRef); 6] = [
-        (key, if unit.is_empty() { "1" } else { unit }, "the varied key of the case", numbers(|s| s.value)),
-        ("x_m", "m", "structure: x at the end of the cycle", numbers(|s| s.x_m)),
-        ("v_m_per_s", "m/s", "structure: x′ at the end of the cycle", numbers(|s| s.v_m_per_s)),
-        ("y_minus_x_m", "m", "second mass relative to the structure", numbers(|s| s.offset_m)),
-        ("u_minus_v_m_per_s", "m/s", "its velocity relative to the structure", numbers(|s| s.slide_m_per_s)),
-        ("cycle_max_m", "m", "largest |x| in the cycle", numbers(|s| s.cycle_max_m)),
-    ];
-    let direction = "whether the values rise or fall from branch to branch";
-    let mut fields = vec![described(field("direction", DataType::Utf8, ""), direction)];
-    let mut arrays: Vec<ArrayRef> = vec![Arc::new(StringArray::from_iter_values(directions))];
-    for (name, unit, about, array) in columns {
-        fields.push(described(field(name, DataType::Float64, unit), about));
-        arrays.push(array);
-    }
-    let about = case.description().with(DESCRIPTION, "a row for each sampled cycle: the state at its end");
-    RecordBatch::try_new(Arc::new(Schema::new_with_metadata(fields, about)), arrays)
+    let unit = if unit.is_empty() { "1" } else { unit };
+    let direction = Column::new("direction", "", "whether the values rise or fall from branch to branch");
+    TableBuilder::new(samples)
+        .column(direction, |sample| sample.direction.name())
+        .column(Column::new(key, unit, "the varied key of the case"), |sample| sample.value)
+        .column(Column::new("x_m", "m", "structure: x at the end of the cycle"), |sample| sample.x_m)
+        .column(Column::new("v_m_per_s", "m/s", "structure: x′ at the end of the cycle"), |sample| sample.v_m_per_s)
+        .column(Column::new("y_minus_x_m", "m", "second mass relative to the structure"), |sample| sample.offset_m)
+        .column(Column::new("u_minus_v_m_per_s", "m/s", "its velocity relative to the structure"), |sample| {
+            sample.slide_m_per_s
+        })
+        .column(Column::new("cycle_max_m", "m", "largest |x| in the cycle"), |sample| sample.cycle_max_m)
+        .finish(case.description().with(DESCRIPTION, "a row for each sampled cycle: the state at its end"))
 }

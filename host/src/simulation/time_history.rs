@@ -20,12 +20,13 @@ use tempfile::TempPath;
 
 use super::case::Case;
 use super::motion::{AccumulationRecord, ImpactRecord, Phase, Piece, Viewer};
+use crate::quantity::Quantity;
 use crate::run_folder::StorageError;
 use crate::run_folder::read::columns::{Value, description, unit, values};
 use crate::run_folder::schema::self_description::DESCRIPTION;
-use crate::run_folder::schema::table::{described, field};
 use crate::run_folder::write::mat_file::{self, sum};
 use crate::run_folder::write::parquet_file::properties;
+use crate::table::Column;
 
 /// Rows in a chunk.
 const CHUNK: usize = 16_384;
@@ -263,10 +264,10 @@ struct MotionTable {
 impl MotionTable {
     fn create(to: &TablePath, about: &Metadata) -> Result<Self, StorageError> {
         let about = about.clone().with(DESCRIPTION, "the motion at a constant rate");
-        let number = |name: &str, unit: &str, about: &str| described(field(name, DataType::Float64, unit), about);
+        let number = |name: &str, unit: &str, about: &str| Column::new(name, unit, about).field(DataType::Float64);
         let word = |name: &str, about: &str| {
             let kind = DataType::Dictionary(Box::new(DataType::Int32), Box::new(DataType::Utf8));
-            described(field(name, kind, ""), about)
+            Column::new(name, "", about).field(kind)
         };
         let second = "of the particle or tuned mass; that of the structure without one";
         let fields = vec![
@@ -312,7 +313,7 @@ struct WallEventTable {
 impl WallEventTable {
     fn impacts(to: &TablePath, about: &Metadata) -> Result<Self, StorageError> {
         let about = about.clone().with(DESCRIPTION, "a row for each impact");
-        let speed = described(field("approach_speed_m_per_s", DataType::Float64, "m/s"), "|x' - y'| just before");
+        let speed = Column::from(Quantity::ApproachSpeedMPerS).field(DataType::Float64);
         Self::create(&to.impacts(), "impacts", "time", Some(speed), about)
     }
 
@@ -335,8 +336,8 @@ impl WallEventTable {
         about: Metadata,
     ) -> Result<Self, StorageError> {
         let mut fields = vec![
-            described(field("t_s", DataType::Float64, "s"), time),
-            described(field("side", DataType::Int32, ""), "+1 where y - x = +d, -1 where y - x = -d"),
+            Column::new("t_s", "s", time).field(DataType::Float64),
+            Column::from(Quantity::Side).field(DataType::Int32),
         ];
         let has_speed = speed.is_some();
         fields.extend(speed);

@@ -9,9 +9,10 @@ use damprig_core::integrator::exact::response::{Response, Wanted};
 use super::axis::{Axis, Reduction, Value};
 use super::band::{Band, Reduced};
 use super::file::Study;
-use super::metric::Metric;
+use super::metric;
 use super::simulate::{Counted, GoOn, Halt, Record, Simulated, metrics_of_all};
 use crate::input::Refusal;
+use crate::quantity::Quantity;
 use crate::simulation::case::RunSpec;
 use crate::simulation::{Case, cost};
 
@@ -31,7 +32,7 @@ pub struct Column {
 pub fn columns(study: &Study) -> Vec<Column> {
     let mut columns = Vec::new();
     for metric in &study.metrics {
-        let (name, unit, doc) = (metric.name(), metric.unit(), metric.doc());
+        let (name, unit, doc) = (metric.name(), metric.unit(), metric.definition());
         let mut push = |name: String, doc: String| columns.push(Column { name, unit, doc });
         match &study.ensemble {
             None => push(name.into(), doc.into()),
@@ -81,7 +82,7 @@ pub fn main_quantile(study: &Study) -> Option<f64> {
 
 /// The column that stands for a metric in maps and for the best point: the metric itself, or its median over the starts.
 #[must_use]
-pub fn main_column(study: &Study, metric: Metric) -> String {
+pub fn main_column(study: &Study, metric: Quantity) -> String {
     main_quantile(study).map_or_else(|| metric.name().into(), |quantile| quantile_name(metric.name(), quantile))
 }
 
@@ -239,12 +240,12 @@ pub fn trial_s(study: &Study, row: u64) -> Result<f64, Refusal> {
 ///
 /// # Errors
 /// The refusal of a case.
-pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Metric]) -> Result<f64, Refusal> {
+pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Quantity]) -> Result<f64, Refusal> {
     let start = Instant::now();
     let end_s = Counted::of(&case, record).end_s;
     let refused = |invalid: damprig_core::io::Invalid| Refusal(invalid.to_string());
     // The analysis runs the motion again, and some of its periods many times.
-    let times = if metrics.iter().any(|metric| metric.needs_analysis()) { 4.0 } else { 1.0 };
+    let times = if metrics.iter().any(|metric| metric::needs_analysis(*metric)) { 4.0 } else { 1.0 };
     if case.many_particles.is_some() {
         let run = RunSpec { duration_s: end_s, ..RunSpec::default() };
         return Ok(times * cost::estimate(&Case { run, ..case }).map_err(refused)?.seconds);

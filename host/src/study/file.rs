@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 
 use super::axis::{self, Axis, Value};
 use super::keys::{ensemble, overlay, record, sampling, study as keys};
-use super::metric::Metric;
+use super::metric::{self, METRICS};
 use super::points::{Method, Points, Sampling};
 use super::simulate::{Counted, Record};
 use super::table::LEAST_OF_MAP;
@@ -15,6 +15,7 @@ use super::varied_case::VariedCase;
 use crate::continuation::Continuation;
 use crate::input::section::Text;
 use crate::input::{Files, Problem, Refusal, Section, Source, near};
+use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::simulation::case::default_name;
 use crate::simulation::settling;
@@ -71,9 +72,9 @@ pub struct Study {
     /// Curves over the map; they change no result.
     pub overlays: Vec<Overlay>,
     /// What is computed, in the order of the file.
-    pub metrics: Vec<Metric>,
+    pub metrics: Vec<Quantity>,
     /// The metric whose best value is marked.
-    pub objective: Metric,
+    pub objective: Quantity,
     /// The largest value is the best.
     pub is_maximum: bool,
     /// Rows of a part of the results, if the study states them.
@@ -214,7 +215,7 @@ impl Study {
     fn check_metrics(&self, source: &Source, values: &[Value]) -> Result<(), Refusal> {
         let case = self.varied_case().checked(source, values)?;
         for metric in &self.metrics {
-            if let Some(why) = metric.refusal(&case) {
+            if let Some(why) = metric::refusal(*metric, &case) {
                 source.report(Problem {
                     title: format!("the metric {:?} does not go with this case", metric.name()),
                     span: source.locate(&[crate::input::locate::Step::Key(keys::METRICS.name())]).unwrap_or_default(),
@@ -288,7 +289,7 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Stud
     let name = root.text_of(&keys::NAME).map_or_else(|| default_name(path), |text| text.value);
     let case = root.text_of(&keys::CASE).and_then(|case| read_case(root, path, &case, given));
     let metrics = read_metrics(root);
-    let objective = root.word(&keys::OBJECTIVE).map(|place| Metric::ALL[place]);
+    let objective = root.word(&keys::OBJECTIVE).map(|place| METRICS[place]);
     let goal = root.word(&keys::GOAL);
     let rows_per_part = root.scalar(&keys::PART);
     let sampling_section = root.table_of(&keys::SAMPLING, None);
@@ -397,12 +398,12 @@ pub(crate) fn read_case(root: &Section, path: &Path, case: &Text, given: Option<
     }
 }
 
-fn read_metrics(root: &Section) -> Option<Vec<Metric>> {
+fn read_metrics(root: &Section) -> Option<Vec<Quantity>> {
     let texts = root.texts_of(&keys::METRICS)?;
     let mut metrics = Vec::new();
     for text in &texts {
-        let Some(metric) = Metric::ALL.into_iter().find(|metric| metric.name() == text.value) else {
-            let names = Metric::ALL.map(Metric::name);
+        let Some(metric) = METRICS.into_iter().find(|metric| metric.name() == text.value) else {
+            let names = METRICS.map(Quantity::name);
             let help = near(&text.value, names).first().map(|name| format!("did you mean {name:?}?"));
             root.refuse(keys::METRICS.name(), &text.span, format!("must be of {}", names.join(", ")), help);
             return None;

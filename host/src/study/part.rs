@@ -17,9 +17,9 @@ use super::file::Study;
 use crate::run_folder::ReadError;
 use crate::run_folder::read::parquet_file;
 use crate::run_folder::schema::self_description::of_file;
-use crate::run_folder::schema::table::{self, described};
 use crate::run_folder::sealed_parquet::{self, IDENTITY};
 use crate::simulation::fixed_parameters;
+use crate::table;
 
 /// Column with the number of a row.
 pub const ROW: &str = "row";
@@ -37,7 +37,7 @@ pub struct Part {
 #[must_use]
 pub fn schema(study: &Study, manifest: &Manifest) -> SchemaRef {
     let field = |name: &str, kind: DataType, unit: &str, doc: &str, is_missing: bool| {
-        described(table::field(name, kind, unit).with_nullable(is_missing), doc)
+        table::Column::new(name, unit, doc).field(kind).with_nullable(is_missing)
     };
     let mut fields = vec![field(ROW, DataType::UInt64, "1", "number of the row, from 0", false)];
     for &place in study.points.kept() {

@@ -6,8 +6,9 @@ use damprig_core::integrator::exact::{Exact, Excitation};
 use damprig_core::model::Wall;
 use damprig_particles::Damper;
 
-use super::metric::{Figures, Metric, Periodicity};
+use super::metric::{self, Figures, Periodicity};
 use crate::input::Refusal;
+use crate::quantity::Quantity;
 use crate::simulation::{Case, RunOptions, cost, many_particles, simulate};
 
 /// Asked now and then, also inside a simulation, whether to go on.
@@ -105,7 +106,7 @@ pub type Simulated = (Vec<f64>, f64);
 pub fn metrics_of_all(
     cases: &[Case],
     record: Option<Record>,
-    metrics: &[Metric],
+    metrics: &[Quantity],
     go_on: GoOn,
 ) -> Result<Vec<Simulated>, Halt> {
     let lanes: Vec<Option<Point>> = cases.iter().map(|case| point(case, record, metrics)).collect();
@@ -144,7 +145,7 @@ pub fn metrics_of_all(
 pub fn metrics_of_each(
     cases: &[Case],
     record: Option<Record>,
-    metrics: &[Metric],
+    metrics: &[Quantity],
     go_on: GoOn,
 ) -> Result<Vec<Simulated>, Halt> {
     cases.iter().map(|case| metrics_of(case, record, metrics, go_on)).collect()
@@ -152,7 +153,7 @@ pub fn metrics_of_each(
 
 /// The case as a point for the lanes, if it is a particle that flies without friction between hard walls under a sine, and if the
 /// lanes compute what the metrics need.
-fn point(case: &Case, record: Option<Record>, metrics: &[Metric]) -> Option<Point> {
+fn point(case: &Case, record: Option<Record>, metrics: &[Quantity]) -> Option<Point> {
     let set_up = &case.set_up;
     let particle = set_up.particle.filter(|particle| particle.friction_coefficient == 0.0)?;
     let is_regular = matches!(particle.wall, Wall::Restitution { .. })
@@ -162,11 +163,13 @@ fn point(case: &Case, record: Option<Record>, metrics: &[Metric]) -> Option<Poin
         && case.run.cycle_s.is_none()
         && matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. });
     let counted = Counted::of(case, record);
-    let has = |metric: &Metric| match metric {
-        Metric::XOverZ | Metric::MeanCycleMax | Metric::CycleSpread => true,
-        Metric::MaxXOverZ | Metric::MaxAbsX => counted.is_whole(),
+    let has = |metric: &Quantity| match metric {
+        Quantity::XOverZ | Quantity::MeanCycleMaxM | Quantity::CycleSpread => true,
+        Quantity::MaxXOverZ | Quantity::MaxAbsXM => counted.is_whole(),
         // The lanes count them from the start.
-        Metric::RmsOverZ | Metric::RmsX | Metric::ImpactsPerCycle => counted.is_whole() && counted.first_cycle == 0.0,
+        Quantity::RmsOverZ | Quantity::RmsXM | Quantity::ImpactsPerCycle => {
+            counted.is_whole() && counted.first_cycle == 0.0
+        }
         _ => false,
     };
     let cycles = (counted.end_s / counted.cycle_s + 1e-9).floor();
@@ -180,20 +183,20 @@ fn point(case: &Case, record: Option<Record>, metrics: &[Metric]) -> Option<Poin
 }
 
 /// Simulates a case by itself.
-fn metrics_of(case: &Case, record: Option<Record>, metrics: &[Metric], go_on: GoOn) -> Result<Simulated, Halt> {
+fn metrics_of(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoOn) -> Result<Simulated, Halt> {
     let (figures, given_up) = figures(case, record, metrics, go_on)?;
-    let needs_analysis = metrics.iter().any(|metric| metric.needs_analysis());
+    let needs_analysis = metrics.iter().any(|metric| metric::needs_analysis(*metric));
     let periodicity = if needs_analysis { Some(periodicity(case, record, go_on)?) } else { None };
     Ok((values(case, &figures, metrics, periodicity.as_ref()), given_up))
 }
 
-fn values(case: &Case, figures: &Figures, metrics: &[Metric], periodicity: Option<&Periodicity>) -> Vec<f64> {
+fn values(case: &Case, figures: &Figures, metrics: &[Quantity], periodicity: Option<&Periodicity>) -> Vec<f64> {
     let reference_m = case.reference_m().map_or(f64::NAN, |(reference_m, _)| reference_m);
-    metrics.iter().map(|metric| metric.value(figures, reference_m, periodicity)).collect()
+    metrics.iter().map(|metric| figures.value(*metric, reference_m, periodicity)).collect()
 }
 
 /// Simulates a case; also how often the event search was given up.
-fn figures(case: &Case, record: Option<Record>, metrics: &[Metric], go_on: GoOn) -> Result<(Figures, f64), Halt> {
+fn figures(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoOn) -> Result<(Figures, f64), Halt> {
     if let Some(damper) = &case.many_particles {
         return figures_of_spheres(case, damper, record, go_on);
     }
@@ -210,7 +213,7 @@ fn figures(case: &Case, record: Option<Record>, metrics: &[Metric], go_on: GoOn)
     let wanted = Wanted {
         cycle_s: Some(counted.cycle_s),
         steady_from_cycle: Some(first_cycle),
-        whole_run: metrics.iter().any(|metric| metric.needs_whole_run()),
+        whole_run: metrics.iter().any(|metric| metric::needs_whole_run(*metric)),
     };
     let mut response = Response::new(wanted);
     response.skip_to(first_cycle);
@@ -332,7 +335,7 @@ mod tests {
                 let case =
                     Case::parse(&Source::new("case.toml", text.as_str()), "case").unwrap_or_else(|why| panic!("{why}"));
                 for record in windows() {
-                    for metric in Metric::ALL {
+                    for metric in metric::METRICS {
                         if point(&case, record, &[metric]).is_none() {
                             continue;
                         }
@@ -340,7 +343,7 @@ mod tests {
                         let (exact, _) = metrics_of(&case, record, &[metric], &|| true).unwrap();
                         let (lane, exact) = (lanes[0].0[0], exact[0]);
                         // Forty cycles of roundings, some of which grow until the motion has settled. A spread is a ratio less 1.
-                        let scale = if metric == Metric::CycleSpread { 1.0 + exact } else { exact.abs().max(1e-3) };
+                        let scale = if metric == Quantity::CycleSpread { 1.0 + exact } else { exact.abs().max(1e-3) };
                         let is_same = (lane - exact).abs() <= 1e-9 * scale;
                         assert!(is_same, "{} {record:?}: {lane} {exact}\n{text}", metric.name());
                         compared += 1;
@@ -365,7 +368,7 @@ mod tests {
             let case =
                 Case::parse(&Source::new("case.toml", text.as_str()), "case").unwrap_or_else(|why| panic!("{why}"));
             let record = Some(Record { cycles: Some(1e9), duration_s: None, settle_cycles: 1e9, settle_s: 0.0 });
-            let metrics = [Metric::XOverZ, Metric::CycleSpread];
+            let metrics = [Quantity::XOverZ, Quantity::CycleSpread];
             assert_eq!(point(&case, record, &metrics).is_some(), friction == "0");
             let asked = std::sync::atomic::AtomicU32::new(0);
             let go_on = || asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) < 3;

@@ -9,7 +9,7 @@ use bytes::Bytes;
 use super::Study;
 use super::axis::Values;
 use super::evaluate::main_column;
-use super::metric::Metric;
+use crate::quantity::Quantity;
 use crate::run_folder::ReadError;
 use crate::run_folder::read::parquet_file;
 
@@ -67,14 +67,14 @@ impl StudyTable {
     /// study has no such metric.
     #[must_use]
     pub fn varies(&self, study: &Study) -> Option<Vec<bool>> {
-        let spread = self.column(&main_column(study, Metric::CycleSpread))?;
+        let spread = self.column(&main_column(study, Quantity::CycleSpread))?;
         Some(spread.iter().map(|spread| *spread > MARKED).collect())
     }
 
     /// Where the response depends on the start: the metric's values over the starts differ by [`MARKED`]. `None` without several
     /// starts.
     #[must_use]
-    pub fn depends_on_start(&self, study: &Study, metric: Metric) -> Option<Vec<bool>> {
+    pub fn depends_on_start(&self, study: &Study, metric: Quantity) -> Option<Vec<bool>> {
         study.ensemble.as_ref()?;
         let [least, most] = ["min", "max"].map(|end| self.column(&format!("{}_{end}", metric.name())));
         Some(least?.iter().zip(most?).map(|(least, most)| most - least > MARKED * most.abs()).collect())

@@ -112,12 +112,14 @@ fn a_release_and_a_pulse_agree_with_their_own_model() {
                 shape = \"versine\"\namplitude_m = 0.004\nduration_s = 0.2\ntail_s = 4";
     let set_ups = [("bare", 0.003, ""), ("spid", 0.003, SPID), ("tuned", 0.003, TUNED)];
     let comparison = compared(&ran(&campaign("", &set_ups, both)), &[]);
-    let of_pulse = ["x_rms", "x_max", "x_max_time", "impacts"];
+    let of_pulse = ["rms_x_m", "max_abs_x_m", "max_abs_x_time_s", "impacts"];
     // The base is not driven in a release: it is judged on the ideal base alone.
-    for (base, more) in [("on_measured_base", &[][..]), ("on_ideal_base", &["damping_ratio", "frequency", "impulse"])] {
+    for (base, more) in
+        [("on_measured_base", &[][..]), ("on_ideal_base", &["damping_ratio", "decay_frequency_hz", "max_impulse_n_s"])]
+    {
         let errors = errors(&comparison, base);
         assert!(of_pulse.iter().chain(more).all(|metric| errors.iter().any(|e| e.2 == *metric)), "{errors:?}");
-        assert!(!more.is_empty() || errors.iter().all(|e| e.2 != "frequency"), "{errors:?}");
+        assert!(!more.is_empty() || errors.iter().all(|e| e.2 != "decay_frequency_hz"), "{errors:?}");
         // 24 quantities at 5 %: more than four have a probability of 0.6 %.
         let differing: Vec<_> = errors.iter().filter(|e| e.3.abs() > 1.0).collect();
         assert!(differing.len() <= 4, "{base}: {differing:?}");
@@ -226,7 +228,7 @@ fn the_measured_base_explains_what_a_shaker_does() {
     let comparison = compared(&folder, &[]);
     for f in [2.3, 2.5, 2.7] {
         let [measured, ideal] =
-            ["on_measured_base", "on_ideal_base"].map(|base| error_of(&comparison, base, f, "x_rms").abs());
+            ["on_measured_base", "on_ideal_base"].map(|base| error_of(&comparison, base, f, "rms_x_m").abs());
         assert!(measured < 1.5 && ideal > 10.0 * measured, "{f} Hz: {measured} {ideal}");
     }
     let remarks = points(&comparison).next().unwrap().1["remarks"].to_string();
@@ -339,7 +341,7 @@ fn a_friction_force_that_is_3_percent_larger_differs() {
         };
         for set_up in set_ups {
             // More friction: the model moves less.
-            assert!(of(set_up, "x_over_z") > 2.0 && of(set_up, "x_rms") > 2.0, "{signals} {set_up}: {errors:?}");
+            assert!(of(set_up, "x_over_z") > 2.0 && of(set_up, "rms_x_m") > 2.0, "{signals} {set_up}: {errors:?}");
         }
     }
 }

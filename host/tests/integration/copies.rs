@@ -32,7 +32,7 @@ fn state(run: &Path) -> JournalState {
 
 /// Experiment and largest |x| of each record, m.
 fn peaks(run: &Path) -> Vec<(String, f32)> {
-    state(run).transients().iter().map(|row| (row.experiment.clone(), row.x_peak_m)).collect()
+    state(run).transients().iter().map(|row| (row.experiment.clone(), row.max_abs_x_m)).collect()
 }
 
 /// Makes a complete run look as if it had been killed before its last record was measured.

@@ -84,7 +84,7 @@ dwell_s = 5.0"#;
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let record = &manifest(&folder.path().join("out"))["set_ups"][0];
     let table = &read_parquet(folder.path().join("out/results.parquet"))[0];
-    let largest = numbers(table, "x_max_m").unwrap().into_iter().fold(0.0, f64::max);
+    let largest = numbers(table, "max_abs_x_m").unwrap().into_iter().fold(0.0, f64::max);
     let predicted = record["predicted_dwell_max_x_m"].as_f64().unwrap();
     // The drive moves on from frequency to frequency with its phase, the prediction begins each at phase 0.
     println!("{largest} m, predicted {predicted} m");
@@ -99,7 +99,7 @@ fn a_release_with_soft_walls_is_measured_as_predicted_and_as_simulated_exactly()
     let table = &read_parquet(folder.path().join("out/transients.parquet"))[0];
     let value = |name: &str| numbers(table, name).unwrap()[0];
     // Both begin where |x| has fallen by a tenth, found within a tick or two of the 143 ms that this takes.
-    assert!((value("x_rms_m") / value("predicted_x_rms_m") - 1.0).abs() < 2e-3);
+    assert!((value("rms_x_m") / value("predicted_rms_x_m") - 1.0).abs() < 2e-3);
     assert!((value("impacts") - value("predicted_impacts")).abs() <= 1.0);
     assert!(value("impacts") > 15.0);
     let forces = numbers(&read_parquet(folder.path().join("out/impacts.parquet"))[0], "peak_n").unwrap();

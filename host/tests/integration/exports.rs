@@ -233,7 +233,7 @@ fn a_table_without_rows_has_its_columns() {
         }
     };
     let (folder, _) = with_run();
-    has(&folder, "transients", "set_up,experiment,", "x_peak_m");
+    has(&folder, "transients", "set_up,experiment,", "max_abs_x_m");
     let folder = folder_with(&short());
     let rig =
         Served::start(|message| if matches!(message, FromDevice::Telemetry(_)) { Fate::Close } else { Fate::Pass }).rig;

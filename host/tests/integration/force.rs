@@ -74,8 +74,9 @@ fn a_model_of_another_stiffness_is_compared_at_the_same_force() {
     let comparison: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let metrics = comparison["experiments"][0]["points"][0]["metrics"].as_array().unwrap();
     let mut halved = 0;
-    for metric in
-        metrics.iter().filter(|m| ["x_over_z", "x_over_z_lock_in", "x_max"].contains(&m["metric"].as_str().unwrap()))
+    for metric in metrics
+        .iter()
+        .filter(|m| ["x_over_z", "x_over_z_lock_in", "max_abs_x_m"].contains(&m["metric"].as_str().unwrap()))
     {
         let of = |which: &str| metric[which]["value"].as_f64().unwrap();
         let ratio = of("on_ideal_base") / of("measured");

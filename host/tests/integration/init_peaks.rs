@@ -7,9 +7,9 @@ use std::f64::consts::TAU;
 use damprig::campaign::Campaign;
 use damprig::file_keys::new_file::{self, Damper, Excitation, Values};
 use damprig::input::Source;
+use damprig::quantity::Quantity;
 use damprig::report::peak::Peak;
 use damprig::simulation::Case;
-use damprig::study::metric::Metric;
 use damprig::study::simulate::{Record, metrics_of_all};
 use damprig_core::integrator::exact;
 
@@ -45,7 +45,7 @@ fn simulated(case: &Case, frequencies_hz: &[f64], [settle_cycles, cycles]: [f64;
     };
     let cases: Vec<Case> = frequencies_hz.iter().map(at).collect();
     let record = Record { cycles: Some(cycles), duration_s: None, settle_cycles, settle_s: 0.0 };
-    let found = metrics_of_all(&cases, Some(record), &[Metric::XOverZ], &|| true);
+    let found = metrics_of_all(&cases, Some(record), &[Quantity::XOverZ], &|| true);
     let found = found.unwrap_or_else(|_| panic!("{case:?} cannot be simulated"));
     frequencies_hz.iter().zip(found).map(|(frequency_hz, (values, _))| (*frequency_hz, values[0])).collect()
 }

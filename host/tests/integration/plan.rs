@@ -137,7 +137,7 @@ fn a_particle_that_starts_anywhere_is_predicted_for_several_starts() {
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let run = folder.path().join("out");
     let rows = &read_parquet(run.join("transients.parquet"))[0];
-    let rms = numbers(rows, "x_rms_m").unwrap();
+    let rms = numbers(rows, "rms_x_m").unwrap();
     // In order: the bare structure twice, the hybrid twice. The particle's start differs from repeat to repeat.
     assert!((rms[0] / rms[1] - 1.0).abs() < 1e-4, "{rms:?}");
     assert!((rms[2] / rms[3] - 1.0).abs() > 1e-3, "{rms:?}");

@@ -24,7 +24,7 @@ fn the_largest_displacement_of_the_dwells_is_the_predicted_one() {
     for settle_s in ["1.0", "0.0", "1.3"] {
         let (folder, printed) = ran(&short().replace("settle_s = 1.0", &format!("settle_s = {settle_s}")));
         let batch = &read_parquet(folder.path().join("out/results.parquet"))[0];
-        let (set_ups, measured) = (texts(batch, "set_up").unwrap(), numbers(batch, "x_max_m").unwrap());
+        let (set_ups, measured) = (texts(batch, "set_up").unwrap(), numbers(batch, "max_abs_x_m").unwrap());
         let manifest = manifest(&folder.path().join("out"));
         let [predicted, measured] = {
             let own = set_ups.iter().zip(&measured).filter(|(name, _)| *name == "bare").map(|(_, x)| *x);
@@ -46,7 +46,7 @@ fn the_shipped_release_has_the_predicted_impacts_and_rms() {
     let (impacts, predicted) = (of("impacts"), of("predicted_impacts"));
     assert!(impacts.iter().any(|count| *count > 30.0), "{impacts:?}");
     assert_eq!(impacts, predicted);
-    for (rms, predicted) in of("x_rms_m").iter().zip(of("predicted_x_rms_m")) {
+    for (rms, predicted) in of("rms_x_m").iter().zip(of("predicted_rms_x_m")) {
         assert!((rms / predicted - 1.0).abs() < 3e-3, "{rms} {predicted}");
     }
     assert!(printed.contains("both may be right"), "{printed}");

@@ -102,7 +102,7 @@ fn the_points_of_a_figure_have_bars_of_their_recorded_intervals() {
     assert_eq!((results.len(), drawn.len()), (6, 6));
     let number = |row: &serde_json::Value, name: &str| row[name].as_f64().unwrap();
     for row in &results {
-        let value = number(row, "x_mean_cycle_max_m") / number(row, "z_amplitude_m");
+        let value = number(row, "mean_cycle_max_m") / number(row, "z_amplitude_m");
         let half_width = number(row, "interval") * value;
         // The figure has six digits.
         let is_own = |p: &&Vec<f64>| p[0] == number(row, "frequency_hz") && (p[1] / value - 1.0).abs() < 1e-5;

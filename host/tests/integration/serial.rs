@@ -81,7 +81,7 @@ mod unix {
         let read = |run: &str| {
             let batches = read_parquet(folder.path().join(run).join("results.parquet"));
             let numbers = |name| damprig::run_folder::read::columns::numbers(&batches[0], name).unwrap();
-            ["frequency_hz", "x_over_z", "phase_rad", "x_rms_m", "scatter"].map(numbers)
+            ["frequency_hz", "x_over_z", "phase_rad", "rms_x_m", "scatter"].map(numbers)
         };
         assert_eq!(read("line"), read("direct"));
     }

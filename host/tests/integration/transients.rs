@@ -134,14 +134,14 @@ fn a_played_record_moves_the_structure_as_predicted_by_simulate() {
         // Tolerances: rounding to counts of peak/32767 gives half a count, at resonance at most 1/(2ζ) = 132 times
         // that. The mean over a block reduces a peak by (Ωh)²/24. Before its first sample the spline has to reach a
         // velocity of (z1 − 0)/2.
-        let peak_z = f64::from(played.z_peak_m);
-        let bound = 132.0 * peak_z / 65_534.0 + 1.1e-5 * f64::from(played.x_peak_m) + 1e-6;
+        let peak_z = f64::from(played.max_abs_z_m);
+        let bound = 132.0 * peak_z / 65_534.0 + 1.1e-5 * f64::from(played.max_abs_x_m) + 1e-6;
         let worst = wanted.iter().zip(&answer.x_m).map(|((_, x), s)| (x - s).abs()).fold(0.0, f64::max);
-        assert!(worst < bound, "{set_up}: {worst:.3e} m of {bound:.3e}, of a peak of {:.3e}", played.x_peak_m);
-        assert!(f64::from(played.x_peak_m) > 2.0 * peak_z, "the structure should have answered: {played:?}");
+        assert!(worst < bound, "{set_up}: {worst:.3e} m of {bound:.3e}, of a peak of {:.3e}", played.max_abs_x_m);
+        assert!(f64::from(played.max_abs_x_m) > 2.0 * peak_z, "the structure should have answered: {played:?}");
         // The prediction in the folder agrees over the device's own window.
-        assert!((f64::from(played.x_rms_m) / played.predicted_x_rms_m - 1.0).abs() < 1e-3, "{played:?}");
-        assert!((f64::from(played.x_peak_m) / played.predicted_x_peak_m - 1.0).abs() < 1e-3, "{played:?}");
+        assert!((f64::from(played.rms_x_m) / played.predicted_rms_x_m - 1.0).abs() < 1e-3, "{played:?}");
+        assert!((f64::from(played.max_abs_x_m) / played.predicted_max_abs_x_m - 1.0).abs() < 1e-3, "{played:?}");
         // The base follows exactly. The remaining error is rounding to counts, and (Ωτ)²/2 at 3.7 Hz and 0.45 ticks.
         assert!(played.base_error_rms_m < 1e-4 * played.wanted_rms_m, "{played:?}");
         assert!((played.base_delay_s - 2.45e-3).abs() < 1e-5, "{played:?}");
@@ -171,7 +171,7 @@ fn all_three_kinds_are_measured_recorded_and_reported() {
     let stiffness = 1.6 * (std::f64::consts::TAU * 2.5f64).powi(2);
     assert!(friction.start_m - friction.end_m > 10.0 * 4.0 * 0.2 / stiffness, "{friction:?}");
     let pulse = row(&all, "bare", "pulse");
-    assert!((f64::from(pulse.x_peak_m) / pulse.predicted_x_peak_m - 1.0).abs() < 1e-3, "{pulse:?}");
+    assert!((f64::from(pulse.max_abs_x_m) / pulse.predicted_max_abs_x_m - 1.0).abs() < 1e-3, "{pulse:?}");
     assert_eq!((pulse.kind.as_str(), pulse.damping_ratio.is_nan()), ("impulse", true));
     let table = read_parquet(run.join("transients.parquet"));
     assert_eq!(table.iter().map(arrow_array::RecordBatch::num_rows).sum::<usize>(), 6);

@@ -266,7 +266,7 @@ impl Branch {
         let near = |a: Option<&Orbit>, b: Option<&Orbit>| match (a, b) {
             (Some(a), Some(b)) => {
                 let same = |p: f64, q: f64| (p - q).abs() <= 1e-6 * p.abs().max(q.abs());
-                same(a.parameters[0], b.parameters[0]) && same(a.peak_x_m, b.peak_x_m)
+                same(a.parameters[0], b.parameters[0]) && same(a.max_abs_x_m, b.max_abs_x_m)
             }
             _ => false,
         };

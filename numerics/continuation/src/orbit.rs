@@ -19,11 +19,11 @@ pub struct Orbit {
     /// Drive periods after which it repeats.
     pub periods: u32,
     /// max |x| over the orbit, m.
-    pub peak_x_m: f64,
+    pub max_abs_x_m: f64,
     /// Mean over the drive periods of max |x| in each, m.
-    pub mean_cycle_peak_x_m: f64,
+    pub mean_cycle_max_m: f64,
     /// max |y − x| over the orbit, m; 0 without a second mass.
-    pub peak_offset_m: f64,
+    pub max_abs_y_minus_x_m: f64,
     /// Impacts on hard walls, or touches of soft ones, in the orbit.
     pub impacts: u32,
     /// The fastest approach speed of them, m/s; 0 without any.
@@ -96,9 +96,9 @@ impl BoundaryProblem<'_> {
         Orbit {
             parameters: values.to_vec(),
             periods,
-            peak_x_m: cycle_peaks.iter().copied().fold(0.0, f64::max) * length,
-            mean_cycle_peak_x_m: cycle_peaks.iter().sum::<f64>() / f64::from(periods) * length,
-            peak_offset_m: peak_offset * length,
+            max_abs_x_m: cycle_peaks.iter().copied().fold(0.0, f64::max) * length,
+            mean_cycle_max_m: cycle_peaks.iter().sum::<f64>() / f64::from(periods) * length,
+            max_abs_y_minus_x_m: peak_offset * length,
             impacts,
             fastest_impact_m_per_s: fastest * speed,
             multipliers,

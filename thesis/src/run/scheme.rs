@@ -6,10 +6,9 @@
 //! driver, with its steps of 1 ms, stands beside them in `f64` and in the board's `f32`.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray};
-use arrow_schema::{DataType, Schema};
+use arrow_array::RecordBatch;
+use arrow_schema::Metadata;
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::polynomial;
 use damprig_core::integrator::sampled::{Flight, Impact, Observer, Sampled};
@@ -20,10 +19,11 @@ use damprig_core::scalar::Scalar;
 use super::{Ending, RunFailure};
 use crate::results::METHOD_TABLE;
 use damprig::input::Source;
+use damprig::quantity::Quantity;
 use damprig::report::figures::case_overlay::{Series, over_step};
-use damprig::run_folder::schema::table::field;
 use damprig::run_folder::{own_files, sealed_parquet};
 use damprig::simulation::{Case, RunOptions, SetValues, cost, simulate};
+use damprig::table::{Column, TableBuilder};
 
 /// Free vibration with a hard wall as measured, without internal friction.
 const CASE: &str = r#"
@@ -282,26 +282,19 @@ impl Row {
     }
 }
 
-fn table(rows: &[Row]) -> Result<RecordBatch, arrow_schema::ArrowError> {
-    let numbers = |of: fn(&Row) -> f64| Arc::new(rows.iter().map(of).collect::<Float64Array>()) as ArrayRef;
-    let variants = rows.iter().map(|row| row.variant.name());
-    let columns: [(&str, &str, ArrayRef); 8] = [
-        ("clearance_ratio", "1", numbers(|row| row.clearance_ratio)),
-        ("step_s", "s", numbers(|row| row.step_s)),
-        ("rms_x_m", "m", numbers(|row| row.scheme.rms_x_m)),
-        ("exact_rms_x_m", "m", numbers(|row| row.exact.rms_x_m)),
-        ("relative_error", "1", numbers(Row::error)),
-        ("impacts", "1", numbers(|row| row.scheme.impacts)),
-        ("exact_impacts", "1", numbers(|row| row.exact.impacts)),
-        ("largest_overlap_m", "m", numbers(|row| row.scheme.overlap_m)),
-    ];
-    let mut fields = vec![field("variant", DataType::Utf8, "")];
-    let mut arrays: Vec<ArrayRef> = vec![Arc::new(StringArray::from_iter_values(variants))];
-    for (name, unit, array) in columns {
-        fields.push(field(name, DataType::Float64, unit));
-        arrays.push(array);
-    }
-    RecordBatch::try_new(Arc::new(Schema::new(fields)), arrays)
+fn table(rows: &[Row]) -> Result<RecordBatch, String> {
+    let number = |name: &str, unit: &str| Column::new(name, unit, "");
+    TableBuilder::new(rows)
+        .column(number("variant", ""), |row| row.variant.name())
+        .column(number("clearance_ratio", "1"), |row| row.clearance_ratio)
+        .column(number("step_s", "s"), |row| row.step_s)
+        .column(Quantity::RmsXM, |row| row.scheme.rms_x_m)
+        .column(number("exact_rms_x_m", "m"), |row| row.exact.rms_x_m)
+        .column(number("relative_error", "1"), Row::error)
+        .column(Quantity::Impacts, |row| row.scheme.impacts)
+        .column(number("exact_impacts", "1"), |row| row.exact.impacts)
+        .column(number("largest_overlap_m", "m"), |row| row.scheme.overlap_m)
+        .finish(Metadata::new())
 }
 
 #[cfg(test)]

@@ -49,12 +49,16 @@ pub fn draw(found: &Found) -> Result<Picture, FigureError> {
     let orbits = || found.branches.iter().flat_map(|branch| &branch.orbits);
     let frame = Frame {
         x: Axis::around(found.key.label, Scale::Linear, orbits().map(|orbit| orbit.parameter)),
-        y: Axis::around("max |x| (mm)", Scale::Linear, orbits().map(|orbit| orbit.peak_x_m * 1e3)),
+        y: Axis::around("max |x| (mm)", Scale::Linear, orbits().map(|orbit| orbit.max_abs_x_m * 1e3)),
         bounds: BOUNDS,
     };
     let picture = Picture::draw(WIDTH as u32, HEIGHT as u32, |canvas| {
         frame.draw(canvas)?;
-        note(canvas, (BOUNDS.0, HEIGHT), Scale::Linear.undrawn(orbits().map(|orbit| orbit.peak_x_m * 1e3)).as_deref())?;
+        note(
+            canvas,
+            (BOUNDS.0, HEIGHT),
+            Scale::Linear.undrawn(orbits().map(|orbit| orbit.max_abs_x_m * 1e3)).as_deref(),
+        )?;
         legend(canvas, found)
     })?;
     let picture =
@@ -73,13 +77,13 @@ fn tint(branch: &FoundBranch) -> RGBColor {
 }
 
 fn at(frame: &Frame, orbit: &FoundOrbit) -> (f64, f64) {
-    let (x, y) = frame.fine_point(orbit.parameter, orbit.peak_x_m * 1e3);
+    let (x, y) = frame.fine_point(orbit.parameter, orbit.max_abs_x_m * 1e3);
     (f64::from(x), f64::from(y))
 }
 
 /// Draws the curve in runs of the same stability.
 fn curve(canvas: &Canvas, frame: &Frame, branch: &FoundBranch) -> Result<(), FigureError> {
-    let is_drawn = |orbit: &FoundOrbit| frame.draws(orbit.parameter, orbit.peak_x_m * 1e3);
+    let is_drawn = |orbit: &FoundOrbit| frame.draws(orbit.parameter, orbit.max_abs_x_m * 1e3);
     branch.orbits.split(|orbit| !is_drawn(orbit)).try_for_each(|orbits| piece(canvas, frame, branch, orbits))
 }
 
@@ -146,11 +150,11 @@ fn marks(
     labelled: &mut Vec<(i32, i32)>,
 ) -> Result<(), FigureError> {
     for special in &branch.special_points {
-        if !frame.draws(special.parameter, special.peak_x_m * 1e3) {
+        if !frame.draws(special.parameter, special.max_abs_x_m * 1e3) {
             continue;
         }
         let Some(Mark { short, corners, .. }) = MARKS.iter().find(|mark| mark.name == special.kind) else { continue };
-        let (x, y) = frame.fine_point(special.parameter, special.peak_x_m * 1e3);
+        let (x, y) = frame.fine_point(special.parameter, special.max_abs_x_m * 1e3);
         let inside = if special.is_grazing() { WHITE } else { tint(branch) };
         mark(canvas, (x, y), corners, (inside, tint(branch)), FINE)?;
         let style = text(12.0 * f64::from(FINE), INK).pos(Pos::new(HPos::Left, VPos::Bottom));

@@ -9,7 +9,8 @@ use super::axis::{Axis, Frame, Scale};
 use super::time_histories::thinned;
 use super::traces::{PointerValue, Traces, bar_low};
 use super::{BROAD, Breadth, Canvas, FINE, FigureError, GREY, INK, NARROW, Picture, colour, text, width};
-use crate::compare::{ComparedExperiment, ComparedPoint, History, Metric, Predicted, Uncertain};
+use crate::compare::{ComparedExperiment, ComparedPoint, History, Predicted, Uncertain};
+use crate::quantity::Quantity;
 
 const LEFT: i32 = 82;
 const RIGHT: i32 = BROAD - 24;
@@ -72,7 +73,7 @@ struct Plotted<'a> {
     ideal: Option<&'a Predicted>,
 }
 
-fn plotted(experiment: &ComparedExperiment, metric: Metric) -> Vec<Plotted<'_>> {
+fn plotted(experiment: &ComparedExperiment, metric: Quantity) -> Vec<Plotted<'_>> {
     let of = |point: &'_ ComparedPoint| point.frequency_hz;
     let mut all: Vec<Plotted> = experiment
         .points
@@ -93,7 +94,7 @@ fn plotted(experiment: &ComparedExperiment, metric: Metric) -> Vec<Plotted<'_>> 
 /// # Errors
 /// The drawing library's error.
 pub fn response(experiment: &ComparedExperiment, breadth: Breadth) -> Result<Picture, FigureError> {
-    let points = plotted(experiment, Metric::XOverZ);
+    let points = plotted(experiment, Quantity::XOverZ);
     let predicted = || points.iter().filter_map(|p| Some((p.frequency_hz, p.predicted?.value)));
     let ideal: Vec<(f64, Uncertain)> = points.iter().filter_map(|p| Some((p.frequency_hz, p.ideal?.value))).collect();
     let errors: Vec<(f64, f64)> =

@@ -170,9 +170,9 @@ fn branches_and_curves_of_extreme_values_are_drawn_and_say_how_many_are_not() {
         let orbit = |(place, value): (usize, &f64)| FoundOrbit {
             parameter: place as f64,
             is_stable: place % 4 < 2,
-            peak_x_m: *value,
-            mean_cycle_peak_x_m: *value,
-            peak_offset_m: *value,
+            max_abs_x_m: *value,
+            mean_cycle_max_m: *value,
+            max_abs_y_minus_x_m: *value,
             impacts: 2,
             fastest_impact_m_per_s: *value,
             multipliers: vec![[*value, 0.0]],
@@ -182,7 +182,7 @@ fn branches_and_curves_of_extreme_values_are_drawn_and_say_how_many_are_not() {
             meaning: String::new(),
             parameter: 5.0,
             parameter_error: 0.0,
-            peak_x_m: values[5],
+            max_abs_x_m: values[5],
             after_orbits: 5,
         };
         let branch = FoundBranch {

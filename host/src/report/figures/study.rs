@@ -6,11 +6,11 @@ use super::study_labels::{label, metric_label, metric_meaning, name};
 use super::study_map::{self, Map, MapAxis};
 use super::{Breadth, FigureError, Picture};
 use crate::continuation::Found;
+use crate::quantity::Quantity;
 use crate::report::numbers::significant;
 use crate::study::Study;
 use crate::study::axis::{Axis, Value, Values};
 use crate::study::evaluate::{main_column, main_quantile};
-use crate::study::metric::Metric;
 use crate::study::table::{LEAST_OF_MAP, StudyTable, numbers};
 
 /// Most curves of a figure.
@@ -94,7 +94,7 @@ fn draw_metric(
     best: Option<u64>,
     overlays: &[Found],
     published: &[PublishedPoints],
-    metric: Metric,
+    metric: Quantity,
 ) -> Option<StudyFigure> {
     let column = main_column(study, metric);
     let values = table.column(&column).filter(|values| values.iter().any(|value| !value.is_nan()))?;
@@ -116,7 +116,7 @@ fn drawn(curves: &[Curve], labels: &CurveLabels) -> Drawn {
 struct Sheet<'a> {
     study: &'a Study,
     table: &'a StudyTable,
-    metric: Metric,
+    metric: Quantity,
     values: Vec<f64>,
     column: String,
     best: Option<u64>,

@@ -1,9 +1,9 @@
 //! Names of a study's axes and metrics as the field writes them: d/Z, X/x0.
 
 use super::symbols;
+use crate::quantity::Quantity;
 use crate::study::Study;
 use crate::study::axis::Axis;
-use crate::study::metric::Metric;
 
 /// The symbol of the case's reference length at the first point.
 fn reference(study: &Study) -> &'static str {
@@ -24,18 +24,18 @@ pub fn name(study: &Study, axis: &Axis) -> String {
 }
 
 /// The reference length of a ratio of lengths; nothing for other metrics.
-fn reference_of(study: &Study, metric: Metric) -> &'static str {
+fn reference_of(study: &Study, metric: Quantity) -> &'static str {
     if metric.is_ratio() { reference(study) } else { "" }
 }
 
 /// Label of a metric on an axis or a colour scale: `X/Z (cycle maxima)`, `RMS of x/x0`.
 #[must_use]
-pub fn metric_label(study: &Study, metric: Metric) -> String {
-    metric.label(reference_of(study, metric))
+pub fn metric_label(study: &Study, metric: Quantity) -> String {
+    metric.axis_label(reference_of(study, metric))
 }
 
 /// Meaning of a metric in a caption: `RMS of x over x0`.
 #[must_use]
-pub fn metric_meaning(study: &Study, metric: Metric) -> String {
+pub fn metric_meaning(study: &Study, metric: Quantity) -> String {
     metric.meaning(reference_of(study, metric))
 }

@@ -4,7 +4,8 @@
 use maud::{Markup, html};
 
 use super::{BOTH, document, drawn, drawn_in_both};
-use crate::compare::{ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, Metric, Predicted, Verdict};
+use crate::compare::{ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, Predicted, Verdict};
+use crate::quantity::Quantity;
 use crate::report::figures::comparison::{phase_plane, response, time_history};
 use crate::report::numbers::{normalised_error, significant, trimmed, with_uncertainty};
 
@@ -134,9 +135,9 @@ fn section(n: usize, experiment: &ComparedExperiment) -> Markup {
 /// The points whose histories are shown: that of the largest X/Z, and the one that differs most.
 fn shown_points(experiment: &ComparedExperiment) -> Vec<&ComparedPoint> {
     let with_history = || experiment.points.iter().filter(|point| point.history.is_some());
-    let value = |point: &&ComparedPoint| point.metric(Metric::XOverZ).map_or(0.0, |own| own.measured.value);
+    let value = |point: &&ComparedPoint| point.metric(Quantity::XOverZ).map_or(0.0, |own| own.measured.value);
     let error = |point: &&ComparedPoint| {
-        let own = point.metric(Metric::XOverZ).and_then(ComparedMetric::predicted);
+        let own = point.metric(Quantity::XOverZ).and_then(ComparedMetric::predicted);
         own.map_or(0.0, |predicted| predicted.normalised_error.abs())
     };
     let largest = with_history().max_by(|a, b| value(a).total_cmp(&value(b)));
@@ -154,7 +155,7 @@ fn histories(point: &ComparedPoint) -> Markup {
         format!(
             " Residual over the whole window: {} µm RMS, {} % of x; noise of a reading: {} µm.",
             significant(residual.rms_m * 1e6, 3),
-            significant(100.0 * residual.rms_m / residual.x_rms_m, 2),
+            significant(100.0 * residual.rms_m / residual.rms_x_m, 2),
             significant(residual.noise_rms_m * 1e6, 2)
         )
     });

@@ -28,7 +28,7 @@ pub(super) struct PagePoint {
     /// Mean of the cycle maxima of |x|, m.
     pub(super) x_m: f64,
     /// Largest |x|, m.
-    pub(super) x_max_m: f64,
+    pub(super) max_abs_x_m: f64,
     pub(super) cycles: u64,
     pub(super) saturated: bool,
     /// Names of the clipped sensors.
@@ -131,7 +131,7 @@ fn points(batch: &RecordBatch) -> Result<Vec<PagePoint>, ReadError> {
     let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
     let number = |name: &str| numbers(batch, name);
     let (f, ratio, phase) = (number("frequency_hz")?, number("x_over_z")?, number("phase_rad")?);
-    let (z, x, x_max) = (number("z_amplitude_m")?, number("x_mean_cycle_max_m")?, number("x_max_m")?);
+    let (z, x, x_max) = (number("z_amplitude_m")?, number("mean_cycle_max_m")?, number("max_abs_x_m")?);
     // Older runs lack the column of the ratio.
     let x_amplitude = number("x_amplitude_m")?;
     let (cycles, steady) = (number("cycles")?, column(batch, "steady")?);
@@ -161,7 +161,7 @@ fn points(batch: &RecordBatch) -> Result<Vec<PagePoint>, ReadError> {
         x_over_z_lock_in: x_amplitude[n] / z[n],
         z_m: z[n],
         x_m: x[n],
-        x_max_m: x_max[n],
+        max_abs_x_m: x_max[n],
         cycles: cycles[n] as u64,
         saturated: is(&saturated, n),
         clipped: clipped.get(n).cloned().unwrap_or_default(),

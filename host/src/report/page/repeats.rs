@@ -103,7 +103,7 @@ fn of_pair<'a>(
         return frequencies_hz.into_iter().map(at).collect();
     }
     let own = || data.taken.transients().iter().filter(|t| t.set_up == set_up.name && is_own(&t.experiment));
-    let mut rows = vec![row(None, "RMS of x (mm)", own().map(|t| 1e3 * f64::from(t.x_rms_m)).collect())];
+    let mut rows = vec![row(None, "RMS of x (mm)", own().map(|t| 1e3 * f64::from(t.rms_x_m)).collect())];
     if experiment.free_vibration().is_some() {
         rows.push(row(None, "ζ from decay", own().map(|t| t.damping_ratio).collect()));
     }

@@ -51,7 +51,7 @@ pub(super) fn peaks(data: &PageData) -> Markup {
                                     None => { td { "–" } }
                                 }
                                 td.odd[!peak.shown.steadiness.is_settled()] { (steadiness_text(peak.shown.steadiness)) }
-                                td { (number(own().map(|p| p.x_max_m).fold(f64::NAN, f64::max) * 1e3, 2)) }
+                                td { (number(own().map(|p| p.max_abs_x_m).fold(f64::NAN, f64::max) * 1e3, 2)) }
                                 td { (own().count()) }
                                 td { (own().filter(|p| p.shown.steadiness.is_settled()).count()) }
                             }
@@ -94,7 +94,7 @@ fn peak_of(data: &PageData, set_up: &str, experiment: &str) -> Option<Peak> {
 
 /// Largest |x| of a set-up, m; NaN without points.
 pub(super) fn largest(data: &PageData, name: &str) -> f64 {
-    data.points_of(name).map(|p| p.x_max_m).fold(f64::NAN, f64::max)
+    data.points_of(name).map(|p| p.max_abs_x_m).fold(f64::NAN, f64::max)
 }
 
 /// Set-ups and experiments with points, in the order of the run.
@@ -142,7 +142,7 @@ pub(super) fn results(data: &PageData) -> Markup {
                         td { (number(point.x_m * 1e3, 3)) }
                         td.odd[point.saturated] { (number(point.z_m * 1e3, 4)) }
                         td { (number(point.shown.phase_rad.to_degrees(), 1)) }
-                        td { (number(point.x_max_m * 1e3, 2)) }
+                        td { (number(point.max_abs_x_m * 1e3, 2)) }
                         td { (point.cycles) }
                         td.odd[!point.shown.steadiness.is_settled()] { (steadiness_text(point.shown.steadiness)) }
                         td { (point.segment) }
@@ -176,14 +176,14 @@ pub(super) fn transients(data: &PageData) -> Markup {
                             td.word { (label(data, &row.set_up)) }
                             td.word { (row.experiment) }
                             td.word { (row.kind.replace('_', " ")) }
-                            td { (mm(row.x_peak_m)) }
-                            td { (number(row.predicted_x_peak_m * 1e3, 3)) }
-                            td { (mm(row.x_rms_m)) }
-                            td.odd[row.drive_saturated] { (mm(row.z_peak_m)) }
-                            td { (mm(row.relative_peak_m)) }
+                            td { (mm(row.max_abs_x_m)) }
+                            td { (number(row.predicted_max_abs_x_m * 1e3, 3)) }
+                            td { (mm(row.rms_x_m)) }
+                            td.odd[row.drive_saturated] { (mm(row.max_abs_z_m)) }
+                            td { (mm(row.max_abs_x_minus_z_m)) }
                             td { (number(f64::from(100.0 * row.base_error_rms_m / row.wanted_rms_m), 2)) }
                             td { (row.impacts) }
-                            td { (if row.predicted_x_peak_m.is_nan() { "–".to_string() } else { row.predicted_impacts.to_string() }) }
+                            td { (if row.predicted_max_abs_x_m.is_nan() { "–".to_string() } else { row.predicted_impacts.to_string() }) }
                             td { (number(row.start_m * 1e3, 3)) }
                             td { (number(row.damping_ratio, 5)) }
                             td { (number(row.frequency_hz, 4)) }

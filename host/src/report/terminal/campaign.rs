@@ -168,7 +168,7 @@ pub fn results(campaign: &Campaign, responses: &[Response], rows: &[ResultRow]) 
             verdict(peak),
             at_natural.map_or("–".into(), |r| format!("{:.2}", r.x_over_z())),
             at_natural.map_or("–".into(), |r| verdict(r)),
-            format!("{:.2}", own.iter().map(|r| r.x_max_m).fold(f32::NAN, f32::max) * 1e3),
+            format!("{:.2}", own.iter().map(|r| r.max_abs_x_m).fold(f32::NAN, f32::max) * 1e3),
             predicted_m(campaign, responses, &set_up.name, &experiment.name)
                 .map_or("–".into(), |x_m| format!("{:.2}", x_m * 1e3)),
             own.len().to_string(),

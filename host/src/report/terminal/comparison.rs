@@ -1,9 +1,8 @@
 //! Text of `damprig compare`: a row for each point, and the quantities that differ.
 
 use super::table;
-use crate::compare::{
-    ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, Metric, Predicted, Uncertain, Verdict,
-};
+use crate::compare::{ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, Predicted, Uncertain, Verdict};
+use crate::quantity::Quantity;
 use crate::report::numbers::{normalised_error, trimmed, with_uncertainty};
 
 /// Most differences that are listed.
@@ -42,10 +41,10 @@ fn place(experiment: &ComparedExperiment, point: Option<&ComparedPoint>) -> Stri
 
 /// The quantity of a point that its row shows.
 fn leading(point: &ComparedPoint) -> Option<&ComparedMetric> {
-    point.metric(Metric::XOverZ).or_else(|| point.metric(Metric::XRms))
+    point.metric(Quantity::XOverZ).or_else(|| point.metric(Quantity::RmsXM))
 }
 
-fn shown(metric: Metric, value: &Uncertain) -> String {
+fn shown(metric: Quantity, value: &Uncertain) -> String {
     let scale = metric.shown_unit().1;
     with_uncertainty(value.value * scale, value.expanded * scale)
 }

@@ -35,7 +35,7 @@ pub fn text(found: &Found) -> String {
             specials.add_row([
                 branch.number.to_string(),
                 significant(special.parameter, 9),
-                significant(special.peak_x_m * 1e3, 5),
+                significant(special.max_abs_x_m * 1e3, 5),
                 special.kind.into(),
                 special.meaning.clone(),
             ]);

@@ -12,8 +12,8 @@ fn mm(metres: f64) -> String {
 }
 
 /// A predicted count; a dash where x is not predicted either.
-fn predicted(x_peak_m: f64, count: u32) -> String {
-    if x_peak_m.is_nan() { "–".into() } else { count.to_string() }
+fn predicted(max_abs_x_m: f64, count: u32) -> String {
+    if max_abs_x_m.is_nan() { "–".into() } else { count.to_string() }
 }
 
 /// Predicted displacements, and how each record was prepared.
@@ -34,11 +34,11 @@ pub fn plan(campaign: &Campaign, expected: &[Expected]) -> Option<String> {
         table.add_row([
             campaign.experiments[*experiment].name.clone(),
             campaign.set_ups[*set_up].name.clone(),
-            mm(outlook.z_peak_m),
-            mm(outlook.x_peak_m),
-            mm(outlook.relative_peak_m),
-            predicted(outlook.x_peak_m, outlook.impacts),
-            predicted(outlook.x_peak_m, outlook.weak_impacts),
+            mm(outlook.max_abs_z_m),
+            mm(outlook.max_abs_x_m),
+            mm(outlook.max_abs_x_minus_z_m),
+            predicted(outlook.max_abs_x_m, outlook.impacts),
+            predicted(outlook.max_abs_x_m, outlook.weak_impacts),
         ]);
     }
     let records = campaign.experiments.iter().filter_map(|experiment| match &experiment.kind {
@@ -58,7 +58,7 @@ pub fn plan(campaign: &Campaign, expected: &[Expected]) -> Option<String> {
 /// A result in one line.
 #[must_use]
 pub fn in_words(row: &TransientRow) -> String {
-    let mut text = format!("max|x| {} mm, RMS {} mm", mm(row.x_peak_m.into()), mm(row.x_rms_m.into()));
+    let mut text = format!("max|x| {} mm, RMS {} mm", mm(row.max_abs_x_m.into()), mm(row.rms_x_m.into()));
     if row.damping_ratio.is_finite() {
         text += &format!(", ζ {:.5}", row.damping_ratio);
     }
@@ -97,13 +97,13 @@ pub fn results(rows: &[TransientRow]) -> Option<Table> {
         table.add_row([
             row.experiment.clone(),
             row.set_up.clone(),
-            mm(f64::from(row.x_peak_m)),
-            mm(row.predicted_x_peak_m),
-            mm(f64::from(row.x_rms_m)),
-            mm(f64::from(row.relative_rms_m)),
+            mm(f64::from(row.max_abs_x_m)),
+            mm(row.predicted_max_abs_x_m),
+            mm(f64::from(row.rms_x_m)),
+            mm(f64::from(row.rms_x_minus_z_m)),
             share(row.base_error_rms_m, row.wanted_rms_m),
             row.impacts.to_string(),
-            predicted(row.predicted_x_peak_m, row.predicted_impacts),
+            predicted(row.predicted_max_abs_x_m, row.predicted_impacts),
             digits(row.damping_ratio, 5),
             digits(row.frequency_hz, 4),
             if row.cycles > 0 { row.cycles.to_string() } else { "–".into() },

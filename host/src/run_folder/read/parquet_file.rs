@@ -17,6 +17,7 @@ use parquet::file::reader::ChunkReader;
 
 use crate::input::regular;
 use crate::run_folder::{ReadError, sealed_parquet};
+use crate::table::with_present_names;
 
 /// Batches of a Parquet file. The first call installs a panic hook that passes on every panic but those of the `parquet` crate in
 /// here.
@@ -102,7 +103,7 @@ fn batches<R: ChunkReader + 'static>(
         let builder = builder.with_projection(mask.unwrap_or_else(ProjectionMask::all));
         // A table without rows has its columns all the same.
         let is_empty = builder.metadata().file_metadata().num_rows() == 0;
-        let columns = is_empty.then(|| Ok(RecordBatch::new_empty(builder.schema().clone())));
+        let columns = is_empty.then(|| Ok(with_present_names(RecordBatch::new_empty(builder.schema().clone()))));
         Ok((columns, builder.build().map_err(|e| e.to_string())?))
     });
     let (columns, reader) = opened.and_then(|opened| opened).map_err(damaged)?;
@@ -128,6 +129,7 @@ impl Iterator for Batches {
                 Err(said)
             }
         };
+        let batch = batch.map(with_present_names);
         Some(batch.map_err(|e| ReadError(format!("{}: a damaged part: {e}", self.shown))))
     }
 }

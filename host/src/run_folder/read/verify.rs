@@ -274,7 +274,7 @@ fn results(
     found.push(Finding::Good(format!("{from}: {rows} rows")));
     let mut events = PerPair::new();
     let read = run.map_or(Ok(Vec::new()), RunFolder::transients);
-    match read.and_then(|all| all.iter().try_for_each(|batch| gather(batch, "x_peak_m", &mut events))) {
+    match read.and_then(|all| all.iter().try_for_each(|batch| gather(batch, "max_abs_x_m", &mut events))) {
         Err(error) => found.push(Finding::Wrong(error.to_string())),
         Ok(()) if !events.is_empty() => {
             let own: usize = events.values().map(Vec::len).sum();

@@ -15,5 +15,4 @@ pub mod segment_id;
 pub mod self_description;
 pub mod set_up_parameters;
 pub mod stream_sums;
-pub mod table;
 pub mod transients;

@@ -3,11 +3,13 @@
 //! [`table`] is the one list of its columns: the Parquet schema and the manifest's `results_columns` follow from it.
 
 use arrow_array::RecordBatch;
+use arrow_schema::Metadata;
 use damprig_core::measure::steadiness::Steadiness;
 use serde::{Deserialize, Serialize};
 
 use super::json_float;
-use super::table::TableBuilder;
+use crate::quantity::Quantity;
+use crate::table::TableBuilder;
 
 /// The file's name in a run folder.
 pub const RESULTS: &str = "results.parquet";
@@ -49,17 +51,17 @@ pub struct ResultRow {
     #[serde(with = "json_float")]
     pub phase_rad: f32,
     /// RMS of x over the dwell, m.
-    #[serde(with = "json_float")]
-    pub x_rms_m: f32,
+    #[serde(with = "json_float", alias = "x_rms_m")]
+    pub rms_x_m: f32,
     /// Mean over the cycles of the dwell of max|x|, m.
-    #[serde(with = "json_float")]
-    pub x_mean_cycle_max_m: f32,
+    #[serde(with = "json_float", alias = "x_mean_cycle_max_m")]
+    pub mean_cycle_max_m: f32,
     /// Largest |x| of the dwell, m.
-    #[serde(with = "json_float")]
-    pub x_max_m: f32,
+    #[serde(with = "json_float", alias = "x_max_m")]
+    pub max_abs_x_m: f32,
     /// max|x| of the last whole cycle, m.
-    #[serde(with = "json_float")]
-    pub x_last_cycle_max_m: f32,
+    #[serde(with = "json_float", alias = "x_last_cycle_max_m")]
+    pub last_cycle_max_m: f32,
     /// Trend of the cycle maximum, relative change in a cycle.
     #[serde(with = "json_float")]
     pub change_per_cycle: f32,
@@ -101,7 +103,7 @@ impl ResultRow {
     /// X/Z (cycle maxima), as the literature's tables have it: mean cycle maximum over the measured base amplitude.
     #[must_use]
     pub fn x_over_z(&self) -> f64 {
-        f64::from(self.x_mean_cycle_max_m) / f64::from(self.z_amplitude_m)
+        f64::from(self.mean_cycle_max_m) / f64::from(self.z_amplitude_m)
     }
 
     /// X/Z (lock-in): the ratio of the amplitudes at the drive frequency. Smaller than that of the cycle maxima where the motion
@@ -141,44 +143,36 @@ pub fn steadiness_of(text: &str) -> Steadiness {
 /// When the columns differ in length: a defect of this function.
 pub fn table(rows: &[ResultRow]) -> Result<RecordBatch, String> {
     TableBuilder::new(rows)
-        .text(("set_up", "", "name of the set-up"), |r| &r.set_up)
-        .text(("experiment", "", "name of the experiment"), |r| &r.experiment)
-        .f64(("frequency_hz", "Hz", "drive frequency"), |r| r.frequency_hz)
-        .f64(("x_over_z", "1", "X/Z (cycle maxima): x_mean_cycle_max_m / z_amplitude_m"), |r| r.x_over_z())
-        .f64(("x_over_z_lock_in", "1", "X/Z (lock-in): x_amplitude_m / z_amplitude_m"), |r| r.x_over_z_lock_in())
-        .f64(("d_over_z", "1", "clearance over base amplitude as set; NaN without a particle"), |r| r.d_over_z)
-        .f64(("actual_d_over_z", "1", "clearance over base amplitude as measured; NaN without a particle"), |r| {
-            r.actual_d_over_z()
-        })
-        .f32(("z_amplitude_m", "m", "base: lock-in amplitude"), |r| r.z_amplitude_m)
-        .f32(("z_distortion", "1", "base: 2nd to 5th harmonic over the first"), |r| r.z_distortion)
-        .f32(("drive_amplitude_m", "m", "drive: lock-in amplitude"), |r| r.drive_amplitude_m)
-        .bool(("drive_saturated", "", "whether the drive was at its limit"), |r| r.drive_saturated)
-        .text(("sensors_clipped", "", "sensors with a sample at an end of their span, or none"), |r| &r.sensors_clipped)
-        .f32(("x_amplitude_m", "m", "structure: lock-in amplitude"), |r| r.x_amplitude_m)
-        .f32(("phase_rad", "rad", "phase of x relative to z"), |r| r.phase_rad)
-        .f32(("x_rms_m", "m", "structure: RMS over the dwell"), |r| r.x_rms_m)
-        .f32(("x_mean_cycle_max_m", "m", "structure: mean over cycles of max|x|"), |r| r.x_mean_cycle_max_m)
-        .f32(("x_max_m", "m", "structure: largest |x| of the dwell"), |r| r.x_max_m)
-        .f32(("x_last_cycle_max_m", "m", "structure: max|x| of the last whole cycle"), |r| r.x_last_cycle_max_m)
-        .f32(("change_per_cycle", "1", "trend of the cycle maximum, relative, in a cycle"), |r| r.change_per_cycle)
-        .f32(("scatter", "1", "scatter of the cycle maxima around the trend, relative"), |r| r.scatter)
-        .u32(("cycles", "1", "whole cycles in the dwell"), |r| r.cycles)
-        .f32(("x_noise_rms_m", "m", "RMS noise of a tick's x"), |r| r.x_noise_rms_m)
-        .f32(("deviation", "1", "x_over_z over its extrapolated limit, less 1"), |r| r.deviation)
-        .f32(("deviation_uncertainty", "1", "uncertainty of the deviation (95 %)"), |r| r.deviation_uncertainty)
-        .f32(("interval", "1", "half-width of the 95 % interval of x_over_z as a mean over cycles, relative"), |r| {
-            r.interval
-        })
-        .bool(("steady", "", "whether steadiness is steady"), |r| r.steadiness == Steadiness::Steady)
-        .text(("steadiness", "", "steady, stationary (does not repeat, mean without drift) or not steady"), |r| {
-            steadiness_text(r.steadiness)
-        })
-        .u64(("start_tick", "tick", "first tick of the dwell"), |r| r.start_tick)
-        .u64(("end_tick", "tick", "first tick after the dwell"), |r| r.end_tick)
-        .u32(("point_index", "1", "place in the experiment's frequency list, from 0"), |r| r.point_index)
-        .u32(("segment", "1", "times that the experiment had been taken up again; ticks count from 0 in each"), |r| {
-            r.segment
-        })
-        .finish()
+        .column(Quantity::SetUp, |r| r.set_up.as_str())
+        .column(Quantity::Experiment, |r| r.experiment.as_str())
+        .column(Quantity::FrequencyHz, |r| r.frequency_hz)
+        .column(Quantity::XOverZ, |r| r.x_over_z())
+        .column(Quantity::XOverZLockIn, |r| r.x_over_z_lock_in())
+        .column(Quantity::DOverZ, |r| r.d_over_z)
+        .column(Quantity::ActualDOverZ, |r| r.actual_d_over_z())
+        .column(Quantity::ZAmplitudeM, |r| r.z_amplitude_m)
+        .column(Quantity::ZDistortion, |r| r.z_distortion)
+        .column(Quantity::DriveAmplitudeM, |r| r.drive_amplitude_m)
+        .column(Quantity::DriveSaturated, |r| r.drive_saturated)
+        .column(Quantity::SensorsClipped, |r| r.sensors_clipped.as_str())
+        .column(Quantity::XAmplitudeM, |r| r.x_amplitude_m)
+        .column(Quantity::PhaseRad, |r| r.phase_rad)
+        .column(Quantity::RmsXM, |r| r.rms_x_m)
+        .column(Quantity::MeanCycleMaxM, |r| r.mean_cycle_max_m)
+        .column(Quantity::MaxAbsXM, |r| r.max_abs_x_m)
+        .column(Quantity::LastCycleMaxM, |r| r.last_cycle_max_m)
+        .column(Quantity::ChangePerCycle, |r| r.change_per_cycle)
+        .column(Quantity::Scatter, |r| r.scatter)
+        .column(Quantity::Cycles, |r| r.cycles)
+        .column(Quantity::XNoiseRmsM, |r| r.x_noise_rms_m)
+        .column(Quantity::Deviation, |r| r.deviation)
+        .column(Quantity::DeviationUncertainty, |r| r.deviation_uncertainty)
+        .column(Quantity::Interval, |r| r.interval)
+        .column(Quantity::Steady, |r| r.steadiness == Steadiness::Steady)
+        .column(Quantity::Steadiness, |r| steadiness_text(r.steadiness))
+        .column(Quantity::StartTick, |r| r.start_tick)
+        .column(Quantity::EndTick, |r| r.end_tick)
+        .column(Quantity::PointIndex, |r| r.point_index)
+        .column(Quantity::Segment, |r| r.segment)
+        .finish(Metadata::new())
 }

@@ -15,7 +15,8 @@ use damprig_core::rig::{SIGNAL_DOCS, SIGNALS};
 use serde::{Deserialize, Serialize};
 
 use super::segment_id::SegmentId;
-use super::table::{DESCRIPTION, described, field};
+use crate::quantity::Quantity;
+use crate::table::{Column, DESCRIPTION};
 
 /// The joined samples of a complete run.
 pub const JOINED: &str = "samples.parquet";
@@ -103,17 +104,14 @@ const ROW: &str = "a row for each recorded tick: the telemetry";
 pub fn schema(signals: &[SampleColumn], about: &Metadata) -> SchemaRef {
     let name = || DataType::Dictionary(Box::new(DataType::Int32), Box::new(DataType::Utf8));
     let mut fields = vec![
-        described(field("set_up", name(), ""), "name of the set-up"),
-        described(field("experiment", name(), ""), "name of the experiment"),
-        described(
-            field("segment", DataType::UInt32, "1"),
-            "times that the experiment had been started before; ticks count from each start",
-        ),
-        described(field("point_index", DataType::UInt32, "1"), "place of the point in the experiment's frequencies"),
-        described(field("point_frequency_hz", DataType::Float64, "Hz"), "drive frequency of the point"),
-        described(field("tick", DataType::UInt64, "tick"), "number of the tick since the start, 1 ms each"),
-        described(field("gap_before_ticks", DataType::UInt32, "tick"), "ticks that are missing before the row"),
-        described(field("t_s", DataType::Float64, "s"), "time since the start: that of the tick"),
+        field(Quantity::SetUp, name()),
+        field(Quantity::Experiment, name()),
+        field(Quantity::Segment, DataType::UInt32),
+        field(Quantity::PointIndex, DataType::UInt32),
+        field(Quantity::PointFrequencyHz, DataType::Float64),
+        field(Quantity::Tick, DataType::UInt64),
+        field(Quantity::GapBeforeTicks, DataType::UInt32),
+        field(Quantity::TimeS, DataType::Float64),
     ];
     fields.extend(signals.iter().map(signal_field));
     Arc::new(Schema::new_with_metadata(fields, about.clone().with(DESCRIPTION, ROW)))
@@ -121,7 +119,7 @@ pub fn schema(signals: &[SampleColumn], about: &Metadata) -> SchemaRef {
 
 /// The columns and metadata of an open part: tick, gap and signals of each row; the rest once.
 pub(crate) fn stream_schema(label: &PointLabel, signals: &[SampleColumn], tick_hz: f64) -> SchemaRef {
-    let mut fields = vec![field("tick", DataType::UInt64, "tick"), field("gap_before_ticks", DataType::UInt32, "tick")];
+    let mut fields = vec![field(Quantity::Tick, DataType::UInt64), field(Quantity::GapBeforeTicks, DataType::UInt32)];
     fields.extend(signals.iter().map(signal_field));
     let shared = [
         ("set_up", label.id.set_up.clone()),
@@ -154,13 +152,14 @@ pub(crate) fn read_stream_schema(stream: &Schema) -> Option<(PointLabel, f64, Ve
     Some((label, get("tick_hz")?.parse().ok()?, stream.fields().iter().skip(2).map(signal).collect()))
 }
 
+fn field(quantity: Quantity, kind: DataType) -> Field {
+    Column::from(quantity).field(kind)
+}
+
 fn signal_field(signal: &SampleColumn) -> Field {
-    let field = field(&signal.name, DataType::Float32, &signal.unit);
     let known = SIGNALS.iter().zip(SIGNAL_DOCS).find(|((name, unit), _)| column_name(name, unit) == signal.name);
-    match known {
-        Some((_, doc)) => described(field, doc.trim()),
-        None => field,
-    }
+    let meaning = known.map_or("", |(_, doc)| doc.trim());
+    Column::new(signal.name.as_str(), signal.unit.as_str(), meaning).field(DataType::Float32)
 }
 
 /// A batch of an open part with all columns of [`schema`].

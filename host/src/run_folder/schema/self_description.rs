@@ -9,8 +9,8 @@ use serde_json::{Map, Value};
 
 use super::manifest::{Manifest, SetUpRecord};
 use super::set_up_parameters::parameters;
-pub use super::table::DESCRIPTION;
 use crate::host_time::plain;
+pub use crate::table::DESCRIPTION;
 
 /// Key of the program and its version.
 pub const VERSION: &str = "damprig.version";

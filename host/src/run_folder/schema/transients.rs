@@ -1,10 +1,12 @@
 //! `transients.parquet`: a row per record, pulse and free vibration. It is made from the journal's lines.
 
 use arrow_array::RecordBatch;
+use arrow_schema::Metadata;
 use serde::{Deserialize, Serialize};
 
 use super::json_float;
-use super::table::TableBuilder;
+use crate::quantity::Quantity;
+use crate::table::TableBuilder;
 
 /// The file's name in a run folder.
 pub const TRANSIENTS: &str = "transients.parquet";
@@ -23,23 +25,23 @@ pub struct TransientRow {
     /// `playback`, `impulse` or `free_vibration`.
     pub kind: String,
     /// max |x|, m.
-    #[serde(with = "json_float")]
-    pub x_peak_m: f32,
+    #[serde(with = "json_float", alias = "x_peak_m")]
+    pub max_abs_x_m: f32,
     /// RMS of x, m.
-    #[serde(with = "json_float")]
-    pub x_rms_m: f32,
+    #[serde(with = "json_float", alias = "x_rms_m")]
+    pub rms_x_m: f32,
     /// max |z|, m.
-    #[serde(with = "json_float")]
-    pub z_peak_m: f32,
+    #[serde(with = "json_float", alias = "z_peak_m")]
+    pub max_abs_z_m: f32,
     /// RMS of z, m.
-    #[serde(with = "json_float")]
-    pub z_rms_m: f32,
+    #[serde(with = "json_float", alias = "z_rms_m")]
+    pub rms_z_m: f32,
     /// max |x − z|, m.
-    #[serde(with = "json_float")]
-    pub relative_peak_m: f32,
+    #[serde(with = "json_float", alias = "relative_peak_m")]
+    pub max_abs_x_minus_z_m: f32,
     /// RMS of x − z, m.
-    #[serde(with = "json_float")]
-    pub relative_rms_m: f32,
+    #[serde(with = "json_float", alias = "relative_rms_m")]
+    pub rms_x_minus_z_m: f32,
     /// RMS of the demanded z, m.
     #[serde(with = "json_float")]
     pub wanted_rms_m: f32,
@@ -74,11 +76,11 @@ pub struct TransientRow {
     #[serde(with = "json_float")]
     pub frequency_hz: f64,
     /// Predicted max |x|, from the simulation of the same experiment, m.
-    #[serde(with = "json_float")]
-    pub predicted_x_peak_m: f64,
+    #[serde(with = "json_float", alias = "predicted_x_peak_m")]
+    pub predicted_max_abs_x_m: f64,
     /// Predicted RMS of x, m.
-    #[serde(with = "json_float")]
-    pub predicted_x_rms_m: f64,
+    #[serde(with = "json_float", alias = "predicted_x_rms_m")]
+    pub predicted_rms_x_m: f64,
     /// Predicted impacts, of those that are strong enough to be counted; 0 in older runs.
     #[serde(default)]
     pub predicted_impacts: u32,
@@ -98,42 +100,33 @@ pub struct TransientRow {
 /// When the columns differ in length: a defect of this function.
 pub fn table(rows: &[TransientRow]) -> Result<RecordBatch, String> {
     TableBuilder::new(rows)
-        .text(("set_up", "", "name of the set-up"), |r| &r.set_up)
-        .text(("experiment", "", "name of the experiment"), |r| &r.experiment)
-        .text(("kind", "", "playback, impulse or free_vibration"), |r| &r.kind)
-        .f32(("x_peak_m", "m", "structure: largest |x|"), |r| r.x_peak_m)
-        .f32(
-            (
-                "x_rms_m",
-                "m",
-                "structure: RMS over the measured ticks; those of a release begin when |x| has fallen by a tenth of x0",
-            ),
-            |r| r.x_rms_m,
-        )
-        .f32(("z_peak_m", "m", "base: largest |z|"), |r| r.z_peak_m)
-        .f32(("z_rms_m", "m", "base: RMS"), |r| r.z_rms_m)
-        .f32(("relative_peak_m", "m", "largest |x − z|, of the ticks' means"), |r| r.relative_peak_m)
-        .f32(("relative_rms_m", "m", "RMS of x − z"), |r| r.relative_rms_m)
-        .f32(("wanted_rms_m", "m", "RMS of the demanded z"), |r| r.wanted_rms_m)
-        .f32(("base_error_rms_m", "m", "RMS of z less the demand, at its best delay"), |r| r.base_error_rms_m)
-        .f32(("base_delay_s", "s", "that delay, from demand to reading"), |r| r.base_delay_s)
-        .bool(("drive_saturated", "", "whether the demand was cut at its limit"), |r| r.drive_saturated)
-        .text(("sensors_clipped", "", "sensors with a sample at an end of their span, or none"), |r| &r.sensors_clipped)
-        .u32(("impacts", "1", "measured impacts on both walls"), |r| r.impacts)
-        .f64(("start_m", "m", "x0 of a free vibration; NaN of others"), |r| r.start_m)
-        .f64(("end_m", "m", "largest |x| after `cycles`, on the side of x0"), |r| r.end_m)
-        .u32(("cycles", "1", "whole cycles of the decay"), |r| r.cycles)
-        .f64(("log_decrement", "1", "ln(start_m/end_m)/cycles"), |r| r.log_decrement)
-        .f64(("damping_ratio", "1", "of the linear structure that would decay so"), |r| r.damping_ratio)
-        .f64(("frequency_hz", "Hz", "over these cycles"), |r| r.frequency_hz)
-        .f64(("predicted_x_peak_m", "m", "largest |x| of the simulation"), |r| r.predicted_x_peak_m)
-        .f64(("predicted_x_rms_m", "m", "RMS of x of the simulation, over the same window"), |r| r.predicted_x_rms_m)
-        .u32(("predicted_impacts", "1", "impacts of the simulation that are strong enough to be counted"), |r| {
-            r.predicted_impacts
-        })
-        .u64(("start_tick", "tick", "first tick measured"), |r| r.start_tick)
-        .u64(("end_tick", "tick", "first tick after"), |r| r.end_tick)
-        .u32(("point_index", "1", "always 0"), |r| r.point_index)
-        .u32(("segment", "1", "times that the experiment had been started before"), |r| r.segment)
-        .finish()
+        .column(Quantity::SetUp, |r| r.set_up.as_str())
+        .column(Quantity::Experiment, |r| r.experiment.as_str())
+        .column(Quantity::Kind, |r| r.kind.as_str())
+        .column(Quantity::MaxAbsXM, |r| r.max_abs_x_m)
+        .column(Quantity::RmsXM, |r| r.rms_x_m)
+        .column(Quantity::MaxAbsZM, |r| r.max_abs_z_m)
+        .column(Quantity::RmsZM, |r| r.rms_z_m)
+        .column(Quantity::MaxAbsXMinusZM, |r| r.max_abs_x_minus_z_m)
+        .column(Quantity::RmsXMinusZM, |r| r.rms_x_minus_z_m)
+        .column(Quantity::WantedRmsM, |r| r.wanted_rms_m)
+        .column(Quantity::BaseErrorRmsM, |r| r.base_error_rms_m)
+        .column(Quantity::BaseDelayS, |r| r.base_delay_s)
+        .column(Quantity::DriveSaturated, |r| r.drive_saturated)
+        .column(Quantity::SensorsClipped, |r| r.sensors_clipped.as_str())
+        .column(Quantity::Impacts, |r| r.impacts)
+        .column(Quantity::StartM, |r| r.start_m)
+        .column(Quantity::EndM, |r| r.end_m)
+        .column(Quantity::Cycles, |r| r.cycles)
+        .column(Quantity::LogDecrement, |r| r.log_decrement)
+        .column(Quantity::DampingRatio, |r| r.damping_ratio)
+        .column(Quantity::FrequencyHz, |r| r.frequency_hz)
+        .column(Quantity::PredictedMaxAbsXM, |r| r.predicted_max_abs_x_m)
+        .column(Quantity::PredictedRmsXM, |r| r.predicted_rms_x_m)
+        .column(Quantity::PredictedImpacts, |r| r.predicted_impacts)
+        .column(Quantity::StartTick, |r| r.start_tick)
+        .column(Quantity::EndTick, |r| r.end_tick)
+        .column(Quantity::PointIndex, |r| r.point_index)
+        .column(Quantity::Segment, |r| r.segment)
+        .finish(Metadata::new())
 }

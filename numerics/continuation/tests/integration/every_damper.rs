@@ -94,7 +94,7 @@ fn assert_returns(name: &str, system: &System, task: &Task, orbit: &Orbit) {
         return;
     }
     // Within a period a disturbance may grow more than after it: on the way, not normal.
-    let size = orbit.peak_x_m.max(orbit.peak_offset_m);
+    let size = orbit.max_abs_x_m.max(orbit.max_abs_y_minus_x_m);
     let off = (after.x_m - before.x_m).abs().max((after.offset_m - before.offset_m).abs());
     assert!(off < 1e-9 * growth * size, "{name} at {}: {off} {growth} {size}", orbit.parameters[0]);
 }
@@ -188,7 +188,8 @@ fn the_multipliers_are_those_of_the_simulated_map() {
             // Where both bodies are free of contacts: a disturbed state is then in the same mode.
             let from_s = motion.time_s();
             let is_free = |motion: &Exact| {
-                let inside = set_up.particle.is_none_or(|_| motion.state().offset_m.abs() < 0.5 * orbit.peak_offset_m);
+                let inside =
+                    set_up.particle.is_none_or(|_| motion.state().offset_m.abs() < 0.5 * orbit.max_abs_y_minus_x_m);
                 let is_held = matches!(motion.mode().contact, Contact::Held(_)) || motion.mode().grip == Grip::Stuck;
                 motion.touch() == Touch::Clear && inside && !is_held
             };
@@ -201,7 +202,7 @@ fn the_multipliers_are_those_of_the_simulated_map() {
             if !is_free(&motion) {
                 continue;
             }
-            let length = orbit.peak_x_m.max(orbit.peak_offset_m);
+            let length = orbit.max_abs_x_m.max(orbit.max_abs_y_minus_x_m);
             let speed = length * TAU / period_s;
             let scale = [length, speed, length, speed];
             let size = orbit.multipliers.len();
@@ -243,7 +244,7 @@ fn the_orbit_of_a_tuned_mass_has_the_amplitude_of_the_linear_response() {
         let damper = joint * inertia / (joint + inertia);
         let base = structure.stiffness_n_per_m + i * structure.damping_n_s_per_m;
         let x = base / (base - turning * turning * structure.mass_kg + damper);
-        assert!((orbit.peak_x_m / x.norm() - 1.0).abs() < 1e-11, "{orbit:?} {x}");
+        assert!((orbit.max_abs_x_m / x.norm() - 1.0).abs() < 1e-11, "{orbit:?} {x}");
     }
 }
 

@@ -51,12 +51,12 @@ fn distance(system: &System, task: &Task, orbit: &Orbit, value: f64, off: f64, p
     let period_s = TAU / excitation.angular_frequency_rad_per_s() * f64::from(orbit.periods);
     let mut initial = orbit.initial();
     let mut on_it = Exact::new(&set_up, &excitation, &initial).expect("physical");
-    initial.v_m_per_s += off * orbit.peak_x_m / period_s;
+    initial.v_m_per_s += off * orbit.max_abs_x_m / period_s;
     let mut beside = Exact::new(&set_up, &excitation, &initial).expect("physical");
     // Between events, where states are continuous.
     on_it.run(0.013 * period_s, &mut ());
     beside.run((periods + 0.013) * period_s, &mut ());
-    (beside.state().x_m - on_it.state().x_m).abs() / orbit.peak_x_m
+    (beside.state().x_m - on_it.state().x_m).abs() / orbit.max_abs_x_m
 }
 
 /// The force-driven damper whose branch has period doublings.
@@ -216,7 +216,7 @@ fn repeated(diagram: &Diagram) -> Vec<(usize, usize)> {
                     let on_line = value(from) + share * (value(to) - value(from));
                     (on_line / value(orbit) - 1.0).abs() < 1e-4
                 };
-                (0.0..=1.0).contains(&share) && is_near(|o| o.peak_x_m) && is_near(|o| o.peak_offset_m)
+                (0.0..=1.0).contains(&share) && is_near(|o| o.max_abs_x_m) && is_near(|o| o.max_abs_y_minus_x_m)
             })
     };
     let others = |n: usize, orbit: &Orbit| {

@@ -33,11 +33,11 @@ pub struct RestWait {
 
 impl RestWait {
     /// Takes one tick: the largest |x| in it, and the level below which the structure is at rest, m.
-    pub fn tick(&mut self, x_peak_m: f32, level_m: f32) -> Waited {
+    pub fn tick(&mut self, max_abs_x_m: f32, level_m: f32) -> Waited {
         self.ticks += 1;
         // In the tick in which a plant is reset, the samples still belong to the motion before the reset.
         let begun = self.ticks == 1;
-        let quiet = x_peak_m < level_m && !begun;
+        let quiet = max_abs_x_m < level_m && !begun;
         self.quiet_ticks = if quiet { self.quiet_ticks + 1 } else { 0 };
         if self.quiet_ticks >= REST_HOLD_TICKS {
             Waited::Quiet

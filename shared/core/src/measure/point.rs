@@ -36,14 +36,14 @@ pub struct PointResult {
     /// Phase of x relative to z, −π to π, rad.
     pub phase_rad: f32,
     /// RMS of x, m.
-    pub x_rms_m: f32,
+    pub rms_x_m: f32,
     /// Mean over the cycles of max |x| in each, m: the source document's "average maximum displacement". |x| is a tick's
     /// mean; by how much the sensor's noise raises its maxima is subtracted.
-    pub x_mean_cycle_max_m: f32,
+    pub mean_cycle_max_m: f32,
     /// max |x| of all samples, m, noise included.
-    pub x_max_m: f32,
+    pub max_abs_x_m: f32,
     /// max |x| in the last cycle, m, as in the mean.
-    pub x_last_cycle_max_m: f32,
+    pub last_cycle_max_m: f32,
     /// RMS noise of a tick's x, m.
     pub x_noise_rms_m: f32,
     /// Relative change of the cycle maxima per cycle over the second half of the dwell.
@@ -203,10 +203,10 @@ impl PointMeter {
             clipped: place.clipped,
             x_amplitude_m: x_amplitude,
             phase_rad: wrapped(x_phase - z_phase),
-            x_rms_m: Scalar::sqrt(self.squares.value() / self.samples.max(1.0)),
-            x_mean_cycle_max_m: mean_max,
-            x_max_m: self.max,
-            x_last_cycle_max_m: (self.last_max - raised).max(0.0),
+            rms_x_m: Scalar::sqrt(self.squares.value() / self.samples.max(1.0)),
+            mean_cycle_max_m: mean_max,
+            max_abs_x_m: self.max,
+            last_cycle_max_m: (self.last_max - raised).max(0.0),
             x_noise_rms_m: noise,
             change_per_cycle: change,
             scatter,

@@ -30,17 +30,17 @@ pub struct TransientResult {
     /// Tick after the last measured sample.
     pub end_tick: u32,
     /// max |x| over every sample, m.
-    pub x_peak_m: f32,
+    pub max_abs_x_m: f32,
     /// RMS of x, m.
-    pub x_rms_m: f32,
+    pub rms_x_m: f32,
     /// max |z| over every sample, m.
-    pub z_peak_m: f32,
+    pub max_abs_z_m: f32,
     /// RMS of z, m.
-    pub z_rms_m: f32,
+    pub rms_z_m: f32,
     /// max |x − z| over the means of the ticks, m.
-    pub relative_peak_m: f32,
+    pub max_abs_x_minus_z_m: f32,
     /// RMS of x − z, m.
-    pub relative_rms_m: f32,
+    pub rms_x_minus_z_m: f32,
     /// RMS of the demanded displacement, m.
     pub wanted_rms_m: f32,
     /// RMS of z minus the demand, at the delay that makes it smallest, m.
@@ -125,12 +125,12 @@ impl TransientMeter {
         let error = (error + late * along).max(0.0);
         let delay = if rate > 0.0 { (NOMINAL_DELAY_TICKS + late) * (1.0 / TICK_HZ) } else { 0.0 };
         TransientResult {
-            x_peak_m: self.x_peak,
-            x_rms_m: rms(x),
-            z_peak_m: self.z_peak,
-            z_rms_m: rms(z),
-            relative_peak_m: self.relative_peak,
-            relative_rms_m: rms(relative),
+            max_abs_x_m: self.x_peak,
+            rms_x_m: rms(x),
+            max_abs_z_m: self.z_peak,
+            rms_z_m: rms(z),
+            max_abs_x_minus_z_m: self.relative_peak,
+            rms_x_minus_z_m: rms(relative),
             wanted_rms_m: rms(wanted),
             base_error_rms_m: rms(error),
             base_delay_s: delay,
@@ -164,11 +164,11 @@ mod tests {
     fn rms_and_peaks_of_sines_agree_with_their_closed_forms() {
         let result = measured(2.0, 0.0);
         for (value, expected) in
-            [(result.x_rms_m, 3.0), (result.z_rms_m, 1.0), (result.relative_rms_m, 2.0), (result.wanted_rms_m, 1.0)]
+            [(result.rms_x_m, 3.0), (result.rms_z_m, 1.0), (result.rms_x_minus_z_m, 2.0), (result.wanted_rms_m, 1.0)]
         {
             assert!((value * core::f32::consts::SQRT_2 / expected - 1.0).abs() < 1e-3, "{value} for {expected}/√2");
         }
-        assert!((result.x_peak_m - 3.0).abs() < 1e-3 && (result.relative_peak_m - 2.0).abs() < 1e-3);
+        assert!((result.max_abs_x_m - 3.0).abs() < 1e-3 && (result.max_abs_x_minus_z_m - 2.0).abs() < 1e-3);
     }
 
     #[test]

@@ -115,7 +115,7 @@ impl Dampers {
             force_n: sensors.readings.spring_n,
             force_sensor,
             at_switch: sensors.at_limit,
-            x_peak_m: sensors.readings.x.peak_m,
+            max_abs_x_m: sensors.readings.x.peak_m,
             base_amplitude_m: self.base_amplitude_m,
             emergency_stop: sensors.emergency_stop,
         })

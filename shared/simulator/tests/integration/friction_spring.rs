@@ -11,7 +11,7 @@ use damprig_simulator::plant::spring::{SimulatedSpring, SpringPlant};
 struct Bench {
     spring: FrictionSpring,
     plant: SimulatedSpring,
-    x_peak_m: f32,
+    max_abs_x_m: f32,
     z_m: Option<f32>,
     /// Value that replaces the reading of the force sensor, N.
     reads_n: Option<f32>,
@@ -30,7 +30,7 @@ impl Bench {
         Self {
             spring,
             plant,
-            x_peak_m: 0.0,
+            max_abs_x_m: 0.0,
             z_m: None,
             reads_n: None,
             force_sensor: Verdict::Reads,
@@ -77,7 +77,7 @@ impl Bench {
             force_n,
             force_sensor: self.force_sensor,
             at_switch,
-            x_peak_m: self.x_peak_m,
+            max_abs_x_m: self.max_abs_x_m,
             base_amplitude_m: self.z_m,
             emergency_stop: false,
         };
@@ -247,17 +247,17 @@ fn no_step_is_made_while_the_structure_moves_too_much() {
     bench.make_ready();
     bench.set(Target::Force { force_n: 5.0 });
     bench.run(200);
-    bench.x_peak_m = 2e-3;
+    bench.max_abs_x_m = 2e-3;
     bench.run(300);
     let stopped = bench.plant.position_m();
     // A vibration exceeds the limit only part of the time.
     for tick in 0..5000 {
-        bench.x_peak_m = if tick % 200 < 20 { 2e-3 } else { 0.2e-3 };
+        bench.max_abs_x_m = if tick % 200 < 20 { 2e-3 } else { 0.2e-3 };
         bench.tick();
     }
     assert_eq!(bench.plant.position_m(), stopped);
     assert!(bench.spring.status().waiting);
-    bench.x_peak_m = 0.0;
+    bench.max_abs_x_m = 0.0;
     bench.until(SpringStage::Holding);
     assert!((bench.plant.normal_force_n() - 5.0).abs() < 0.022);
 }
@@ -268,7 +268,7 @@ fn the_brake_closes_whatever_the_structure_does() {
     let mut bench = Bench::with(&config, &SpringPlant::default());
     assert!(!bench.spring.brake(5.0), "the brake needs a zero reading");
     bench.make_ready();
-    bench.x_peak_m = 0.05;
+    bench.max_abs_x_m = 0.05;
     assert!(bench.spring.brake(5.0));
     bench.run(5000);
     assert!((bench.plant.normal_force_n() - 5.0).abs() < 0.022);

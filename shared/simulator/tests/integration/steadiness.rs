@@ -12,7 +12,7 @@ use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 use crate::support::host::Host;
 
 fn x_over_z(result: &PointResult) -> f64 {
-    f64::from(result.x_mean_cycle_max_m) / f64::from(result.z_amplitude_m)
+    f64::from(result.mean_cycle_max_m) / f64::from(result.z_amplitude_m)
 }
 
 /// |X/Z| of a bare structure with damping ratio ζ at r = f/fn: √(1 + (2ζr)²)/√((1 − r²)² + (2ζr)²).

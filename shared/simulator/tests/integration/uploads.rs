@@ -144,12 +144,12 @@ fn a_record_is_uploaded_and_played() {
     assert_eq!(host.complete(&bytes), whole);
     let result = host.result_of(Request::ConfigurePlayback(playback(&bytes)));
     assert_eq!(result.index, 3);
-    assert!((result.z_peak_m - 2e-3).abs() < 1.5e-5, "{result:?}");
+    assert!((result.max_abs_z_m - 2e-3).abs() < 1.5e-5, "{result:?}");
     // The duration is that of the samples plus three intervals and the tail.
     assert!((result.end_tick - result.start_tick).abs_diff(504 * 2 + 2000) <= 3, "{result:?}");
     // The record is still stored and can be played with another scale.
     let half = Playback { scale_m: 0.5e-7, ..playback(&bytes) };
-    assert!((host.result_of(Request::ConfigurePlayback(half)).z_peak_m - 1e-3).abs() < 1.5e-5);
+    assert!((host.result_of(Request::ConfigurePlayback(half)).max_abs_z_m - 1e-3).abs() < 1.5e-5);
 }
 
 #[test]
@@ -248,7 +248,7 @@ fn nothing_is_uploaded_while_a_record_is_played() {
     }
     let messages = host.let_pass(10_000);
     let played =
-        |m: &FromDevice| matches!(m, FromDevice::Event { event: Event::Transient(r), .. } if r.z_peak_m > 1.9e-3);
+        |m: &FromDevice| matches!(m, FromDevice::Event { event: Event::Transient(r), .. } if r.max_abs_z_m > 1.9e-3);
     assert!(messages.iter().any(played));
 }
 

@@ -119,10 +119,10 @@ signals = ["x", "z", "drive"]
     let Some(([virtual_rig, board], _)) = both(&text, "transient", Config::new(plant()), |_| {}) else { return };
     assert_eq!(board.len(), 2);
     for ((there, here), residue_m) in virtual_rig.iter().zip(&board).zip([0.0, REST_LEVEL_M]) {
-        for key in ["x_peak_m", "z_peak_m", "relative_peak_m"] {
+        for key in ["max_abs_x_m", "max_abs_z_m", "max_abs_x_minus_z_m"] {
             close(key, there, here, PEAK_NOISE_M + residue_m);
         }
-        for key in ["x_rms_m", "z_rms_m", "relative_rms_m"] {
+        for key in ["rms_x_m", "rms_z_m", "rms_x_minus_z_m"] {
             close(key, there, here, 4.0 * BOARD_NOISE_M.hypot(VIRTUAL_NOISE_M) / 10_000f64.sqrt() + residue_m);
         }
         // The output's steps of 2.4 µm, and the noise of a tick's ten samples.
@@ -174,7 +174,7 @@ signals = ["x", "z"]
     // Either end of the six cycles is found to a tick.
     close("frequency_hz", there, here, 2.5 * 2e-3 / 2.4);
     // The measurement of 4 s begins up to a tick earlier or later, near x0.
-    close("x_rms_m", there, here, x0_m.powi(2) * 1e-3 / 4.0 / (2.0 * number(there, "x_rms_m")));
+    close("rms_x_m", there, here, x0_m.powi(2) * 1e-3 / 4.0 / (2.0 * number(there, "rms_x_m")));
 }
 
 /// Pulses of the step output while the motor is on: those towards the structure less those away from it, and all of them.
@@ -295,8 +295,8 @@ rate_hz = 100
         );
         let Some(([virtual_rig, board], _)) = both(&text, "transient", Config::new(plant), |_| {}) else { return };
         let ([there], [here]) = (&virtual_rig[..], &board[..]) else { panic!("{board:?}") };
-        close("x_peak_m", there, here, PEAK_NOISE_M + REST_LEVEL_M);
-        close("x_rms_m", there, here, 4.0 * BOARD_NOISE_M.hypot(VIRTUAL_NOISE_M) / 10_000f64.sqrt() + REST_LEVEL_M);
+        close("max_abs_x_m", there, here, PEAK_NOISE_M + REST_LEVEL_M);
+        close("rms_x_m", there, here, 4.0 * BOARD_NOISE_M.hypot(VIRTUAL_NOISE_M) / 10_000f64.sqrt() + REST_LEVEL_M);
         // A contact whose force is near the threshold may be counted on one of the rigs.
         close("impacts", there, here, 1.0);
         assert_eq!(number(here, "impacts") > 3.0, damper == soft);

@@ -18,7 +18,7 @@ pub struct SpringInputs {
     /// The limit switch is closed.
     pub at_switch: bool,
     /// max |x| of the structure over the block, m.
-    pub x_peak_m: f32,
+    pub max_abs_x_m: f32,
     /// Measured base amplitude Z, m; `None` if it is not known.
     pub base_amplitude_m: Option<f32>,
     /// The emergency stop is pressed: the motor is switched off in every state.

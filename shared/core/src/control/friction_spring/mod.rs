@@ -332,7 +332,7 @@ impl FrictionSpring {
 
     /// Detects the faults that are possible in every state: the cause, the value and the limit.
     fn find_fault(&mut self, inputs: &SpringInputs, force_n: f32) -> Option<(SpringFaultCause, f32, f32)> {
-        let moving = inputs.x_peak_m >= self.config.quiet_m || inputs.x_peak_m.is_nan();
+        let moving = inputs.max_abs_x_m >= self.config.quiet_m || inputs.max_abs_x_m.is_nan();
         self.quiet_ticks = if moving { 0 } else { self.quiet_ticks.saturating_add(1) };
         // An unplugged sensor is no fault before homing: the rig may have no friction damper.
         if self.state == State::Unhomed {

@@ -62,7 +62,7 @@ impl Measuring {
         result.clipped = self.clipped;
         result.decay = *decay;
         // The release of a free vibration is detected a little late.
-        result.x_peak_m = result.x_peak_m.max(decay.start_m);
+        result.max_abs_x_m = result.max_abs_x_m.max(decay.start_m);
         Outcome::Transient(result)
     }
 }

@@ -141,7 +141,7 @@ impl Point {
             match outcome {
                 Outcome::Running => {}
                 Outcome::Finished(result) => {
-                    return (result.x_max_m < 0.99 * plant.sensors.range_m[0]).then_some(result);
+                    return (result.max_abs_x_m < 0.99 * plant.sensors.range_m[0]).then_some(result);
                 }
                 _ => return None,
             }
