@@ -20,7 +20,7 @@ particle = { mass_ratio = 0.1, clearance_ratio = 10, wall = { kind = \"restituti
 run = { duration_s = 8 }
 ";
 
-const TOP: &str = "case = \"case.toml\"\nobjective = \"max_x_over_z\"\nevaluations = 300\n";
+const TOP: &str = "case = \"case.toml\"\nobjective = \"max_x_over_z\"\nevaluations = 200\n";
 
 const CLEARANCE: &str = "[[variable]]\nkey = \"particle.clearance_ratio\"\nfrom = 5\nto = 20\n";
 
@@ -69,7 +69,7 @@ fn a_tuned_mass_is_tuned_as_its_closed_form_says() {
     let case = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0 }\n\
                 tmd = { mass_ratio = 0.1, frequency_ratio = 0.9, damping_ratio = 0.2 }\n\
                 force = { kind = \"sine\", amplitude_n = 1.2, frequency_ratio = 1 }\nrun = { duration_s = 8 }\n";
-    let file = "case = \"case.toml\"\nobjective = \"x_over_z\"\nevaluations = 300\n\
+    let file = "case = \"case.toml\"\nobjective = \"x_over_z\"\nevaluations = 150\n\
                 [record]\ncycles = 2\nsettle_cycles = 60\n\
                 [[variable]]\nkey = \"tmd.frequency_ratio\"\nfrom = 0.8\nto = 1\n\
                 [[variable]]\nkey = \"tmd.damping_ratio\"\nfrom = 0.1\nto = 0.3\n\
@@ -161,9 +161,11 @@ fn the_optimum_is_within_half_a_percent_of_a_dense_search() {
 
 #[test]
 fn a_constraint_is_kept_at_every_point_of_the_band_and_costs_what_it_costs() {
-    let free = answer(&folder(CASE, &format!("{TOP}{CLEARANCE}{BAND}")));
+    // The range that keeps the constraint is narrow.
+    let top = TOP.replace("200", "300");
+    let free = answer(&folder(CASE, &format!("{top}{CLEARANCE}{BAND}")));
     let constraint = "[[constraint]]\nmetric = \"impacts_per_cycle\"\nat_most = 1.96\n";
-    let folder = folder(CASE, &format!("{TOP}{CLEARANCE}{BAND}{constraint}"));
+    let folder = folder(CASE, &format!("{top}{CLEARANCE}{BAND}{constraint}"));
     let bound = answer(&folder);
     // Values are rounded and judged by their tolerances, which moves either by less than a percent.
     assert!(bound["objective"].as_f64() >= free["objective"].as_f64().map(|free| 0.99 * free));
@@ -357,7 +359,7 @@ fn a_dry_run_of_hours_of_simulation_takes_seconds() {
     let start = Instant::now();
     let output = run(&folder, "2", &["--dry-run"]);
     let told = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success() && told.contains("300 points of 5 simulations"), "{told}");
+    assert!(output.status.success() && told.contains("200 points of 5 simulations"), "{told}");
     // Some beginnings of 0.05 s, on a machine that does other things too.
     assert!(start.elapsed() < Duration::from_secs(20), "{:?}", start.elapsed());
 }
