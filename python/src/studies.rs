@@ -151,7 +151,7 @@ pub fn optimise(py: Python<'_>, optimisation: &Bound<'_, PyAny>) -> PyResult<Str
                 return Err(refusal.into());
             }
         };
-        let answer = Answer::of(&optimisation, &found, &|| watch.goes_on())?;
+        let answer = Answer::of(&optimisation, &found, &|_| watch.goes_on())?;
         if answer.is_stopped { Err(watch.stopped()) } else { json(&answer) }
     })
 }

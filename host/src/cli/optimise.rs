@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
 use clap::Args as ClapArgs;
@@ -10,6 +10,7 @@ use clap::Args as ClapArgs;
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
 use crate::optimise::search::{self, Progress};
+use crate::optimise::size::{self, Size};
 use crate::optimise::{Answer, Optimisation, table};
 use crate::report::numbers::{about, duration, significant};
 use crate::report::terminal;
@@ -60,7 +61,7 @@ pub fn run(args: &Args) -> Outcome {
         table::check_folder(folder).map_err(Failure::input)?;
     }
     let cores = rayon::current_num_threads();
-    let estimate_s = search::estimate_s(&optimisation).map_err(Failure::input)? / cores as f64;
+    let estimate_s = size::estimate_s(&optimisation).map_err(Failure::input)? / cores as f64;
     let scope = format!("{}; {} on {cores} cores", terminal::optimise::scope(&optimisation), about(estimate_s));
     if args.dry_run {
         say!("{scope}");
@@ -69,28 +70,36 @@ pub fn run(args: &Args) -> Outcome {
     if !args.json {
         say!("{scope}");
     }
+    let size = Size::of(&optimisation);
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    let (start, bar) = (Instant::now(), StudyBar::new(&optimisation.name, optimisation.evaluations));
+    let (start, bar) = (Instant::now(), StudyBar::new(&optimisation.name, size.about()));
     let report = |progress: &Progress| {
         let best = progress.best.as_ref().filter(|best| best.is_feasible());
         let best = best.map(|best| format!("{} {}", optimisation.objective.name(), significant(best.objective, 5)));
-        bar.reach(progress.done, best.as_deref());
+        bar.reach(progress.simulations, best.as_deref());
         !stop.load(Ordering::Relaxed)
     };
     let found = search::run(&optimisation, &report);
-    bar.end();
     let found = match found {
         Err(refusal) if stop.load(Ordering::Relaxed) => return Err(Failure::Interrupted(refusal.to_string())),
         found => found.map_err(Failure::input)?,
     };
     let is_search_stopped = found.is_stopped;
-    let answer = Answer::of(&optimisation, &found, &|| !stop.load(Ordering::Relaxed)).map_err(Failure::input)?;
+    bar.set_length(found.simulations + size.after);
+    let simulations = AtomicU64::new(found.simulations);
+    let go_on = |ended: u64| {
+        bar.reach(simulations.fetch_add(ended, Ordering::Relaxed) + ended, None);
+        !stop.load(Ordering::Relaxed)
+    };
+    let answer = Answer::of(&optimisation, &found, &go_on).map_err(Failure::input)?;
+    bar.end();
     if args.json {
         say!("{}", serde_json::to_string(&answer).map_err(Failure::failed)?);
     } else {
         say!("{}", terminal::optimise::answer(&optimisation, &answer));
-        say!("\n{} points in {}", answer.evaluations, duration(start.elapsed().as_secs_f64()));
+        let took = duration(start.elapsed().as_secs_f64());
+        say!("\n{} points, {} simulations in {took}", answer.evaluations, answer.simulations);
     }
     if let Some(folder) = &args.out {
         table::write(&optimisation, &found, &answer, folder).map_err(Failure::failed)?;

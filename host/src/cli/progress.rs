@@ -91,6 +91,11 @@ impl StudyBar {
         }
     }
 
+    /// Changes the number of points to come in all.
+    pub fn set_length(&self, points: u64) {
+        self.bar.set_length(points);
+    }
+
     /// Removes the bar.
     pub fn end(&self) {
         self.bar.finish_and_clear();

@@ -1,9 +1,11 @@
 //! The answer of an optimisation: the optimum, how sure it is, what is around it, and what other dampers do.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use serde::Serialize;
 
 use super::cases::Cases;
-use super::evaluate::{Evaluated, from_starts};
+use super::evaluate::{Evaluated, GoOn, from_starts};
 use super::file::Optimisation;
 use super::mount;
 use super::neighbourhood::{self, Sensitivity};
@@ -13,10 +15,10 @@ use crate::input::Refusal;
 use crate::study::axis::{Axis, Reduction, Value};
 use crate::study::band::Effort;
 use crate::study::evaluate::quantile;
-use crate::study::simulate::{GoOn, Halt};
+use crate::study::simulate::Halt;
 
 /// Starts from wall to wall from which the optimum is simulated again.
-const DENSE_STARTS: u32 = 101;
+pub(super) const DENSE_STARTS: u32 = 101;
 
 /// A number and what it is of.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -94,6 +96,8 @@ pub struct Answer {
     pub is_stopped: bool,
     /// Evaluated points of the search.
     pub evaluations: usize,
+    /// Simulations of the search and of what follows it.
+    pub simulations: u64,
     /// The objective at the values of the variables.
     pub objective: f64,
     /// The worst objective at the ends of the tolerances; `None` if the values are not rounded.
@@ -128,6 +132,11 @@ impl Answer {
     /// # Errors
     /// The refusal of a case that the values make.
     pub fn of(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<Self, Refusal> {
+        let simulations = AtomicU64::new(found.simulations);
+        let go_on: GoOn = &|ended| {
+            simulations.fetch_add(ended, Ordering::Relaxed);
+            go_on(ended)
+        };
         let best = &found.points[found.best].1;
         let setting = if found.is_stopped || !best.is_feasible() {
             None
@@ -161,6 +170,7 @@ impl Answer {
             is_feasible: best.is_feasible(),
             is_stopped: around.is_stopped,
             evaluations: found.points.len(),
+            simulations: simulations.load(Ordering::Relaxed),
             objective: best.objective,
             worst_within_tolerance: worst.map(|worst| worst.objective),
             is_feasible_within_tolerance: worst.map(Evaluated::is_feasible),

@@ -9,7 +9,7 @@ use crate::simulation::Case;
 use crate::study::axis::{Axis, Value};
 use crate::study::band::{Band, Effort, Reduced};
 use crate::study::evaluate::{quantile, started_at};
-use crate::study::simulate::{GoOn, Halt, metrics_of_all, metrics_of_each};
+use crate::study::simulate::{Halt, metrics_of_all, metrics_of_each};
 
 /// What an evaluated point gives.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,6 +49,9 @@ impl Evaluated {
         }
     }
 }
+
+/// Told how many simulations have ended since the last call, also inside a simulation; answers whether to go on.
+pub type GoOn<'a> = &'a (dyn Fn(u64) -> bool + Sync);
 
 /// The metrics of some simulations: by metric, then by start, then by point of the band.
 type Simulated = Vec<Vec<Vec<f64>>>;
@@ -183,7 +186,8 @@ impl Simulations<'_> {
 
     fn metrics(&mut self, cases: &[Case], metrics: &[Quantity]) -> Result<Vec<Vec<f64>>, Halt> {
         let simulate = if self.is_answer { metrics_of_each } else { metrics_of_all };
-        let simulated = simulate(cases, self.optimisation.record, metrics, self.go_on)?;
+        let simulated = simulate(cases, self.optimisation.record, metrics, &|| (self.go_on)(0))?;
+        (self.go_on)(cases.len() as u64);
         self.unresolved += simulated.iter().map(|(_, given_up)| given_up).sum::<f64>();
         Ok(simulated.into_iter().map(|(values, _)| values).collect())
     }

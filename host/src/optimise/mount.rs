@@ -8,11 +8,11 @@ use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
-use super::evaluate::{Care, Evaluated, at_values};
+use super::evaluate::{Care, Evaluated, GoOn, at_values};
 use super::file::Optimisation;
 use super::search::{APART, Found, PLACES, best_places};
 use crate::study::band::Effort;
-use crate::study::simulate::{GoOn, Halt};
+use crate::study::simulate::Halt;
 
 /// Best places of the search that are moved.
 const MOVED: usize = 3;
@@ -22,6 +22,9 @@ const FIRST_STEP: f64 = 16.0;
 
 /// Most values that are tried in moving a place.
 const TRIES: usize = 60;
+
+/// Share of the moves with which the tolerances are evaluated, about; the others are no better without them.
+const WHOLE_MOVES: f64 = 0.05;
 
 /// Places whose band is scanned, unless none of them keeps the constraints.
 const SCANNED: usize = 2;
@@ -43,6 +46,32 @@ pub struct Setting {
     /// The worst of them and of some values within their tolerances: the end, the middle and a hundredth of each variable's alone, to
     /// either side, and the corners of all together for up to four variables.
     pub worst: Evaluated,
+}
+
+/// A number of points: the most, and about how many.
+pub(super) struct Points {
+    pub most: u64,
+    pub about: u64,
+}
+
+/// Points that [`best`] evaluates around the peaks of their grid, and with a scan.
+pub(super) fn points(optimisation: &Optimisation) -> (Points, Points) {
+    let variables = optimisation.variables;
+    let corners = if (2..=COMBINED).contains(&variables) { 1 << variables } else { 0 };
+    // A setting and what is within its tolerances.
+    let setting = (1 + 2 * WITHIN.len() * variables + corners) as u64;
+    let moves = (MOVED * TRIES.next_multiple_of(2 * variables)) as u64;
+    let first = PLACES as u64 * setting;
+    let tried =
+        Points { most: first + moves * setting, about: first + (WHOLE_MOVES * (moves * setting) as f64) as u64 };
+    let settings = SCANNED as u64 * setting;
+    // Those that keep no constraint are scanned one after the other, then places further away and the best of these.
+    let further = if optimisation.constraints.is_empty() {
+        0
+    } else {
+        FURTHER.0 + (PLACES + MOVED + 1 - SCANNED) * setting as usize
+    };
+    (tried, Points { most: settings + further as u64, about: settings })
 }
 
 /// The best values that can be set, near the best places of a search.

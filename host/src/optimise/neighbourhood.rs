@@ -4,11 +4,11 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::evaluate::{Care, Evaluated, at_values};
+use super::evaluate::{Care, Evaluated, GoOn, at_values};
 use super::file::Optimisation;
 use crate::study::axis::{Axis, Values};
 use crate::study::band::Effort;
-use crate::study::simulate::{GoOn, Halt};
+use crate::study::simulate::Halt;
 
 const CARE: Care = Care::of(Effort::Peaks);
 
@@ -64,6 +64,13 @@ pub struct Jump {
 pub fn step(axis: &Axis, value: f64) -> f64 {
     let Values::Drawn { from, to, .. } = axis.values else { return 0.0 };
     0.01 * if value == 0.0 { to - from } else { value.abs() }
+}
+
+/// Points of [`sensitivities`] and [`grid`] at most, for so many variables.
+pub(super) const fn points(variables: usize) -> u64 {
+    let line = (2 * GRID + 1) as usize;
+    let pairs = variables * (variables - 1) / 2;
+    (variables * (2 * REACH + 1) as usize + if variables == 1 { line } else { pairs * line * line }) as u64
 }
 
 fn is_inside(axis: &Axis, value: f64) -> bool {

@@ -5,12 +5,12 @@ use damprig_core::model::{Tmd, Tuning};
 use serde::Serialize;
 
 use super::cases::Cases;
-use super::evaluate::{Evaluated, over_band};
+use super::evaluate::{Evaluated, GoOn, over_band};
 use super::file::Optimisation;
 use crate::simulation::Case;
 use crate::study::axis::Value;
 use crate::study::metric::refusal;
-use crate::study::simulate::{GoOn, Halt};
+use crate::study::simulate::Halt;
 
 /// The objective of other dampers; `None` where it does not exist for them.
 #[derive(Clone, Debug, PartialEq, Serialize)]

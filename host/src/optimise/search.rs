@@ -14,13 +14,10 @@ use rand_core::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 
-use super::cases::Cases;
 use super::evaluate::{self, Care, Evaluated};
 use super::file::Optimisation;
 use crate::input::Refusal;
-use crate::quantity::Quantity;
 use crate::study::band::Effort;
-use crate::study::evaluate::simulating_s;
 use crate::study::points::{Method, Sampling};
 use crate::study::simulate::Halt;
 
@@ -30,9 +27,6 @@ const SWARM_SHARE: f64 = 0.3;
 
 /// The first of so many Sobol points are searched over the whole band, and of the others those that may be among the best of so many.
 const FIRST: usize = 8;
-
-/// Share of the points whose band is searched, about, for an estimate.
-const SEARCHED: f64 = 0.5;
 
 /// Particles of the swarm.
 const PARTICLES: usize = 32;
@@ -77,6 +71,8 @@ impl Stage {
 pub struct Progress {
     /// Points that are evaluated.
     pub done: u64,
+    /// Simulations that have ended.
+    pub simulations: u64,
     /// The best point so far.
     pub best: Option<Evaluated>,
 }
@@ -88,6 +84,8 @@ pub struct Found {
     pub points: Vec<(Stage, Evaluated)>,
     /// Number of the best one: of those that keep the constraints, or else of the least violation.
     pub best: usize,
+    /// Simulations behind them.
+    pub simulations: u64,
     /// It was stopped before its end.
     pub is_stopped: bool,
 }
@@ -120,32 +118,8 @@ pub fn run(optimisation: &Optimisation, report: &(dyn Fn(&Progress) -> bool + Sy
     judge.verdict()?;
     let best = (0..points.len()).min_by(|a, b| cost(&points[*a]).total_cmp(&cost(&points[*b])));
     let best = best.ok_or_else(|| Refusal("stopped before the first point".into()))?;
-    Ok(Found { points, best, is_stopped: judge.is_stopped.load(Ordering::Relaxed) })
-}
-
-/// Points tried for an estimate.
-const TRIED: usize = 4;
-
-/// Estimated computing time of the search on one core, s, from the beginnings of some of its simulations.
-///
-/// # Errors
-/// The refusal of a case that the values make.
-pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Refusal> {
-    let sampling = Sampling { method: Method::Sobol, count: TRIED + 1, seed: optimisation.seed };
-    let metrics: Vec<Quantity> =
-        [optimisation.objective].into_iter().chain(optimisation.constraints.iter().map(|c| c.metric)).collect();
-    let (points, mut point_s) = (optimisation.band_points(), 0.0);
-    for (place, shares) in sampling.shares(optimisation.variables)[1..].iter().enumerate() {
-        let values = evaluate::values(optimisation, shares);
-        // One of each quarter of the band.
-        let at = optimisation.band_values((2 * place + 1) * points / (2 * TRIED));
-        let case = Cases::at(optimisation, &values)?.case(&at)?;
-        point_s += simulating_s(case, optimisation.record, &metrics)? / TRIED as f64;
-    }
-    let starts = optimisation.simulations_per_point() / points;
-    let around = optimisation.reduced_band.refined().map_or(0, |_| metrics.len() * Effort::Peaks.most_simulations());
-    let simulations = points as f64 + SEARCHED * around as f64;
-    Ok(point_s * starts as f64 * simulations * optimisation.evaluations as f64)
+    let (simulations, is_stopped) = (judge.simulations.into_inner(), judge.is_stopped.into_inner());
+    Ok(Found { points, best, simulations, is_stopped })
 }
 
 /// So many of the best points so far that are apart from each other by this share of the ranges, best first.
@@ -233,6 +207,7 @@ struct Judge<'a> {
     optimisation: &'a Optimisation,
     report: &'a (dyn Fn(&Progress) -> bool + Sync),
     done: AtomicU64,
+    simulations: AtomicU64,
     best: Mutex<Option<Evaluated>>,
     is_stopped: AtomicBool,
     refusal: Mutex<Option<Refusal>>,
@@ -244,6 +219,7 @@ impl<'a> Judge<'a> {
             optimisation,
             report,
             done: AtomicU64::new(0),
+            simulations: AtomicU64::new(0),
             best: Mutex::default(),
             is_stopped: AtomicBool::new(false),
             refusal: Mutex::default(),
@@ -257,7 +233,7 @@ impl<'a> Judge<'a> {
         }
         let inside: Vec<f64> = shares.iter().map(|share| share.clamp(0.0, 1.0)).collect();
         let care = Care { effort: Effort::Peaks, up_to_cost: bar };
-        match evaluate::at(self.optimisation, &inside, care, &|| self.goes_on()) {
+        match evaluate::at(self.optimisation, &inside, care, &|ended| self.goes_on(ended)) {
             Ok(point) => {
                 self.meet(&point);
                 Some(point)
@@ -279,13 +255,14 @@ impl<'a> Judge<'a> {
             *best = Some(point.clone());
         }
         drop(best);
-        self.goes_on();
+        self.goes_on(0);
     }
 
-    /// Reports the progress; whether the search goes on.
-    fn goes_on(&self) -> bool {
+    /// Reports the progress after so many more simulations; whether the search goes on.
+    fn goes_on(&self, ended: u64) -> bool {
+        let simulations = self.simulations.fetch_add(ended, Ordering::Relaxed) + ended;
         let (done, best) = (self.done.load(Ordering::Relaxed), lock(&self.best).clone());
-        if !(self.report)(&Progress { done, best }) {
+        if !(self.report)(&Progress { done, simulations, best }) {
             self.is_stopped.store(true, Ordering::Relaxed);
         }
         !self.is_stopped.load(Ordering::Relaxed)

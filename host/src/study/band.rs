@@ -94,6 +94,14 @@ impl Band {
         self.axes[self.refined?].reduce
     }
 
+    /// Most simulations between the values of the grid, from one start for one metric.
+    #[must_use]
+    pub fn most_between(&self, effort: Effort) -> u64 {
+        let Some(refined) = self.refined else { return 0 };
+        let others = self.axes.iter().enumerate().filter(|(place, _)| *place != refined);
+        effort.most_simulations() as u64 * others.map(|(_, axis)| axis.count() as u64).product::<u64>()
+    }
+
     /// How a study searches it.
     #[must_use]
     pub fn effort_of_study(&self) -> Effort {

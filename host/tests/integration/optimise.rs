@@ -140,7 +140,7 @@ fn least_of_dense_search(optimisation: &Optimisation, count: usize) -> f64 {
         let shares: Vec<f64> = (0..variables)
             .map(|variable| (point / count.pow(variable as u32) % count) as f64 / (count - 1) as f64)
             .collect();
-        evaluate::at(optimisation, &shares, Care::of(Effort::Peaks), &|| true).expect("it is sound").objective
+        evaluate::at(optimisation, &shares, Care::of(Effort::Peaks), &|_| true).expect("it is sound").objective
     };
     (0..points).map(at).fold(f64::MAX, f64::min)
 }
@@ -200,13 +200,13 @@ fn the_worst_start_counts_unless_a_quantile_is_wanted() {
     let file = |over: &str| format!("{TOP}{CLEARANCE}[ensemble]\nstarts = 5\n{over}");
     let objective = |over: &str| {
         let folder = folder(CASE, &file(over));
-        evaluate::at(&read(&folder), &[0.3], Care::of(Effort::Peaks), &|| true).expect("it is sound").objective
+        evaluate::at(&read(&folder), &[0.3], Care::of(Effort::Peaks), &|_| true).expect("it is sound").objective
     };
     let optimisation = folder(CASE, &file(""));
     let optimisation = read(&optimisation);
-    let value = evaluate::at(&optimisation, &[0.3], Care::of(Effort::Peaks), &|| true).expect("it is sound").values;
+    let value = evaluate::at(&optimisation, &[0.3], Care::of(Effort::Peaks), &|_| true).expect("it is sound").values;
     let mut starts =
-        evaluate::from_starts(&optimisation, &value, &[-1.0, -0.5, 0.0, 0.5, 1.0], Effort::Peaks, &|| true)
+        evaluate::from_starts(&optimisation, &value, &[-1.0, -0.5, 0.0, 0.5, 1.0], Effort::Peaks, &|_| true)
             .expect("sound");
     starts.sort_by(f64::total_cmp);
     assert!(starts[0] < starts[4], "the starts differ");
@@ -336,14 +336,14 @@ fn the_peak_over_the_shipped_band_is_that_of_a_grid_of_1601_frequencies() {
     let dense = Optimisation::parse(&Source::new("dense.toml", text.as_str()), &shipped, None).expect("it is sound");
     let values = if std::env::var_os("DAMPRIG_FULL").is_some() {
         let found = search::run(&optimisation, &|_| true).expect("it is sound");
-        let answer = Answer::of(&optimisation, &found, &|| true).expect("it is sound");
+        let answer = Answer::of(&optimisation, &found, &|_| true).expect("it is sound");
         vec![answer.variables.iter().map(|variable| variable.value).collect()]
     } else {
         vec![vec![10.2312, 0.137067], vec![15.0, 0.5]]
     };
     for values in values {
         let of = |optimisation: &Optimisation, effort: Effort| {
-            let found = evaluate::at_values(optimisation, values.clone(), Care::of(effort), &|| true);
+            let found = evaluate::at_values(optimisation, values.clone(), Care::of(effort), &|_| true);
             found.expect("it is sound").objective
         };
         let (peak, all) = (of(&optimisation, Effort::Scan), of(&dense, Effort::Grid));
@@ -377,5 +377,29 @@ fn a_tolerance_says_how_closely_the_optimum_is_stated() {
         let output = run(&folder(CASE, &format!("{TOP}{CLEARANCE}{text}\n")), "2", &[]);
         let told = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.code() == Some(2) && words.iter().all(|word| told.contains(word)), "{told}");
+    }
+}
+
+/// The number before these words.
+fn number_before(told: &str, words: &str) -> u64 {
+    let (before, _) = told.split_once(words).unwrap_or_else(|| panic!("no {words:?} in:\n{told}"));
+    before.split_whitespace().next_back().and_then(|number| number.parse().ok()).unwrap_or_else(|| panic!("{told}"))
+}
+
+#[test]
+fn a_dry_run_counts_the_simulations_of_the_search_and_of_what_follows_it() {
+    let record = "[record]\nduration_s = 2\n";
+    let constraint = "[[constraint]]\nmetric = \"impacts_per_cycle\"\nat_most = 1.96\n";
+    let starts = "[ensemble]\nstarts = 2\n";
+    for more in [CLEARANCE.into(), format!("{CLEARANCE}{RESTITUTION}"), format!("{CLEARANCE}{constraint}{starts}")] {
+        let folder = folder(CASE, &format!("{}{more}{BAND}{record}", TOP.replace("300", "100")));
+        let most =
+            number_before(&String::from_utf8_lossy(&run(&folder, "2", &["--dry-run"]).stdout), " simulations in all");
+        let found = answer(&folder);
+        let (points, done) = (found["evaluations"].as_u64().unwrap(), found["simulations"].as_u64().unwrap());
+        assert!(points <= 100, "{points} points of a search of 100");
+        // 8 settings with their neighbours are the least that follows.
+        assert!((points * 5 + 8 * 5..=most).contains(&done), "{done} simulations of {most} at most\n{more}");
+        assert!(done > most / 30, "{done} simulations of {most} at most\n{more}");
     }
 }

@@ -6,10 +6,11 @@ use super::table::table;
 use crate::optimise::answer::Kept;
 use crate::optimise::file::Constraint;
 use crate::optimise::neighbourhood::Sensitivity;
+use crate::optimise::size::Size;
 use crate::optimise::{Answer, Optimisation};
 use crate::report::numbers::significant;
 
-/// Size of a search: `Hybrid: 3 variables, 4000 points of 26 simulations`.
+/// Size of an optimisation: `Hybrid: 3 variables, 4000 points of 26 simulations, up to 900000 in all`.
 #[must_use]
 pub fn scope(optimisation: &Optimisation) -> String {
     let variables = optimisation.variables;
@@ -18,7 +19,8 @@ pub fn scope(optimisation: &Optimisation) -> String {
         1 => String::new(),
         each => format!(" of {each} simulations"),
     };
-    format!("{}: {variables} {plural}, {} points{each}", optimisation.name, optimisation.evaluations)
+    let (name, points, most) = (&optimisation.name, optimisation.evaluations, Size::of(optimisation).most);
+    format!("{name}: {variables} {plural}, {points} points{each}, up to {most} simulations in all")
 }
 
 /// The answer.

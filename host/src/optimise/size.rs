@@ -1,0 +1,79 @@
+//! How many simulations an optimisation has, with those after its search, and how long they take.
+
+use super::answer::DENSE_STARTS;
+use super::cases::Cases;
+use super::evaluate;
+use super::file::Optimisation;
+use super::{mount, neighbourhood};
+use crate::input::Refusal;
+use crate::quantity::Quantity;
+use crate::study::band::{Band, Effort};
+use crate::study::evaluate::simulating_s;
+use crate::study::points::{Method, Sampling};
+
+/// Share of the points of the search whose band is searched, about.
+const SEARCHED: f64 = 0.5;
+
+/// Points tried for an estimate.
+const TRIED: usize = 4;
+
+/// Numbers of simulations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// The most of all.
+    pub most: u64,
+    /// About those of the search.
+    pub search: u64,
+    /// About those after it.
+    pub after: u64,
+}
+
+impl Size {
+    /// Of an optimisation.
+    #[must_use]
+    pub fn of(optimisation: &Optimisation) -> Self {
+        let each = |effort: Effort| {
+            let between = |band: &Band| band.most_between(effort);
+            let constraints = optimisation.constraints.len() as u64 * between(&optimisation.constraint_band);
+            let starts = optimisation.starts.as_ref().map_or(1, |starts| starts.shares.len() as u64);
+            starts * (optimisation.band_points() as u64 + between(&optimisation.reduced_band) + constraints)
+        };
+        let (grid, peaks, scan) = (each(Effort::Grid), each(Effort::Peaks), each(Effort::Scan));
+        let one_start = |effort| optimisation.band_points() as u64 + optimisation.reduced_band.most_between(effort);
+        let around = neighbourhood::points(optimisation.variables) * peaks
+            + u64::from(DENSE_STARTS) * one_start(Effort::Peaks)
+            + 2 * one_start(Effort::Scan);
+        let (tried, scanned) = mount::points(optimisation);
+        let search = optimisation.evaluations;
+        Self {
+            most: search * peaks + tried.most * peaks + scanned.most * scan + around,
+            search: search * grid + (SEARCHED * (search * (peaks - grid)) as f64) as u64,
+            after: tried.about * peaks + scanned.about * scan + around,
+        }
+    }
+
+    /// About all simulations.
+    #[must_use]
+    pub const fn about(&self) -> u64 {
+        self.search + self.after
+    }
+}
+
+/// Estimated computing time on one core, s, from the beginnings of some of the simulations.
+///
+/// # Errors
+/// The refusal of a case that the values make.
+pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Refusal> {
+    let sampling = Sampling { method: Method::Sobol, count: TRIED + 1, seed: optimisation.seed };
+    let metrics: Vec<Quantity> =
+        [optimisation.objective].into_iter().chain(optimisation.constraints.iter().map(|c| c.metric)).collect();
+    let (points, mut simulation_s) = (optimisation.band_points(), 0.0);
+    for (place, shares) in sampling.shares(optimisation.variables)[1..].iter().enumerate() {
+        let values = evaluate::values(optimisation, shares);
+        // One of each quarter of the band.
+        let at = optimisation.band_values((2 * place + 1) * points / (2 * TRIED));
+        let case = Cases::at(optimisation, &values)?.case(&at)?;
+        simulation_s += simulating_s(case, optimisation.record, &metrics)? / TRIED as f64;
+    }
+    Ok(simulation_s * Size::of(optimisation).about() as f64)
+}
