@@ -8,13 +8,14 @@ use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 use damprig_tests::support::images::project;
 
 /// The project's crates, and the project crates that each may depend on.
-const DIRECTIONS: [(&str, &[&str]); 14] = [
+const DIRECTIONS: [(&str, &[&str]); 15] = [
     ("damprig-core", &[]),
     ("damprig-batch", &["damprig-core"]),
     ("damprig-protocol", &["damprig-core"]),
     ("damprig-device", &["damprig-core", "damprig-protocol"]),
     ("damprig-simulator", &["damprig-core", "damprig-protocol", "damprig-device"]),
     ("damprig-continuation", &["damprig-core"]),
+    ("damprig-motion", &["damprig-core"]),
     ("damprig-particles", &["damprig-core"]),
     ("damprig-firmware", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     (
@@ -23,6 +24,7 @@ const DIRECTIONS: [(&str, &[&str]); 14] = [
             "damprig-batch",
             "damprig-continuation",
             "damprig-core",
+            "damprig-motion",
             "damprig-particles",
             "damprig-protocol",
             "damprig-device",

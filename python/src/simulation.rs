@@ -46,7 +46,7 @@ impl Motion {
 }
 
 impl Viewer for Motion {
-    fn piece(&mut self, piece: &impl Piece) {
+    fn piece(&mut self, piece: &dyn Piece) {
         let (start_s, length_s) = (piece.start_s(), piece.length_s());
         let end_s = start_s + length_s;
         // The sum of the pieces' lengths may be short of the duration by rounding, which must not lose a row.

@@ -46,7 +46,7 @@ pub struct Cost {
 struct ArcCounter(u64);
 
 impl Viewer for ArcCounter {
-    fn piece(&mut self, _: &impl Piece) {
+    fn piece(&mut self, _: &dyn Piece) {
         self.0 += 1;
     }
 }

@@ -183,7 +183,7 @@ impl Envelope {
 }
 
 impl Viewer for Envelope {
-    fn piece(&mut self, piece: &impl Piece) {
+    fn piece(&mut self, piece: &dyn Piece) {
         let start_s = piece.start_s();
         let from_s = (self.from_s - start_s).max(0.0);
         let to_s = (self.to_s - start_s).min(piece.length_s());

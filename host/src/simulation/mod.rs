@@ -23,21 +23,20 @@ pub mod analysis;
 pub mod case;
 pub mod collector;
 pub mod cost;
-pub mod cycle_maxima;
 pub mod envelope;
 mod exact_driver;
 mod excitation;
 mod json_case;
 mod keys;
 pub mod many_particles;
-pub mod motion;
 pub mod result;
 mod sampled_driver;
 pub mod set_values;
 pub mod settling;
 mod simulate;
-pub mod statistics;
 pub mod time_history;
+
+pub use damprig_motion::{self as motion, cycle_maxima, statistics};
 
 pub use case::Case;
 pub use collector::RunOptions;

@@ -430,7 +430,7 @@ impl TimeHistory {
 }
 
 impl Viewer for TimeHistory {
-    fn piece(&mut self, piece: &impl Piece) {
+    fn piece(&mut self, piece: &dyn Piece) {
         let (start_s, length_s) = (piece.start_s(), piece.length_s());
         let mut phase: Option<Phase> = None;
         while self.failure.is_none() {

@@ -2,6 +2,10 @@
 //!
 //! A [`Viewer`] takes output from a run (states, a time history, a figure). It sees the exact driver's arcs and the sampled
 //! driver's flights in the same way. Its memory does not grow with the run unless its description says so.
+//! Pieces are seen through a pointer, so that the meters ([`statistics`], [`cycle_maxima`]) are compiled once, in this crate.
+
+pub mod cycle_maxima;
+pub mod statistics;
 
 use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::{self, series};
@@ -98,7 +102,7 @@ pub trait Viewer {
     }
 
     /// Next piece of the motion.
-    fn piece(&mut self, piece: &impl Piece) {
+    fn piece(&mut self, piece: &dyn Piece) {
         let _ = piece;
     }
 
@@ -130,7 +134,7 @@ impl<A: Viewer, B: Viewer> Viewer for (A, B) {
         self.0.pieces_from_s().min(self.1.pieces_from_s())
     }
 
-    fn piece(&mut self, piece: &impl Piece) {
+    fn piece(&mut self, piece: &dyn Piece) {
         self.0.piece(piece);
         self.1.piece(piece);
     }
@@ -155,7 +159,7 @@ impl<V: Viewer> Viewer for &mut V {
         (**self).pieces_from_s()
     }
 
-    fn piece(&mut self, piece: &impl Piece) {
+    fn piece(&mut self, piece: &dyn Piece) {
         (**self).piece(piece);
     }
 
@@ -178,7 +182,7 @@ impl<V: Viewer> Viewer for Option<V> {
         self.as_ref().map_or(f64::INFINITY, Viewer::pieces_from_s)
     }
 
-    fn piece(&mut self, piece: &impl Piece) {
+    fn piece(&mut self, piece: &dyn Piece) {
         if let Some(viewer) = self {
             viewer.piece(piece);
         }
@@ -203,7 +207,10 @@ impl<V: Viewer> Viewer for Option<V> {
 
 /// Passes the exact driver's motion to a viewer.
 #[derive(Debug)]
-pub(super) struct ExactObserver<V>(pub V);
+pub struct ExactObserver<V>(
+    /// The viewer.
+    pub V,
+);
 
 impl<V: Viewer> exact::Observer for ExactObserver<V> {
     fn arc(&mut self, arc: &exact::Arc<'_>) {
@@ -264,7 +271,7 @@ impl StateSamples {
     }
 
     /// Fills in the times that lie after the end of the run by rounding.
-    pub(super) fn fill(&mut self, state: ExactState) {
+    pub fn fill(&mut self, state: ExactState) {
         self.states.resize(self.times_s.len(), state);
     }
 }
@@ -274,7 +281,7 @@ impl Viewer for StateSamples {
         self.times_s.get(self.states.len()).copied().unwrap_or(f64::INFINITY)
     }
 
-    fn piece(&mut self, piece: &impl Piece) {
+    fn piece(&mut self, piece: &dyn Piece) {
         while let Some(time_s) = self.times_s.get(self.states.len()) {
             let after_s = time_s - piece.start_s();
             if after_s > piece.length_s() {

@@ -1,7 +1,7 @@
 //! Measures the largest |x| of every cycle of a run.
 
-use super::motion::{Piece, Viewer};
 use super::statistics::{largest_abs, x};
+use super::{Piece, Viewer};
 
 /// Intervals of a piece in which an extremum is looked for: an arc has at most one, an interval of a record a few.
 const INTERVALS: u32 = 4;
@@ -30,7 +30,7 @@ impl CycleMaxima {
 }
 
 impl Viewer for CycleMaxima {
-    fn piece(&mut self, piece: &impl Piece) {
+    fn piece(&mut self, piece: &dyn Piece) {
         let (start_s, length_s) = (piece.start_s(), piece.length_s());
         let mut from_s = 0.0;
         loop {
@@ -53,22 +53,22 @@ impl Viewer for CycleMaxima {
 
 #[cfg(test)]
 mod tests {
-    use crate::input::Source;
-    use crate::simulation::{Case, RunOptions, simulate};
+    use damprig_core::integrator::exact::{Exact, Excitation};
+    use damprig_core::model::{Initial, SetUp, Structure};
+
+    use crate::ExactObserver;
 
     use super::*;
 
     #[test]
     fn the_maxima_of_a_decay_fall_by_its_decrement_and_a_broken_cycle_is_left_out() {
-        let text = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.01 }
-                    initial = { x_m = 0.035 }
-                    run = { duration_s = 4.3 }";
-        let case = Case::parse(&Source::new("case.toml", text), "case").expect("a case");
+        let set_up = SetUp::bare(Structure::from_modal(1.6, 2.5, 0.01));
+        let initial = Initial { x_m: 0.035, ..Initial::default() };
+        let mut motion = Exact::new(&set_up, &Excitation::Fixed, &initial).expect("a physical set-up");
         // Cycles of the damped period begin at maxima of |x|.
         let damped_s = 0.4 / (1.0_f64 - 1e-4).sqrt();
         let mut maxima = CycleMaxima::new(damped_s);
-        let options = RunOptions { keep: false, longest_part_s: 0.3, go_on: &mut |_| true };
-        simulate(&case, &mut maxima, options).expect("it runs");
+        motion.run(4.3, &mut ExactObserver(&mut maxima));
         let maxima_m = maxima.whole_m();
         assert_eq!(maxima_m.len(), 10);
         let decrement = (-0.01 * std::f64::consts::TAU / (1.0_f64 - 1e-4).sqrt()).exp();

@@ -7,7 +7,7 @@
 use damprig_core::integrator::exact::response::Wanted;
 use serde::Serialize;
 
-use super::motion::{AccumulationRecord, ImpactRecord, MotionState, Piece, Viewer};
+use super::{AccumulationRecord, ImpactRecord, MotionState, Piece, Viewer};
 
 /// Gauss–Legendre on [0, 1], eight points: exact for the square of a flight of degree 7.
 const NODES: [(f64, f64); 4] = [
@@ -18,9 +18,9 @@ const NODES: [(f64, f64); 4] = [
 ];
 
 /// A quantity of a motion state and its rate.
-pub(super) type ValueAndRate = fn(&MotionState) -> (f64, f64);
+pub(crate) type ValueAndRate = fn(&MotionState) -> (f64, f64);
 
-pub(super) fn x(at: &MotionState) -> (f64, f64) {
+pub(crate) fn x(at: &MotionState) -> (f64, f64) {
     (at.state.x_m, at.state.v_m_per_s)
 }
 
@@ -30,8 +30,8 @@ fn x_minus_z(at: &MotionState) -> (f64, f64) {
 
 /// The largest of `least` and the quantity's magnitude between two times of a piece. The piece is divided into `parts`
 /// intervals with at most one extremum each, where the rate changes its sign.
-pub(super) fn largest_abs(
-    piece: &impl Piece,
+pub(crate) fn largest_abs(
+    piece: &dyn Piece,
     (from_s, to_s): (f64, f64),
     parts: u32,
     of: ValueAndRate,
@@ -52,7 +52,7 @@ pub(super) fn largest_abs(
 }
 
 /// |value| where the rate is zero between two times, by bracketed secant steps (Illinois).
-fn turning_point(piece: &impl Piece, mut low: (f64, f64), mut high: (f64, f64), of: ValueAndRate) -> f64 {
+fn turning_point(piece: &dyn Piece, mut low: (f64, f64), mut high: (f64, f64), of: ValueAndRate) -> f64 {
     let mut largest = 0.0_f64;
     for _ in 0..40 {
         let at_s = low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1);
@@ -74,7 +74,7 @@ fn turning_point(piece: &impl Piece, mut low: (f64, f64), mut high: (f64, f64), 
 
 /// Statistics of a run.
 #[derive(Clone, Debug)]
-pub(super) struct MotionStatistics {
+pub struct MotionStatistics {
     wanted: Wanted,
     square_m2_s: f64,
     relative_square_m2_s: f64,
@@ -93,6 +93,8 @@ pub(super) struct MotionStatistics {
 }
 
 impl MotionStatistics {
+    /// Empty statistics.
+    #[must_use]
     pub fn new(wanted: Wanted) -> Self {
         Self {
             wanted,
@@ -115,16 +117,19 @@ impl MotionStatistics {
     }
 
     /// √(1/T ∫x² dt), m.
+    #[must_use]
     pub fn rms_x_m(&self) -> f64 {
         if self.length_s > 0.0 { (self.square_m2_s / self.length_s).sqrt() } else { 0.0 }
     }
 
     /// √(1/T ∫(x − z)² dt), m.
+    #[must_use]
     pub fn rms_x_minus_z_m(&self) -> f64 {
         if self.length_s > 0.0 { (self.relative_square_m2_s / self.length_s).sqrt() } else { 0.0 }
     }
 
     /// Largest |x| and mean of the cycles' largest |x| over the complete steady cycles, m.
+    #[must_use]
     pub fn steady_m(&self) -> Option<(f64, f64)> {
         let (max, sum, count) = self.steady;
         (count > 0).then(|| (max, sum / count as f64))
@@ -148,14 +153,14 @@ impl MotionStatistics {
         self.cycle_max_m = 0.0;
     }
 
-    fn raise(&mut self, piece: &impl Piece, from_s: f64, to_s: f64) {
+    fn raise(&mut self, piece: &dyn Piece, from_s: f64, to_s: f64) {
         self.cycle_max_m = largest_abs(piece, (from_s, to_s), 1, x, self.cycle_max_m);
         self.max_abs_x_m = self.max_abs_x_m.max(self.cycle_max_m);
     }
 }
 
 impl Viewer for MotionStatistics {
-    fn piece(&mut self, piece: &impl Piece) {
+    fn piece(&mut self, piece: &dyn Piece) {
         let (start_s, length_s) = (piece.start_s(), piece.length_s());
         let mut from_s = 0.0;
         if let Some(cycle_s) = self.wanted.cycle_s {
@@ -254,7 +259,7 @@ impl Viewer for LastCyclesMeter {
         self.from_s
     }
 
-    fn piece(&mut self, piece: &impl Piece) {
+    fn piece(&mut self, piece: &dyn Piece) {
         let (start_s, length_s) = (piece.start_s(), piece.length_s());
         let mut at_s = (self.from_s - start_s).max(0.0);
         while at_s < length_s {
@@ -276,8 +281,8 @@ impl Viewer for LastCyclesMeter {
 
 #[cfg(test)]
 mod tests {
-    use super::super::motion::Phase;
     use super::*;
+    use crate::Phase;
     use damprig_core::integrator::exact::flow::ExactState;
     use damprig_core::integrator::modes::{Contact, Grip, Mode};
 
