@@ -18,12 +18,12 @@ static FAILED: OnceLock<Error> = OnceLock::new();
 /// Whether lines are left out: `--quiet`.
 static QUIET: AtomicBool = AtomicBool::new(false);
 
-/// Leaves out all lines from now on, but those of [`print_always`].
+/// Leaves out all lines from now on, but those that are always printed.
 pub(super) fn be_quiet() {
     QUIET.store(true, Ordering::Relaxed);
 }
 
-/// Prints a line to standard output as [`print_always`] does, unless the command is to be quiet.
+/// Prints a line to standard output, what controls a terminal spelled out, unless the command is to be quiet; nothing more after an error.
 pub fn print(line: &str) {
     if !QUIET.load(Ordering::Relaxed) {
         print_always(line);
@@ -57,7 +57,7 @@ pub(super) fn print_help(text: &clap::Error) -> ExitCode {
     }
 }
 
-/// Prints a line to standard error, as [`print`] does. Nobody can be told when that fails.
+/// Prints a line to standard error, as [`print()`] does. Nobody can be told when that fails.
 pub fn print_error(line: &str) {
     let _ = writeln!(stderr(), "{}", shown(line));
 }

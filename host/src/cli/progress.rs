@@ -1,4 +1,4 @@
-//! Progress bars, and the progress of simulations. That of runs is in [`super::run_progress`].
+//! Progress bars, and the progress of simulations. That of runs is in `run_progress`.
 
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
