@@ -392,7 +392,7 @@ fn a_dry_run_counts_the_simulations_of_the_search_and_of_what_follows_it() {
     let constraint = "[[constraint]]\nmetric = \"impacts_per_cycle\"\nat_most = 1.96\n";
     let starts = "[ensemble]\nstarts = 2\n";
     for more in [CLEARANCE.into(), format!("{CLEARANCE}{RESTITUTION}"), format!("{CLEARANCE}{constraint}{starts}")] {
-        let folder = folder(CASE, &format!("{}{more}{BAND}{record}", TOP.replace("300", "100")));
+        let folder = folder(CASE, &format!("{}{more}{BAND}{record}", TOP.replace("200", "100")));
         let most =
             number_before(&String::from_utf8_lossy(&run(&folder, "2", &["--dry-run"]).stdout), " simulations in all");
         let found = answer(&folder);
