@@ -309,7 +309,14 @@ fn a_run_whose_first_moments_are_slow_is_not_said_to_take_long() {
     let start = "clearance_m = 0.03, start = \"at_positive_wall\", friction_coefficient = 0.05";
     let case = spid("{ duration_s = 40 }").replace("{ kind = \"restitution\", coefficient = 0.5 }", wall);
     let folder = folder(&case.replace("clearance_m = 0.03", start));
+    let start = std::time::Instant::now();
     let output = damprig(&folder).args(["simulate", "case.toml"]).output().unwrap();
+    let took_s = start.elapsed().as_secs_f64();
     let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && told.contains("the wall is stiff") && !told.contains("may take"), "{told}");
+    assert!(output.status.success() && told.contains("the wall is stiff"), "{told}");
+    // A busy machine may be slow enough for a warning. Judged by its first moments, the run would take hundreds of times as long as it does.
+    if let Some((_, said)) = told.split_once("may take about ") {
+        let (number, rest) = said.split_once(' ').unwrap();
+        assert!(rest.starts_with("s ") && number.parse::<f64>().unwrap() < 40.0 * took_s, "{took_s} s: {told}");
+    }
 }

@@ -139,7 +139,7 @@ fn the_tables_of_an_optimisation_have_the_answer() {
     assert_eq!(least, 4.717019504195386);
     assert_eq!((evaluated.rows(), answer["evaluations"].as_u64()), (1908, Some(1908)));
     assert_eq!(evaluated.words("stage").unwrap()[0], "sobol");
-    // An optimisation of today, of a shorter record, has the same tables and keys.
+    // An optimisation of today, of a shorter record, has the same tables, and every key.
     let shorter = read(&folder, "optimisation.toml").replace("duration_s = 4", "duration_s = 0.4");
     std::fs::write(folder.path().join("kept/shorter.toml"), shorter).unwrap();
     said(&folder, &["optimise", "shorter.toml", "--out", "now"]);
@@ -148,8 +148,10 @@ fn the_tables_of_an_optimisation_have_the_answer() {
             ["now", "optimum"].map(|folder_name| table(&folder, &format!("{folder_name}/{name}")).columns());
         assert_eq!(now, then, "{name}");
     }
-    let keys = |answer: &Value| answer.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
-    assert_eq!(keys(&json("now/answer.json")), keys(&answer));
+    let now = json("now/answer.json");
+    for key in answer.as_object().unwrap().keys() {
+        assert!(now.get(key).is_some(), "{key} in {now}");
+    }
 }
 
 #[test]
