@@ -58,13 +58,15 @@ const withMinus = (text) => (Number(text) === 0 ? text.replace("-", "") : text.r
 // Labels with the decimals that the spacing needs.
 export function linearLabels(ticks) {
   const step = ticks.length > 1 ? ticks[1] - ticks[0] : Math.abs(ticks[0]) || 1;
-  return ticks.map((value) => withMinus(value.toFixed(decimalsOf(step))));
+  // uPlot leaves out a tick that it has no room for: null.
+  return ticks.map((value) => (value === null ? "" : withMinus(value.toFixed(decimalsOf(step)))));
 }
 
 export function logLabels(ticks) {
-  const [first, second, third] = ticks;
+  const [first, second, third] = ticks.filter((value) => value !== null);
   const isEven = Math.abs(third - 2 * second + first) < 1e-6 * (second - first);
-  return isEven ? linearLabels(ticks) : ticks.map((value) => value.toFixed(decimalsOf(value)));
+  if (isEven && !ticks.includes(null)) return linearLabels(ticks);
+  return ticks.map((value) => (value === null ? "" : value.toFixed(decimalsOf(value))));
 }
 
 // Ticks of a figure's axis with their labels.
