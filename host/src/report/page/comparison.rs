@@ -205,7 +205,7 @@ fn cells(point: &ComparedPoint, own: &ComparedMetric, has_frequency: bool) -> Ma
     };
     html! {
         td { @if has_frequency { (point.frequency_hz.map_or("–".into(), |f| trimmed(f, 4))) } }
-        td.word.short { (own.metric.name()) @if !unit.is_empty() { " (" (unit) ")" } }
+        td.word.short { (own.metric.label()) @if !unit.is_empty() { " (" (unit) ")" } }
         td.word.odd[own.verdict == Verdict::Differs] { (own.verdict.text()) }
         td.short { (value(own.measured.value, own.measured.expanded)) }
         td.short { (predicted(&own.on_measured_base)) }

@@ -55,18 +55,20 @@ export function logTicks(from, to) {
 const decimalsOf = (step) => Math.min(12, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
 const withMinus = (text) => (Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−"));
 
+// uPlot gives null for a tick that its filter leaves out; it has no label.
+const kept = (ticks) => ticks.filter((value) => value !== null);
+
 // Labels with the decimals that the spacing needs.
 export function linearLabels(ticks) {
-  const step = ticks.length > 1 ? ticks[1] - ticks[0] : Math.abs(ticks[0]) || 1;
-  // uPlot leaves out a tick that it has no room for: null.
+  const [first, second] = kept(ticks);
+  const step = second === undefined ? Math.abs(first) || 1 : second - first;
   return ticks.map((value) => (value === null ? "" : withMinus(value.toFixed(decimalsOf(step)))));
 }
 
 export function logLabels(ticks) {
-  const [first, second, third] = ticks.filter((value) => value !== null);
+  const [first, second, third] = kept(ticks);
   const isEven = Math.abs(third - 2 * second + first) < 1e-6 * (second - first);
-  if (isEven && !ticks.includes(null)) return linearLabels(ticks);
-  return ticks.map((value) => (value === null ? "" : value.toFixed(decimalsOf(value))));
+  return isEven ? linearLabels(ticks) : ticks.map((value) => (value === null ? "" : value.toFixed(decimalsOf(value))));
 }
 
 // Ticks of a figure's axis with their labels.

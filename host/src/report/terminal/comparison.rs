@@ -72,7 +72,7 @@ fn points(comparison: &Comparison) -> String {
             let compared = || point.metrics.iter().filter_map(ComparedMetric::predicted);
             let sensitive = if point.is_sensitive { "\n(sensitive)" } else { "" };
             table.add_row([
-                format!("{}\n{}{unit}", place(experiment, Some(point)), own.metric.name()),
+                format!("{}\n{}{unit}", place(experiment, Some(point)), own.metric.label()),
                 shown(own.metric, &own.measured),
                 value(&own.on_measured_base),
                 error(&own.on_measured_base),
@@ -101,7 +101,7 @@ fn differences(comparison: &Comparison) -> Vec<String> {
                 lines.push(format!(
                     "  {}: {} measured {}{unit}, predicted {}{unit}, E_n = {}{why}",
                     place(experiment, Some(point)),
-                    own.metric.name(),
+                    own.metric.label(),
                     shown(own.metric, &own.measured),
                     shown(own.metric, &predicted.value),
                     normalised_error(predicted.normalised_error)
