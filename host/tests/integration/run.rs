@@ -192,16 +192,21 @@ fn a_full_disk_is_reported_and_the_parts_stay_readable() {
     assert!(rows(folder.path().join("out/results.parquet")) >= 1);
 }
 
-/// Runs the short campaign against a board that sends `signal` to the program when it sends a result.
+/// Runs the short campaign against a board that sends `signal` to the program when it sends its second result and the run folder
+/// contains the first.
 #[cfg(unix)]
 fn signalled(signal: &'static str) -> (tempfile::TempDir, std::process::Output, Served) {
     use std::sync::mpsc;
     let folder = folder_with(&short());
     let (tell, pid) = mpsc::channel::<u32>();
     let mut points = 0;
+    let run = folder.path().join("out");
     let board = Served::start(move |message| {
         points += usize::from(is_point(message));
         if is_point(message) && points == 2 {
+            while result_rows(&run) == 0 {
+                std::thread::sleep(std::time::Duration::from_millis(5));
+            }
             let pid = pid.recv().unwrap().to_string();
             assert!(std::process::Command::new("kill").args([signal, &pid]).status().unwrap().success());
         }
