@@ -186,6 +186,12 @@ impl Quantity {
         }
     }
 
+    /// Head of a column of numbers: its label, then the unit that people read, empty for a ratio or a count.
+    #[must_use]
+    pub fn head(self) -> (&'static str, &'static str) {
+        (self.label(), self.shown_unit().0)
+    }
+
     /// Its definition for a case whose reference length has this symbol.
     #[must_use]
     pub fn meaning(self, reference: &str) -> String {

@@ -265,7 +265,7 @@ pub fn run(args: &Args) -> Outcome {
     let shown = path.display();
     for Fitted { damper, base_amplitude_m, max_x_m } in &wanted.values.fitted {
         say!(
-            "Set-up {:?}: base_amplitude_m = {base_amplitude_m:?} in place of {:?}, with which the prediction is max|x| = {:.0} mm.",
+            "Set-up {:?}: base_amplitude_m = {base_amplitude_m:?} in place of {:?}, with which the predicted largest |x| is {:.0} mm.",
             damper.names().0,
             wanted.values.base_amplitude_m,
             max_x_m * 1e3

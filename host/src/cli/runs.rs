@@ -312,7 +312,8 @@ fn show(run: &RunFolder) -> Outcome {
 
 /// Prints the table of playbacks, impulses and free vibrations.
 fn show_transients(run: &RunFolder) -> Outcome {
-    let mut table = table(&["set-up", "experiment", "kind", "max|x| (mm)", "RMS x (mm)", "impacts", "ζ", "f (Hz)"]);
+    let mut table =
+        table(&["set-up", "experiment", "kind", "largest |x|\n(mm)", "RMS of x\n(mm)", "impacts", "ζ", "f (Hz)"]);
     for batch in run.transients().map_err(Failure::failed)? {
         let text = |name| texts(&batch, name).map_err(Failure::failed);
         let number = |name| numbers(&batch, name).map_err(Failure::failed);

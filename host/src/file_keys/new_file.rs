@@ -202,7 +202,7 @@ pub fn campaign(name: &str, dampers: &[Damper], experiments: &[Excitation], valu
         if let Some(Fitted { max_x_m, .. }) = fitted {
             let whole = number(values.base_amplitude_m);
             file.line(&format!(
-                "# With base_amplitude_m = {whole} the prediction is max|x| = {:.0} mm.",
+                "# With base_amplitude_m = {whole} the predicted largest |x| is {:.0} mm.",
                 max_x_m * 1e3
             ));
         }

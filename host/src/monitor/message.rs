@@ -88,9 +88,9 @@ pub struct Point {
     /// X/Z (lock-in): ratio of the two lock-in amplitudes.
     pub x_over_z_lock_in: Option<f64>,
     /// Mean cycle maximum of |x|, m.
-    pub x_m: Option<f64>,
+    pub mean_cycle_max_m: Option<f64>,
     /// Lock-in amplitude of z, m.
-    pub z_m: Option<f64>,
+    pub z_amplitude_m: Option<f64>,
     /// `steady`, `stationary` or `not steady`.
     pub steadiness: String,
 }

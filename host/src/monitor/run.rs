@@ -413,8 +413,8 @@ pub(super) fn point(row: &ResultRow) -> Point {
         frequency_hz: row.frequency_hz,
         x_over_z: known(row.x_over_z()),
         x_over_z_lock_in: known(row.x_over_z_lock_in()),
-        x_m: known(row.mean_cycle_max_m.into()),
-        z_m: known(row.z_amplitude_m.into()),
+        mean_cycle_max_m: known(row.mean_cycle_max_m.into()),
+        z_amplitude_m: known(row.z_amplitude_m.into()),
         steadiness: steadiness_text(row.steadiness).to_string(),
     }
 }

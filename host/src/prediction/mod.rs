@@ -189,7 +189,7 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refu
         let fix = largest_fitting(campaign, prediction, limit);
         campaign.source.report(Problem {
             title: format!(
-                "set-up {:?} would leave the displacement limit: predicted max|x| = {:.1} mm at {} Hz, limit ±{} mm (sensor range ±{} mm)",
+                "set-up {:?} would leave the displacement limit: predicted largest |x| = {:.1} mm at {} Hz, limit ±{} mm (sensor range ±{} mm)",
                 set_up.name,
                 prediction.swing.max_x_m * 1e3,
                 prediction.swing.frequency_hz,
@@ -200,7 +200,7 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refu
             allowed: format!("Z = {} mm is too large for this set-up", trim(set_up.base_amplitude_m * 1e3)),
             help: fix.map(|(z, swing)| {
                 let (key, amplitude) = (set_up.amplitude_key(), set_up.amplitude_for(z));
-                format!("write {key} = {amplitude} (predicted max|x| = {:.1} mm at {} Hz)", swing.max_x_m * 1e3, swing.frequency_hz)
+                format!("write {key} = {amplitude} (predicted largest |x| = {:.1} mm at {} Hz)", swing.max_x_m * 1e3, swing.frequency_hz)
             }),
         });
     }

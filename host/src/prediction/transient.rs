@@ -291,7 +291,7 @@ pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Refusal> 
             .and_then(|playback| fitting(campaign, set_up, playback, [stroke.min(USABLE * base_limit), limit]));
         campaign.source.report(Problem {
             title: format!(
-                "experiment {:?} on set-up {:?} would leave {what}: predicted max{which} = {}, at most {} may be used",
+                "experiment {:?} on set-up {:?} would leave {what}: predicted largest {which} = {}, at most {} may be used",
                 experiment.name,
                 set_up.name,
                 mm(value),

@@ -22,7 +22,7 @@ pub fn predicted_and_measured(campaign: &Campaign) -> Vec<String> {
     }
     if sines().any(|sine| sine.settle_s > 0.0 || sine.longest_dwell_s() > sine.dwell_s) {
         notes.push(
-            "Before the run max|x| is predicted from the start of each point, after it for the dwell alone, as measured."
+            "Before the run the largest |x| is predicted from the start of each point, after it for the dwell alone, as measured."
                 .into(),
         );
     }
@@ -46,7 +46,7 @@ pub fn predicted_and_measured(campaign: &Campaign) -> Vec<String> {
     if campaign.experiments.iter().any(|e| e.free_vibration().is_some()) {
         notes.push(
             "A release is detected when |x| has fallen by a tenth of x0: RMS and impacts, predicted ones too, begin there; \
-             max|x| has x0."
+             largest |x| has x0."
                 .into(),
         );
     }

@@ -67,8 +67,8 @@ fn point(frequency_hz: f64) -> Update {
         frequency_hz,
         x_over_z: Some(3.5),
         x_over_z_lock_in: None,
-        x_m: None,
-        z_m: None,
+        mean_cycle_max_m: None,
+        z_amplitude_m: None,
         steadiness: "steady".into(),
     })
 }

@@ -209,7 +209,10 @@ fn a_predicted_displacement_beyond_the_range_is_refused_and_the_suggested_z_fits
     let output = damprig(&folder).args(["run", "test.toml"]).output().unwrap();
     let answer = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{answer}");
-    assert!(answer.contains("set-up \"bare\" would leave the displacement limit: predicted max|x| = "), "{answer}");
+    assert!(
+        answer.contains("set-up \"bare\" would leave the displacement limit: predicted largest |x| = "),
+        "{answer}"
+    );
     assert!(!folder.path().join("runs").exists());
     let offered = answer.split("write base_amplitude_m = ").nth(1).and_then(|t| t.split(' ').next()).expect("an offer");
     std::fs::write(

@@ -320,10 +320,14 @@ fn a_record_that_is_too_long_is_refused_with_the_limit_and_a_rate_that_fits() {
 
 #[test]
 fn a_record_that_would_leave_the_limits_is_refused_with_the_peak_that_fits() {
-    let words =
-        ["would leave the displacement limit", "max|x|", "`target_peak_m` is too large", "write target_peak_m = 0.0"];
+    let words = [
+        "would leave the displacement limit",
+        "largest |x|",
+        "`target_peak_m` is too large",
+        "write target_peak_m = 0.0",
+    ];
     refused(&edited(PLAYBACK, "tail_s = 2", "target_peak_m = 0.03"), &words);
-    let words = ["max|z|", "write amplitude_m = 0.0"];
+    let words = ["largest |z|", "write amplitude_m = 0.0"];
     refused(&edited(PULSE, "amplitude_m = 0.004", "amplitude_m = 0.3"), &words);
 }
 

@@ -43,8 +43,6 @@ export function pointOf(raw) {
     frequency_hz: raw.frequency_hz,
     x_over_z: number(raw.x_over_z),
     x_over_z_lock_in: number(raw.x_over_z_lock_in),
-    x_m: number(raw.x_m),
-    z_m: number(raw.z_m),
     steadiness: text(raw.steadiness, 20),
   };
 }

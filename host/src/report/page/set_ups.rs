@@ -40,15 +40,15 @@ fn side_by_side(data: &PageData, set_ups: &[CampaignSetUp]) -> Markup {
                     }
                 }
                 tr.first {
-                    td.word.short { "max|x| predicted, with settling (mm)" }
+                    td.word.short { "Largest |x| predicted, with settling (mm)" }
                     @for set_up in set_ups { td { (number(recorded(set_up, |r| r.predicted_max_x_m) * 1e3, 2)) } }
                 }
                 tr {
-                    td.word.short { "max|x| predicted, as measured (mm)" }
+                    td.word.short { "Largest |x| predicted, as measured (mm)" }
                     @for set_up in set_ups { td { (number(recorded(set_up, |r| r.predicted_dwell_max_x_m) * 1e3, 2)) } }
                 }
                 tr {
-                    td.word.short { "max|x| measured (mm)" }
+                    td.word.short { "Largest |x| measured (mm)" }
                     @for set_up in set_ups { td { (number(largest(data, &set_up.name) * 1e3, 2)) } }
                 }
             }
@@ -60,7 +60,7 @@ fn side_by_side(data: &PageData, set_ups: &[CampaignSetUp]) -> Markup {
 fn from_manifest(data: &PageData) -> Markup {
     html! {
         div.wide { table {
-            thead { tr { th.word { "Set-up" } th { "Z" small { "mm" } } th { "max|x|" small { "mm, measured" } } } }
+            thead { tr { th.word { "Set-up" } th { "Z" small { "mm" } } th { "Largest |x|" small { "mm, measured" } } } }
             tbody {
                 @for set_up in &data.manifest.set_ups {
                     tr {

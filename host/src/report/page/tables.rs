@@ -4,10 +4,43 @@ use maud::{Markup, html};
 
 use super::data::{PageData, PagePoint};
 use crate::host_time;
+use crate::quantity::Quantity;
 use crate::report::figures::campaign::mean_responses;
 use crate::report::numbers::trimmed;
 use crate::report::peak::Peak;
 use crate::run_folder::schema::results::steadiness_text;
+
+/// Columns of the table of points, after the names.
+const POINT_HEADS: [Quantity; 10] = [
+    Quantity::FrequencyHz,
+    Quantity::XOverZ,
+    Quantity::XOverZLockIn,
+    Quantity::MeanCycleMaxM,
+    Quantity::ZAmplitudeM,
+    Quantity::PhaseRad,
+    Quantity::MaxAbsXM,
+    Quantity::Cycles,
+    Quantity::Steadiness,
+    Quantity::Segment,
+];
+
+/// Columns of the table of transients before and after the error of the base.
+const DISPLACEMENT_HEADS: [Quantity; 5] =
+    [Quantity::MaxAbsXM, Quantity::PredictedMaxAbsXM, Quantity::RmsXM, Quantity::MaxAbsZM, Quantity::MaxAbsXMinusZM];
+const DECAY_HEADS: [Quantity; 6] = [
+    Quantity::Impacts,
+    Quantity::PredictedImpacts,
+    Quantity::StartM,
+    Quantity::DampingRatio,
+    Quantity::FrequencyHz,
+    Quantity::Cycles,
+];
+
+/// Head of a column.
+fn head(own: Quantity) -> Markup {
+    let (label, unit) = own.head();
+    html! { th { (label) @if !unit.is_empty() { small { (unit) } } } }
+}
 
 /// Date, time and UTC offset.
 pub(super) fn moment(text: &str) -> String {
@@ -126,10 +159,7 @@ pub(super) fn results(data: &PageData) -> Markup {
         div.wide { table {
             thead { tr {
                 th.word { "Set-up" } th.word { "Experiment" }
-                th { "f" small { "Hz" } } th { "X/Z" small { "cycle maxima" } } th { "X/Z" small { "lock-in" } }
-                th { "X" small { "mm, mean cycle maximum" } } th { "Z" small { "mm, lock-in" } }
-                th { "Phase" small { "°" } } th { "max|x|" small { "mm" } }
-                th { "Cycles" } th { "Steadiness" } th { "Segment" }
+                @for own in POINT_HEADS { (head(own)) }
             } }
             tbody {
                 @for (n, point) in data.points.iter().enumerate() {
@@ -164,11 +194,9 @@ pub(super) fn transients(data: &PageData) -> Markup {
             div.wide { table {
                 thead { tr {
                     th.word { "Set-up" } th.word { "Experiment" } th.word { "Kind" }
-                    th { "max|x|" small { "mm" } } th { "predicted" small { "mm" } }
-                    th { "RMS x" small { "mm" } } th { "max|z|" small { "mm" } }
-                    th { "max|x−z|" small { "mm" } } th { "Base error" small { "% of the demand" } }
-                    th { "Impacts" } th { "Impacts" small { "predicted" } } th { "x0" small { "mm" } } th { "ζ" small { "from decay" } }
-                    th { "f" small { "Hz" } } th { "Cycles" }
+                    @for own in DISPLACEMENT_HEADS { (head(own)) }
+                    th { "Base error" small { "% of the demand" } }
+                    @for own in DECAY_HEADS { (head(own)) }
                 } }
                 tbody {
                     @for row in rows {

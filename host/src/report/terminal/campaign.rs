@@ -60,7 +60,7 @@ fn known(value: f64, decimals: usize) -> String {
 /// The set-ups with their predicted displacements.
 pub fn plan(campaign: &Campaign, predictions: &[Prediction]) -> Table {
     let mut table =
-        table(&["set-up", "Z (mm)", "d/Z", "γF", "predicted max|x| (mm)", "at (Hz)", "of the sensor range (%)"]);
+        table(&["set-up", "Z (mm)", "d/Z", "γF", "predicted\nlargest |x|\n(mm)", "at (Hz)", "of the sensor range (%)"]);
     let range_m = f64::from(campaign.rig.sensor_range_m()[0]);
     for prediction in predictions {
         let set_up = &campaign.set_ups[prediction.set_up];
@@ -144,7 +144,7 @@ pub fn results(campaign: &Campaign, responses: &[Response], rows: &[ResultRow]) 
         "steadiness",
         "X/Z at fn\n(cycle maxima)",
         "steadiness",
-        "max|x|\n(mm)",
+        "largest |x|\n(mm)",
         "predicted\n(mm)",
         "points",
         "settled\npoints",

@@ -2,9 +2,10 @@
 
 use comfy_table::Table;
 
-use super::table;
+use super::table::{head, table};
 use crate::campaign::{Campaign, Kind};
 use crate::prediction::transient::Expected;
+use crate::quantity::Quantity;
 use crate::run_folder::schema::transients::TransientRow;
 
 fn mm(metres: f64) -> String {
@@ -22,13 +23,13 @@ pub fn plan(campaign: &Campaign, expected: &[Expected]) -> Option<String> {
         return None;
     }
     let mut table = table(&[
-        "experiment",
-        "set-up",
-        "peak z (mm)",
-        "predicted max|x| (mm)",
-        "max|x−z| (mm)",
-        "impacts\nto be counted",
-        "weaker\nimpacts",
+        head(Quantity::Experiment),
+        head(Quantity::SetUp),
+        head(Quantity::MaxAbsZM),
+        head(Quantity::PredictedMaxAbsXM),
+        head(Quantity::MaxAbsXMinusZM),
+        "impacts\nto be counted".into(),
+        "weaker\nimpacts".into(),
     ]);
     for Expected { set_up, experiment, outlook } in expected {
         table.add_row([
@@ -58,7 +59,7 @@ pub fn plan(campaign: &Campaign, expected: &[Expected]) -> Option<String> {
 /// A result in one line.
 #[must_use]
 pub fn in_words(row: &TransientRow) -> String {
-    let mut text = format!("max|x| {} mm, RMS {} mm", mm(row.max_abs_x_m.into()), mm(row.rms_x_m.into()));
+    let mut text = format!("largest |x| {} mm, RMS {} mm", mm(row.max_abs_x_m.into()), mm(row.rms_x_m.into()));
     if row.damping_ratio.is_finite() {
         text += &format!(", ζ {:.5}", row.damping_ratio);
     }
@@ -76,20 +77,23 @@ pub fn results(rows: &[TransientRow]) -> Option<Table> {
     if rows.is_empty() {
         return None;
     }
-    let header = [
-        "experiment",
-        "set-up",
-        "max|x| (mm)",
-        "predicted (mm)",
-        "RMS x (mm)",
-        "RMS x−z (mm)",
-        "base error (%)",
-        "impacts",
-        "predicted",
-        "ζ",
-        "f (Hz)",
-        "cycles",
-    ];
+    let heads = |all: &[Quantity]| all.iter().map(|own| head(*own)).collect::<Vec<_>>();
+    let mut header = heads(&[
+        Quantity::Experiment,
+        Quantity::SetUp,
+        Quantity::MaxAbsXM,
+        Quantity::PredictedMaxAbsXM,
+        Quantity::RmsXM,
+        Quantity::RmsXMinusZM,
+    ]);
+    header.push("base error\n(%)".into());
+    header.extend(heads(&[
+        Quantity::Impacts,
+        Quantity::PredictedImpacts,
+        Quantity::DampingRatio,
+        Quantity::FrequencyHz,
+        Quantity::Cycles,
+    ]));
     let mut table = table(&header);
     let share = |part: f32, whole: f32| if whole > 0.0 { format!("{:.2}", 100.0 * part / whole) } else { "–".into() };
     let digits = |value: f64, digits: usize| if value.is_finite() { format!("{value:.digits$}") } else { "–".into() };

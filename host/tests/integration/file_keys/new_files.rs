@@ -161,7 +161,7 @@ fn a_set_up_that_would_move_too_far_is_driven_less_and_the_command_says_so() {
     let (z, said, text) = written("bare", "0.004");
     assert!((0.048..0.0535).contains(&(z / 0.008)), "{z}");
     assert!(said.contains("Set-up \"bare\": base_amplitude_m = 0.00042 in place of 0.0015"), "{said}");
-    assert!(text.contains("# With base_amplitude_m = 0.0015 the prediction is max|x| = 18"), "{text}");
+    assert!(text.contains("# With base_amplitude_m = 0.0015 the predicted largest |x| is 18"), "{text}");
     damprig(&folder).args(["run", "campaign.toml", "--dry-run"]).assert().success();
 }
 
