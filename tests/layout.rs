@@ -59,9 +59,10 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 25] = [
+const HOST_LAYERS: [&str; 26] = [
     "host_time",
     "quantity",
+    "storage",
     "table",
     "input",
     "settings",

@@ -27,6 +27,7 @@ pub mod runner;
 pub mod settings;
 pub mod setup;
 pub mod simulation;
+pub mod storage;
 pub mod study;
 pub mod table;
 

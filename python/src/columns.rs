@@ -7,7 +7,7 @@ use arrow_array::types::{ArrowPrimitiveType, Float32Type, Float64Type, Int32Type
 use arrow_array::{Array, RecordBatch};
 use arrow_schema::Field;
 use damprig::run_folder::ReadError;
-use damprig::run_folder::read::columns::{description, unit};
+use damprig::table::values::{description, unit};
 use numpy::{Element, IntoPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

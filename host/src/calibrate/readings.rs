@@ -1,7 +1,6 @@
 //! The points of a calibration: read from a CSV file, and kept in one while they are taken.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use damprig_core::settings::Settings;
@@ -9,6 +8,7 @@ use serde::Serialize;
 
 use super::{CannotCalibrate, Channel};
 use crate::identify::table::{Quantity, Table};
+use crate::storage::whole_file::replace;
 
 /// A point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -159,11 +159,7 @@ impl Kept {
         let failed = |e: &dyn std::fmt::Display| {
             CannotCalibrate::Failed(format!("cannot keep the readings in {}: {e}", self.path.display()))
         };
-        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(|e| failed(&e))?;
-        file.write_all(to_csv(self.channel, points).as_bytes()).map_err(|e| failed(&e))?;
-        file.persist(&self.path).map_err(|e| failed(&e.error))?;
-        Ok(())
+        replace(&self.path, to_csv(self.channel, points).as_bytes()).map_err(|e| failed(&e))
     }
 
     /// Its path.

@@ -25,9 +25,9 @@ use crate::calibrate::{CannotCalibrate, Channel, Point};
 use crate::client::link::Address;
 use crate::client::session::Session;
 use crate::host_time;
-use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
 use crate::report::terminal::calibration;
 use crate::settings::read_board;
+use crate::storage::out_file::{EXISTS, OutFile, to_failure, write_new};
 
 /// Calibrates a channel of a board: leads through known references, fits the scale with its uncertainty, compares it with the
 /// old one.

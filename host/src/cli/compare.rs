@@ -13,13 +13,13 @@ use super::outcome::{Failure, Outcome};
 use super::progress::bar;
 use crate::campaign::Campaign;
 use crate::compare::{CannotCompare, Comparison, Options, compare};
-use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
 use crate::report::exports::comparison::write_csv;
 use crate::report::page::comparison::comparison_page;
 use crate::report::terminal;
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::campaign_copy::new_campaign;
 use crate::run_folder::read::folder::find;
+use crate::storage::out_file::{EXISTS, OutFile, to_failure, write_new};
 
 /// Compares a run with simulations of its set-ups, with uncertainties and normalised errors.
 ///

@@ -9,9 +9,9 @@ use super::simulate::picture;
 use crate::continuation::{Continuation, Found};
 use crate::optimise::table::check_folder;
 use crate::report::branch_table;
-use crate::report::exports::atomic_file::{EXISTS, OutFile};
 use crate::report::figures::{branches, curves};
 use crate::report::terminal;
+use crate::storage::out_file::{EXISTS, OutFile};
 
 /// Follows periodic orbits of a case over a parameter, stable or not, and locates folds, period doublings, Neimark-Sacker points and
 /// grazings.

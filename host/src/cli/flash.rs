@@ -23,7 +23,7 @@ use crate::client::devices::{only, ports, query};
 use crate::client::link::Address;
 use crate::client::session::{Session, hex};
 use crate::host_time;
-use crate::report::exports::atomic_file::{OutFile, to_failure, write_new};
+use crate::storage::out_file::{OutFile, to_failure, write_new};
 
 /// Flashes the firmware of the controller board: checks the image, keeps the board's settings in a file, writes the image and reads
 /// it back, resets the board, connects, and makes sure that the board has its settings.

@@ -14,8 +14,8 @@ use crate::file_keys::fit;
 use crate::file_keys::new_file::{self, Damper, Excitation, Fitted, RecordFile, Values};
 use crate::file_keys::new_study;
 use crate::input::Source;
-use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
 use crate::simulation::Case;
+use crate::storage::out_file::{EXISTS, OutFile, to_failure, write_new};
 use crate::study::Study;
 use crate::study::bifurcation::SweepAxis;
 

@@ -5,9 +5,9 @@
 use std::path::{Path, PathBuf};
 
 use super::outcome::Failure;
-use crate::report::exports::atomic_file::EXISTS;
 use crate::simulation::Case;
 use crate::simulation::time_history::TablePath;
+use crate::storage::out_file::EXISTS;
 
 /// Rejects outputs that are the case, its record, or one another; unless `force`, also files that exist.
 ///

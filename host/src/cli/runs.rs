@@ -7,7 +7,6 @@ use clap::{Args as ClapArgs, Subcommand};
 
 use super::outcome::{Failure, Outcome};
 use crate::input::{near, shown_in_line};
-use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
 use crate::report::exports::csv::Csv;
 use crate::report::exports::hdf5::Hdf5;
 use crate::report::exports::mat::Mat;
@@ -17,10 +16,11 @@ use crate::report::page::{page, page_of_runs};
 use crate::report::peak::Peak;
 use crate::report::terminal::plain_table as table;
 use crate::run_folder::read::campaign_copy;
-use crate::run_folder::read::columns::{Value, column, numbers, texts};
 use crate::run_folder::read::folder::{below, find, is_run};
 use crate::run_folder::read::verify::{Finding, verify};
 use crate::run_folder::{ReadError, RunFolder};
+use crate::storage::out_file::{EXISTS, OutFile, to_failure, write_new};
+use crate::table::values::{Value, column, numbers, texts};
 
 /// Lists, shows, verifies, reports and exports run folders. Never changes a run folder.
 #[derive(Debug, ClapArgs)]

@@ -14,8 +14,8 @@ use super::outcome::{Failure, Outcome};
 use crate::client::backup::{Backup, NotRestored, Restored};
 use crate::client::session::{AnyBoard, Session};
 use crate::input::{Source, near};
-use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
 use crate::settings::{decimal, entries, from_toml, states_limits, to_toml};
+use crate::storage::out_file::{EXISTS, OutFile, to_failure, write_new};
 
 /// Shows, changes, saves and copies the settings of a board: sensor calibration, limits, spring and impact constants.
 ///

@@ -9,8 +9,8 @@ use std::sync::{Mutex, PoisonError};
 use arrow_array::RecordBatch;
 
 use crate::run_folder::RunFolder;
-use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::segment_id::SegmentId;
+use crate::table::values::{numbers, texts};
 
 /// Samples of one segment in some ticks, in their order.
 #[derive(Clone, Debug, Default)]

@@ -9,8 +9,8 @@ use damprig_core::model::SetUp;
 use super::flights::{Hit, Record};
 use super::from_run::Choice;
 use super::{CannotIdentify, Sensors};
-use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::{ReadError, RunFolder};
+use crate::table::values::{numbers, texts};
 
 /// The impacts and x of an experiment with an impact damper.
 #[derive(Clone, Debug)]

@@ -5,8 +5,8 @@ use std::path::Path;
 use super::response::{DrivenBy, LEAST, Point, Response};
 use super::{CannotIdentify, Sensors};
 use crate::run_folder::RunFolder;
-use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::results::steadiness_of;
+use crate::table::values::{numbers, texts};
 
 /// The record of a free vibration of a run.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,7 +7,7 @@ use super::from_run::{Choice, check_gaps, signal, stepped_sine};
 use super::response::Response;
 use super::time_response::Motion;
 use crate::run_folder::RunFolder;
-use crate::run_folder::read::columns::{numbers, texts};
+use crate::table::values::{numbers, texts};
 
 /// What an experiment of a run has for a frequency response.
 #[derive(Clone, Debug)]

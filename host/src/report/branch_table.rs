@@ -8,12 +8,12 @@ use arrow_array::RecordBatch;
 use crate::continuation::Found;
 use crate::continuation::parameters::ParameterKey;
 use crate::quantity::Quantity;
-use crate::report::exports::atomic_file::{OutFile, to_failure, write_new};
 use crate::run_folder::ReadError;
-use crate::run_folder::read::columns::values;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::sealed_parquet::{self, IDENTITY};
 use crate::simulation::fixed_parameters;
+use crate::storage::out_file::{OutFile, to_failure, write_new};
+use crate::table::csv::{CsvTable, Heads};
 use crate::table::{Column, TableBuilder};
 
 /// Most multipliers of an orbit.
@@ -47,15 +47,9 @@ pub fn write(table: Result<RecordBatch, String>, out: &OutFile) -> Result<usize,
             let bytes = sealed_parquet::bytes(&batch).map_err(|e| failed(&e))?;
             return file.write_all(&bytes).map_err(|e| failed(&e));
         }
-        let mut writer = csv::WriterBuilder::new().terminator(csv::Terminator::CRLF).from_writer(file.as_file_mut());
-        writer.write_record(batch.schema().fields().iter().map(|f| f.name())).map_err(|e| failed(&e))?;
-        let columns: Vec<_> = batch.columns().iter().filter_map(|column| values(column.as_ref())).collect();
-        for row in 0..batch.num_rows() {
-            writer.write_record(columns.iter().map(|column| column[row].to_string())).map_err(|e| failed(&e))?;
-        }
-        writer.flush().map_err(|e| failed(&e))?;
-        drop(writer);
-        file.flush().map_err(|e| failed(&e))
+        let written = CsvTable::new(file, &batch.schema(), Heads::Names)
+            .and_then(|mut table| table.write(&batch).and_then(|()| table.finish().map(drop)));
+        written.map_err(|e| failed(&e))
     })?;
     Ok(batch.num_rows())
 }

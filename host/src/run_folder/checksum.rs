@@ -7,9 +7,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::error::StorageError;
 use super::file_name::FileName;
 use crate::input::regular;
+use crate::storage::StorageError;
 
 /// A file as it was when the run ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::checksum::of_bytes;
-use super::error::StorageError;
 use super::own_files::refuse_links;
 pub use super::schema::journal_entry::{
     Begin, CopiedFile, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart, SetAside, Withdrawn,
 };
 use crate::input::regular;
+use crate::storage::StorageError;
 
 /// The journal's name in a run folder.
 pub const JOURNAL: &str = "journal.jsonl";

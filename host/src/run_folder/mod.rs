@@ -4,7 +4,6 @@
 //! [`mod@write`] records into one. Nothing in [`read`] writes, moves or deletes a file.
 
 pub mod checksum;
-mod error;
 pub mod file_name;
 pub mod journal;
 pub mod own_files;
@@ -13,6 +12,7 @@ pub mod schema;
 pub mod sealed_parquet;
 pub mod write;
 
-pub use error::{ReadError, StorageError};
 pub use read::RunFolder;
 pub use schema::results::ResultRow;
+
+pub use crate::storage::{ReadError, StorageError};

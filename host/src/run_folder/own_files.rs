@@ -6,7 +6,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use super::error::StorageError;
+use crate::storage::StorageError;
 
 /// First part, up to the first `.` or `-`, of the names that damprig uses at the top of a run folder.
 const OWN: [&str; 11] = [

@@ -14,7 +14,7 @@ use parquet::errors::ParquetError;
 use sha2::{Digest, Sha256};
 
 use super::checksum::{HashWriter, of_bytes};
-use super::write::parquet_file::properties;
+use crate::table::parquet_properties::properties;
 
 /// Key of the schema's metadata that says that a file has a digest.
 const KEY: &str = "damprig.sha256";

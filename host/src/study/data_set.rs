@@ -22,8 +22,8 @@ use super::sums::Sums;
 use crate::input::Refusal;
 use crate::run_folder::read::parquet_file::{self, Content};
 use crate::run_folder::sealed_parquet::{self, IDENTITY};
-use crate::run_folder::write::parquet_file::properties;
 use crate::run_folder::{ReadError, StorageError, checksum};
+use crate::table::parquet_properties::properties;
 
 /// Version of the layout of parts and table; part of a study's identity.
 pub const FORMAT: &str = "study 1";
@@ -282,7 +282,7 @@ impl DataSet {
         sealed_parquet::seal(file.as_file_mut()).map_err(|error| failed(&error))?;
         // What is written from here on is another table; a part that is wrong leaves the earlier one with its digests.
         Sums::remove(&self.store)?;
-        self.store.put_file(TABLE, file)?;
+        file.replace().map_err(|error| failed(&error))?;
         Sums::default().of_stored(&self.store, TABLE)?.write(&self.store)?;
         for folder in ["", PARTS] {
             self.store.remove_abandoned(folder);

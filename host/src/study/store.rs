@@ -7,13 +7,10 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use bytes::Bytes;
-use tempfile::NamedTempFile;
 
 use crate::input::{Refusal, regular};
 use crate::run_folder::{StorageError, checksum};
-
-/// Beginning and end of the names of files that are not whole yet.
-const UNFINISHED: (&str, &str) = (".unfinished-", ".tmp");
+use crate::storage::whole_file::{WholeFile, is_unfinished};
 
 /// Age from which an unfinished file belongs to a killed writer.
 const ABANDONED: Duration = Duration::from_secs(3_600);
@@ -80,7 +77,9 @@ impl Store {
     /// # Errors
     /// When it cannot be written.
     pub fn put_new(&self, name: &str, bytes: &[u8]) -> Result<bool, StorageError> {
-        create(&self.path(name), bytes).map_err(|error| self.failed("write", name, error))
+        written(&self.path(name), bytes)
+            .and_then(WholeFile::name_new)
+            .map_err(|error| self.failed("write", name, error))
     }
 
     /// Writes a file, whole, in place of an earlier one.
@@ -88,10 +87,8 @@ impl Store {
     /// # Errors
     /// When it cannot be written; the earlier one stays.
     pub fn replace(&self, name: &str, bytes: &[u8]) -> Result<(), StorageError> {
-        let path = self.path(name);
-        write_beside(&path, bytes)
-            .and_then(|file| file.persist(&path).map(drop).map_err(|error| error.error))
-            .map_err(|error| self.failed("write", name, error))
+        let file = written(&self.path(name), bytes);
+        file.and_then(WholeFile::replace).map_err(|error| self.failed("write", name, error))
     }
 
     /// Removes a file; one that is not there is removed already.
@@ -113,23 +110,12 @@ impl Store {
         Ok(entries)
     }
 
-    /// A file to write something large to, for [`Self::put_file`].
+    /// A file to write something large to.
     ///
     /// # Errors
     /// When it cannot be created.
-    pub fn large_file(&self, name: &str) -> Result<NamedTempFile, StorageError> {
-        unfinished(&self.0).map_err(|error| self.failed("write", name, error))
-    }
-
-    /// Gives a written file its name in the store, in place of an earlier one.
-    ///
-    /// # Errors
-    /// When it cannot be written.
-    pub fn put_file(&self, name: &str, file: NamedTempFile) -> Result<(), StorageError> {
-        file.as_file()
-            .sync_data()
-            .and_then(|()| file.persist(self.path(name)).map(drop).map_err(|error| error.error))
-            .map_err(|error| self.failed("write", name, error))
+    pub fn large_file(&self, name: &str) -> Result<WholeFile, StorageError> {
+        unfinished(&self.path(name)).map_err(|error| self.failed("write", name, error))
     }
 
     /// Removes what killed writers left in a folder of the store more than an hour ago.
@@ -148,10 +134,6 @@ impl Store {
     }
 }
 
-fn is_unfinished(name: &str) -> bool {
-    name.starts_with(UNFINISHED.0) && name.ends_with(UNFINISHED.1)
-}
-
 fn if_there<T>(result: io::Result<T>) -> io::Result<Option<T>> {
     match result {
         Ok(value) => Ok(Some(value)),
@@ -160,32 +142,16 @@ fn if_there<T>(result: io::Result<T>) -> io::Result<Option<T>> {
     }
 }
 
-fn create(path: &Path, bytes: &[u8]) -> io::Result<bool> {
-    match write_beside(path, bytes)?.persist_noclobber(path) {
-        Ok(_) => Ok(true),
-        // What stands in the way is whole: it got its name in the same way.
-        Err(_) if path.is_file() => Ok(false),
-        Err(error) => Err(error.error),
-    }
+/// A file under construction; the store's folders are made as they are needed.
+fn unfinished(path: &Path) -> io::Result<WholeFile> {
+    fs::create_dir_all(path.parent().unwrap_or(Path::new("")))?;
+    WholeFile::create(path)
 }
 
-fn write_beside(path: &Path, bytes: &[u8]) -> io::Result<NamedTempFile> {
-    let mut file = unfinished(path.parent().unwrap_or(Path::new("")))?;
+fn written(path: &Path, bytes: &[u8]) -> io::Result<WholeFile> {
+    let mut file = unfinished(path)?;
     file.write_all(bytes)?;
-    // After a power cut the name must not lead to an empty file.
-    file.as_file().sync_data()?;
     Ok(file)
-}
-
-/// A new file under a name of its own: writers on any machine do not meet.
-fn unfinished(folder: &Path) -> io::Result<NamedTempFile> {
-    fs::create_dir_all(folder)?;
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(UNFINISHED.0).suffix(UNFINISHED.1).rand_bytes(12);
-    // As files usually are, so that the others of a group read them.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder)
 }
 
 fn listed(folder: &Path) -> io::Result<Vec<Entry>> {

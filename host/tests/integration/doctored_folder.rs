@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::common::{Fate, PATIENCE, Served, damprig, folder_with, is_point, short, with_sums};
-use damprig::report::exports::atomic_file::OutFile;
 use damprig::report::exports::csv::Csv;
 use damprig::report::exports::mat::Mat;
 use damprig::report::exports::uff::Uff;
@@ -20,6 +19,7 @@ use damprig::run_folder::read::parquet_file;
 use damprig::run_folder::read::verify::verify;
 use damprig::run_folder::write::writer::{Layout, Writer};
 use damprig::runner::resume::EarlierRun;
+use damprig::storage::out_file::OutFile;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use damprig::campaign::Campaign;
 use damprig::report::describe;
-use damprig::run_folder::read::columns::numbers;
+use damprig::table::values::numbers;
 use predicates::prelude::*;
 use predicates::str::contains;
 

@@ -327,7 +327,7 @@ fn a_run_that_is_still_recording_is_exported_as_far_as_it_is() {
 fn only_the_chosen_rows_are_exported() {
     let (folder, run) = with_run();
     let is_bare = |batch: &RecordBatch| {
-        let names = damprig::run_folder::read::columns::texts(batch, "set_up").unwrap();
+        let names = damprig::table::values::texts(batch, "set_up").unwrap();
         names.iter().filter(|n| *n == "bare").count()
     };
     let expected: usize = read_parquet(run.join("samples.parquet")).iter().map(is_bare).sum();

@@ -164,7 +164,7 @@ fn samples(folder: &Path) -> impl Iterator<Item = (String, String)> {
     batches.flat_map(|batch| {
         let batch = batch.unwrap();
         let columns = ["set_up", "experiment", "tick", "point_index", "x_m", "z_m", "gap_before_ticks"];
-        let columns = columns.map(|name| damprig::run_folder::read::columns::column(&batch, name).unwrap());
+        let columns = columns.map(|name| damprig::table::values::column(&batch, name).unwrap());
         let cell = move |c: usize, row: usize| format!("{:?} ", columns[c][row]);
         let join = move |cells: std::ops::Range<usize>, row| cells.map(|c| cell(c, row)).collect::<String>();
         let row = move |row| (join(0..3, row), format!("{}gap {}", join(3..6, row), join(6..7, row)));

@@ -1,7 +1,7 @@
 //! Set-ups that a force drives over a fixed base.
 
 use crate::common::{damprig, folder_with, manifest, read_parquet};
-use damprig::run_folder::read::columns::numbers;
+use damprig::table::values::numbers;
 use predicates::str::contains;
 
 /// A strongly damped structure at its natural frequency with ideal sensors; `amplitude` is the line of the drive's amplitude.

@@ -284,10 +284,8 @@ fn a_wrong_board_file_is_refused_by_name_key_value_and_what_is_allowed() {
 /// Mean spring force of the last tenth of the samples, N.
 fn last_force_n(lab: &Lab, out: &str) -> f64 {
     let samples = read_parquet(lab.folder.path().join(out).join("samples.parquet"));
-    let force: Vec<f64> = samples
-        .iter()
-        .flat_map(|batch| damprig::run_folder::read::columns::numbers(batch, "spring_force_n").unwrap())
-        .collect();
+    let force: Vec<f64> =
+        samples.iter().flat_map(|batch| damprig::table::values::numbers(batch, "spring_force_n").unwrap()).collect();
     let last = &force[force.len() * 9 / 10..];
     last.iter().sum::<f64>() / last.len() as f64
 }

@@ -13,7 +13,7 @@ use tempfile::TempDir;
 use crate::common::{PATIENCE, damprig, folder_with, short};
 use crate::monitor::{Viewer, monitor};
 use damprig::monitor::{Handles, Monitor, folder};
-use damprig::run_folder::read::columns::{numbers, texts};
+use damprig::table::values::{numbers, texts};
 
 /// A monitor of a run folder, until it is dropped.
 struct Watching {

@@ -51,7 +51,7 @@ fn the_base_follows_the_noise_that_the_run_folder_keeps() {
     let folder_of_run = damprig::run_folder::RunFolder::open(&run).unwrap();
     let drive: Vec<f64> = folder_of_run
         .samples()
-        .flat_map(|batch| damprig::run_folder::read::columns::numbers(&batch.unwrap(), "drive_m").unwrap())
+        .flat_map(|batch| damprig::table::values::numbers(&batch.unwrap(), "drive_m").unwrap())
         .collect();
     let begins = drive.iter().position(|z| *z != 0.0).unwrap();
     let first = rows.iter().position(|row| (row.1 / 0.002 * 32767.0).abs() > 0.5).unwrap();

@@ -3,7 +3,7 @@
 use crate::common::{damprig, folder_with, manifest, read_parquet, short};
 use damprig::campaign::Campaign;
 use damprig::input::Source;
-use damprig::run_folder::read::columns::{numbers, texts};
+use damprig::table::values::{numbers, texts};
 use predicates::str::contains;
 
 /// The short campaign with a plan, before its first table.

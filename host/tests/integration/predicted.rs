@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::common::{damprig, folder_with, manifest, read_parquet, short};
-use damprig::run_folder::read::columns::{numbers, texts};
+use damprig::table::values::{numbers, texts};
 use tempfile::TempDir;
 
 /// Runs a campaign; the folder, and what the command printed.

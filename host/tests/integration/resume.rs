@@ -25,7 +25,7 @@ pub(crate) fn measured(run: &Path) -> String {
         let kept: Vec<usize> =
             (0..schema.fields().len()).filter(|i| !OF_THE_CLOCK.contains(&schema.field(*i).name().as_str())).collect();
         let batch = batch.project(&kept).unwrap();
-        let columns = batch.columns().iter().map(|c| damprig::run_folder::read::columns::values(c.as_ref()).unwrap());
+        let columns = batch.columns().iter().map(|c| damprig::table::values::values(c.as_ref()).unwrap());
         columns.map(|column| format!("{column:?}")).collect::<Vec<_>>().join("\n")
     };
     read_parquet(run.join("results.parquet")).into_iter().map(without).collect()

@@ -314,7 +314,7 @@ fn every_measured_impact_is_a_row_and_the_sides_alternate() {
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let path = folder.path().join("out/impacts.parquet");
     let table = &read_parquet(path)[0];
-    let numbers = |name| damprig::run_folder::read::columns::numbers(table, name).unwrap();
+    let numbers = |name| damprig::table::values::numbers(table, name).unwrap();
     let (side, t_s, peak_n, impulse_n_s) = (numbers("side"), numbers("t_s"), numbers("peak_n"), numbers("impulse_n_s"));
     // Three points of 5 s near 2.5 Hz with about two impacts a cycle.
     assert!(side.len() > 40, "{} impacts", side.len());
@@ -400,7 +400,7 @@ fn every_place_says_which_amplitude_ratio_it_shows() {
     let run = folder.path().join("out");
     let file = |name: &str| std::fs::read_to_string(run.join(name)).unwrap();
     let batch = &read_parquet(run.join("results.parquet"))[0];
-    let number = |name: &str| damprig::run_folder::read::columns::numbers(batch, name).unwrap();
+    let number = |name: &str| damprig::table::values::numbers(batch, name).unwrap();
     let of = |ratio: &str, amplitude: &str| {
         let pairs = number(amplitude).into_iter().zip(number("z_amplitude_m")).map(|(x, z)| x / z);
         assert_eq!(number(ratio), pairs.collect::<Vec<_>>(), "{ratio}");

@@ -80,7 +80,7 @@ mod unix {
         damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "direct"]).assert().success();
         let read = |run: &str| {
             let batches = read_parquet(folder.path().join(run).join("results.parquet"));
-            let numbers = |name| damprig::run_folder::read::columns::numbers(&batches[0], name).unwrap();
+            let numbers = |name| damprig::table::values::numbers(&batches[0], name).unwrap();
             ["frequency_hz", "x_over_z", "phase_rad", "rms_x_m", "scatter"].map(numbers)
         };
         assert_eq!(read("line"), read("direct"));
@@ -121,9 +121,7 @@ mod unix {
         damprig(&folder).args(["run", "test.toml", "--rig", &rig, "--out", "out", "--yes"]).assert().success();
         let run = folder.path().join("out");
         assert_eq!(rows(run.join("results.parquet")), 3);
-        let ratio =
-            damprig::run_folder::read::columns::numbers(&read_parquet(run.join("results.parquet"))[0], "x_over_z")
-                .unwrap();
+        let ratio = damprig::table::values::numbers(&read_parquet(run.join("results.parquet"))[0], "x_over_z").unwrap();
         assert!(ratio.iter().all(|r| (r - 2.0).abs() < 1e-3), "{ratio:?}");
         let manifest = manifest(&run);
         assert_eq!(manifest["device"]["clock"], "real time");

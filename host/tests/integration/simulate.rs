@@ -274,7 +274,7 @@ fn a_mat_file_has_the_numbers_of_the_parquet_file() {
         for name in ["t_s", "x_m", "side"].iter().filter(|name| batches[0].column_by_name(name).is_some()) {
             let Some(matrw::MatVariable::NumericArray(read)) = fields.take(name) else { panic!("no {name}") };
             let expected: Vec<f64> =
-                batches.iter().flat_map(|b| damprig::run_folder::read::columns::numbers(b, name).unwrap()).collect();
+                batches.iter().flat_map(|b| damprig::table::values::numbers(b, name).unwrap()).collect();
             assert_eq!(read.real_to_vec::<f64>().unwrap(), expected, "{table}.{name}");
         }
     }

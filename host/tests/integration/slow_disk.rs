@@ -12,12 +12,12 @@ use damprig::client::link::VirtualRig;
 use damprig::client::session::Session;
 use damprig::input::Source;
 use damprig::run_folder::journal::{Entry, Journal};
-use damprig::run_folder::read::columns::{numbers, texts};
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::write::recorder::{Message, Recorder, Recording, Sink};
 use damprig::run_folder::write::writer::{Layout, Writer};
 use damprig::run_folder::{ResultRow, StorageError};
 use damprig::runner::{Run, RunError, Selection, Watcher};
+use damprig::table::values::{numbers, texts};
 use tempfile::TempDir;
 
 /// Capacity of the queue: the rows of one point, but not of two.

@@ -19,10 +19,10 @@ use crate::identify::{
     wall,
 };
 use crate::input::Source;
-use crate::report::exports::atomic_file::{OutFile, to_failure, write_new};
 use crate::report::numbers::significant;
 use crate::report::terminal::plain_table;
 use crate::run_folder::read::folder::find;
+use crate::storage::out_file::{OutFile, to_failure, write_new};
 
 /// Identifies parameters of the rig from runs and tables: each with its standard uncertainty and its 95 % interval.
 ///

@@ -12,9 +12,9 @@ use crate::monitor::message::{Activity, Impact, Level, LinkState, SourceKind};
 use crate::monitor::run::{point, transient};
 use crate::monitor::words;
 use crate::run_folder::journal::{self, Entry};
-use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::segment_id::SegmentId;
 use crate::run_folder::{ReadError, RunFolder};
+use crate::table::values::{numbers, texts};
 
 /// The segment of the last row told.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,10 +1,9 @@
-//! Exports to CSV (RFC 4180): a header of `name [unit]`, then one row per line. Numbers have the fewest digits that read back
-//! to the same value.
+//! Exports to CSV.
 
-use super::atomic_file::{OutFile, to_failure, write_export};
-use super::{ExportSelection, ExportSummary, Exporter, RunTable};
-use crate::run_folder::read::columns::{unit, values};
+use super::{ExportSelection, ExportSummary, Exporter, RunTable, write_export};
 use crate::run_folder::{ReadError, RunFolder};
+use crate::storage::out_file::{OutFile, to_failure};
+use crate::table::csv::{CsvTable, Heads};
 
 /// The CSV exporter. Rows are written as they are read, so the length is unlimited.
 #[derive(Clone, Copy, Debug)]
@@ -27,27 +26,17 @@ impl Exporter for Csv {
         let failed = to_failure(&out.path);
         let table = part.tables.first().copied().unwrap_or(RunTable::Samples);
         write_export(out, |file| {
-            let mut writer =
-                csv::WriterBuilder::new().terminator(csv::Terminator::CRLF).from_writer(file.as_file_mut());
-            let (mut exported, mut has_header) = (ExportSummary::default(), false);
+            let mut exported = ExportSummary::default();
+            let (mut file, mut writer) = (Some(file), None);
             part.each(run, table, &mut exported, |batch| {
-                let schema = batch.schema();
-                if !has_header {
-                    let header = schema.fields().iter().map(|f| match unit(f) {
-                        "" => f.name().clone(),
-                        unit => format!("{} [{unit}]", f.name()),
-                    });
-                    writer.write_record(header).map_err(|e| failed(&e))?;
-                    has_header = true;
+                // The columns of the first rows: runs of older versions have others.
+                if let Some(file) = file.take() {
+                    let heads = CsvTable::new(file, &batch.schema(), Heads::NamesAndUnits);
+                    writer = Some(heads.map_err(|e| failed(&e))?);
                 }
-                let wrong_type = || ReadError("a column has an unknown type".into());
-                let columns = batch.columns().iter().map(|c| values(c.as_ref()).ok_or_else(wrong_type));
-                let columns = columns.collect::<Result<Vec<_>, _>>()?;
-                (0..batch.num_rows()).try_for_each(|row| {
-                    writer.write_record(columns.iter().map(|c| c[row].to_string())).map_err(|e| failed(&e))
-                })
+                writer.as_mut().map_or(Ok(()), |writer| writer.write(&batch)).map_err(|e| failed(&e))
             })?;
-            writer.flush().map_err(|e| failed(&e))?;
+            writer.map_or(Ok(()), |writer| writer.finish().map(drop)).map_err(|e| failed(&e))?;
             Ok(exported)
         })
     }

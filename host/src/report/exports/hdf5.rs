@@ -14,11 +14,11 @@ use hdf5_pure::{
     SyncPolicy, make_f64_type,
 };
 
-use super::atomic_file::{OutFile, to_failure, write_export};
-use super::columns::{self, Column, Values, gather};
 use super::facts::{self, Fact};
-use super::{ExportSelection, ExportSummary, Exporter, RunTable};
+use super::{ExportSelection, ExportSummary, Exporter, RunTable, write_export};
 use crate::run_folder::{ReadError, RunFolder};
+use crate::storage::out_file::{OutFile, to_failure};
+use crate::table::gathered::{ColumnValues, Values, gather};
 
 /// Numbers that are compressed together. The library writes the dimensions of a chunk in 1, 2 or 4 bytes, and the HDF5 library
 /// refuses more bytes than they need: from 65 536 on that would be 3.
@@ -53,7 +53,7 @@ impl Exporter for Hdf5 {
             let is_long = |table: &RunTable| matches!(table, RunTable::Samples | RunTable::Impacts);
             let (long, short): (Vec<_>, Vec<_>) = part.tables.iter().copied().partition(is_long);
             let short = ExportSelection { tables: short, ..part.clone() };
-            for (table, columns) in columns::tables(run, &short, usize::MAX, &mut exported).map_err(|e| failed(&e))? {
+            for (table, columns) in short.gathered(run, usize::MAX, &mut exported).map_err(|e| failed(&e))? {
                 add_table(&mut builder, table.name(), &columns).map_err(|e| failed(&e))?;
             }
             builder.finish_to(&mut *file).map_err(|e| failed(&e))?;
@@ -75,7 +75,7 @@ struct LongTable<'f> {
     file: &'f File,
     name: &'static str,
     /// With the rows that are not yet in the file.
-    columns: Vec<Column>,
+    columns: Vec<ColumnValues>,
     /// Those of the columns, once there are more rows than a chunk has.
     datasets: Vec<Dataset>,
 }
@@ -92,7 +92,7 @@ impl<'f> LongTable<'f> {
     ) -> Result<(), ReadError> {
         let mut long = Self { file, name: table.name(), columns: Vec::new(), datasets: Vec::new() };
         part.each(run, table, exported, |batch| {
-            gather(&mut long.columns, &batch, table).map_err(|e| failed(&e))?;
+            gather(&mut long.columns, &batch, table.names()).map_err(|e| failed(&e))?;
             long.write_chunks().map_err(|e| failed(&e))
         })?;
         long.finish().map_err(|e| failed(&e))
@@ -118,7 +118,7 @@ impl<'f> LongTable<'f> {
     }
 
     /// Creates the group with a dataset for each column, which `fill` completes.
-    fn create(&mut self, fill: impl Fn(&mut Column, &mut DatasetBuilder)) -> Result<(), Error> {
+    fn create(&mut self, fill: impl Fn(&mut ColumnValues, &mut DatasetBuilder)) -> Result<(), Error> {
         let root = self.file.root();
         root.create_group(self.name)?;
         for mut column in std::mem::take(&mut self.columns) {
@@ -149,7 +149,7 @@ impl<'f> LongTable<'f> {
         } else {
             self.write_rows(rows)?;
         }
-        for Column { name, values, .. } in &self.columns {
+        for ColumnValues { name, values, .. } in &self.columns {
             if let Values::Places(_, names) = values {
                 // A wrong width would leave the dataset without a type, which is refused here.
                 let fill = |dataset: &mut DatasetBuilder| drop(texts(dataset, names));
@@ -161,7 +161,7 @@ impl<'f> LongTable<'f> {
 }
 
 /// Unit and description as attributes.
-fn describe(dataset: &mut DatasetBuilder, column: &Column) {
+fn describe(dataset: &mut DatasetBuilder, column: &ColumnValues) {
     for (attribute, text) in [("unit", &column.unit), ("description", &column.description)] {
         if !text.is_empty() {
             dataset.set_attr(attribute, AttrValue::VarLenString(text.clone()));
@@ -170,7 +170,7 @@ fn describe(dataset: &mut DatasetBuilder, column: &Column) {
 }
 
 /// Adds a group with a dataset for each column of a table.
-fn add_table(builder: &mut FileBuilder, name: &str, columns: &[Column]) -> Result<(), FormatError> {
+fn add_table(builder: &mut FileBuilder, name: &str, columns: &[ColumnValues]) -> Result<(), FormatError> {
     let mut group = builder.create_group(name);
     for column in columns {
         let dataset = group.create_dataset(&column.name);

@@ -11,16 +11,12 @@
 use indexmap::IndexMap;
 use matrw::{MatFile, MatVariable};
 
-use super::atomic_file::{OutFile, to_failure, write_export};
-use super::columns::{self, Column, Values};
 use super::facts::{self, Fact};
-use super::{ExportSelection, ExportSummary, Exporter, RunTable};
+use super::{ExportSelection, ExportSummary, Exporter, RunTable, write_export};
 use crate::run_folder::schema::manifest::SetUpRecord;
-use crate::run_folder::write::mat_file::{Sum, cells, numbers, structure, sum, text, write_checked};
 use crate::run_folder::{ReadError, RunFolder};
-
-/// Most numbers of a table: the 2 GiB of a variable, less room for the names and dimensions of its fields.
-const MOST_NUMBERS: usize = ((1 << 31) - (1 << 20)) / size_of::<f64>();
+use crate::storage::out_file::{OutFile, to_failure};
+use crate::table::mat_file::{MOST_NUMBERS, MatTable, cells, numbers, structure, text, write_checked};
 
 /// The MATLAB exporter.
 #[derive(Clone, Copy, Debug)]
@@ -43,19 +39,13 @@ impl Exporter for Mat {
             let mut mat = MatFile::new();
             mat.insert("run", run_struct(run));
             let (mut units, mut descriptions, mut sums) = (IndexMap::new(), IndexMap::new(), Vec::new());
-            for (table, columns) in columns::tables(run, part, MOST_NUMBERS, &mut exported).map_err(|e| failed(&e))? {
-                let of_columns = |what: fn(&Column) -> &str| {
-                    structure(columns.iter().map(|column| (column.name.clone(), text(what(column)))))
-                };
-                units.insert(table.name().to_string(), of_columns(|column| &column.unit));
-                if columns.iter().any(|column| !column.description.is_empty()) {
-                    descriptions.insert(table.name().to_string(), of_columns(|column| &column.description));
-                }
-                sums.push((
-                    table.name().to_string(),
-                    columns.iter().map(|c| (c.name.clone(), sum_of(&c.values))).collect::<Vec<_>>(),
-                ));
-                mat.insert(table.name(), to_variable(columns));
+            for (table, columns) in part.gathered(run, MOST_NUMBERS, &mut exported).map_err(|e| failed(&e))? {
+                let name = table.name().to_string();
+                let of_table = MatTable::new(&name, columns);
+                units.insert(name.clone(), of_table.units);
+                descriptions.extend(of_table.descriptions.map(|all| (name.clone(), all)));
+                sums.push(of_table.sums);
+                mat.insert(&name, of_table.variable);
             }
             mat.insert("units", structure(units));
             if !descriptions.is_empty() {
@@ -65,39 +55,6 @@ impl Exporter for Mat {
             Ok(exported)
         })
     }
-}
-
-/// Length and digest of the numbers of a column; `None` for names.
-fn sum_of(values: &Values) -> Option<Sum> {
-    match values {
-        Values::Numbers(all) => Some(sum(all)),
-        Values::Places(all, _) => Some(sum(&from_one(all))),
-        Values::Texts(_) => None,
-    }
-}
-
-/// A table as a struct: a field per column, then the lists of names.
-fn to_variable(columns: Vec<Column>) -> MatVariable {
-    let mut fields = IndexMap::new();
-    let mut lists = Vec::new();
-    for Column { name, values, .. } in columns {
-        let value = match values {
-            Values::Numbers(all) => numbers(all),
-            Values::Texts(all) => cells(&all),
-            Values::Places(all, names) => {
-                lists.push((format!("{name}_names"), cells(&names)));
-                numbers(from_one(&all))
-            }
-        };
-        fields.insert(name, value);
-    }
-    fields.extend(lists);
-    structure(fields)
-}
-
-/// Places in a list as MATLAB counts them, from 1.
-fn from_one(places: &[usize]) -> Vec<f64> {
-    places.iter().map(|place| (place + 1) as f64).collect()
 }
 
 /// The struct `run`, from the manifest.

@@ -1,11 +1,9 @@
 //! Exports runs to other formats: CSV, MATLAB, HDF5, UFF. Each format is a file that implements [`Exporter`].
 //!
 //! To add a format: implement [`Exporter`] and add it to `Format` in `cli/runs.rs`. An export gets its name only when it is
-//! complete (`atomic_file.rs`). Unreadable parts of a damaged run are listed in [`ExportSummary::missing`]; the rest is
+//! complete (`write_export`). Unreadable parts of a damaged run are listed in [`ExportSummary::missing`]; the rest is
 //! exported.
 
-pub mod atomic_file;
-mod columns;
 pub mod comparison;
 pub mod csv;
 mod facts;
@@ -19,12 +17,13 @@ use arrow_schema::Metadata;
 use arrow_select::filter::filter_record_batch;
 use damprig_core::io::TICK_HZ;
 
-use atomic_file::OutFile;
-
-use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::read::sample_files::{read_samples, sample_files};
 use crate::run_folder::schema::{impacts, results, samples, transients};
 use crate::run_folder::{ReadError, RunFolder};
+use crate::storage::out_file::{OutFile, write_new};
+use crate::storage::whole_file::WholeFile;
+use crate::table::gathered::{ColumnValues, Names, gather};
+use crate::table::values::{numbers, texts};
 
 /// A table of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -51,6 +50,14 @@ impl RunTable {
             Self::Results => "results",
             Self::Transients => "transients",
             Self::Impacts => "impacts",
+        }
+    }
+
+    /// How its names are kept: a name per row would dominate a table with a row per tick or impact.
+    fn names(self) -> Names {
+        match self {
+            Self::Results | Self::Transients => Names::InFull,
+            Self::Samples | Self::Impacts => Names::AsPlaces,
         }
     }
 
@@ -169,6 +176,35 @@ impl ExportSelection {
         Ok(())
     }
 
+    /// The selected rows of the selected tables in memory, in their order.
+    ///
+    /// # Errors
+    /// More than `most` values in a table; a column of an unknown type, or one that only some files of the run have.
+    fn gathered(
+        &self,
+        run: &RunFolder,
+        most: usize,
+        exported: &mut ExportSummary,
+    ) -> Result<Vec<(RunTable, Vec<ColumnValues>)>, ReadError> {
+        let mut tables = Vec::new();
+        for &table in &self.tables {
+            let (mut columns, mut count) = (Vec::new(), 0);
+            self.each(run, table, exported, |batch| {
+                count += batch.num_rows() * batch.num_columns();
+                if count > most {
+                    return Err(ReadError(format!(
+                        "the {} have more than {most} numbers, all that a variable of a .mat file holds (2 GiB); select fewer \
+                         with --set-up, --from-s and --to-s, or use --format h5 or csv, which have no limit",
+                        table.name()
+                    )));
+                }
+                gather(&mut columns, &batch, table.names()).map_err(ReadError)
+            })?;
+            tables.push((table, columns));
+        }
+        Ok(tables)
+    }
+
     fn choose(&self, batch: &RecordBatch, table: RunTable) -> Result<RecordBatch, ReadError> {
         let mut is_chosen = vec![true; batch.num_rows()];
         if let Some(wanted) = &self.set_up {
@@ -181,6 +217,23 @@ impl ExportSelection {
         }
         filter_record_batch(batch, &BooleanArray::from(is_chosen)).map_err(|e| ReadError(e.to_string()))
     }
+}
+
+/// Writes an export as [`write_new`] does.
+///
+/// # Errors
+/// As [`write_new`], and when nothing could be read.
+fn write_export(
+    out: &OutFile,
+    write: impl FnOnce(&mut WholeFile) -> Result<ExportSummary, ReadError>,
+) -> Result<ExportSummary, ReadError> {
+    write_new(out, |file| {
+        let exported = write(file)?;
+        if exported.rows == 0 && !exported.missing.is_empty() {
+            return Err(ReadError(format!("nothing was exported: {}", exported.missing.join("\n"))));
+        }
+        Ok(exported)
+    })
 }
 
 /// Writes a part of a run in one format.

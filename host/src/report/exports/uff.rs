@@ -15,14 +15,14 @@ use std::io::{BufWriter, Write};
 
 use arrow_array::RecordBatch;
 
-use super::atomic_file::{OutFile, to_failure, write_export};
 use super::uff_dataset::{AxisRecord, Dof, FunctionRecord, OrdinateData, header, real, si_units};
-use super::{ExportSelection, ExportSummary, Exporter, RunTable};
+use super::{ExportSelection, ExportSummary, Exporter, RunTable, write_export};
 use crate::host_time;
 use crate::run_folder::read::campaign_copy;
-use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::samples::SampleColumn;
 use crate::run_folder::{ReadError, RunFolder};
+use crate::storage::out_file::{OutFile, to_failure};
+use crate::table::values::{numbers, texts};
 
 /// The UFF exporter. Memory holds the samples of one point.
 #[derive(Clone, Copy, Debug)]

@@ -15,10 +15,10 @@ use crate::report::numbers::trimmed;
 use crate::report::peak::Peak;
 use crate::run_folder::ResultRow;
 use crate::run_folder::RunFolder;
-use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::impacts::Impacts;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::transients::TransientRow;
+use crate::table::values::{numbers, texts};
 
 /// A measured point, as figures show it.
 #[derive(Clone, Debug, PartialEq)]

@@ -14,9 +14,9 @@ use super::{Canvas, FINE, FigureError, GREY, INK, Picture, colour, text};
 use crate::campaign::Campaign;
 use crate::report::describe;
 use crate::report::numbers::trimmed;
-use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::{ResultRow, RunFolder};
+use crate::table::values::{numbers, texts};
 
 /// Most motions of a figure, the first ones: their picture is 12 000 points high.
 const MOST_MOTIONS: usize = 40;

@@ -10,12 +10,12 @@ use crate::campaign::Campaign;
 use crate::report::figures::campaign::PlottedPoint;
 use crate::run_folder::journal::{self, Entry};
 use crate::run_folder::read::campaign_copy;
-use crate::run_folder::read::columns::{Value, column, numbers, texts};
 use crate::run_folder::schema::device::BoardSettings;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::Manifest;
 use crate::run_folder::schema::results::{self, steadiness_of};
 use crate::run_folder::{ReadError, RunFolder};
+use crate::table::values::{Value, column, numbers, texts};
 
 /// A measured point, as the page shows it.
 #[derive(Clone, Debug, PartialEq)]

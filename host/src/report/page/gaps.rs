@@ -4,11 +4,11 @@ use std::path::Path;
 
 use arrow_array::RecordBatch;
 
-use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::read::parquet_file;
 use crate::run_folder::read::sample_files::{is_open_part, read_samples, sample_files};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::{ReadError, RunFolder};
+use crate::table::values::{numbers, texts};
 
 /// Most gaps listed; further ones are counted.
 const MAX_LISTED: usize = 40;

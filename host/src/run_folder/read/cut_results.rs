@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::columns::{numbers, texts};
 use super::sample_files::{read_samples, sample_files};
 use crate::run_folder::ReadError;
 use crate::run_folder::journal::Withdrawn;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::segment_id::SegmentId;
+use crate::table::values::{numbers, texts};
 
 /// The last tick of each segment's samples.
 pub type LastTicks = BTreeMap<(String, String, u32), u64>;

@@ -2,7 +2,6 @@
 
 mod arrow_salvage;
 pub mod campaign_copy;
-pub mod columns;
 pub mod cut_results;
 pub mod folder;
 pub mod open_part;

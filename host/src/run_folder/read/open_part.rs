@@ -9,13 +9,13 @@ use arrow_ipc::reader::StreamReader;
 use arrow_schema::Metadata;
 
 use super::arrow_salvage::sound_length;
-use super::columns::numbers;
 use super::parquet_file::read;
 use crate::input::regular;
 use crate::run_folder::journal::Entry;
 use crate::run_folder::schema::samples::{self, PointLabel, read_stream_schema};
 use crate::run_folder::schema::stream_sums::{Difference, compare, sums_path};
 use crate::run_folder::{ReadError, StorageError, journal};
+use crate::table::values::numbers;
 
 /// The column of the ticks missing before a row.
 const GAP: &str = "gap_before_ticks";

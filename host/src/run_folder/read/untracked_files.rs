@@ -10,7 +10,6 @@ use std::path::Path;
 
 use arrow_array::RecordBatch;
 
-use super::columns::{numbers, texts, values};
 use super::open_part::{label_of, salvage};
 use super::parquet_file::read;
 use super::sample_files::{closed_parts, open_parts};
@@ -19,6 +18,7 @@ use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::results::RESULTS;
 use crate::run_folder::schema::samples::{JOINED, PARTS, PointLabel};
 use crate::run_folder::schema::transients::TRANSIENTS;
+use crate::table::values::{numbers, texts, values};
 
 /// Data of a run that its journal does not list, as `file: description`. `is_complete`: every point is taken, so the samples may have been joined when the
 /// program was killed.

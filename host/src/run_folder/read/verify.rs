@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::campaign_copy;
-use super::columns::{numbers, texts};
 use super::cut_results::cut_results;
 use super::folder::{RunFolder, find};
 use super::open_part::read_stream;
@@ -22,6 +21,7 @@ use crate::run_folder::schema::results::RESULTS;
 use crate::run_folder::schema::samples::JOINED;
 use crate::run_folder::schema::transients::TRANSIENTS;
 use crate::run_folder::{ReadError, checksum, journal};
+use crate::table::values::{numbers, texts};
 
 /// One thing found.
 #[derive(Clone, Debug, PartialEq, Eq)]

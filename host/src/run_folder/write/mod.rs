@@ -4,8 +4,6 @@
 //! part of the samples ([`sample_part`]) and the tables. A run that ends early or is killed leaves all but the last quarter
 //! of a second readable.
 
-pub mod mat_file;
-mod mat_text;
 pub mod output_folder;
 pub mod parquet_file;
 pub mod recorder;

@@ -1,4 +1,4 @@
-//! Writes whole Parquet files with Snappy compression, which every reader has.
+//! Writes whole Parquet files.
 //!
 //! A file is written beside its final name and renamed, so it appears under its name only when it is whole.
 
@@ -7,14 +7,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 use arrow_array::RecordBatch;
-use arrow_schema::{DataType, Metadata, Schema, SchemaRef};
+use arrow_schema::{Metadata, SchemaRef};
 use parquet::arrow::ArrowWriter;
-use parquet::basic::{Compression, Encoding};
 use parquet::errors::ParquetError;
-use parquet::file::metadata::KeyValue;
-use parquet::file::properties::WriterProperties;
 
 use crate::run_folder::{StorageError, own_files};
+use crate::table::parquet_properties::properties;
 
 /// What a written file survives when the call returns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,29 +21,6 @@ pub(super) enum Durability {
     Program,
     /// A power cut too.
     Disk,
-}
-
-/// Encodings of every table, and the metadata of its schema as that of the file: readers without Arrow have no other. Measured values hardly ever repeat, so a dictionary of them only adds length. Ticks rise
-/// evenly, so their differences are short.
-pub(crate) fn properties(schema: &Schema) -> WriterProperties {
-    let mut properties = WriterProperties::builder()
-        .set_compression(Compression::SNAPPY)
-        .set_created_by(crate::VERSION_LINE.to_string());
-    if !schema.metadata().is_empty() {
-        let about = schema.metadata().iter().map(|(key, text)| KeyValue::new(key.clone(), text.clone()));
-        properties = properties.set_key_value_metadata(Some(about.collect()));
-    }
-    for field in schema.fields() {
-        let encoding = match field.data_type() {
-            DataType::Float32 => Encoding::PLAIN,
-            DataType::UInt64 => Encoding::DELTA_BINARY_PACKED,
-            _ => continue,
-        };
-        let column = field.name().as_str();
-        properties = properties.set_column_dictionary_enabled(column.into(), false);
-        properties = properties.set_column_encoding(column.into(), encoding);
-    }
-    properties.build()
 }
 
 /// A Parquet error as a storage error, with the system's message when there is one.

@@ -1,21 +1,21 @@
-//! The tables of an export in memory, column by column, for formats that are written as a whole.
+//! A table in memory, column by column, for formats that are written as a whole.
 
 use std::collections::HashSet;
 
 use arrow_array::RecordBatch;
 use arrow_schema::DataType;
 
-use super::{ExportSelection, ExportSummary, RunTable};
-use crate::run_folder::read::columns::{Value, description, unit, values};
-use crate::run_folder::{ReadError, RunFolder};
+use super::values::{Value, description, unit, values};
 
 /// Longest name of a field in MATLAB.
 const LONGEST_NAME: usize = 63;
 
 /// The values of a column.
 #[derive(Debug)]
-pub(super) enum Values {
+pub enum Values {
+    /// Numbers; flags are 0 or 1.
     Numbers(Vec<f64>),
+    /// Names in full.
     Texts(Vec<String>),
     /// Places from 0 in a list of names. A name per row would dominate a table with a row per tick or impact.
     Places(Vec<usize>, Vec<String>),
@@ -23,72 +23,52 @@ pub(super) enum Values {
 
 /// A column of a table.
 #[derive(Debug)]
-pub(super) struct Column {
+pub struct ColumnValues {
     /// A letter, then letters, digits and underscores, at most 63; unique in its table.
-    pub(super) name: String,
+    pub name: String,
     /// Empty for names and flags.
-    pub(super) unit: String,
+    pub unit: String,
     /// Its meaning; empty if none is recorded.
-    pub(super) description: String,
-    pub(super) values: Values,
+    pub description: String,
+    /// Its values.
+    pub values: Values,
 }
 
-/// The selected rows of the selected tables, in their order.
-///
-/// # Errors
-/// More than `most` values in a table; a column of an unknown type, or one that only some files of the run have.
-pub(super) fn tables(
-    run: &RunFolder,
-    part: &ExportSelection,
-    most: usize,
-    exported: &mut ExportSummary,
-) -> Result<Vec<(RunTable, Vec<Column>)>, ReadError> {
-    let mut tables = Vec::new();
-    for &table in &part.tables {
-        let (mut columns, mut count) = (Vec::new(), 0);
-        part.each(run, table, exported, |batch| {
-            count += batch.num_rows() * batch.num_columns();
-            if count > most {
-                return Err(ReadError(format!(
-                    "the {} have more than {most} numbers, all that a variable of a .mat file holds (2 GiB); select fewer \
-                     with --set-up, --from-s and --to-s, or use --format h5 or csv, which have no limit",
-                    table.name()
-                )));
-            }
-            gather(&mut columns, &batch, table)
-        })?;
-        tables.push((table, columns));
-    }
-    Ok(tables)
+/// How names are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Names {
+    /// Each in full.
+    InFull,
+    /// As places in a list of the names that there are.
+    AsPlaces,
 }
 
 /// Adds the rows of a batch to the columns, which are made from the first batch.
 ///
 /// # Errors
 /// A column of an unknown type, or one that only some files of the run have.
-pub(super) fn gather(columns: &mut Vec<Column>, batch: &RecordBatch, table: RunTable) -> Result<(), ReadError> {
+pub fn gather(columns: &mut Vec<ColumnValues>, batch: &RecordBatch, names: Names) -> Result<(), String> {
     let schema = batch.schema();
     if columns.is_empty() {
         let mut taken = HashSet::new();
         for field in schema.fields() {
             let is_text = matches!(field.data_type(), DataType::Utf8 | DataType::Dictionary(..));
-            let values = match (is_text, table) {
+            let values = match (is_text, names) {
                 (false, _) => Values::Numbers(Vec::new()),
-                (true, RunTable::Results | RunTable::Transients) => Values::Texts(Vec::new()),
-                (true, RunTable::Samples | RunTable::Impacts) => Values::Places(Vec::new(), Vec::new()),
+                (true, Names::InFull) => Values::Texts(Vec::new()),
+                (true, Names::AsPlaces) => Values::Places(Vec::new(), Vec::new()),
             };
             let name = field_name(field.name(), |name| taken.contains(name));
             taken.insert(name.clone());
             let (unit, description) = (unit(field).to_string(), description(field).to_string());
-            columns.push(Column { name, unit, description, values });
+            columns.push(ColumnValues { name, unit, description, values });
         }
     }
     for (index, (field, array)) in schema.fields().iter().zip(batch.columns()).enumerate() {
-        let read = values(array.as_ref()).ok_or_else(|| {
-            ReadError(format!("column `{}` has the unknown type {}", field.name(), array.data_type()))
-        })?;
+        let read = values(array.as_ref())
+            .ok_or_else(|| format!("column `{}` has the unknown type {}", field.name(), array.data_type()))?;
         let Some(column) = columns.get_mut(index) else {
-            return Err(ReadError(format!("column `{}` is missing in some files of the run", field.name())));
+            return Err(format!("column `{}` is missing in some files of the run", field.name()));
         };
         column.values.extend(read);
     }
@@ -97,7 +77,8 @@ pub(super) fn gather(columns: &mut Vec<Column>, batch: &RecordBatch, table: RunT
 
 impl Values {
     /// Number of values.
-    pub(super) fn len(&self) -> usize {
+    #[must_use]
+    pub fn len(&self) -> usize {
         match self {
             Self::Numbers(all) => all.len(),
             Self::Texts(all) => all.len(),
@@ -106,7 +87,7 @@ impl Values {
     }
 
     /// Takes the first values out, places as numbers.
-    pub(super) fn take_numbers(&mut self, count: usize) -> Vec<f64> {
+    pub fn take_numbers(&mut self, count: usize) -> Vec<f64> {
         match self {
             Self::Numbers(all) => all.drain(..count).collect(),
             Self::Places(all, _) => all.drain(..count).map(|place| place as f64).collect(),

@@ -5,7 +5,7 @@ use arrow_array::types::{Float32Type, Float64Type, Int32Type, UInt32Type, UInt64
 use arrow_array::{Array, RecordBatch};
 use arrow_schema::Field;
 
-use crate::run_folder::ReadError;
+use crate::storage::ReadError;
 
 /// A value of a table.
 #[derive(Clone, Debug, PartialEq)]

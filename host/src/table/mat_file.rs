@@ -10,16 +10,62 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use matrw::{CellArray, MatFile, MatVariable, MatlabType, NumericArray, Structure, load_matfile, save_matfile_v7};
 
+use super::gathered::{ColumnValues, Values};
 use super::mat_text;
 
 /// Beginning of the year 10000, s since 1970.
 const YEAR_10000_S: u64 = 253_402_300_800;
+
+/// Most numbers of a table: the 2 GiB of a variable, less room for the names and dimensions of its fields.
+pub const MOST_NUMBERS: usize = ((1 << 31) - (1 << 20)) / size_of::<f64>();
 
 /// Length and digest of the numbers of a column.
 pub type Sum = (usize, u64);
 
 /// A variable with the numbers that its fields must have; `None` for a field that is no column of numbers.
 pub type TableSums = (String, Vec<(String, Option<Sum>)>);
+
+/// A table as a variable, and what a file says of it.
+pub struct MatTable {
+    /// A struct with a field per column, then the lists of names that places refer to.
+    pub variable: MatVariable,
+    /// The unit of each field.
+    pub units: MatVariable,
+    /// The meaning of each field, if any is known.
+    pub descriptions: Option<MatVariable>,
+    /// What is read back.
+    pub sums: TableSums,
+}
+
+impl MatTable {
+    /// Of gathered columns.
+    #[must_use]
+    pub fn new(name: &str, columns: Vec<ColumnValues>) -> Self {
+        let of_columns = |what: fn(&ColumnValues) -> &str| {
+            structure(columns.iter().map(|column| (column.name.clone(), text(what(column)))))
+        };
+        let units = of_columns(|column| &column.unit);
+        let is_described = columns.iter().any(|column| !column.description.is_empty());
+        let descriptions = is_described.then(|| of_columns(|column| &column.description));
+        let (mut fields, mut lists, mut sums) = (Vec::new(), Vec::new(), Vec::new());
+        for ColumnValues { name, values, .. } in columns {
+            let (sum, value) = match values {
+                Values::Numbers(all) => (Some(sum(&all)), numbers(all)),
+                Values::Texts(all) => (None, cells(&all)),
+                Values::Places(all, names) => {
+                    // MATLAB counts from 1.
+                    let all: Vec<f64> = all.iter().map(|place| (place + 1) as f64).collect();
+                    lists.push((format!("{name}_names"), cells(&names)));
+                    (Some(sum(&all)), numbers(all))
+                }
+            };
+            sums.push((name.clone(), sum));
+            fields.push((name, value));
+        }
+        fields.extend(lists);
+        Self { variable: structure(fields), units, descriptions, sums: (name.to_string(), sums) }
+    }
+}
 
 /// Writes the variables and reads them back.
 ///

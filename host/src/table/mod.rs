@@ -1,10 +1,21 @@
-//! A table under construction: rows of one type, and columns that say by themselves what they are.
+//! Tables: [`TableBuilder`] makes one of rows of one type and columns that say by themselves what they are, [`file`](mod@file) writes it batch by
+//! batch in any format, [`values`] reads columns.
+
+pub mod csv;
+pub mod file;
+pub mod gathered;
+pub mod mat_file;
+mod mat_text;
+pub mod parquet_properties;
+pub mod values;
 
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use arrow_array::types::Int32Type;
 use arrow_array::{
-    ArrayRef, BooleanArray, Float32Array, Float64Array, Int32Array, RecordBatch, StringArray, UInt32Array, UInt64Array,
+    ArrayRef, BooleanArray, DictionaryArray, Float32Array, Float64Array, Int32Array, RecordBatch, StringArray,
+    UInt32Array, UInt64Array,
 };
 use arrow_schema::{DataType, Field, Metadata, Schema};
 
@@ -91,6 +102,16 @@ impl Cell for Option<f64> {
     const MAY_BE_MISSING: bool = true;
     fn array(values: impl Iterator<Item = Self>) -> ArrayRef {
         Arc::new(values.collect::<Float64Array>())
+    }
+}
+
+/// One of few words, of which a column keeps each once.
+#[derive(Clone, Copy, Debug)]
+pub struct Word(pub &'static str);
+
+impl Cell for Word {
+    fn array(values: impl Iterator<Item = Self>) -> ArrayRef {
+        Arc::new(values.map(|word| Some(word.0)).collect::<DictionaryArray<Int32Type>>())
     }
 }
 
