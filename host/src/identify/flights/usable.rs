@@ -18,7 +18,7 @@ pub enum LeftOut {
     Crowded,
     /// Readings of x are missing around it.
     Gap,
-    /// The friction changed its sign in the flight before or after it.
+    /// The friction changed its sign in the flight before or after it, or may have.
     Reversed,
     /// It does not fit the others.
     Misfit,
@@ -34,7 +34,7 @@ impl LeftOut {
             Self::SameWall => "in a chatter, or next to one too weak to be measured (two on one wall in a row)",
             Self::Crowded => "too near to another one",
             Self::Gap => "with missing samples around",
-            Self::Reversed => "with a flight in which the particle slid back",
+            Self::Reversed => "with a flight in which the particle slid back, or may have",
             Self::Misfit => "that do not fit the others (an impact between was missed, or the rig was disturbed)",
         }
     }
@@ -160,8 +160,13 @@ pub(super) fn usual_step_s(t_s: &[f64]) -> f64 {
 /// Readings on either side for the structure's velocity in a flight.
 const BESIDE: usize = 10;
 
-/// Whether the particle slid back in the flight that begins with the impact at `n`: its velocity relative to the structure
+/// Whether the particle slid back in the flight that begins with the impact at `n`, or may have: its velocity relative to the structure
 /// changed its sign, and so did its friction.
+///
+/// The particle's velocity is taken to change evenly. A slide back of the length τ adds 2aτ to it, a = μi·g, and the flight's travel
+/// stays, so at its middle the particle moves towards the other wall slower than that by cτ, c = a(1 − 2p), with p the share of the
+/// flight before it. Down to the velocity −D it lasts τ = √(8D/j), with j the structure's jerk. So where it slid back, the even
+/// velocity was at most cτ − D ≤ 2c²/j.
 fn slides_back(record: &Record, n: usize, known: &Known) -> bool {
     let (start, end) = (&record.hits[n], &record.hits[n + 1]);
     let from = record.t_s.partition_point(|t| *t < start.t_s);
@@ -172,10 +177,13 @@ fn slides_back(record: &Record, n: usize, known: &Known) -> bool {
     }
     let length_s = end.t_s - start.t_s;
     let travel_m = x[x.len() - 1] - x[0] + (end.side - start.side) * known.clearance_m;
-    let acceleration = start.side * known.friction_m_per_s2;
     (BESIDE..t.len() - BESIDE).any(|at| {
         let structure = (x[at + BESIDE] - x[at - BESIDE]) / (t[at + BESIDE] - t[at - BESIDE]);
-        let particle = travel_m / length_s + acceleration * (t[at] - start.t_s - 0.5 * length_s);
-        (particle - structure) * start.side >= 0.0
+        let to_middle_s = 0.5 * length_s - (t[at] - start.t_s);
+        let particle = travel_m / length_s - start.side * known.friction_m_per_s2 * to_middle_s;
+        // The structure's motion is taken as a sine of its natural frequency.
+        let jerk = known.angular_frequency_rad_per_s.powi(2) * structure.abs();
+        let c = known.friction_m_per_s2 * (2.0 * to_middle_s / length_s).max(0.0);
+        (structure - particle) * start.side * jerk <= 2.0 * c * c
     })
 }

@@ -11,7 +11,7 @@ use damprig_simulator::plant::{DataSheet, Plant, PlantConfig, SensorModel};
 use predicates::prelude::*;
 use predicates::str::contains;
 
-use super::{Claim, drawn_sheet, few_seeds};
+use super::{Claim, drawn_sheet, few_seeds, some_seeds};
 use crate::common::{damprig, folder_with};
 
 const MASS_KG: f64 = 1.6;
@@ -80,62 +80,78 @@ fn data_sheet(seed: u64) -> (SensorModel, Option<DataSheet>) {
     (SensorModel { seed, ..SensorModel::default() }, Some(drawn_sheet(seed)))
 }
 
-/// Claims of one set-up with some sensors over all seeds; prints the figures.
+/// Sensors without an error of scale: 10 µm steps, 5 µm RMS per sample of 10 kHz.
+fn exact(seed: u64) -> (SensorModel, Option<DataSheet>) {
+    (SensorModel { seed, ..SensorModel::default() }, None)
+}
+
+/// Claims of e, d and μi·g of one set-up with some sensors over all seeds; prints the figures.
 fn over_seeds(
     name: &str,
+    seeds: u64,
     damper: &Damper,
     known: &Known,
     sensors: fn(u64) -> (SensorModel, Option<DataSheet>),
-) -> (Claim, Claim) {
-    let (mut e, mut d) = (Claim::default(), Claim::default());
-    for seed in 1..=few_seeds() {
+) -> [Claim; 3] {
+    let mut claims: [Claim; 3] = Default::default();
+    let friction = damper.friction * damper.set_up().gravity_m_per_s2;
+    for seed in 1..=seeds {
         let (model, sheet) = sensors(seed);
         let record = damper.record(SECONDS, model, sheet);
         let found = identify(&[record], known).unwrap_or_else(|error| panic!("{name}, seed {seed}: {error}"));
-        e.note(&found.restitution, damper.e);
-        d.note(&found.clearance_m.expect("a clearance"), damper.clearance_m);
+        claims[0].note(&found.restitution, damper.e);
+        claims[1].note(&found.clearance_m.expect("a clearance"), damper.clearance_m);
+        if damper.friction > 0.0 {
+            claims[2].note(&found.friction_m_per_s2.expect("friction"), friction);
+        }
     }
-    println!(
-        "{name}, e = {}, μi = {}: e RMS {:.2e}, covered {:.3}; d RMS {:.2e} of d, covered {:.3}",
-        damper.e,
-        damper.friction,
-        e.rms(),
-        e.coverage(),
-        d.rms() / damper.clearance_m,
-        d.coverage()
-    );
-    (e, d)
+    println!("{name}, e = {}, μi = {}", damper.e, damper.friction);
+    for (claim, (what, truth)) in claims.iter().zip([("e", 1.0), ("d", damper.clearance_m), ("μi", friction)]) {
+        if !claim.errors.is_empty() {
+            let mean = claim.errors.iter().sum::<f64>() / claim.errors.len() as f64;
+            println!(
+                "  {what}: RMS {:.2e}, mean {:.2e}, covered {:.3}",
+                claim.rms() / truth,
+                mean / truth,
+                claim.coverage()
+            );
+            claim.assert_covers(what);
+        }
+    }
+    claims
 }
 
 /// Length of a record, s: some 100 impacts.
 const SECONDS: f64 = 20.0;
 
-const DAMPERS: [Damper; 3] =
-    [USUAL, Damper { e: 0.82, frequency_hz: 2.55, ..USUAL }, Damper { friction: 0.08, ..USUAL }];
+const RUBBING: Damper = Damper { friction: 0.08, ..USUAL };
+const DAMPERS: [Damper; 3] = [USUAL, Damper { e: 0.82, frequency_hz: 2.55, ..USUAL }, RUBBING];
 
 #[test]
 fn ideal_sensors_give_restitution_and_clearance_with_intervals_that_cover_the_truth() {
     for damper in DAMPERS {
-        let (e, d) = over_seeds("ideal", &damper, &damper.known(), ideal);
+        let [e, d, _] = over_seeds("ideal", few_seeds(), &damper, &damper.known(), ideal);
         // A fit to 120 readings of 30 µm gives a velocity to 2 mm/s, e of one impact to 0.02.
         assert!(e.rms() < 5e-3, "{:.2e}", e.rms());
         assert!(d.rms() < 0.01 * damper.clearance_m, "{:.2e}", d.rms());
-        e.assert_covers("e");
-        d.assert_covers("d");
     }
 }
 
-/// An error of the sensor's scale is one of d; e does not depend on it.
+/// An error of the sensor's scale is one of d; e does not depend on it. Impacts alike tell e and the friction apart less well.
 #[test]
 fn data_sheet_sensors_give_intervals_that_cover_the_truth() {
     for damper in DAMPERS {
         let known = Known { sensors: Sensors::ASSUMED, ..damper.known() };
-        let (e, d) = over_seeds("data sheet", &damper, &known, data_sheet);
-        assert!(e.rms() < 1e-3, "{:.2e}", e.rms());
+        let [e, d, _] = over_seeds("data sheet", few_seeds(), &damper, &known, data_sheet);
+        assert!(e.rms() < if damper.friction > 0.0 { 2e-3 } else { 1e-3 }, "{:.2e}", e.rms());
         assert!(d.rms() < 0.003 * damper.clearance_m, "{:.2e}", d.rms());
-        d.assert_covers("d");
-        e.assert_covers("e");
     }
+}
+
+/// From rest, the particle of this set-up slides back in some flights and nearly does in others. Their friction is not that of the rest.
+#[test]
+fn friction_has_an_interval_that_covers_the_truth_beside_flights_in_which_the_particle_slid_back() {
+    over_seeds("exact", some_seeds(), &RUBBING, &RUBBING.known(), exact);
 }
 
 /// A missed impact, a particle at rest on a wall, a gap of the samples and a chatter do not reach the result; each is counted.
