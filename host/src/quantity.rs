@@ -95,11 +95,11 @@ quantities! {
     LossFactor: "loss_factor", "1", "loss factor", "energy that the spheres lose in a cycle over 2π times the structure's largest kinetic energy in it";
     CollectiveMotion: "collective_motion", "1", "collective motion", "share of the spheres' momentum in the box that they have in common, 0 to 1";
 
-    StartM: "start_m", "m", "displacement before the release", "x0 of a free vibration; NaN of others";
+    StartM: "start_m", "m", "initial displacement", "x0 of a free vibration; NaN of others";
     EndM: "end_m", "m", "|x| at the end of the decay", "largest |x| after `cycles`, on the side of x0";
     LogDecrement: "log_decrement", "1", "logarithmic decrement", "ln(start_m/end_m)/cycles";
-    DampingRatio: "damping_ratio", "1", "damping ratio of the decay", "damping ratio of the linear structure that would decay so";
-    DecayFrequencyHz: "decay_frequency_hz", "Hz", "frequency of the decay", "frequency over the cycles of the decay";
+    DampingRatio: "damping_ratio", "1", "damping ratio", "damping ratio of the linear structure that would decay so";
+    DecayFrequencyHz: "decay_frequency_hz", "Hz", "decay frequency", "frequency over the cycles of the decay";
 
     Cycles: "cycles", "1", "cycles", "whole cycles that were measured";
     StartTick: "start_tick", "tick", "first tick", "first tick measured";
