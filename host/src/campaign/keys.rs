@@ -277,7 +277,7 @@ tables! {
             number(
                 "peak_points",
                 Whole(2.0, 40.0),
-                "further frequencies between the neighbours of the point with the highest measured X/Z (cycle maxima), measured after the grid on each set-up; a sweep (`carry_over`) begins at the first of them from rest",
+                "further frequencies between the neighbours of the point with the highest measured X/Z (cycle maxima) and of a second maximum that may be higher, measured after the grid on each set-up; a sweep (`carry_over`) begins at the first of them from rest",
             ),
         ];
         STEP: Required, [

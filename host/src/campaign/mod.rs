@@ -30,7 +30,7 @@ pub use experiment::{Experiment, Kind};
 pub(crate) use experiment::{default_name, repeat_names};
 pub use keys::{PLAYED, TABLES};
 pub use limits::CampaignLimits;
-pub use peak::{AroundPeak, GridPeak};
+pub use peak::{AroundPeak, GridPeak, RISE_BETWEEN_POINTS};
 pub use plan::Plan;
 pub use rig::{RigSettings, Telemetry};
 pub use set_up::CampaignSetUp;

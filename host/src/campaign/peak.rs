@@ -9,16 +9,23 @@ use super::stepped_sine::to_nanohertz;
 /// Relative difference of two steps that counts as rounding.
 const ROUNDING: f64 = 1e-6;
 
+/// How far a curve may rise above a local maximum of its points, as a share of the difference to the lower neighbour. A parabola through
+/// equally spaced points rises by an eighth at most (its vertex lies between two equal points); this is twice that.
+pub const RISE_BETWEEN_POINTS: f64 = 0.25;
+
 /// The points around the peak of a grid.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AroundPeak {
     /// The highest point of the grid; none if no point has a valid X/Z.
     pub peak: Option<GridPeak>,
+    /// Another local maximum, between whose neighbours X/Z may be higher than at `peak`; none in older runs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second: Option<GridPeak>,
     /// Drive frequencies in the order they are run, Hz; none of them is in the grid.
     pub frequencies_hz: Vec<f64>,
 }
 
-/// The highest point of a grid.
+/// A local maximum of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GridPeak {
     /// Its drive frequency, Hz.
@@ -45,9 +52,11 @@ impl SteppedSine {
     /// The points around the highest of `measured`, which holds frequency (Hz) and X/Z of the grid's points. An X/Z counts if it is
     /// finite and greater than 0.
     ///
-    /// The points lie between the grid's neighbours of the highest point. Each is added on that side of it which has the wider step,
-    /// so that with an even number on an even grid the steps are equal; an odd one is on the side of the higher neighbour. Frequencies
-    /// that the controller, which counts them in `f32`, cannot tell apart are left out.
+    /// The points lie between the grid's neighbours of the highest point; those of a second local maximum get half of them if the peak may
+    /// be there: if, with [`RISE_BETWEEN_POINTS`], it reaches higher than the highest point. Of several the one that reaches highest counts.
+    /// An odd point more is at the highest. Each is added on that side of a maximum which has the wider step, so that with an even number
+    /// on an even grid the steps are equal; an odd one is on the side of the higher neighbour. Frequencies that the controller, which
+    /// counts them in `f32`, cannot tell apart are left out.
     #[must_use]
     pub fn around_peak(&self, measured: &[(f64, f64)]) -> AroundPeak {
         let mut grid = self.frequencies_hz.clone();
@@ -57,14 +66,21 @@ impl SteppedSine {
             own.filter(|ratio| ratio.is_finite() && *ratio > 0.0)
         };
         let ratios: Vec<Option<f64>> = grid.iter().map(|f| ratio(*f)).collect();
-        let highest = ratios.iter().flatten().copied().reduce(f64::max);
-        let place = ratios.iter().position(|own| own.is_some() && *own == highest);
-        let Some(place) = place else { return AroundPeak::default() };
-        let (below, above) = (place.saturating_sub(1), (place + 1).min(grid.len() - 1));
-        let peak = GridPeak { frequency_hz: grid[place], between_hz: [grid[below], grid[above]] };
-        let rising = between(&peak, self.peak_points(), ratios[above] > ratios[below]);
+        let Some((highest, second)) = maxima(&ratios) else { return AroundPeak::default() };
+        let neighbours = |place: usize| [place.saturating_sub(1), (place + 1).min(grid.len() - 1)];
+        let peak =
+            |place: usize| GridPeak { frequency_hz: grid[place], between_hz: neighbours(place).map(|n| grid[n]) };
+        let around = |place: usize, count: usize| {
+            let [below, above] = neighbours(place).map(|n| ratios[n]);
+            between(&peak(place), count, above > below)
+        };
+        let count = self.peak_points();
+        let shared = if second.is_some() { count / 2 } else { 0 };
+        let mut all = around(highest, count - shared);
+        all.extend(second.into_iter().flat_map(|place| around(place, shared)));
+        all.sort_by(f64::total_cmp);
         let mut found: Vec<f64> = Vec::new();
-        for frequency_hz in rising {
+        for frequency_hz in all {
             let is_other = |known: &f64| *known as f32 != frequency_hz as f32;
             if grid.iter().chain(&found).all(is_other) {
                 found.push(frequency_hz);
@@ -74,11 +90,27 @@ impl SteppedSine {
             found.reverse();
         }
         let frequencies_hz = self.peak_order.iter().filter_map(|place| found.get(*place)).copied().collect();
-        AroundPeak { peak: Some(peak), frequencies_hz }
+        AroundPeak { peak: Some(peak(highest)), second: second.map(peak), frequencies_hz }
     }
 }
 
-/// `count` frequencies on both sides of a peak, rising.
+/// The places of the highest point and of another local maximum that may reach higher; `None` without a valid point.
+fn maxima(ratios: &[Option<f64>]) -> Option<(usize, Option<usize>)> {
+    let highest_ratio = ratios.iter().flatten().copied().reduce(f64::max)?;
+    let highest = ratios.iter().position(|own| *own == Some(highest_ratio))?;
+    let reach = |place: usize| {
+        let own = ratios[place]?;
+        let neighbours = &ratios[place.saturating_sub(1)..ratios.len().min(place + 2)];
+        let lower = neighbours.iter().flatten().copied().fold(own, f64::min);
+        let is_maximum = place.abs_diff(highest) > 1 && neighbours.iter().flatten().all(|other| *other <= own);
+        let reach = own + RISE_BETWEEN_POINTS * (own - lower);
+        (is_maximum && reach > highest_ratio).then_some((place, reach))
+    };
+    let second = (0..ratios.len()).filter_map(reach).max_by(|a, b| a.1.total_cmp(&b.1));
+    Some((highest, second.map(|(place, _)| place)))
+}
+
+/// `count` frequencies on both sides of a maximum, rising.
 fn between(peak: &GridPeak, count: usize, is_higher_above: bool) -> Vec<f64> {
     let [low, high] = peak.between_hz;
     let widths = [peak.frequency_hz - low, high - peak.frequency_hz];
@@ -159,6 +191,48 @@ mod tests {
         let high = sine.around_peak(&resonance(&sine, 3.1));
         assert!(high.peak.unwrap().is_at_end());
         assert_eq!(high.frequencies_hz, [2.92, 2.94, 2.96, 2.98]);
+    }
+
+    /// X/Z of the grid of eleven points, from 2 Hz.
+    fn shared(plan: &str, ratios: [f64; 11]) -> AroundPeak {
+        let sine = sine(&format!("{RISING}, {plan}"), "from_rest", "");
+        sine.around_peak(&sine.frequencies_hz.iter().copied().zip(ratios).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn two_maxima_share_the_points_if_the_second_may_be_higher() {
+        // A quarter of the difference to 4 makes 9.2 of 8.
+        let with =
+            |highest: f64| shared("peak_points = 8", [1.0, 4.0, 8.0, 5.0, 3.0, 2.0, 3.0, 6.0, highest, 6.0, 2.0]);
+        let around = with(8.9);
+        assert_eq!(around.peak, Some(GridPeak { frequency_hz: 2.8, between_hz: [2.7, 2.9] }));
+        assert_eq!(around.second, Some(GridPeak { frequency_hz: 2.2, between_hz: [2.1, 2.3] }));
+        let expected = [
+            2.133_333_333,
+            2.166_666_667,
+            2.233_333_333,
+            2.266_666_667,
+            2.733_333_333,
+            2.766_666_667,
+            2.833_333_333,
+            2.866_666_667,
+        ];
+        assert_eq!(around.frequencies_hz, expected);
+        let alone = with(9.1);
+        assert_eq!(alone.second, None);
+        assert!(alone.frequencies_hz.len() == 8 && alone.frequencies_hz.iter().all(|f| *f > 2.7), "{alone:?}");
+    }
+
+    #[test]
+    fn of_several_maxima_the_one_that_reaches_highest_shares_the_points() {
+        // 7 + 6/4 reaches 8.5, 8 + 1/4 reaches 8.25.
+        let around = shared("peak_points = 2", [1.0, 7.0, 1.0, 2.0, 7.0, 8.0, 7.0, 2.0, 6.0, 8.2, 6.0]);
+        assert_eq!(around.second.unwrap().frequency_hz, 2.1);
+        assert_eq!(around.frequencies_hz, [2.05, 2.85]);
+        // Of an odd number the highest point has one more.
+        let around = shared("peak_points = 3", [1.0, 7.0, 1.0, 2.0, 7.0, 8.0, 7.0, 2.0, 6.0, 8.2, 6.0]);
+        assert_eq!(around.frequencies_hz, [2.05, 2.85, 2.95]);
+        assert_eq!(shared("peak_points = 2", [1.0; 11]).second, None, "a flat response");
     }
 
     #[test]

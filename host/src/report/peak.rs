@@ -1,18 +1,14 @@
 //! Says whether the highest point of a measured response is its peak: the points beside it decide.
 //!
-//! The peak of a smooth curve through equally spaced points is higher than their highest by at most an eighth of the difference to
-//! the lower of its neighbours (a parabola whose vertex lies between two equal points). Twice that, a quarter of the difference, must be
-//! within the tolerance of X/Z. So with a tolerance of 1 % both neighbours of a resolved peak are at most 4 % lower.
+//! The rise of a curve above the highest of its points (`RISE_BETWEEN_POINTS`: a quarter of the difference to the lower neighbour) must
+//! be within the tolerance of X/Z. So with a tolerance of 1 % both neighbours of a resolved peak are at most 4 % lower.
 //!
 //! A damped structure's X/Z changes gradually: at a distance δ from its peak it is lower by 1 − 1/√(1 + (δ/ζf)²), with the structure's own ζ.
 //! Where X/Z falls by more than twice that, and by more than a tenth, it jumps from one motion to another, as impact dampers do; more
 //! points do not close a jump.
 
-use crate::campaign::{Campaign, CampaignSetUp, Experiment};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, RISE_BETWEEN_POINTS};
 use crate::report::numbers::{significant, trimmed};
-
-/// Largest difference to a neighbour, in tolerances of X/Z.
-const TOLERANCES: f64 = 4.0;
 
 /// Smallest relative fall of X/Z that counts as a jump.
 const LEAST_JUMP: f64 = 0.1;
@@ -57,7 +53,7 @@ impl Peak {
         }
         let fall = |other: &(f64, f64)| 1.0 - other.1 / x_over_z;
         let mut steep: Vec<(f64, f64)> = vec![points[place - 1], points[place + 1]];
-        steep.retain(|other| fall(other) > TOLERANCES * tolerance);
+        steep.retain(|other| RISE_BETWEEN_POINTS * fall(other) > tolerance);
         steep.sort_by(|a, b| a.1.total_cmp(&b.1));
         let is_jump = |other: &(f64, f64)| {
             let bandwidths = (other.0 - frequency_hz) / (damping_ratio * frequency_hz);

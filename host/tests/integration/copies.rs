@@ -1,7 +1,7 @@
 //! The copies of motion records in a run folder: each experiment is resumed and compared with its own, whatever the files are called,
 //! in runs of today and of earlier versions.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use damprig::run_folder::journal;
 use damprig::run_folder::schema::journal_state::JournalState;
@@ -9,7 +9,7 @@ use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;
 
-use crate::common::{copy_folder, damprig, folder_with, two_records};
+use crate::common::{damprig, folder_with, older_run, two_records};
 
 const HEAD: &str = "name = \"two-records\"\n[structure]\nmass_kg = 1.6\nnatural_frequency_hz = 2.5\ndamping_ratio = 0.02\n[[set_up]]\nname = \
                     \"bare\"\nbase_amplitude_m = 0.001\n";
@@ -138,13 +138,8 @@ fn the_campaign_of_a_run_folder_is_run_again_with_its_copies() {
     damprig(&folder).args(["compare", "again"]).assert().success();
 }
 
-/// A run folder that an earlier version wrote: `a` was played twice and `b`, killed before `b` was measured (`killed`), and resumed by
-/// that version with the record of `a` in its place (`resumed`).
-fn older(folder: &TempDir, name: &str) -> PathBuf {
-    let run = folder.path().join(name);
-    copy_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/older_runs").join(name), &run);
-    run
-}
+// In the older runs `a` was played twice and `b`; they were killed before `b` was measured (`killed`), and resumed by the version of then with
+// the record of `a` in its place (`resumed`).
 
 #[test]
 fn an_older_run_is_resumed_compared_and_reported_with_its_own_records() {
@@ -153,7 +148,7 @@ fn an_older_run_is_resumed_compared_and_reported_with_its_own_records() {
     std::fs::write(folder.path().join("test.toml"), text.replace("rate_hz = 1000", "rate_hz = 100")).unwrap();
     damprig(&folder).args(["run", "test.toml", "--out", "whole"]).assert().success();
     let whole = peaks(&folder.path().join("whole"));
-    let run = older(&folder, "killed");
+    let run = older_run(&folder, "killed");
     // The device is described by the version that measures.
     let now = state(&folder.path().join("whole")).begun[0].device.clone();
     let path = run.join("journal.jsonl");
@@ -179,7 +174,7 @@ fn an_older_run_is_resumed_compared_and_reported_with_its_own_records() {
 #[test]
 fn an_older_run_that_may_have_played_another_record_is_not_compared() {
     let folder = folder("");
-    let run = older(&folder, "resumed");
+    let run = older_run(&folder, "resumed");
     let peaks = peaks(&run);
     assert!(
         (peaks[2].1 / peaks[0].1 - 0.5).abs() < 1e-3,

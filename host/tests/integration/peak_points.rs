@@ -14,7 +14,9 @@ use damprig_protocol::{Event, FromDevice};
 use predicates::prelude::*;
 use predicates::str::contains;
 
-use crate::common::{Fate, Served, cut_off_at, damprig, folder_with, manifest, read_parquet, short, with_sums};
+use crate::common::{
+    Fate, Served, cut_off_at, damprig, folder_with, manifest, older_run, read_parquet, short, with_sums,
+};
 use crate::resume::measured;
 
 const GRID: &str = "{ from_hz = 2.4, to_hz = 2.6, step_hz = 0.05, peak_points = 4 }";
@@ -334,4 +336,73 @@ fn a_lost_line_of_points_around_a_peak_is_made_again() {
     std::fs::write(&path, kept.join("\n") + "\n").unwrap();
     damprig(&folder).args(["run", "--resume", "out"]).assert().success().stdout(contains("18 of 18 points"));
     assert_eq!(state(&run).peaks[0].around, noted);
+}
+
+/// A tuned mass damper whose two maxima are at 2.20 and 2.72 Hz. The lower one is 6 % higher; on the grid, of steps of 0.1 Hz from 2.05 Hz,
+/// it is 2 % lower.
+fn two_maxima() -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/older_runs/killed_at_peak/campaign.toml");
+    std::fs::read_to_string(path).unwrap()
+}
+
+#[test]
+fn where_a_second_maximum_may_be_higher_the_points_are_shared_and_its_peak_is_found() {
+    let folder = folder_with(&two_maxima());
+    let foreseen = "predicted from 2.65 to 2.85 Hz (highest point of the grid at 2.75 Hz) and from 2.05 to 2.25 Hz (second maximum at 2.15 Hz)";
+    damprig(&folder).args(["run", "test.toml", "--dry-run"]).assert().success().stdout(contains(foreseen));
+    let said = "16 further points from 2.65 to 2.85 Hz, around the highest X/Z (cycle maxima), at 2.75 Hz, and from 2.05 to 2.25 Hz, around a second maximum at 2.15 Hz";
+    let answer = damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    answer.stdout(
+        contains(said).and(contains("27 of 27 points")).and(contains("resolved")).and(contains("not resolved").not()),
+    );
+    let run = folder.path().join("out");
+    let points = results(&run, "tmd");
+    assert!(points.is_sorted_by(|a, b| a.0 < b.0), "{points:?}");
+    let highest = points.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+    // From 2.19 to 2.21 Hz X/Z changes by 1 %: a step of 0.005 Hz is within 0.1 % of its maximum.
+    let (head, tail) = two_maxima().split_once("frequencies_hz").map(|(a, b)| (a.to_string(), b.to_string())).unwrap();
+    let (_, tail) = tail.split_once('\n').unwrap();
+    let dense = format!("{head}frequencies_hz = {{ from_hz = 2.18, to_hz = 2.22, step_hz = 0.005 }}\n{tail}");
+    std::fs::write(folder.path().join("dense.toml"), dense).unwrap();
+    damprig(&folder).args(["run", "dense.toml", "--out", "dense"]).assert().success();
+    let truth = results(&folder.path().join("dense"), "tmd").iter().map(|point| point.1).fold(0.0, f64::max);
+    assert!((highest.1 / truth - 1.0).abs() < 0.01 && (highest.0 - 2.2).abs() < 0.02, "{highest:?}, {truth}");
+    damprig(&folder).args(["runs", "verify", "out"]).assert().success();
+}
+
+#[test]
+fn a_run_that_is_resumed_between_two_maxima_measures_the_same_points() {
+    // The eleven of the grid, then eight around each maximum.
+    let whole = folder_with(&two_maxima());
+    damprig(&whole).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "out"]).assert().success();
+    let (folder, _) = cut_off_at(&two_maxima(), 20);
+    let run = folder.path().join("out");
+    let before = state(&run).peaks;
+    assert_eq!(before[0].around.second.unwrap().frequency_hz, 2.15);
+    damprig(&folder).args(["run", "--resume", "out"]).assert().success().stdout(contains("27 of 27 points"));
+    assert_eq!(measured(&run), measured(&whole.path().join("out")));
+    assert_eq!(state(&run).peaks, before);
+}
+
+/// An earlier version, which measured all points around the highest one, was killed after two of them.
+#[test]
+fn an_older_run_goes_on_with_the_points_that_it_noted() {
+    let folder = folder_with(&two_maxima());
+    let run = older_run(&folder, "killed_at_peak");
+    let before = state(&run).peaks;
+    damprig(&folder).args(["runs", "verify", "killed_at_peak"]).assert().code(1).stdout(contains("damaged").not());
+    // The device is described by the version that measures.
+    damprig(&folder).args(["run", "test.toml", "--out", "now"]).assert().success();
+    let path = run.join(journal::JOURNAL);
+    let lines = std::fs::read_to_string(&path).unwrap();
+    let (begin, rest) = lines.split_once('\n').unwrap();
+    let mut begin: serde_json::Value = serde_json::from_str(begin).unwrap();
+    begin["device"] = serde_json::to_value(&state(&folder.path().join("now")).begun[0].device).unwrap();
+    std::fs::write(&path, with_sums(&format!("{begin}\n{rest}"))).unwrap();
+    damprig(&folder).args(["run", "--resume", "killed_at_peak"]).assert().success().stdout(contains("27 of 27 points"));
+    assert_eq!(state(&run).peaks, before);
+    let points = results(&run, "tmd");
+    let around: Vec<f64> = points.iter().filter(|point| point.2 >= 11).map(|point| point.0).collect();
+    assert!(around.len() == 16 && around.iter().all(|f| 2.65 < *f && *f < 2.85), "{around:?}");
+    damprig(&folder).args(["runs", "verify", "killed_at_peak"]).assert().success();
 }

@@ -3,7 +3,7 @@
 use comfy_table::Table;
 
 use super::table;
-use crate::campaign::{Campaign, Experiment};
+use crate::campaign::{Campaign, Experiment, GridPeak};
 use crate::input::shown_in_line;
 use crate::prediction::{Prediction, Response};
 use crate::report::describe;
@@ -85,12 +85,19 @@ pub fn peak_points(campaign: &Campaign, responses: &[Response]) -> Vec<String> {
     for (place, experiment) in campaign.experiments.iter().enumerate().filter(|(_, e)| e.peak_points() > 0) {
         for &set_up in &experiment.set_ups {
             let own = responses.iter().find(|r| r.set_up == set_up && r.experiment == place);
-            let expected = match own.and_then(|own| own.around_peak.as_ref()?.peak) {
-                Some(peak) => {
-                    let [low, high, at] =
-                        [peak.between_hz[0], peak.between_hz[1], peak.frequency_hz].map(|f| trimmed(f, 4));
-                    let end = if peak.is_at_end() { ", an end of the grid" } else { "" };
-                    format!("predicted from {low} to {high} Hz (highest point of the grid at {at} Hz{end})")
+            let expected = match own
+                .and_then(|own| own.around_peak.as_ref())
+                .and_then(|around| Some((around.peak?, around.second)))
+            {
+                Some((peak, second)) => {
+                    let place = |what: &str, peak: GridPeak| {
+                        let [low, high, at] =
+                            [peak.between_hz[0], peak.between_hz[1], peak.frequency_hz].map(|f| trimmed(f, 4));
+                        let end = if peak.is_at_end() { ", an end of the grid" } else { "" };
+                        format!("from {low} to {high} Hz ({what} at {at} Hz{end})")
+                    };
+                    let second = second.map(|second| format!(" and {}", place("second maximum", second)));
+                    format!("predicted {}{}", place("highest point of the grid", peak), second.unwrap_or_default())
                 }
                 None => "their place is not predicted".into(),
             };

@@ -444,7 +444,7 @@ mod tests {
 
     fn around(frequencies_hz: &[f64]) -> Entry {
         let peak = Some(GridPeak { frequency_hz: 2.5, between_hz: [2.4, 2.6] });
-        let around = AroundPeak { peak, frequencies_hz: frequencies_hz.to_vec() };
+        let around = AroundPeak { peak, second: None, frequencies_hz: frequencies_hz.to_vec() };
         Entry::PeakPoints(Box::new(PeakPoints {
             set_up: "a".into(),
             experiment: "e".into(),

@@ -46,12 +46,15 @@ impl PeakPoints {
         }
         let plural = if count == 1 { "" } else { "s" };
         let further = format!("{place}: {count} further point{plural} from {low} to {high} Hz");
+        let second = self.around.second.map_or_else(String::new, |second| {
+            let (second_hz, [low, high]) = (second.frequency_hz, second.between_hz);
+            format!(", and from {low} to {high} Hz, around a second maximum at {second_hz} Hz that may be higher")
+        });
         if peak.is_at_end() {
-            return format!(
-                "{further}, on the inner side of {highest}: that is the end of the grid, and the peak may lie outside"
-            );
+            let end = "that is the end of the grid, and the peak may lie outside";
+            return format!("{further}, on the inner side of {highest}{second}: {end}");
         }
-        format!("{further}, around {highest}")
+        format!("{further}, around {highest}{second}")
     }
 }
 
@@ -61,11 +64,11 @@ mod tests {
     use crate::campaign::GridPeak;
 
     #[test]
-    fn a_peak_at_an_end_and_none_are_said() {
+    fn a_second_maximum_a_peak_at_an_end_and_none_are_said() {
         let with = |peak: Option<GridPeak>, frequencies_hz: &[f64]| PeakPoints {
             set_up: "bare".into(),
             experiment: "sweep".into(),
-            around: AroundPeak { peak, frequencies_hz: frequencies_hz.to_vec() },
+            around: AroundPeak { peak, second: None, frequencies_hz: frequencies_hz.to_vec() },
             at: String::new(),
         };
         let inside = GridPeak { frequency_hz: 2.5, between_hz: [2.4, 2.6] };
@@ -76,6 +79,10 @@ mod tests {
             usual.text(),
             "set-up \"bare\", experiment \"sweep\": 2 further points from 2.4 to 2.6 Hz, around the highest X/Z (cycle maxima), at 2.5 Hz"
         );
+        let second = Some(GridPeak { frequency_hz: 2.2, between_hz: [2.1, 2.3] });
+        let shared = PeakPoints { around: AroundPeak { second, ..usual.around.clone() }, ..usual };
+        let said = ", at 2.5 Hz, and from 2.1 to 2.3 Hz, around a second maximum at 2.2 Hz that may be higher";
+        assert!(!shared.is_notable() && shared.text().ends_with(said), "{}", shared.text());
         for (points, said) in [
             (with(Some(end), &[2.55]), "1 further point from 2.5 to 2.6 Hz, on the inner side"),
             (with(Some(inside), &[]), "too close"),

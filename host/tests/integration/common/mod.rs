@@ -91,6 +91,13 @@ pub fn two_records(folder: &Path, set_ups: &[&str]) -> String {
     experiment("a", 2, 0.002) + &experiment("b", 1, 0.001)
 }
 
+/// A copy of a run folder that an earlier version wrote.
+pub fn older_run(folder: &TempDir, name: &str) -> PathBuf {
+    let run = folder.path().join(name);
+    copy_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/older_runs").join(name), &run);
+    run
+}
+
 /// A changed journal with the checksums of its lines made again: what is tested is the change, not its discovery.
 pub fn with_sums(journal: &str) -> String {
     let line = |line: &str| match serde_json::from_str::<serde_json::Value>(line) {
