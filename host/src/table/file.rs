@@ -137,7 +137,7 @@ impl<R> TableFile<R> {
             Sink::Parquet(writer) => writer.write(&batch).map_err(|e| e.to_string()),
             Sink::Csv(writer) => writer.write(&batch),
             Sink::Mat(_, _, columns) => {
-                let held: usize = columns.iter().map(|column| column.values.len()).sum();
+                let held: usize = columns.iter().map(|column| column.values.count()).sum();
                 if held + batch.num_rows() * batch.num_columns() > MOST_NUMBERS {
                     return Err("a .mat file holds at most 2 GiB; lower --rate, or write .parquet".into());
                 }

@@ -78,7 +78,7 @@ pub fn gather(columns: &mut Vec<ColumnValues>, batch: &RecordBatch, names: Names
 impl Values {
     /// Number of values.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         match self {
             Self::Numbers(all) => all.len(),
             Self::Texts(all) => all.len(),

@@ -104,7 +104,7 @@ impl<'f> LongTable<'f> {
 
     /// Writes the whole chunks of the rows so far.
     fn write_chunks(&mut self) -> Result<(), Error> {
-        let rows = self.columns.first().map_or(0, |column| column.values.len());
+        let rows = self.columns.first().map_or(0, |column| column.values.count());
         if rows <= CHUNK {
             return Ok(());
         }
@@ -143,7 +143,7 @@ impl<'f> LongTable<'f> {
     /// Writes the remaining rows, and the names that places refer to. A table of no more rows than a chunk has is not chunked:
     /// every reader has that layout.
     fn finish(mut self) -> Result<(), Error> {
-        let rows = self.columns.first().map_or(0, |column| column.values.len());
+        let rows = self.columns.first().map_or(0, |column| column.values.count());
         if self.datasets.is_empty() {
             self.create(|column, dataset| numbers(dataset, &column.values.take_numbers(rows)))?;
         } else {
