@@ -95,7 +95,7 @@ quantities! {
     LossFactor: "loss_factor", "1", "loss factor", "energy that the spheres lose in a cycle over 2π times the structure's largest kinetic energy in it";
     CollectiveMotion: "collective_motion", "1", "collective motion", "share of the spheres' momentum in the box that they have in common, 0 to 1";
 
-    StartM: "start_m", "m", "initial displacement", "x0 of a free vibration; NaN of others";
+    StartM: "start_m", "m", "initial x (x0)", "x0 of a free vibration; NaN of others";
     EndM: "end_m", "m", "|x| at the end of the decay", "largest |x| after `cycles`, on the side of x0";
     LogDecrement: "log_decrement", "1", "logarithmic decrement", "ln(start_m/end_m)/cycles";
     DampingRatio: "damping_ratio", "1", "damping ratio", "damping ratio of the linear structure that would decay so";
