@@ -9,9 +9,10 @@
 use nalgebra::{Complex, DMatrix, DVector, Schur};
 
 use crate::dual::{Dual, Real};
-use crate::flow::place::{COSINE, OFFSET, ONE, PHASE, SINE, SLIDE, V, X};
-use crate::flow::{N, STATE, Square, Vector, complete, dot, exponential, row_times, times};
+use crate::flow::place::{OFFSET, ONE, PHASE, SLIDE, V, X};
+use crate::flow::{N, STATE, Square, Vector, by_state, complete, dot, exponential, row_times, times};
 use crate::parameter::Parameter;
+use crate::passage::Passage;
 use crate::sequence::{Guard, Sequence};
 use crate::system::System;
 
@@ -96,16 +97,6 @@ impl<T: Real> Reached<T> {
             .collect();
         RowAt { value: dot(row, &self.end), by_state, by_time: dot(row, &self.rate), by_parameters }
     }
-}
-
-/// Derivatives by the state at the start of exp(A t)·complete(q).
-fn by_state<T: Real>(flow: &Square<T>, start: &Vector<T>) -> Vec<[T; STATE]> {
-    flow.iter()
-        .map(|row| {
-            let phase = row[PHASE] + row[SINE] * start[COSINE] - row[COSINE] * start[SINE];
-            [row[0], row[1], row[2], row[3], phase]
-        })
-        .collect()
 }
 
 impl BoundaryProblem<'_> {
@@ -269,20 +260,9 @@ impl BoundaryProblem<'_> {
             let own = UNKNOWNS * n;
             let start = complete(&unknowns[own..own + STATE]);
             let a = equations.matrix(&segment.phase);
-            let flow = exponential(&a, unknowns[own + STATE]);
-            let end = times(&flow, &start);
-            let rate = times(&a, &end);
-            let by_state = by_state(&flow, &start);
             let guard = equations.guard(&segment.phase, segment.end);
-            let speed = dot(&guard, &rate);
             let reset = equations.reset(segment.end, self.sequence.next(n));
-            let moved = |row: &Vector<f64>, k: usize| (0..N).map(|i| row[i] * by_state[i][k]).sum::<f64>();
-            let step = DMatrix::from_fn(STATE, STATE, |row, k| {
-                // A disturbance shifts the event by −(∂g/∂q)/g′.
-                let delay = -moved(&guard, k) / speed;
-                moved(&reset[row], k) + dot(&reset[row], &rate) * delay
-            });
-            product = step * product;
+            product = Passage::new(&a, &start, unknowns[own + STATE], &guard, &reset).matrix * product;
         }
         product
     }

@@ -72,6 +72,17 @@ fn product<T: Real>(left: &Square<T>, right: &Square<T>) -> Square<T> {
     std::array::from_fn(|row| row_times(&left[row], right))
 }
 
+/// Derivatives of exp(A t)·complete(q) by the state q, from `flow` = exp(A t) and `start` = complete(q).
+pub fn by_state<T: Real>(flow: &Square<T>, start: &Vector<T>) -> Vec<[T; STATE]> {
+    use place::{COSINE, PHASE, SINE};
+    flow.iter()
+        .map(|row| {
+            let phase = row[PHASE] + row[SINE] * start[COSINE] - row[COSINE] * start[SINE];
+            [row[0], row[1], row[2], row[3], phase]
+        })
+        .collect()
+}
+
 /// Terms of the exponential's series; at a norm of 1/2 the rest is below 10⁻¹⁷.
 const TERMS: u32 = 14;
 

@@ -3,12 +3,10 @@
 use std::f64::consts::TAU;
 
 use damprig_core::analysis::section::{Section, period};
-use damprig_core::integrator::exact::{
-    Accumulation, Arc, ContactEnd, Exact, ExactState, Excitation, Impact, Observer, Touch,
-};
-use damprig_core::integrator::modes::{Contact, Grip, Sign};
+use damprig_core::integrator::exact::{Accumulation, Arc, Exact, ExactState, Excitation, Impact, Observer, Touch};
+use damprig_core::integrator::modes::{Contact, Grip, Mode, Sign};
 use damprig_core::io::Invalid;
-use damprig_core::model::{Initial, Release, SetUp};
+use damprig_core::model::{Initial, Release, SetUp, Wall};
 
 use crate::boundary_problem::UNKNOWNS;
 use crate::flow::{STATE, complete, dot};
@@ -81,26 +79,54 @@ const SECTION: f64 = 0.37;
 const INSIDE: f64 = 1.0 + 1e-9;
 
 /// A piece of motion in one mode.
-struct Piece {
-    start_s: f64,
-    start: ExactState,
-    end: ExactState,
-    phase: Phase,
+pub(crate) struct Piece {
+    pub start_s: f64,
+    pub start: ExactState,
+    pub end: ExactState,
+    pub phase: Phase,
     /// The impact that begins it.
     after_impact: Option<Sign>,
+    /// The chatter that begins it, just after that impact: mode and state before the remaining impacts are summed.
+    pub after_chatter: Option<(Phase, ExactState)>,
 }
 
 /// Joins the arcs of a motion into pieces.
-struct Pieces {
-    pieces: Vec<Piece>,
+pub(crate) struct Pieces {
+    pub pieces: Vec<Piece>,
     clearance_m: f64,
     has_friction: bool,
     soft: Option<Release>,
+    mode: Option<Mode>,
     impact: Option<Sign>,
-    accumulates: bool,
+    chatter: Option<(Phase, ExactState)>,
 }
 
 impl Pieces {
+    /// Of a motion of this set-up.
+    pub fn new(set_up: &SetUp) -> Self {
+        let particle = set_up.particle;
+        Self {
+            pieces: Vec::new(),
+            clearance_m: particle.map_or(0.0, |p| p.clearance_m),
+            has_friction: particle.is_some_and(|p| p.friction_coefficient * set_up.gravity_m_per_s2 > 0.0),
+            soft: particle.and_then(|p| match p.wall {
+                Wall::Voigt { release, .. } => Some(release),
+                Wall::Restitution { .. } => None,
+            }),
+            mode: None,
+            impact: None,
+            chatter: None,
+        }
+    }
+
+    fn phase(&self, mode: Mode, touch: Touch) -> Phase {
+        let contact = match mode.contact {
+            Contact::Free(_) if !self.has_friction => Contact::Free(0),
+            contact => contact,
+        };
+        Phase { grip: mode.grip, contact, touch }
+    }
+
     fn touch(&self, arc: &Arc<'_>) -> Touch {
         if self.soft.is_none() {
             return Touch::Clear;
@@ -119,11 +145,7 @@ impl Pieces {
 
 impl Observer for Pieces {
     fn arc(&mut self, arc: &Arc<'_>) {
-        let contact = match arc.mode.contact {
-            Contact::Free(_) if !self.has_friction => Contact::Free(0),
-            contact => contact,
-        };
-        let phase = Phase { grip: arc.mode.grip, contact, touch: self.touch(arc) };
+        let phase = self.phase(arc.mode, self.touch(arc));
         let impact = self.impact.take();
         match self.pieces.last_mut() {
             Some(last) if last.phase == phase && impact.is_none() => last.end = arc.end,
@@ -133,6 +155,7 @@ impl Observer for Pieces {
                 end: arc.end,
                 phase,
                 after_impact: impact,
+                after_chatter: self.chatter.take(),
             }),
         }
     }
@@ -143,10 +166,12 @@ impl Observer for Pieces {
         }
     }
 
-    fn contact_end(&mut self, _: &ContactEnd) {}
+    fn mode(&mut self, _: f64, mode: Mode) {
+        self.mode = Some(mode);
+    }
 
-    fn accumulation(&mut self, _: &Accumulation) {
-        self.accumulates = true;
+    fn accumulation(&mut self, chatter: &Accumulation) {
+        self.chatter = self.mode.map(|mode| (self.phase(mode, Touch::Clear), chatter.before));
     }
 }
 
@@ -196,17 +221,10 @@ impl System {
         periods: usize,
     ) -> Result<Start, NoStart> {
         let orbit_s = periods as f64 * TAU / turning;
-        let mut seen = Pieces {
-            pieces: Vec::new(),
-            clearance_m: set_up.particle.map_or(0.0, |p| p.clearance_m),
-            has_friction: set_up.particle.is_some_and(|p| p.friction_coefficient * set_up.gravity_m_per_s2 > 0.0),
-            soft: self.soft,
-            impact: None,
-            accumulates: false,
-        };
+        let mut seen = Pieces::new(set_up);
         let from_s = motion.time_s();
         motion.run(from_s + 3.25 * orbit_s, &mut seen);
-        if seen.accumulates {
+        if seen.pieces.iter().any(|piece| piece.after_chatter.is_some()) {
             return Err(NoStart::Chatter);
         }
         let periods = periods as u32;
@@ -275,7 +293,7 @@ impl System {
         Ok(Start { sequence: Sequence { segments, periods }, unknowns })
     }
 
-    fn state(&self, state: &ExactState, phase: f64, (length, speed): (f64, f64)) -> [f64; STATE] {
+    pub(crate) fn state(&self, state: &ExactState, phase: f64, (length, speed): (f64, f64)) -> [f64; STATE] {
         let joined = f64::from(u8::from(self.has_particle || self.has_tmd));
         [
             state.x_m / length,
@@ -287,7 +305,7 @@ impl System {
     }
 
     /// The event between two pieces: of the guards that explain the change, the one nearest to zero.
-    fn event(
+    pub(crate) fn event(
         &self,
         piece: &Piece,
         next: &Piece,
@@ -305,7 +323,8 @@ impl System {
             Guard::LetGo(side) => before.touch == Touch::Pressing(side) && after.touch != before.touch,
             Guard::Inside(side) => before.touch == Touch::Leaving(side) && after.touch != before.touch,
             Guard::SlideStops(_) => before.contact != after.contact,
-            Guard::HoldBreaks(direction) => after.contact == Contact::Free(direction),
+            // Without friction the direction of a free particle is 0.
+            Guard::HoldBreaks(direction) => [Contact::Free(direction), Contact::Free(0)].contains(&after.contact),
             Guard::SlipStops(_) => before.grip != after.grip,
             Guard::GripBreaks(direction) => after.grip == Grip::Slip(direction),
             Guard::Turn(_) => false,

@@ -62,6 +62,10 @@ impl System {
         })
     }
 
+    pub(crate) fn set_up(&self) -> &SetUp {
+        &self.set_up
+    }
+
     /// Whether the system has this parameter.
     #[must_use]
     pub fn has(&self, parameter: Parameter) -> bool {
@@ -438,6 +442,28 @@ impl<T: Real> Equations<T> {
         if next.grip == Grip::Stuck || matches!(guard, Guard::SlipStops(_) | Guard::GripBreaks(_)) {
             rows[V] = [zero; N];
             rows[V][COSINE] = self.turning * self.base_amplitude;
+        }
+        rows
+    }
+
+    /// The state after a chatter that ended, from the state at that instant: the particle rests on the wall, and the centre of mass
+    /// of both bodies and their momentum are kept, but for the dashpot's impulse over the distance by which the structure moves. The
+    /// impacts are ever slower, so that a shift of the end has no effect.
+    pub(crate) fn rest(&self, next: &Phase) -> [Vector<T>; STATE] {
+        let share = self.mass / (T::of(1.0) + self.mass);
+        let mut rows = self.reset(Guard::Turn(0), next);
+        (rows[X][OFFSET], rows[V][SLIDE]) = (share, share);
+        rows[V][OFFSET] = -(share * self.damping / (T::of(1.0) + self.mass));
+        (rows[OFFSET], rows[SLIDE]) = ([T::of(0.0); N], [T::of(0.0); N]);
+        rows
+    }
+
+    /// The state soon after a small disturbance in a mode: where friction holds bodies together, it does so again, with their
+    /// momentum.
+    pub(crate) fn regain(&self, phase: &Phase) -> [Vector<T>; STATE] {
+        let mut rows = self.reset(Guard::Turn(0), phase);
+        if Self::is_held(phase) && phase.grip != Grip::Stuck {
+            rows[V][SLIDE] = self.mass / (T::of(1.0) + self.mass);
         }
         rows
     }

@@ -3,7 +3,6 @@
 //! Closed forms, Poincaré sections and the energy meter are in [`damprig_core::analysis`]. This module adds the linear
 //! algebra of Floquet multipliers.
 
-mod orbit_events;
 mod periodic_orbit;
 mod repetition;
 mod steady_state;

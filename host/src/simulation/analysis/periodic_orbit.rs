@@ -1,23 +1,22 @@
-//! Periodic orbits by Newton's method on the Poincaré map (k drive periods, impacts included), and their Floquet multipliers.
-//!
-//! The multipliers do not depend on the drive phase of the section, but the finite differences that they are computed from
-//! do: the states of the map jump across an impact. The section therefore lies in the middle of the longest interval of the
-//! orbit without an event, and differences are used only if every disturbed motion hits the same walls in the same order.
+//! Periodic orbits by Newton's method on the Poincaré map (k drive periods, impacts included), and their Floquet multipliers:
+//! the eigenvalues of the map's exact derivative ([`damprig_continuation::ReturnMap`]).
 
 use std::f64::consts::TAU;
 
+use damprig_continuation::{ReturnMap, Unexplained, Variation};
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation};
 use damprig_core::io::Invalid;
 use damprig_core::model::{Initial, SetUp};
 use nalgebra::{Complex, DMatrix, DVector};
-
-use super::orbit_events::{EventTimes, ImpactSequence};
 
 /// Most Newton steps.
 const MOST_STEPS: u32 = 40;
 
 /// Most sections tried.
 const MOST_SECTIONS: usize = 6;
+
+/// An orbit grazes a wall if a disturbance of this size, relative to the motion, removes an impact.
+const GRAZING: f64 = 6e-9;
 
 /// Points checked between a multiplier and the unit circle, so that two separate eigenvalues are not merged.
 const WAYPOINTS: u32 = 16;
@@ -36,8 +35,7 @@ pub struct PeriodicOrbit {
     pub periods: u32,
     /// Floquet multipliers, largest magnitude first: two for a structure alone, four with a second mass.
     pub multipliers: Vec<Multiplier>,
-    /// Error of the map's derivative, whose eigenvalues these are, as a norm: from differences with two step sizes, and
-    /// rounding.
+    /// Error of the map's derivative, whose eigenvalues these are, as a norm: rounding.
     pub derivative_error: f64,
     /// Distance between the state and its image, relative to the motion.
     pub residual: f64,
@@ -95,7 +93,7 @@ impl PeriodicOrbit {
     /// `amplitude_m` sin Ωt.
     ///
     /// # Errors
-    /// An unphysical set-up, no convergence, a particle always at rest on a wall, or an orbit that grazes a wall, where the
+    /// An unphysical set-up, no convergence, a particle that never leaves the walls, or an orbit that grazes a wall, where the
     /// map has no derivative.
     pub fn near(
         set_up: &SetUp,
@@ -105,20 +103,18 @@ impl PeriodicOrbit {
         periods: u32,
     ) -> Result<Self, OrbitError> {
         let sine = Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad: 0.0 };
-        let mut motion = Exact::new(set_up, &sine, &initial(guess))?;
-        let whole_s = f64::from(periods) * TAU / angular_frequency_rad_per_s;
-        let mut course = EventTimes::default();
-        motion.clone().run(whole_s, &mut course);
-        let mut sections = course.sections(whole_s);
-        sections.truncate(MOST_SECTIONS);
+        let guess = initial(guess);
+        let parts_s = ReturnMap::new(set_up, &sine, periods)?.quiet_parts_s(&guess)?;
+        let at = |share: f64| parts_s.iter().map(move |(from_s, to_s)| from_s + share * (to_s - from_s));
+        let mut motion = Exact::new(set_up, &sine, &guess)?;
         let mut not_found = OrbitError::Resting;
-        for at_s in sections {
-            motion.reset(0.0, &initial(guess));
+        // Newton's method may find an orbit from one section and not from another.
+        for at_s in at(0.5).take(3).chain(at(0.25)).chain(at(0.75)).take(MOST_SECTIONS) {
+            motion.reset(0.0, &guess);
             motion.run(at_s, &mut ());
-            let section_phase_rad = (angular_frequency_rad_per_s * at_s).rem_euclid(TAU);
-            let there = *motion.state();
-            let map = Map::new(set_up, amplitude_m, angular_frequency_rad_per_s, section_phase_rad, periods, &there)?;
-            match map.orbit_near(&there) {
+            let phase_rad = (angular_frequency_rad_per_s * at_s).rem_euclid(TAU);
+            let base = (amplitude_m, angular_frequency_rad_per_s, phase_rad);
+            match Map::new(set_up, base, periods, motion.state())?.orbit_near(motion.state()) {
                 Ok(orbit) => return Ok(orbit),
                 Err(why) => not_found = why,
             }
@@ -143,15 +139,18 @@ pub enum OrbitError {
         /// Distance between the state and its image, relative to the motion.
         distance: f64,
     },
-    /// The particle is always at rest on a wall.
-    #[error("no multipliers: the particle is always at rest on a wall")]
+    /// The particle never leaves the walls.
+    #[error("no multipliers: the particle is always at rest on a wall, or in it")]
     Resting,
-    /// Small disturbances change the sequence of impacts.
-    #[error("no multipliers: the orbit grazes a wall (a relative disturbance of {step:.0e} adds or removes an impact)")]
+    /// An impact is so slow that small disturbances remove it: the multipliers are without bound there.
+    #[error("no multipliers: the orbit grazes a wall (a relative disturbance of {size:.0e} removes an impact)")]
     Grazing {
-        /// The smallest disturbance tried, relative to the motion.
-        step: f64,
+        /// The smallest such disturbance, relative to the motion.
+        size: f64,
     },
+    /// The motion has an event whose kind is not certain.
+    #[error("no periodic orbit found: {0}")]
+    Unexplained(#[from] Unexplained),
 }
 
 impl From<Invalid> for OrbitError {
@@ -160,75 +159,67 @@ impl From<Invalid> for OrbitError {
     }
 }
 
-/// The map's derivative.
-struct Derivative {
-    matrix: DMatrix<f64>,
-    /// Whether every disturbed motion has the undisturbed sequence of impacts.
-    is_smooth: bool,
-}
-
 /// The Poincaré map, scaled: displacements by the size of the motion, velocities by size × Ω.
 struct Map {
-    motion: Exact,
-    end_s: f64,
+    map: ReturnMap,
     scale: [f64; 4],
     size: usize,
     clearance_m: f64,
+    /// Amplitude of the base per size of the motion.
+    amplitude: f64,
     periods: u32,
     phase_rad: f64,
 }
 
 impl Map {
+    /// The map from a phase of the base, for motions of the size of `guess`.
     fn new(
         set_up: &SetUp,
-        amplitude_m: f64,
-        angular_frequency_rad_per_s: f64,
-        phase_rad: f64,
+        (amplitude_m, angular_frequency_rad_per_s, phase_rad): (f64, f64, f64),
         periods: u32,
         guess: &ExactState,
-    ) -> Result<Self, OrbitError> {
-        let sine = Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad };
-        let motion = Exact::new(set_up, &sine, &Initial::default())?;
-        let clearance_m = set_up.particle.map_or(f64::INFINITY, |p| p.clearance_m);
+    ) -> Result<Self, Invalid> {
         let length = amplitude_m
             .max(guess.x_m.abs())
             .max(guess.v_m_per_s.abs() / angular_frequency_rad_per_s)
             .max(guess.offset_m.abs());
         let speed = length * angular_frequency_rad_per_s;
-        let joined = set_up.particle.is_some() || set_up.tmd.is_some();
         Ok(Self {
-            motion,
-            end_s: f64::from(periods) * TAU / angular_frequency_rad_per_s,
+            map: ReturnMap::new(
+                set_up,
+                &Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad },
+                periods,
+            )?,
             scale: [length, speed, length, speed],
-            size: if joined { 4 } else { 2 },
-            clearance_m,
+            size: if set_up.particle.is_some() || set_up.tmd.is_some() { 4 } else { 2 },
+            clearance_m: set_up.particle.map_or(f64::INFINITY, |p| p.clearance_m),
+            amplitude: amplitude_m / length,
             periods,
             phase_rad,
         })
     }
 
     fn orbit_near(&self, guess: &ExactState) -> Result<PeriodicOrbit, OrbitError> {
-        let step = f64::EPSILON.cbrt();
         let mut at = self.vector(guess);
-        let mut image = self.of(&at).0;
+        let mut image = self.of(&at);
         let mut distance = (&image - &at).norm();
         for _ in 0..MOST_STEPS {
-            let derivative = self.derivative(&at, step).ok_or(OrbitError::Resting)?;
+            let derivative = self.derivative(&at)?;
             // The map magnifies rounding by its norm.
             let magnification = 1.0 + derivative.matrix.norm();
             let rounding = ROUNDING * magnification;
             if distance <= rounding {
-                return self.orbit(&at, distance, guess);
+                return self.orbit(&at, &derivative, distance, guess);
             }
             // Neutral directions have singular values of the size of rounding, which are left out.
             let newton = (&derivative.matrix - DMatrix::identity(self.size, self.size))
                 .svd(true, true)
-                .solve(&(&at - &image), rounding / step)
+                .solve(&(&at - &image), derivative.error)
                 .map_err(|_| OrbitError::NoConvergence { distance })?;
             // The map is only piecewise smooth, so a step that increases the residual is shortened.
             let better = (0..12).map(|n| 0.5_f64.powi(n)).find_map(|share| {
                 let next = self.inside(&(&at + share * &newton));
-                let image = self.of(&next).0;
+                let image = self.of(&next);
                 let distance_there = (&image - &next).norm();
                 (distance_there < distance).then_some((next, image, distance_there))
             });
@@ -237,7 +228,7 @@ impl Map {
                     (at, image, distance) = (next, image_there, distance_there);
                 }
                 // The residual is as small as rounding allows.
-                None if distance <= 1e3 * rounding => return self.orbit(&at, distance, guess),
+                None if distance <= 1e3 * rounding => return self.orbit(&at, &derivative, distance, guess),
                 None => return Err(OrbitError::NoConvergence { distance }),
             }
         }
@@ -264,56 +255,38 @@ impl Map {
         at
     }
 
-    fn of(&self, at: &DVector<f64>) -> (DVector<f64>, ImpactSequence) {
-        let mut motion = self.motion.clone();
-        motion.reset(0.0, &initial(&self.state(at)));
-        let mut walls = ImpactSequence::default();
-        motion.run(self.end_s, &mut walls);
-        (self.vector(motion.state()), walls)
+    fn of(&self, at: &DVector<f64>) -> DVector<f64> {
+        self.vector(&self.map.image(&initial(&self.state(at))))
     }
 
-    /// Central differences over ±`step`; `None` where the particle has no room on both sides.
-    fn derivative(&self, at: &DVector<f64>, step: f64) -> Option<Derivative> {
-        let undisturbed = self.of(at).1;
-        let mut derivative = Derivative { matrix: DMatrix::zeros(self.size, self.size), is_smooth: true };
-        for n in 0..self.size {
-            let (mut below, mut above) = (at.clone(), at.clone());
-            below[n] -= step;
-            above[n] += step;
-            if self.inside(&below) != below || self.inside(&above) != above {
-                return None;
-            }
-            let (below, above) = (self.of(&below), self.of(&above));
-            derivative.is_smooth &= below.1 == undisturbed && above.1 == undisturbed;
-            derivative.matrix.set_column(n, &((above.0 - below.0) / (2.0 * step)));
-        }
-        Some(derivative)
+    /// The derivative, which is the same in units of the motion.
+    fn derivative(&self, at: &DVector<f64>) -> Result<Variation, OrbitError> {
+        let variation = self.map.variation(&initial(&self.state(at)))?;
+        let is_finite = variation.error.is_finite() && variation.matrix.iter().all(|entry| entry.is_finite());
+        if is_finite { Ok(variation) } else { Err(OrbitError::Grazing { size: 0.0 }) }
     }
 
-    /// The orbit through `at`, differentiated with the largest step at which the map is smooth.
-    fn orbit(&self, at: &DVector<f64>, residual: f64, guess: &ExactState) -> Result<PeriodicOrbit, OrbitError> {
-        let mut step = f64::EPSILON.cbrt();
-        for _ in 0..4 {
-            let derivative = self.derivative(at, step).ok_or(OrbitError::Resting)?;
-            if derivative.is_smooth {
-                let finer = self.derivative(at, 0.5 * step).ok_or(OrbitError::Resting)?;
-                let matrix = derivative.matrix;
-                // Truncation falls fourfold with half the step, so the difference is 3/4 of it, plus rounding.
-                let rounding = ROUNDING * (1.0 + matrix.norm()) / step;
-                let error = 4.0 / 3.0 * (&matrix - finer.matrix).norm() + rounding;
-                return Ok(PeriodicOrbit {
-                    start: self.state(at),
-                    section_phase_rad: self.phase_rad,
-                    periods: self.periods,
-                    multipliers: multipliers(&matrix, error),
-                    derivative_error: error,
-                    residual,
-                    distance: (self.vector(guess) - at).norm(),
-                });
-            }
-            step *= 0.1;
+    /// The orbit through `at`.
+    fn orbit(
+        &self,
+        at: &DVector<f64>,
+        derivative: &Variation,
+        residual: f64,
+        guess: &ExactState,
+    ) -> Result<PeriodicOrbit, OrbitError> {
+        let size = derivative.smallest_grazing * self.amplitude;
+        if size < GRAZING {
+            return Err(OrbitError::Grazing { size });
         }
-        Err(OrbitError::Grazing { step: 10.0 * step })
+        Ok(PeriodicOrbit {
+            start: self.state(at),
+            section_phase_rad: self.phase_rad,
+            periods: self.periods,
+            multipliers: multipliers(&derivative.matrix, derivative.error),
+            derivative_error: derivative.error,
+            residual,
+            distance: (self.vector(guess) - at).norm(),
+        })
     }
 }
 
@@ -430,7 +403,7 @@ mod tests {
         let product: Complex<f64> = orbit.multipliers.iter().map(|m| m.value).product();
         let expected = (-2.0 * 0.0038 * NATURAL * TAU / NATURAL).exp() * 0.5_f64.powi(4);
         assert!(
-            (product.re / expected - 1.0).abs() < 1e-5 && product.im.abs() < 1e-6 * expected,
+            (product.re / expected - 1.0).abs() < 1e-11 && product.im.abs() < 1e-11 * expected,
             "{product} {expected}"
         );
     }

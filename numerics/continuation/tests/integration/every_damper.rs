@@ -2,9 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use damprig_continuation::{Branch, Orbit, Parameter, System, Task, Ties};
-use damprig_core::integrator::exact::{Exact, ExactState, Excitation, Touch};
-use damprig_core::integrator::modes::{Contact, Grip};
+use damprig_continuation::{Branch, Orbit, Parameter, ReturnMap, System, Task, Ties};
+use damprig_core::integrator::exact::{Exact, Excitation};
+use damprig_core::integrator::modes::Grip;
 use damprig_core::model::{FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
 use nalgebra::{Complex, DMatrix};
 
@@ -153,30 +153,6 @@ fn orbits_of_drawn_set_ups_return_in_the_simulation() {
     assert!(followed >= 20, "{followed}");
 }
 
-/// The derivative of the simulated map over a period of the orbit by central differences, and its error.
-fn derivative(motion: &Exact, period_s: f64, size: usize, scale: [f64; 4], step: f64) -> DMatrix<f64> {
-    let at = *motion.state();
-    let vector = |s: &ExactState| [s.x_m, s.v_m_per_s, s.offset_m, s.slide_m_per_s];
-    let image = |n: usize, sign: f64| {
-        let mut v = vector(&at);
-        v[n] += sign * step * scale[n];
-        let initial = Initial { x_m: v[0], v_m_per_s: v[1], y_m: v[0] + v[2], u_m_per_s: v[1] + v[3] };
-        let mut motion = motion.clone();
-        let from_s = motion.time_s();
-        motion.reset(from_s, &initial);
-        motion.run(from_s + period_s, &mut ());
-        vector(motion.state())
-    };
-    let mut matrix = DMatrix::zeros(size, size);
-    for k in 0..size {
-        let (above, below) = (image(k, 1.0), image(k, -1.0));
-        for row in 0..size {
-            matrix[(row, k)] = (above[row] - below[row]) / (2.0 * step * scale[row]);
-        }
-    }
-    matrix
-}
-
 #[test]
 fn the_multipliers_are_those_of_the_simulated_map() {
     let mut compared = 0;
@@ -184,47 +160,43 @@ fn the_multipliers_are_those_of_the_simulated_map() {
         let system = System::new(&set_up, &excitation, Ties::default()).expect("physical");
         let found = system.explore(&task).unwrap_or_else(|why| panic!("{name}: {why}"));
         for orbit in found.branches.iter().flat_map(|branch| branch.orbits.iter().skip(9).step_by(23)) {
-            let (mut motion, period_s) = motion_on(&system, &task, orbit);
-            // Where both bodies are free of contacts: a disturbed state is then in the same mode.
-            let from_s = motion.time_s();
-            let is_free = |motion: &Exact| {
-                let inside =
-                    set_up.particle.is_none_or(|_| motion.state().offset_m.abs() < 0.5 * orbit.max_abs_y_minus_x_m);
-                let is_held = matches!(motion.mode().contact, Contact::Held(_)) || motion.mode().grip == Grip::Stuck;
-                motion.touch() == Touch::Clear && inside && !is_held
-            };
-            for n in 1..100 {
-                motion.run(from_s + 0.01 * f64::from(n) * period_s, &mut ());
-                if is_free(&motion) {
-                    break;
+            let (set_up, mut excitation) = system.at(&[(task.parameter, orbit.parameters[0])]);
+            let turning = excitation.angular_frequency_rad_per_s();
+            let mut start_at = |start_phase_rad: f64| {
+                if let Excitation::Sine { phase_rad, .. } | Excitation::ForceSine { phase_rad, .. } = &mut excitation {
+                    *phase_rad = start_phase_rad;
                 }
-            }
-            if !is_free(&motion) {
-                continue;
-            }
-            let length = orbit.max_abs_x_m.max(orbit.max_abs_y_minus_x_m);
-            let speed = length * TAU / period_s;
-            let scale = [length, speed, length, speed];
-            let size = orbit.multipliers.len();
-            let [coarse, fine] = [1e-5, 5e-6].map(|step| derivative(&motion, period_s, size, scale, step));
-            // Truncation falls fourfold with half the step; rounding of the map over the step.
-            let error = 4.0 / 3.0 * (&coarse - &fine).norm() + 1e-12 * (1.0 + fine.norm()) / 5e-6;
-            if error > 1e-4 {
-                continue;
-            }
+                (
+                    Exact::new(&set_up, &excitation, &orbit.initial()).expect("physical"),
+                    ReturnMap::new(&set_up, &excitation, orbit.periods).expect("physical"),
+                )
+            };
+            let (mut motion, map) = start_at(orbit.start_phase_rad);
+            let parts_s = map.quiet_parts_s(&orbit.initial()).expect("resolved");
+            let Some(quiet_s) = parts_s.first().map(|(from_s, to_s)| 0.5 * (from_s + to_s)) else { continue };
+            motion.run(quiet_s, &mut ());
+            let there = Initial {
+                x_m: motion.state().x_m,
+                v_m_per_s: motion.state().v_m_per_s,
+                y_m: motion.state().y_m(),
+                u_m_per_s: motion.state().u_m_per_s(),
+            };
+            let (_, map) = start_at(orbit.start_phase_rad + turning * quiet_s);
+            let variation = map.variation(&there).expect("resolved");
             compared += 1;
             // Traces of the powers are smooth in the matrix, eigenvalues are not.
+            let size = orbit.multipliers.len();
             let mut power = DMatrix::identity(size, size);
             for k in 1..=size {
-                power = &power * &fine;
+                power *= &variation.matrix;
                 let sum: f64 = orbit.multipliers.iter().map(|m| m.powi(k as i32).re).sum();
-                let most = 2.0 * k as f64 * error * (1.0 + fine.norm()).powi(k as i32);
+                let most = 1e-9 * (1.0 + variation.matrix.norm()).powi(k as i32);
                 assert!((power.trace() - sum).abs() < most, "{name} {k}: {} {sum} {most}", power.trace());
             }
         }
     }
     println!("{compared} orbits are compared");
-    assert!(compared > 40, "{compared}");
+    assert!(compared > 60, "{compared}");
 }
 
 #[test]

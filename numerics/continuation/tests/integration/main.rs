@@ -2,5 +2,6 @@
 
 mod common;
 mod every_damper;
+mod return_map;
 mod special_points;
 mod two_impacts;

@@ -1,0 +1,181 @@
+//! The Poincaré map of a set-up under a sine, and its exact derivative.
+//!
+//! The motion is core's ([`Exact`]). Its derivative is the product of the transition matrices of its segments and the
+//! saltations of their events, as of a followed orbit; the end is the return of the drive's phase. A sequence may be of any length,
+//! and chatter may end with the particle at rest.
+
+use std::f64::consts::TAU;
+
+use damprig_core::integrator::exact::{Exact, ExactState, Excitation, Observer, Touch};
+use damprig_core::integrator::modes::Contact;
+use damprig_core::io::Invalid;
+use damprig_core::model::{Initial, SetUp};
+use nalgebra::DMatrix;
+
+use crate::flow::{STATE, complete};
+use crate::parameter::Ties;
+use crate::passage::Passage;
+use crate::sequence::Guard;
+use crate::start::Pieces;
+use crate::system::System;
+
+/// Rounding of a step of the product, relative to the sizes of its factors.
+const ROUNDING: f64 = 1e-14;
+
+/// The Poincaré map over a whole number of drive periods.
+#[derive(Clone, Debug)]
+pub struct ReturnMap {
+    system: System,
+    motion: Exact,
+    phase_rad: f64,
+    end_s: f64,
+}
+
+/// The derivative of the map at a state, without units: displacements per amplitude, velocities per amplitude × Ω.
+#[derive(Clone, Debug)]
+pub struct Variation {
+    /// Derivative by x, x′, y − x and y′ − x′; of a structure alone by the first two.
+    pub matrix: DMatrix<f64>,
+    /// Error of the matrix by rounding, to first order, as a norm.
+    pub error: f64,
+    /// The smallest disturbance that removes an impact on a hard wall, to first order, relative to the amplitude: it is near zero
+    /// where the motion grazes a wall, and the derivative then holds for smaller disturbances only. Infinite if none does.
+    pub smallest_grazing: f64,
+}
+
+/// An event of the simulated motion was not found among the guards of its mode, or too many events fell on one instant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("an event of the motion is not resolved")]
+pub struct Unexplained;
+
+impl ReturnMap {
+    /// The map over `periods` periods of a sine of the base or of a force, from the phase of that sine.
+    ///
+    /// # Errors
+    /// Names a value that is not physical, or an excitation that is not a sine.
+    pub fn new(set_up: &SetUp, excitation: &Excitation, periods: u32) -> Result<Self, Invalid> {
+        let system = System::new(set_up, excitation, Ties::default())?;
+        let phase_rad = match *excitation {
+            Excitation::Sine { phase_rad, .. } | Excitation::ForceSine { phase_rad, .. } => phase_rad,
+            _ => 0.0,
+        };
+        let end_s = f64::from(periods) * TAU * system.time_s;
+        Ok(Self { motion: Exact::new(set_up, excitation, &Initial::default())?, system, phase_rad, end_s })
+    }
+
+    /// The image of a state.
+    #[must_use]
+    pub fn image(&self, start: &Initial) -> ExactState {
+        *self.watch(start, &mut ()).state()
+    }
+
+    /// The motion from a state to its image, while `observer` sees it.
+    pub fn watch(&self, start: &Initial, observer: &mut impl Observer) -> Exact {
+        let mut motion = self.motion.clone();
+        motion.reset(0.0, start);
+        motion.run(self.end_s, observer);
+        motion
+    }
+
+    /// The parts of the motion from `start` without events and without contact of the particle with a wall, longest first: when each
+    /// begins and ends, s.
+    ///
+    /// # Errors
+    /// An event that is not resolved.
+    pub fn quiet_parts_s(&self, start: &Initial) -> Result<Vec<(f64, f64)>, Unexplained> {
+        let pieces = self.pieces(start)?.pieces;
+        let ends = pieces.iter().skip(1).map(|next| next.start_s).chain([self.end_s]);
+        let mut parts: Vec<_> = pieces
+            .iter()
+            .zip(ends)
+            .filter(|(piece, _)| piece.phase.touch == Touch::Clear)
+            .filter(|(piece, _)| !matches!(piece.phase.contact, Contact::Held(side) if side != 0))
+            .map(|(piece, end_s)| (piece.start_s, end_s))
+            .collect();
+        parts.sort_by(|a, b| (b.1 - b.0).total_cmp(&(a.1 - a.0)));
+        Ok(parts)
+    }
+
+    fn pieces(&self, start: &Initial) -> Result<Pieces, Unexplained> {
+        let mut seen = Pieces::new(self.system.set_up());
+        let motion = self.watch(start, &mut seen);
+        if motion.unresolved() > 0 { Err(Unexplained) } else { Ok(seen) }
+    }
+
+    /// The derivative of the map.
+    ///
+    /// # Errors
+    /// An event that is not resolved.
+    pub fn variation(&self, start: &Initial) -> Result<Variation, Unexplained> {
+        let seen = self.pieces(start)?;
+        let pieces = &seen.pieces;
+        let (system, unit) = (&self.system, (self.system.length_m, self.system.length_m / self.system.time_s));
+        let equations = system.equations::<f64>(&[]);
+        let state = |state: &ExactState, at_s: f64| {
+            let phase_rad = self.phase_rad + at_s / system.time_s;
+            system.state(state, phase_rad, unit)
+        };
+        let first = pieces.first().ok_or(Unexplained)?;
+        let turn = equations.guard(&first.phase, Guard::Turn(0));
+        let mut passages = Vec::with_capacity(pieces.len());
+        let mut hits = Vec::new();
+        for (n, piece) in pieces.iter().enumerate() {
+            let a = equations.matrix(&piece.phase);
+            let from = complete(&state(&piece.start, piece.start_s));
+            let end_s = pieces.get(n + 1).map_or(self.end_s, |next| next.start_s);
+            let duration = (end_s - piece.start_s) / system.time_s;
+            let Some(next) = pieces.get(n + 1) else {
+                passages.push(Passage::new(&a, &from, duration, &turn, &equations.regain(&piece.phase)));
+                break;
+            };
+            let end = state(&piece.end, end_s);
+            let event = system.event(piece, next, &end, &[]).map_err(|_| Unexplained)?;
+            if matches!(event, Guard::Wall(_)) && system.soft.is_none() {
+                hits.push(passages.len());
+            }
+            let after = next.after_chatter.as_ref().map_or(&next.phase, |(flying, _)| flying);
+            let guard = equations.guard(&piece.phase, event);
+            passages.push(Passage::new(&a, &from, duration, &guard, &equations.reset(event, after)));
+            if let Some((flying, before)) = &next.after_chatter {
+                let before = complete(&state(before, end_s));
+                passages.push(Passage::new(
+                    &equations.matrix(flying),
+                    &before,
+                    0.0,
+                    &turn,
+                    &equations.rest(&next.phase),
+                ));
+            }
+        }
+        let regain = equations.regain(&first.phase);
+        Ok(self.product(DMatrix::from_fn(STATE, system.size(), |row, k| regain[row][k]), &passages, &hits))
+    }
+
+    /// The product of the passages, and its rounding: a rounding of one is magnified by those before and after it.
+    fn product(&self, start: DMatrix<f64>, passages: &[Passage], hits: &[usize]) -> Variation {
+        let mut roundings = Vec::with_capacity(passages.len());
+        let mut smallest_grazing = f64::INFINITY;
+        let mut product = start;
+        for (n, passage) in passages.iter().enumerate() {
+            let shift = (&passage.delay * &product).norm();
+            // An impact that happens while the gap curves away from the wall does not when the wall is too far off by
+            // speed²/(2 bend).
+            if hits.contains(&n) && passage.bend > 0.0 {
+                let least = passage.speed.abs() / (2.0 * passage.bend * shift);
+                smallest_grazing = smallest_grazing.min(if least.is_nan() { 0.0 } else { least });
+            }
+            // The speed of the guard has a rounding of the motion.
+            let shifted = passage.rate * shift * passage.size / passage.speed.abs();
+            roundings.push(ROUNDING * (passage.matrix.norm() * product.norm() + shifted));
+            product = &passage.matrix * product;
+        }
+        let mut after = DMatrix::identity(STATE, STATE);
+        let mut error = 0.0;
+        for (passage, rounding) in passages.iter().zip(&roundings).rev() {
+            error += after.norm() * rounding;
+            after *= &passage.matrix;
+        }
+        let size = self.system.size();
+        Variation { matrix: product.rows(0, size).into_owned(), error, smallest_grazing }
+    }
+}

@@ -1,0 +1,249 @@
+//! The derivative of the Poincaré map against central differences of the simulated motion.
+
+use std::f64::consts::TAU;
+
+use damprig_continuation::ReturnMap;
+use damprig_core::integrator::exact::{Accumulation, Exact, ExactState, Excitation, Impact, Observer};
+use damprig_core::model::{FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
+use nalgebra::DMatrix;
+
+use crate::common::{NATURAL, impact_damper, sine};
+
+/// Steps of the differences, relative to the motion: each half the one before.
+const STEPS: [f64; 3] = [4e-5, 2e-5, 1e-5];
+
+/// Rounding of the map over many events, relative to the motion.
+const ROUNDING: f64 = 1e-13;
+
+fn initial([x_m, v_m_per_s, offset_m, slide_m_per_s]: [f64; 4]) -> Initial {
+    Initial { x_m, v_m_per_s, y_m: x_m + offset_m, u_m_per_s: v_m_per_s + slide_m_per_s }
+}
+
+fn vector(state: &ExactState) -> [f64; 4] {
+    [state.x_m, state.v_m_per_s, state.offset_m, state.slide_m_per_s]
+}
+
+/// A state on a settled motion, away from events, and the map from there.
+fn settled(set_up: &SetUp, ratio: f64, periods: u32, phase_rad: f64) -> Option<([f64; 4], ReturnMap)> {
+    let turning = ratio * NATURAL;
+    let drive = |phase_rad| Excitation::Sine { amplitude_m: 1.0, angular_frequency_rad_per_s: turning, phase_rad };
+    let mut motion = Exact::new(set_up, &drive(phase_rad), &Initial::default()).expect("physical");
+    motion.run(60.0 * TAU / turning, &mut ());
+    // A state in a soft wall does not say whether the wall pushes.
+    if set_up.particle.is_some_and(|p| motion.state().offset_m.abs() > p.clearance_m) {
+        return None;
+    }
+    let map = ReturnMap::new(set_up, &drive(phase_rad), periods).expect("physical");
+    let (from_s, to_s) = *map.quiet_parts_s(&initial(vector(motion.state()))).expect("resolved").first()?;
+    let quiet_s = 0.5 * (from_s + to_s);
+    motion.run(60.0 * TAU / turning + quiet_s, &mut ());
+    let map = ReturnMap::new(set_up, &drive(phase_rad + turning * quiet_s), periods).expect("physical");
+    Some((vector(motion.state()), map))
+}
+
+/// The derivative by central differences without the error of the second order, and the error that is left; displacements per
+/// metre (the amplitude), velocities per Ω.
+fn differences(map: &ReturnMap, at: [f64; 4], size: usize, turning: f64) -> (DMatrix<f64>, f64) {
+    let unit = [1.0, turning, 1.0, turning];
+    let length = (0..4).map(|n| at[n].abs() / unit[n]).fold(1.0, f64::max);
+    let central = STEPS.map(|step| {
+        let mut matrix = DMatrix::zeros(size, size);
+        for k in 0..size {
+            let image = |sign: f64| {
+                let mut from = at;
+                from[k] += sign * step * length * unit[k];
+                vector(&map.image(&initial(from)))
+            };
+            let (above, below) = (image(1.0), image(-1.0));
+            for row in 0..size {
+                matrix[(row, k)] = (above[row] - below[row]) / (2.0 * step * length * unit[row]);
+            }
+        }
+        matrix
+    });
+    let [coarse, fine] = [0, 1].map(|n| (4.0 * &central[n + 1] - &central[n]) / 3.0);
+    let error = (&fine - coarse).norm() + ROUNDING * (1.0 + fine.norm()) / STEPS[2];
+    (fine, error)
+}
+
+/// Differences with a larger error are left out: a disturbance of the size of the steps changes the sequence of events.
+const LARGEST_ERROR: f64 = 1e-5;
+
+/// Compares random set-ups; the numbers compared and with chatter.
+fn compare(name: &str, seed: u64, mut draw: impl FnMut(&mut dyn FnMut(f64, f64) -> f64) -> (SetUp, f64)) -> (u32, u32) {
+    let mut random = fastrand::Rng::with_seed(seed);
+    let mut between = |low: f64, high: f64| low + (high - low) * random.f64();
+    let (mut compared, mut with_chatter, mut worst) = (0, 0, 0.0_f64);
+    for n in 0..40 {
+        let (set_up, ratio) = draw(&mut between);
+        let Some((at, map)) = settled(&set_up, ratio, 1 + n % 3, between(0.0, TAU)) else { continue };
+        let size = if set_up.particle.is_some() || set_up.tmd.is_some() { 4 } else { 2 };
+        let (expected, error) = differences(&map, at, size, ratio * NATURAL);
+        let found = map.variation(&initial(at)).expect("resolved");
+        if error > LARGEST_ERROR * (1.0 + expected.norm()) {
+            continue;
+        }
+        compared += 1;
+        with_chatter += u32::from(rests(&map, at));
+        let off = (&found.matrix - &expected).norm();
+        worst = worst.max(off / error);
+        assert!(
+            off <= 3.0 * error + found.error,
+            "{name} {n}: off by {off:e}, {error:e} and {:e} allowed\n{set_up:?}{}{expected}",
+            found.error,
+            found.matrix
+        );
+    }
+    println!(
+        "{name}: {compared} compared, {with_chatter} with chatter, worst {worst:.2} of the error of the differences"
+    );
+    (compared, with_chatter)
+}
+
+#[derive(Default)]
+struct Chatter(u32);
+
+impl Observer for Chatter {
+    const ARCS: bool = false;
+
+    fn accumulation(&mut self, _: &Accumulation) {
+        self.0 += 1;
+    }
+}
+
+fn rests(map: &ReturnMap, at: [f64; 4]) -> bool {
+    let mut chatter = Chatter::default();
+    map.watch(&initial(at), &mut chatter);
+    chatter.0 > 0
+}
+
+fn particle(clearance_m: f64, friction_coefficient: f64, wall: Wall) -> Option<Particle> {
+    Some(Particle { mass_kg: 0.1, clearance_m, friction_coefficient, wall })
+}
+
+fn structure(damping_ratio: f64) -> SetUp {
+    SetUp::bare(Structure::from_modal(1.0, 2.5, damping_ratio))
+}
+
+type Draw<'a> = &'a mut dyn FnMut(f64, f64) -> f64;
+
+fn hard(draw: Draw<'_>) -> Wall {
+    Wall::Restitution { coefficient: draw(0.1, 0.9) }
+}
+
+fn soft(draw: Draw<'_>, release: Release) -> Wall {
+    Wall::Voigt { stiffness_n_per_m: draw(500.0, 2e4), damping_n_s_per_m: draw(0.5, 10.0), release }
+}
+
+#[test]
+fn the_derivative_is_that_of_the_differences_for_every_damper() {
+    let k = structure(0.01).structure.stiffness_n_per_m;
+    let damper = |force: f64| Some(FrictionDamper { force_n: force * k });
+    let free = |draw: Draw<'_>| {
+        let wall = hard(draw);
+        (SetUp { particle: particle(draw(1.0, 15.0), 0.0, wall), ..structure(draw(0.01, 0.1)) }, draw(0.7, 1.3))
+    };
+    let slides = |draw: Draw<'_>| {
+        let wall = hard(draw);
+        let friction = draw(0.1, 10.0);
+        (SetUp { particle: particle(draw(1.0, 15.0), friction, wall), ..structure(draw(0.01, 0.1)) }, draw(0.7, 1.3))
+    };
+    let zero_force = |draw: Draw<'_>| {
+        let wall = soft(draw, Release::ZeroForce);
+        (SetUp { particle: particle(draw(1.0, 10.0), 0.0, wall), ..structure(draw(0.01, 0.1)) }, draw(0.7, 1.3))
+    };
+    let zero_penetration = |draw: Draw<'_>| {
+        let wall = soft(draw, Release::ZeroPenetration);
+        let friction = draw(0.1, 3.0);
+        (SetUp { particle: particle(draw(1.0, 10.0), friction, wall), ..structure(draw(0.01, 0.1)) }, draw(0.7, 1.3))
+    };
+    let grips = |draw: Draw<'_>| {
+        (SetUp { friction_damper: damper(draw(0.05, 0.9)), ..structure(draw(0.01, 0.1)) }, draw(0.5, 1.5))
+    };
+    let hybrid = |draw: Draw<'_>| {
+        let wall = hard(draw);
+        let particle = particle(draw(1.0, 10.0), draw(-2.0, 2.0).max(0.0), wall);
+        let friction_damper = damper(draw(0.05, 0.5));
+        (SetUp { particle, friction_damper, ..structure(draw(0.01, 0.1)) }, draw(0.7, 1.3))
+    };
+    let tuned = |draw: Draw<'_>| {
+        let (stiffness_n_per_m, damping_n_s_per_m) = (draw(0.04, 0.2) * k, draw(0.0, 1.0));
+        let tmd = Some(Tmd { mass_kg: 0.1, stiffness_n_per_m, damping_n_s_per_m });
+        (SetUp { tmd, friction_damper: damper(draw(-0.2, 0.2).max(0.0)), ..structure(draw(0.01, 0.1)) }, draw(0.7, 1.3))
+    };
+    for (name, least, (compared, _)) in [
+        ("particle", 20, compare("particle", 1, free)),
+        ("particle with friction", 20, compare("particle with friction", 2, slides)),
+        ("soft walls, zero force", 20, compare("soft walls, zero force", 3, zero_force)),
+        ("soft walls, zero penetration", 20, compare("soft walls, zero penetration", 4, zero_penetration)),
+        ("friction damper", 20, compare("friction damper", 5, grips)),
+        ("hybrid", 15, compare("hybrid", 6, hybrid)),
+        ("tuned mass", 20, compare("tuned mass", 7, tuned)),
+    ] {
+        assert!(compared >= least, "{name}: {compared}");
+    }
+}
+
+/// At the end of a chatter the disturbance of the particle against the structure is gone, and that of the joint motion is kept.
+#[test]
+fn the_derivative_is_that_of_the_differences_where_impacts_accumulate() {
+    let (_, alone) = compare("chatter", 8, |draw| {
+        let wall = Wall::Restitution { coefficient: draw(0.05, 0.5) };
+        (SetUp { particle: particle(draw(0.1, 0.8), 0.0, wall), ..structure(draw(0.02, 0.1)) }, draw(0.5, 1.5))
+    });
+    let (_, with_friction) = compare("chatter with friction", 9, |draw| {
+        let wall = Wall::Restitution { coefficient: draw(0.05, 0.5) };
+        let friction = draw(0.05, 1.0);
+        (SetUp { particle: particle(draw(0.1, 0.8), friction, wall), ..structure(draw(0.02, 0.1)) }, draw(0.5, 1.5))
+    });
+    let k = structure(0.01).structure.stiffness_n_per_m;
+    let (_, with_damper) = compare("chatter with a friction damper", 10, |draw| {
+        let wall = Wall::Restitution { coefficient: draw(0.05, 0.5) };
+        let friction_damper = Some(FrictionDamper { force_n: draw(0.05, 0.4) * k });
+        let particle = particle(draw(0.1, 0.8), 0.0, wall);
+        (SetUp { particle, friction_damper, ..structure(draw(0.02, 0.1)) }, draw(0.5, 1.5))
+    });
+    assert!(alone >= 10 && with_friction >= 10 && with_damper >= 10, "{alone} {with_friction} {with_damper}");
+}
+
+#[derive(Default)]
+struct Count(u32);
+
+impl Observer for Count {
+    const ARCS: bool = false;
+
+    fn impact(&mut self, _: &Impact) {
+        self.0 += 1;
+    }
+}
+
+/// Near a grazing: disturbances of half the stated size keep the number of impacts, some of twice that size do not.
+#[test]
+fn the_smallest_disturbance_that_removes_an_impact_does_so_in_the_simulation() {
+    let map = ReturnMap::new(&impact_damper(10.0, 0.5), &sine(1.0), 1).expect("physical");
+    let mut random = fastrand::Rng::with_seed(3);
+    let mut tested = 0;
+    while tested < 5 {
+        let at = [0.0, 0.0, 0.0, NATURAL * 60.0 * random.f64()];
+        let size = map.variation(&initial(at)).expect("resolved").smallest_grazing;
+        if !(1e-7..1e-3).contains(&size) {
+            continue;
+        }
+        tested += 1;
+        let impacts = |at: [f64; 4]| {
+            let mut impacts = Count::default();
+            map.watch(&initial(at), &mut impacts);
+            impacts.0
+        };
+        let mut changes = |share: f64| {
+            (0..400).any(|_| {
+                let direction: [f64; 4] = std::array::from_fn(|_| random.f64() - 0.5);
+                let norm = direction.iter().map(|d| d * d).sum::<f64>().sqrt();
+                let unit = [1.0, NATURAL, 1.0, NATURAL];
+                impacts(std::array::from_fn(|n| at[n] + share * size * direction[n] / norm * unit[n])) != impacts(at)
+            })
+        };
+        assert!(!changes(0.5), "{at:?}: {size:e} is too large");
+        assert!(changes(2.0), "{at:?}: {size:e} is too small");
+    }
+}
