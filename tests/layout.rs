@@ -8,9 +8,8 @@ use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 use damprig_tests::support::images::project;
 
 /// The project's crates, and the project crates that each may depend on.
-const DIRECTIONS: [(&str, &[&str]); 15] = [
+const DIRECTIONS: [(&str, &[&str]); 14] = [
     ("damprig-core", &[]),
-    ("damprig-batch", &["damprig-core"]),
     ("damprig-protocol", &["damprig-core"]),
     ("damprig-device", &["damprig-core", "damprig-protocol"]),
     ("damprig-simulator", &["damprig-core", "damprig-protocol", "damprig-device"]),
@@ -21,7 +20,6 @@ const DIRECTIONS: [(&str, &[&str]); 15] = [
     (
         "damprig",
         &[
-            "damprig-batch",
             "damprig-continuation",
             "damprig-core",
             "damprig-motion",

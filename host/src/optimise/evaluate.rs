@@ -9,7 +9,7 @@ use crate::simulation::Case;
 use crate::study::axis::{Axis, Value};
 use crate::study::band::{Band, Effort, Reduced};
 use crate::study::evaluate::{quantile, started_at};
-use crate::study::simulate::{Halt, metrics_of_all, metrics_of_each};
+use crate::study::simulate::{Halt, metrics_of_all};
 
 /// What an evaluated point gives.
 #[derive(Clone, Debug, PartialEq)]
@@ -102,8 +102,7 @@ pub fn at_values(optimisation: &Optimisation, values: Vec<f64>, care: Care, go_o
     let starts = optimisation.starts.as_ref();
     let cases = Cases::at(optimisation, &values)?;
     let case = |at: &[Value]| cases.case(at);
-    let mut point =
-        Simulations { optimisation, case: &case, go_on, is_answer: care.effort == Effort::Scan, unresolved: 0.0 };
+    let mut point = Simulations { optimisation, case: &case, go_on, unresolved: 0.0 };
     let simulated = point.grid(&metrics, starts.map(|starts| starts.shares.as_slice()))?;
     let mut evaluated = point.evaluated(&simulated, Effort::Grid)?;
     let can_improve = optimisation.can_improve_between();
@@ -126,8 +125,7 @@ pub fn from_starts(
 ) -> Result<Vec<f64>, Halt> {
     let cases = Cases::at(optimisation, values)?;
     let case = |at: &[Value]| cases.case(at);
-    let mut point =
-        Simulations { optimisation, case: &case, go_on, is_answer: effort == Effort::Scan, unresolved: 0.0 };
+    let mut point = Simulations { optimisation, case: &case, go_on, unresolved: 0.0 };
     let simulated = point.grid(&[optimisation.objective], Some(starts))?;
     let of_start = |(share, over_band): (&f64, &Vec<f64>)| {
         Ok(point.reduced(&optimisation.reduced_band, over_band, Some(*share), effort)?.value)
@@ -145,7 +143,7 @@ pub fn over_band(
     case: &dyn Fn(&[Value]) -> Result<Case, Refusal>,
     go_on: GoOn,
 ) -> Result<f64, Halt> {
-    let mut point = Simulations { optimisation, case, go_on, is_answer: true, unresolved: 0.0 };
+    let mut point = Simulations { optimisation, case, go_on, unresolved: 0.0 };
     let simulated = point.grid(&[optimisation.objective], None)?;
     Ok(point.reduced(&optimisation.reduced_band, &simulated[0][0], None, Effort::Scan)?.value)
 }
@@ -156,8 +154,6 @@ struct Simulations<'a> {
     /// The case with values of the band's axes.
     case: &'a dyn Fn(&[Value]) -> Result<Case, Refusal>,
     go_on: GoOn<'a>,
-    /// The values are printed: they are those of `damprig simulate` to the last bit.
-    is_answer: bool,
     /// How often an event search was given up.
     unresolved: f64,
 }
@@ -185,8 +181,7 @@ impl Simulations<'_> {
     }
 
     fn metrics(&mut self, cases: &[Case], metrics: &[Quantity]) -> Result<Vec<Vec<f64>>, Halt> {
-        let simulate = if self.is_answer { metrics_of_each } else { metrics_of_all };
-        let simulated = simulate(cases, self.optimisation.record, metrics, &|| (self.go_on)(0))?;
+        let simulated = metrics_of_all(cases, self.optimisation.record, metrics, &|| (self.go_on)(0))?;
         (self.go_on)(cases.len() as u64);
         self.unresolved += simulated.iter().map(|(_, given_up)| given_up).sum::<f64>();
         Ok(simulated.into_iter().map(|(values, _)| values).collect())

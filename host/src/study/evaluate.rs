@@ -93,22 +93,8 @@ fn extreme_axes(study: &Study) -> impl Iterator<Item = usize> {
     study.points.reduced().iter().copied().take_while(is_extreme)
 }
 
-/// Simulations that are computed together, at least: they fill the vector lanes.
-const TOGETHER: u64 = 64;
-
 /// Cases that are read between two questions whether to go on.
 const POINTS_PER_QUESTION: u64 = 256;
-
-/// Rows that are computed together.
-#[must_use]
-pub fn rows_together(study: &Study) -> u64 {
-    // Spheres are slow, and no lanes compute them.
-    let first = study.case_with(&study.points.values(&study.axes, 0, 0));
-    if first.is_ok_and(|case| case.many_particles.is_some()) {
-        return 1;
-    }
-    TOGETHER.div_ceil(study.simulations_per_row().max(1))
-}
 
 /// Computes rows of the table: for each the values of the columns that [`columns`] names.
 ///

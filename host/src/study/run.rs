@@ -6,7 +6,7 @@ use arrow_array::Float64Array;
 use rayon::prelude::*;
 
 use super::data_set::DataSet;
-use super::evaluate::{columns, cycles_per_row, main_column, rows, rows_together, trial_s};
+use super::evaluate::{columns, cycles_per_row, main_column, rows, trial_s};
 use super::failure::StudyFailure;
 use super::file::Study;
 use super::part::Part;
@@ -97,8 +97,7 @@ pub fn run(
     Ok((Ending::Complete, progress))
 }
 
-/// Computes rows of the table on all cores, some together. `go_on` is asked before each of these and within it, with its first row;
-/// `None` if it says no.
+/// Computes rows of the table on all cores. `go_on` is asked before each row and within it; `None` if it says no.
 ///
 /// # Errors
 /// A case that the axes make and that is refused.
@@ -107,17 +106,14 @@ pub fn compute(
     numbers: Range<u64>,
     go_on: &(dyn Fn(u64) -> bool + Sync),
 ) -> Result<Option<Vec<Vec<f64>>>, Refusal> {
-    let together = rows_together(study);
-    let group = |first: u64| {
-        if !go_on(first) {
+    let row = |row: u64| {
+        if !go_on(row) {
             return Ok(None);
         }
-        let numbers = first..(first + together).min(numbers.end);
-        Halt::unless_stopped(rows(study, numbers, &|| go_on(first)))
+        Halt::unless_stopped(rows(study, row..row + 1, &|| go_on(row)))
     };
-    let firsts: Vec<u64> = numbers.clone().step_by(together as usize).collect();
-    let groups: Option<Vec<_>> = firsts.into_par_iter().map(group).collect::<Result<_, Refusal>>()?;
-    Ok(groups.map(|groups| groups.concat()))
+    let rows: Option<Vec<_>> = numbers.into_par_iter().map(row).collect::<Result<_, Refusal>>()?;
+    Ok(rows.map(|rows| rows.concat()))
 }
 
 impl Progress {

@@ -6,7 +6,7 @@ use damprig_core::integrator::exact::Observer;
 const ARCS_PER_QUESTION: u32 = 1_024;
 
 /// Asks now and then whether a run of the exact engine goes on, and ends it if not.
-pub struct Stop<'a> {
+pub(super) struct Stop<'a> {
     go_on: &'a dyn Fn() -> bool,
     arcs: u32,
     is_stopped: bool,
@@ -14,21 +14,13 @@ pub struct Stop<'a> {
 
 impl<'a> Stop<'a> {
     /// The run goes on while `go_on` says so.
-    #[must_use]
     pub fn unless(go_on: &'a dyn Fn() -> bool) -> Self {
         Self { go_on, arcs: 0, is_stopped: false }
     }
 
     /// Whether the run was ended.
-    #[must_use]
     pub fn is_stopped(&self) -> bool {
         self.is_stopped
-    }
-}
-
-impl core::fmt::Debug for Stop<'_> {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.debug_struct("Stop").field("is_stopped", &self.is_stopped).finish_non_exhaustive()
     }
 }
 
