@@ -5,8 +5,7 @@
 //! matrix by columns, so the loop needs only multiplications and additions.
 
 use super::excitation::{Excitation, Wave};
-use super::series::{Series, TERMS};
-use super::unit_motions::means;
+use super::series::{Series, TERMS, mean_product};
 use crate::model::{SetUp, Structure, Wall};
 
 /// Length of a full arc times the fastest rate of its mode, rad.
@@ -476,4 +475,16 @@ impl Flows {
         }
         Span { x, offset, base, step_s: h }
     }
+}
+
+/// [`mean_product`] of each pair.
+fn means(columns: &[Series; 5]) -> [[f64; 5]; 5] {
+    let mut means = [[0.0; 5]; 5];
+    for first in 0..5 {
+        for second in first..5 {
+            let mean = mean_product(&columns[first], &columns[second]);
+            (means[first][second], means[second][first]) = (mean, mean);
+        }
+    }
+    means
 }

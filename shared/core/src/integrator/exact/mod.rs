@@ -61,7 +61,6 @@ pub mod observe;
 pub mod response;
 pub mod series;
 pub mod time;
-pub mod unit_motions;
 mod watched;
 
 pub use excitation::Excitation;

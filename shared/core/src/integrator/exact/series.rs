@@ -248,6 +248,17 @@ pub fn largest(p: &Series, from: f64, to: f64, least: f64) -> f64 {
     most
 }
 
+/// ∫₀¹ a b dτ.
+pub(super) fn mean_product(a: &Series, b: &Series) -> f64 {
+    let mut product = [0.0; 2 * TERMS];
+    for (n, a) in a.iter().enumerate() {
+        for (m, b) in b.iter().enumerate() {
+            product[n + m] += a * b;
+        }
+    }
+    product.iter().enumerate().rev().map(|(n, c)| c / (n + 1) as f64).sum()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
