@@ -1,7 +1,8 @@
 //! Base motion tick by tick: as the campaign commands it, and as the run measured it.
 //!
 //! **Commanded**: the drive is computed as on the board, with its phase accumulator and ramp. The simulated base follows it
-//! exactly, two ticks late, as a base that follows its drive exactly does on the virtual rig.
+//! exactly, two ticks late, as a base that follows its drive exactly does on the virtual rig, and later by the delay of the sensors,
+//! which read x and z later by it.
 //!
 //! **Measured**: z is read as the mean of a tick, whose middle is 0.45 ticks before the tick's end. The integrator needs z at the ends
 //! of the ticks. A parabola through the readings of ± m ticks gives it: m = 1, or more for a friction damper, to keep the sensor's
@@ -13,6 +14,7 @@ use damprig_core::control::transient::playback::{PlaybackPlan, PlaybackRunner};
 use damprig_core::io::{DriveRange, Readings, SensorSet, TICK_HZ};
 use damprig_core::sine::Phase;
 
+use super::motion::TICK_S;
 use crate::campaign::Playback;
 
 /// Ticks from a drive to the end of the tick in which an ideal base has followed it.
@@ -47,11 +49,18 @@ impl BaseMotion {
         Self { ends_m: vec![0.0; ticks + 3], otherwise_m: None }
     }
 
-    /// The base that follows a drive exactly.
-    pub(super) fn following(drive_m: &[f32]) -> Self {
-        let at = |n: i64| usize::try_from(n).ok().and_then(|n| drive_m.get(n)).copied().unwrap_or(0.0);
+    /// The base that follows a drive exactly, as sensors of this delay read it. Between its ticks the drive is a parabola: with Ω in rad
+    /// per tick, it shifts a phase by at most Ω³/16, and leaves an amplitude as it is within Ω⁴/42.
+    pub(super) fn following(drive_m: &[f32], delay_s: f64) -> Self {
+        let at = |n: i64| usize::try_from(n).ok().and_then(|n| drive_m.get(n)).map_or(0.0, |z| f64::from(*z));
         let last = drive_m.len() as i64;
-        Self { ends_m: (-2..=last).map(|n| f64::from(at(n - FOLLOWS_AFTER))).collect(), otherwise_m: None }
+        let late = delay_s / TICK_S;
+        let (whole, rest) = (late.round() as i64, late - late.round());
+        let end = |n: i64| {
+            let [before, own, after] = [-1, 0, 1].map(|beside| at(n - FOLLOWS_AFTER - whole + beside));
+            own + rest * (0.5 * (before - after) + 0.5 * rest * (before - 2.0 * own + after))
+        };
+        Self { ends_m: (-2..=last).map(end).collect(), otherwise_m: None }
     }
 
     /// The base as measured. `z_m` has the readings of the ticks, and `beyond` more at either end for the parabolas. `slips`: under a
@@ -196,6 +205,20 @@ mod tests {
             for (n, end) in ends_m.iter().enumerate() {
                 let exact = 1e-3 * (omega * (n as f64 + 18.0 + 1.0)).sin();
                 assert!((end - exact).abs() < error, "{half_width} {n}: {end} {exact}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_base_that_follows_its_drive_is_read_late() {
+        let omega = TAU * 2.5e-3;
+        let drive: Vec<f32> = (0..800).map(|n| (omega * f64::from(n)).sin() as f32).collect();
+        for delay_s in [0.0, 0.4e-3, 1.147e-3, 1.5e-3] {
+            let ends_m = BaseMotion::following(&drive, delay_s).ends_m;
+            for (n, end) in ends_m.iter().enumerate().skip(10) {
+                let exact = (omega * (n as f64 - 4.0 - 1e3 * delay_s)).sin();
+                // Ω³/16, Ω⁴/42 and single precision.
+                assert!((end - exact).abs() < omega.powi(3) / 16.0 + 1e-7, "{delay_s} {n}: {end} {exact}");
             }
         }
     }

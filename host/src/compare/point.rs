@@ -101,8 +101,9 @@ impl Compared<'_> {
         let spring = self.spring_force(own, models, recorded, &ticks, (&z_m, rows[0].frequency_hz));
         let z_noise_m = z_noise_m(rows);
         let measured_base = self.measured_base(recorded, &ticks, models, z_noise_m);
+        let ideal_base = BaseMotion::following(&drive.sine.demand_m, self.sensors.delay_s);
         let (ideal, measured) = rayon::join(
-            || self.answer(&drive, models, (&BaseMotion::following(&drive.sine.demand_m), 0.0), &spring),
+            || self.answer(&drive, models, (&ideal_base, 0.0), &spring),
             || measured_base.as_ref().ok().and_then(|base| self.answer(&drive, models, (base, z_noise_m), &spring)),
         );
         let why_not = match (&measured_base, &measured) {

@@ -80,7 +80,7 @@ impl Compared<'_> {
             let watched = Window { ticks: window.clone(), cycles: 1.0, z_noise_m, ..Window::default() };
             self.of_transient((models, spring), 0.0, base, watched, &measure)
         };
-        let ideal = answer(&BaseMotion::following(&demand), 0.0);
+        let ideal = answer(&BaseMotion::following(&demand, self.sensors.delay_s), 0.0);
         let base = self.measured_base(recorded, ticks, models, z_noise_m);
         let measured = base.as_ref().ok().and_then(|base| answer(base, z_noise_m));
         Simulated { ideal, measured, why_not: base.err(), window }

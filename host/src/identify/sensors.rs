@@ -4,6 +4,11 @@
 //! odd and cubic, L·2.6·R·(r − r³) with r = x/R, as that of the simulated sensors: it changes the scale by up to 2.6 L, and the scale
 //! at r by (1 − r²) of that.
 
+use std::f64::consts::TAU;
+
+use damprig_core::io::{SUBSAMPLES, TICK_HZ};
+use damprig_simulator::plant::DataSheet;
+
 use crate::campaign::RigSettings;
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::campaign_copy;
@@ -31,6 +36,8 @@ pub struct Sensors {
     pub step_m: f64,
     /// Largest delay between x and z, s.
     pub skew_s: f64,
+    /// Delay of the readings of both after the motion, s; 0 where it is not known.
+    pub delay_s: f64,
 }
 
 /// Standard uncertainty of a value that is anywhere within ± `half_width`.
@@ -43,10 +50,17 @@ pub(crate) const fn by_linearity(linearity: f64) -> f64 {
     1.5 * linearity
 }
 
+/// Delay of the readings of this data sheet: that of both first-order lags, and of the mean of the conversions before the instant of a
+/// sample.
+fn delay_s(sheet: &DataSheet) -> f64 {
+    let of_conversions = 0.5 * (1.0 - 1.0 / f64::from(sheet.oversampling)) / (f64::from(TICK_HZ) * SUBSAMPLES as f64);
+    f64::from(sheet.response_s) + 1.0 / (TAU * f64::from(sheet.anti_alias_hz)) + of_conversions
+}
+
 impl Sensors {
     /// Sensors without errors.
     pub const EXACT: Self =
-        Self { linearity: 0.0, scale: 0.0, scale_from: "exact", range_m: None, step_m: 0.0, skew_s: 0.0 };
+        Self { linearity: 0.0, scale: 0.0, scale_from: "exact", range_m: None, step_m: 0.0, skew_s: 0.0, delay_s: 0.0 };
 
     /// Those of a table or of a real rig, which are not known.
     pub const ASSUMED: Self = Self {
@@ -73,6 +87,7 @@ impl Sensors {
                 scale_from: "linearity of the simulated sensors' data sheet",
                 step_m: 2.0 * range_m / f64::from(1_u32 << sheet.bits.min(31)),
                 skew_s: f64::from(sheet.skew_s),
+                delay_s: delay_s(sheet),
                 range_m: None,
             },
             (false, _) => Self { step_m: f64::from(rig.board.calibration.x.metres_per_count.abs()), ..Self::ASSUMED },

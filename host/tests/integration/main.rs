@@ -7,6 +7,7 @@ mod bit_flips;
 mod calibrate;
 mod common;
 mod compare;
+mod compare_truth;
 mod continuation;
 mod controller;
 mod copies;
