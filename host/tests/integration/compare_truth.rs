@@ -135,7 +135,8 @@ fn most_that_differ(points: u32) -> u32 {
 }
 
 /// The quantities of a point may differ together, so the points count: with k points at most of which differ as
-/// [`most_that_differ`] says, the share k/points of all quantities may differ. Points where neighbouring starts part are judged too.
+/// [`most_that_differ`] says, the share k/points of all quantities may differ. The values of one quantity are of
+/// different points, so their own number counts. Points where neighbouring starts part are judged too.
 #[test]
 fn at_least_95_percent_agree_with_the_true_model_in_every_kind_of_experiment() {
     let seeds = if std::env::var_os("DAMPRIG_FULL").is_some() { 20 } else { 1 };
@@ -162,6 +163,15 @@ fn at_least_95_percent_agree_with_the_true_model_in_every_kind_of_experiment() {
             differing as f64 <= allowed * all as f64,
             "{kind} {base}: {differing} of {all} differ, {allowed:.3} may"
         );
+        for (metric, errors) in &own.errors {
+            let differing = errors.iter().filter(|error| error.abs() > 1.0).count();
+            let most = most_that_differ(errors.len() as u32);
+            assert!(
+                differing <= most as usize,
+                "{kind} {base} {metric}: {differing} of {} differ, {most} may",
+                errors.len()
+            );
+        }
     }
 }
 
