@@ -55,7 +55,7 @@ fn campaign(seed: u32) -> (String, String) {
         within(0.002, 0.01),
         within(1.0, 10.0),
         within(0.02, 0.04),
-        if seed % 2 == 0 { "half_sine" } else { "versine" },
+        if seed.is_multiple_of(2) { "half_sine" } else { "versine" },
         within(0.002, 0.0042),
         within(0.15, 0.3),
     );
