@@ -19,7 +19,6 @@ pub mod part;
 pub mod points;
 pub mod run;
 pub mod simulate;
-mod stop;
 pub mod store;
 pub mod sums;
 pub mod table;

@@ -1,11 +1,11 @@
 //! Simulates cases and gives their metrics.
 
 use damprig_core::integrator::exact::Exact;
-use damprig_core::integrator::exact::response::{Response, Wanted};
+use damprig_core::integrator::exact::response::Wanted;
+use damprig_motion::stop::{Stop, response_from};
 use damprig_particles::Damper;
 
 use super::metric::{self, Figures, Periodicity};
-use super::stop::Stop;
 use crate::input::Refusal;
 use crate::quantity::Quantity;
 use crate::simulation::{Case, RunOptions, cost, many_particles, simulate};
@@ -129,21 +129,14 @@ fn figures(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoO
     let counted = Counted::of(case, record);
     let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial).map_err(invalid)?;
     let from_s = counted.first_cycle * counted.cycle_s;
-    let mut stop = Stop::unless(go_on);
-    motion.run(from_s, &mut stop);
     let first_cycle = counted.first_cycle as u64;
     let wanted = Wanted {
         cycle_s: Some(counted.cycle_s),
         steady_from_cycle: Some(first_cycle),
         whole_run: metrics.iter().any(|metric| metric::needs_whole_run(*metric)),
     };
-    let mut response = Response::new(wanted);
-    response.skip_to(first_cycle);
-    motion.run(counted.end_s, &mut (&mut response, &mut stop));
-    if stop.is_stopped() {
-        return Err(Halt::Stopped);
-    }
-    response.finish(motion.time_s());
+    let response =
+        response_from(&mut motion, (first_cycle, from_s), counted.end_s, wanted, go_on).ok_or(Halt::Stopped)?;
     let (largest_cycle_max_m, mean_cycle_max_m) = response.steady_m().unwrap_or((f64::NAN, f64::NAN));
     let figures = Figures {
         mean_cycle_max_m,

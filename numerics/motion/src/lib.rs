@@ -6,6 +6,7 @@
 
 pub mod cycle_maxima;
 pub mod statistics;
+pub mod stop;
 
 use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::{self, series};

@@ -1,0 +1,60 @@
+//! Ends a run of the exact engine when it is not to go on, and the response of such a run.
+
+use damprig_core::integrator::exact::response::{Response, Wanted};
+use damprig_core::integrator::exact::{Exact, Observer};
+
+/// Arcs between two questions whether to go on: about a millisecond.
+const ARCS_PER_QUESTION: u32 = 1_024;
+
+/// Asks now and then whether a run of the exact engine goes on, and ends it if not.
+pub struct Stop<'a> {
+    go_on: &'a dyn Fn() -> bool,
+    arcs: u32,
+    is_stopped: bool,
+}
+
+impl<'a> Stop<'a> {
+    /// The run goes on while `go_on` says so.
+    #[must_use]
+    pub fn unless(go_on: &'a dyn Fn() -> bool) -> Self {
+        Self { go_on, arcs: 0, is_stopped: false }
+    }
+
+    /// Whether the run was ended.
+    #[must_use]
+    pub fn is_stopped(&self) -> bool {
+        self.is_stopped
+    }
+}
+
+impl Observer for Stop<'_> {
+    const ARCS: bool = false;
+
+    fn goes_on(&mut self, _: f64) -> bool {
+        self.arcs += 1;
+        if self.arcs >= ARCS_PER_QUESTION {
+            self.arcs = 0;
+            self.is_stopped |= !(self.go_on)();
+        }
+        !self.is_stopped
+    }
+}
+
+/// The response of a motion from a whole cycle on until `until_s`, compiled in this crate and so at its level of optimisation; `None` if it was
+/// stopped. `first_cycle` begins at `from_s`; what is before it is not measured.
+#[must_use]
+pub fn response_from(
+    motion: &mut Exact,
+    (first_cycle, from_s): (u64, f64),
+    until_s: f64,
+    wanted: Wanted,
+    go_on: &dyn Fn() -> bool,
+) -> Option<Response> {
+    let mut stop = Stop::unless(go_on);
+    motion.run(from_s, &mut stop);
+    let mut response = Response::new(wanted);
+    response.skip_to(first_cycle);
+    motion.run(until_s, &mut (&mut response, &mut stop));
+    response.finish(motion.time_s());
+    (!stop.is_stopped()).then_some(response)
+}
