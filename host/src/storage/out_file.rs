@@ -30,10 +30,6 @@ pub fn write_new<T>(out: &OutFile, write: impl FnOnce(&mut WholeFile) -> Result<
     if !force && out.symlink_metadata().is_ok() {
         return Err(failed(out, &EXISTS));
     }
-    let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if !folder.is_dir() {
-        return Err(failed(out, &format!("there is no folder {}; create it or give another path", folder.display())));
-    }
     let mut file = WholeFile::create(out).map_err(|e| failed(out, &e))?;
     let written = write(&mut file)?;
     let is_named = if *force { file.replace().map(|()| true) } else { file.name_new() };

@@ -30,6 +30,12 @@ impl WholeFile {
     /// The folder is missing or cannot be written.
     pub fn create(path: &Path) -> io::Result<Self> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !folder.is_dir() {
+            return Err(io::Error::other(format!(
+                "there is no folder {}; create it or give another path",
+                folder.display()
+            )));
+        }
         let mut builder = Builder::new();
         builder.prefix(BEGINNINGS[0]).suffix(END).rand_bytes(12);
         // Temporary files are private by default.

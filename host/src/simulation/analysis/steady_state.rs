@@ -326,7 +326,8 @@ impl ForcedResponse {
             _ => (0.0, None),
         };
         let phase = lock_in.phase_rad() - phase_of_drive;
-        let found = base_amplitude_m.map(|amplitude_m| {
+        // A base at rest drives nothing: there is no orbit of the drive.
+        let found = base_amplitude_m.filter(|amplitude_m| *amplitude_m > 0.0).map(|amplitude_m| {
             // The search for the orbit starts at drive phase 0.
             let mut there = Exact::clone(&motion);
             let mut late_s = (whole as f64 * period_s) + (TAU - phase_of_drive.rem_euclid(TAU)) / turning;
