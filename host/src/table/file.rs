@@ -1,6 +1,6 @@
 //! Writes a table to a file row by row, with constant memory; a `.mat` file is kept in memory until the end.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use arrow_schema::{Metadata, SchemaRef};
 use matrw::MatFile;
@@ -60,7 +60,7 @@ type Columns<R> = for<'r> fn(&'r [R]) -> TableBuilder<'r, R>;
 
 /// A table being written. The file gets its name in [`TableFile::finish`]; without it, it leaves nothing.
 pub struct TableFile<R> {
-    path: std::path::PathBuf,
+    path: PathBuf,
     columns: Columns<R>,
     about: Metadata,
     rows: Vec<R>,

@@ -31,7 +31,7 @@ pub use curve::Curve;
 pub use explore::{Branch, Diagram, Origin, Task};
 pub use orbit::Orbit;
 pub use parameter::{Parameter, Ties};
-pub use return_map::{ReturnMap, Unexplained, Variation};
+pub use return_map::{ReturnMap, UnresolvedEvent, Variation};
 pub use sequence::{Guard, Phase, Segment, Sequence};
 pub use special::{Special, SpecialKind};
 pub use start::NoStart;

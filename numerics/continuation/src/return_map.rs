@@ -46,7 +46,7 @@ pub struct Variation {
 /// An event of the simulated motion was not found among the guards of its mode, or too many events fell on one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("an event of the motion is not resolved")]
-pub struct Unexplained;
+pub struct UnresolvedEvent;
 
 impl ReturnMap {
     /// The map over `periods` periods of a sine of the base or of a force, from the phase of that sine.
@@ -82,7 +82,7 @@ impl ReturnMap {
     ///
     /// # Errors
     /// An event that is not resolved.
-    pub fn quiet_parts_s(&self, start: &Initial) -> Result<Vec<(f64, f64)>, Unexplained> {
+    pub fn quiet_parts_s(&self, start: &Initial) -> Result<Vec<(f64, f64)>, UnresolvedEvent> {
         let pieces = self.pieces(start)?.pieces;
         let ends = pieces.iter().skip(1).map(|next| next.start_s).chain([self.end_s]);
         let mut parts: Vec<_> = pieces
@@ -96,17 +96,17 @@ impl ReturnMap {
         Ok(parts)
     }
 
-    fn pieces(&self, start: &Initial) -> Result<Pieces, Unexplained> {
+    fn pieces(&self, start: &Initial) -> Result<Pieces, UnresolvedEvent> {
         let mut seen = Pieces::new(self.system.set_up());
         let motion = self.watch(start, &mut seen);
-        if motion.unresolved() > 0 { Err(Unexplained) } else { Ok(seen) }
+        if motion.unresolved() > 0 { Err(UnresolvedEvent) } else { Ok(seen) }
     }
 
     /// The derivative of the map.
     ///
     /// # Errors
     /// An event that is not resolved.
-    pub fn variation(&self, start: &Initial) -> Result<Variation, Unexplained> {
+    pub fn variation(&self, start: &Initial) -> Result<Variation, UnresolvedEvent> {
         let seen = self.pieces(start)?;
         let pieces = &seen.pieces;
         let (system, unit) = (&self.system, (self.system.length_m, self.system.length_m / self.system.time_s));
@@ -115,7 +115,7 @@ impl ReturnMap {
             let phase_rad = self.phase_rad + at_s / system.time_s;
             system.state(state, phase_rad, unit)
         };
-        let first = pieces.first().ok_or(Unexplained)?;
+        let first = pieces.first().ok_or(UnresolvedEvent)?;
         let turn = equations.guard(&first.phase, Guard::Turn(0));
         let mut passages = Vec::with_capacity(pieces.len());
         let mut hits = Vec::new();
@@ -129,7 +129,7 @@ impl ReturnMap {
                 break;
             };
             let end = state(&piece.end, end_s);
-            let event = system.event(piece, next, &end, &[]).map_err(|_| Unexplained)?;
+            let event = system.event(piece, next, &end, &[]).map_err(|_| UnresolvedEvent)?;
             if matches!(event, Guard::Wall(_)) && system.soft.is_none() {
                 hits.push(passages.len());
             }

@@ -3,7 +3,7 @@
 
 use std::f64::consts::TAU;
 
-use damprig_continuation::{ReturnMap, Unexplained, Variation};
+use damprig_continuation::{ReturnMap, UnresolvedEvent, Variation};
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation};
 use damprig_core::io::Invalid;
 use damprig_core::model::{Initial, SetUp};
@@ -15,7 +15,8 @@ const MOST_STEPS: u32 = 40;
 /// Most sections tried.
 const MOST_SECTIONS: usize = 6;
 
-/// An orbit grazes a wall if a disturbance of this size, relative to the motion, removes an impact.
+/// An orbit grazes a wall if a disturbance of this size, relative to the motion, removes an impact. Chosen, near the square root of a
+/// double's rounding: the derivative would hold for smaller disturbances only.
 const GRAZING: f64 = 6e-9;
 
 /// Points checked between a multiplier and the unit circle, so that two separate eigenvalues are not merged.
@@ -150,7 +151,7 @@ pub enum OrbitError {
     },
     /// The motion has an event whose kind is not certain.
     #[error("no periodic orbit found: {0}")]
-    Unexplained(#[from] Unexplained),
+    UnresolvedEvent(#[from] UnresolvedEvent),
 }
 
 impl From<Invalid> for OrbitError {
