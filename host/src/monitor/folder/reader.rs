@@ -204,7 +204,6 @@ impl Reader {
                 _ if self.has_passed(is_at) => continue,
                 _ => {
                     self.tell_rows(&mut t_s, &mut values);
-                    self.tell_impacts();
                     self.base_s += self.between_starts_s(is_at);
                     let (set_up, experiment) = (set_ups[row].clone(), experiments[row].clone());
                     let id = SegmentId { set_up: set_up.clone(), experiment: experiment.clone(), segment };
@@ -239,7 +238,9 @@ impl Reader {
         own.zip(present).is_some_and(|(own, present)| own < present)
     }
 
+    /// Tells rows, after the impacts that they have reached: who sees a row sees the impacts up to it.
     fn tell_rows(&mut self, t_s: &mut Vec<f64>, values: &mut Vec<f32>) {
+        self.tell_impacts();
         let Some(last_s) = t_s.last().copied() else { return };
         let mut last_row = values[values.len() - self.columns.len()..].to_vec();
         last_row.extend(self.recomputed.values());
@@ -252,7 +253,6 @@ impl Reader {
 
     /// Tells the entries whose tick the rows have reached, or all of them. They are in the order of the rows.
     pub(super) fn tell_due(&mut self, all: bool) {
-        self.tell_impacts();
         while self.waiting.front().is_some_and(|entry| all || self.is_due(entry)) {
             if let Some(entry) = self.waiting.pop_front() {
                 self.tell(&entry);
