@@ -11,5 +11,6 @@ mod layout;
 mod link;
 mod log;
 mod panics;
+mod protocol_page;
 mod recorded;
 mod soak;
