@@ -57,12 +57,13 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 26] = [
+const HOST_LAYERS: [&str; 27] = [
     "host_time",
     "quantity",
     "storage",
     "table",
     "input",
+    "signal_file",
     "settings",
     "setup",
     "motion_record",

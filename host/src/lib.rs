@@ -26,6 +26,7 @@ pub mod run_folder;
 pub mod runner;
 pub mod settings;
 pub mod setup;
+pub mod signal_file;
 pub mod simulation;
 pub mod storage;
 pub mod study;

@@ -49,7 +49,7 @@ pub struct Args {
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     experiment: Vec<ExperimentArg>,
 
-    /// Add a playback of this recorded motion, a CSV or AT2 file; of a case: its excitation
+    /// Add a playback of this recorded motion (CSV, AT2, V2, UFF …); of a case: its excitation
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
 

@@ -30,6 +30,7 @@ mod documents;
 mod flash;
 mod identify;
 mod init;
+mod inspect;
 #[cfg(feature = "probe")]
 mod log;
 mod monitor;
@@ -112,6 +113,8 @@ enum Command {
     Optimise(optimise::Args),
     /// Identify parameters of the rig from runs and tables, with their uncertainty
     Identify(identify::Args),
+    /// Say what is in a measured file: signals, units, sample rates, gaps
+    Inspect(inspect::Args),
     /// Compare a run with simulations of its set-ups, with uncertainties
     Compare(compare::Args),
     /// Print the JSON Schema of campaigns, cases, set-up files, studies or optimisations, for editors
@@ -179,6 +182,7 @@ fn run(command: Command) -> Outcome {
         Command::Study(args) => study::run(&args),
         Command::Continue(args) => continue_::run(&args),
         Command::Optimise(args) => optimise::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Schema(args) => documents::schema(&args),

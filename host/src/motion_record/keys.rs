@@ -28,10 +28,10 @@ tables! {
     base_record("base", "record") {
         NOISE: Optional, [key("noise", Kind::Table, "band-limited noise in place of a file")];
         FILE: Need::If(&NOISE, "noise", &Forbidden, &Required), [
-            key("file", Kind::Text, "CSV or AT2 file, path relative to this file; or `noise`"),
+            key("file", Kind::Text, "CSV, AT2, V2, UFF, MAT, HDF5 or Parquet file, relative to this file; `FILE#3` or `FILE#name` is one of several signals; or `noise`"),
         ];
-        QUANTITY: OF_FILE, [word("quantity", &["acceleration", "displacement"], "quantity of the values; given by an AT2 file")];
-        UNIT: OF_FILE, [word("unit", names!(UNITS, unit => unit.0), "unit of the values; given by an AT2 file")];
+        QUANTITY: OF_FILE, [word("quantity", &["acceleration", "displacement"], "quantity of the values, where the file does not state it")];
+        UNIT: OF_FILE, [word("unit", names!(UNITS, unit => unit.0), "unit of the values, where the file does not state it")];
         SCALE: OF_FILE, [number("scale", NotZero, "factor on every value")];
         TIME_STEP: OF_FILE, [number("time_step_s", Positive, "time between samples; otherwise the file has a time column")];
         COLUMN: OF_FILE, [key("column", Kind::TextOrPlace, "column of the values; default: the only one beside the time column")];

@@ -1,6 +1,5 @@
 //! Recorded base motion: reading CSV and AT2 files, noise from a seed, and the motion between the samples.
 
-mod at2;
 mod keys;
 mod noise;
 mod read;

@@ -6,11 +6,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::at2::at2;
 use super::record::{Quantity, Record};
 use super::units::{ToSi, finite, unit_list};
 use crate::input::key::Unit;
 use crate::input::{Files, near};
+use crate::signal_file::at2::at2;
+use crate::signal_file::unit::Kind;
+use crate::signal_file::{self, Axis, Selector};
 
 /// Allowed deviation of a time step from the mean one, as a share: times printed with few decimals deviate.
 const UNEVEN: f64 = 0.1;
@@ -54,15 +56,17 @@ pub struct RecordError(pub String);
 /// # Errors
 /// Names file, line and value; for a missing file, those that look like it.
 pub fn read(path: &Path, spec: &Spec, files: &Files) -> Result<Record, RecordError> {
-    files.parsed(path, &format!("{spec:?}"), |bytes| parse(path, spec, bytes))
+    let selected = Selector::of(path);
+    files.parsed(&selected.path, &format!("{spec:?} {:?}", selected.which), |bytes| parse(&selected, spec, bytes))
 }
 
-fn parse(path: &Path, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> Result<Record, RecordError> {
-    let text = bytes.map_err(|e| RecordError(format!("cannot read {}: {e}{}", path.display(), beside(path))))?;
-    if text.contains(&0) {
-        return Err(RecordError(format!("{}: this is not a text: it must be CSV or an AT2 file", path.display())));
+fn parse(selected: &Selector, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> Result<Record, RecordError> {
+    let path = selected.path.as_path();
+    let bytes = bytes.map_err(|e| RecordError(format!("cannot read {}: {e}{}", path.display(), beside(path))))?;
+    if selected.which.is_some() || !signal_file::is_plain_table(&bytes) {
+        return of_signal(selected, spec, &bytes);
     }
-    let text = String::from_utf8_lossy(&text);
+    let text = String::from_utf8_lossy(&bytes);
     let is_at2 = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("at2")) || text.starts_with("PEER ");
     let answer = |message: String| RecordError(format!("{}: {message}", path.display()));
     let scale = spec.scale.unwrap_or(1.0);
@@ -70,7 +74,9 @@ fn parse(path: &Path, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> Result<Re
         if spec.quantity.is_some_and(|q| q != Quantity::Acceleration) {
             return Err(answer("an AT2 file holds accelerations; leave out `quantity`".into()));
         }
-        let at2 = at2(&text, spec.unit_si, scale).map_err(answer)?;
+        let to_si =
+            |unit_si, text: &str, value| ToSi { quantity: Quantity::Acceleration, unit_si, scale }.value(text, value);
+        let at2 = at2(&text, spec.unit_si, to_si).map_err(answer)?;
         (Quantity::Acceleration, spec.time_step_s.unwrap_or(at2.step_s), at2.values)
     } else {
         let quantity = spec.quantity.ok_or_else(|| {
@@ -89,6 +95,70 @@ fn parse(path: &Path, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> Result<Re
         return Err(answer(format!("a time step of {step_s:e} s is not allowed: {refusal}")));
     }
     Ok(Record { file: Some(path.to_path_buf()), quantity, step_s, samples })
+}
+
+/// The record of a signal of another program's file, which states quantity, unit and time step itself.
+fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, RecordError> {
+    let file = selected.path.display();
+    let refuse = |why: String| RecordError(format!("{file}: {why}"));
+    let contents = signal_file::parse(bytes).map_err(refuse)?;
+    let kind = contents.kind;
+    let by_column = spec.column.as_ref().map(|which| match which {
+        Which::Place(place) => place.to_string(),
+        Which::Name(name) => name.clone(),
+    });
+    let selected = Selector { path: selected.path.clone(), which: selected.which.clone().or(by_column) };
+    let signal = selected.choose(contents).map_err(|error| RecordError(error.0))?;
+    let name = &signal.name;
+    let stated = match signal.kind() {
+        Some(Kind::Acceleration) => Some(Quantity::Acceleration),
+        Some(Kind::Displacement) => Some(Quantity::Displacement),
+        Some(other) => {
+            return Err(refuse(format!(
+                "{name:?} is a {}: a record is an acceleration or a displacement",
+                other.text()
+            )));
+        }
+        None => None,
+    };
+    let quantity = match (stated, spec.quantity) {
+        (Some(stated), Some(given)) if stated != given => {
+            return Err(refuse(format!("{name:?} has the unit {:?}; leave out `quantity`", signal.unit_text)));
+        }
+        (Some(quantity), _) | (None, Some(quantity)) => quantity,
+        (None, None) => {
+            return Err(refuse(format!(
+                "what the values of {name:?} are is not known: give quantity = \"acceleration\" or \"displacement\""
+            )));
+        }
+    };
+    let unit_si = spec
+        .unit_si
+        .or(signal.unit.map(|unit| unit.si))
+        .ok_or_else(|| refuse(format!("the unit of {name:?} is not known: give unit = {}", unit_list(quantity))))?;
+    if signal.imaginary.is_some() {
+        return Err(refuse(format!("{name:?} is complex: a record has real values")));
+    }
+    let step_s = match (spec.time_step_s, &signal.axis) {
+        (Some(step_s), _) => step_s,
+        (None, Axis::Time { step_s, .. }) => *step_s,
+        (None, Axis::Times(_)) => {
+            let why = signal.remark.as_deref().unwrap_or("uneven");
+            return Err(refuse(format!(
+                "the times of {name:?} are not even: {why}; resample it, or give `time_step_s`"
+            )));
+        }
+        (None, _) => return Err(refuse(format!("the time step of {name:?} is not known: give `time_step_s`"))),
+    };
+    let to_si = ToSi { quantity, unit_si, scale: spec.scale.unwrap_or(1.0) };
+    let value = |(n, value): (usize, &f64)| {
+        to_si.value(&value.to_string(), *value).map_err(|why| refuse(format!("value {} of {name:?}: {why}", n + 1)))
+    };
+    let samples = signal.values.iter().enumerate().map(value).collect::<Result<Vec<f64>, _>>()?;
+    if samples.len() < 2 {
+        return Err(refuse(format!("{kind}, {name:?}: {} samples; a motion has at least 2", samples.len())));
+    }
+    Ok(Record { file: Some(selected.path), quantity, step_s, samples })
 }
 
 /// "did you mean": files beside a missing one.

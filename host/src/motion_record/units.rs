@@ -2,9 +2,7 @@
 
 use super::record::Quantity;
 use crate::input::key::Unit;
-
-/// Standard gravity by definition, m/s²: the unit "g" of a record.
-pub(super) const STANDARD_GRAVITY: f64 = 9.806_65;
+use crate::signal_file::unit::STANDARD_GRAVITY;
 
 /// Units: name, quantity, and SI units per unit.
 pub(super) const UNITS: [(&str, Quantity, f64); 7] = [

@@ -60,6 +60,7 @@ mod saved_settings;
 mod serial;
 mod settings;
 mod setup;
+mod signal_files;
 mod simulate;
 mod simulate_cases;
 mod simulate_refusals;

@@ -291,7 +291,7 @@ fn an_invalid_record_is_refused_with_file_line_and_value() {
     bench.refused(&base("nan.csv").replace("unit = \"g\"", "unit = \"mm\""), &["`base.unit` = \"mm\"", "\"m/s2\""]);
     bench.refused(&base("nan.csv").replace(", unit = \"g\"", ""), &["unit of the values is not known", "\"cm/s2\""]);
     let no_file = format!("{STRUCTURE}{RUN}base = {{ kind = \"record\" }}\n");
-    bench.refused(&no_file, &["`base.file` is missing", "CSV or AT2"]);
+    bench.refused(&no_file, &["`base.file` is missing", "CSV, AT2"]);
 }
 
 #[test]

@@ -111,7 +111,7 @@ fn an_invalid_record_is_refused_with_what_it_lacks() {
         ("0.01", b"", "it holds no row of numbers"),
         ("0.01", b"z_mm\n", "it holds no row of numbers"),
         ("0.01", b"1\n", "1 samples; a motion has at least 2"),
-        ("0.01", b"\x7fELF\x00\x01", "this is not a text"),
+        ("0.01", b"\x7fELF\x00\x01", "this is a binary file of an unknown kind"),
         ("0.01", b"0\nNaN\n0\n", "line 2, column 1: \"NaN\" is not allowed"),
         ("0.01", b"z\ty\n0,5\t1\n", "there are 2 columns"),
         ("1e-12", b"0\n1\n0\n", "the base would have no time to move"),

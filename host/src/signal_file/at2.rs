@@ -3,26 +3,48 @@
 //! The third line has quantity and unit (`ACCELERATION TIME SERIES IN UNITS OF G`), the fourth the number of values and the
 //! time step.
 
-use super::record::Quantity;
-use super::units::{STANDARD_GRAVITY, ToSi, finite};
+use super::unit::STANDARD_GRAVITY;
+use super::{Axis, Contents, Signal};
 
 /// Header lines that are searched at most.
 const HEADER_LINES: usize = 6;
 
 /// Contents of an AT2 file.
-pub(super) struct At2 {
+pub struct At2 {
     /// Time step, s.
     pub step_s: f64,
     /// Accelerations, m/s².
     pub values: Vec<f64>,
 }
 
+/// Whether a text is one by its first line.
+pub(super) fn is_one(text: &str) -> bool {
+    text.starts_with("PEER ")
+        || text.lines().take(HEADER_LINES).any(|line| line.contains("NPTS") && line.contains("DT"))
+}
+
+/// Parses a file as a signal.
+pub(super) fn parse(text: &str) -> Result<Contents, String> {
+    let At2 { step_s, values } = at2(text, None, |unit_si, _, value| Ok(unit_si * value))?;
+    let title = text.lines().nth(1).unwrap_or_default().trim();
+    let signal = Signal::new("acceleration", "m/s2", Axis::Time { start_s: 0.0, step_s }, values);
+    Ok(Contents { kind: "PEER record (AT2)", signals: vec![signal], remarks: vec![title.into()] })
+}
+
+fn finite(text: &str) -> Option<f64> {
+    text.trim().parse::<f64>().ok().filter(|value| value.is_finite())
+}
+
 /// Parses the text of an AT2 file. `unit_si` is the case's unit, which takes precedence over the header's; g when neither states
-/// one, as the format defines. `scale` is a factor on every value.
+/// one, as the format defines. `to_si` gives a value in m/s², of the unit, the value's text and the value; or why it is not allowed.
 ///
 /// # Errors
 /// Names line and value.
-pub(super) fn at2(text: &str, unit_si: Option<f64>, scale: f64) -> Result<At2, String> {
+pub fn at2(
+    text: &str,
+    unit_si: Option<f64>,
+    to_si: impl Fn(f64, &str, f64) -> Result<f64, String>,
+) -> Result<At2, String> {
     let mut lines = text.lines().enumerate();
     let mut stated = None;
     let mut head = None;
@@ -46,13 +68,12 @@ pub(super) fn at2(text: &str, unit_si: Option<f64>, scale: f64) -> Result<At2, S
         )
     })?;
     let unit_si = unit_si.or(stated).unwrap_or(STANDARD_GRAVITY);
-    let to_si = ToSi { quantity: Quantity::Acceleration, unit_si, scale };
     let mut values = Vec::new();
     for (n, line) in lines {
         for (column, word) in line.split_whitespace().enumerate() {
             let value = finite(word)
                 .ok_or_else(|| format!("line {}: {word:?} is not allowed: must be a finite number", n + 1))?;
-            let si = to_si.value(word, value);
+            let si = to_si(unit_si, word, value);
             values.push(si.map_err(|why| format!("line {}, column {}: {why}", n + 1, column + 1))?);
         }
     }

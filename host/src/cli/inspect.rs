@@ -1,0 +1,137 @@
+//! `damprig inspect`: what is in a measured file.
+
+use std::path::PathBuf;
+
+use clap::Args as ClapArgs;
+use serde_json::{Value, json};
+
+use super::outcome::{Failure, Outcome};
+use crate::report::numbers::significant;
+use crate::signal_file::overview::{self, Overview, Places, SignalOverview};
+use crate::signal_file::unit::Kind;
+
+/// Say what is in a measured file: its signals, units, sample rates and gaps, and what could be done with it.
+///
+/// The kind of the file follows from its content. A unit that the content does not state is not guessed.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    /// CSV, UFF/UNV, AT2, CSMIP V2, WAV, MATLAB 5 or 7.3, HDF5 or Parquet file
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  damprig inspect decay.csv
+  damprig inspect analyser.uff --json
+
+Where a command takes a signal, FILE#3 is the third one of a file, FILE#name the one of that name.";
+
+/// Inspects the file.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn run(args: &Args) -> Outcome {
+    let overview = overview::read(&args.file).map_err(Failure::input)?;
+    if args.json {
+        say!("{:#}", as_json(&overview));
+        return Ok(());
+    }
+    let file = args.file.display();
+    let count = match overview.signals.len() {
+        0 => "no signal".to_string(),
+        1 => "1 signal".to_string(),
+        several => format!("{several} signals"),
+    };
+    say!("{file}: {}, {count}", overview.kind);
+    for (n, signal) in overview.signals.iter().enumerate() {
+        say!("");
+        for line in lines(n + 1, signal) {
+            say!("{line}");
+        }
+    }
+    if !overview.remarks.is_empty() {
+        say!("");
+        overview.remarks.iter().for_each(|remark| say!("{remark}"));
+    }
+    Ok(())
+}
+
+fn lines(number: usize, signal: &SignalOverview) -> Vec<String> {
+    let number_text = |value: f64| significant(value, 5);
+    let quantity = match (signal.unit.map(|unit| unit.kind), signal.unit_text.as_str()) {
+        (Some(kind), unit) => format!("{} in {unit}", kind.text()),
+        (None, "") => "the file states no unit".into(),
+        (None, unit) => format!("unit {unit:?}"),
+    };
+    let complex = if signal.is_complex { ", complex (magnitudes below)" } else { "" };
+    let mut lines = vec![format!("#{number} {}: {quantity}{complex}", signal.name)];
+    let missing = if signal.missing > 0 { format!(", {} missing", signal.missing) } else { String::new() };
+    lines.push(match &signal.places {
+        Places::Time { first_s, last_s, step_s, is_even } => {
+            let even = if *is_even { "" } else { " on average" };
+            format!(
+                "   {} values{missing} from {} s to {} s, {} Hz{even}",
+                signal.count,
+                number_text(*first_s),
+                number_text(*last_s),
+                number_text(1.0 / step_s)
+            )
+        }
+        Places::Frequency { first_hz, last_hz } => {
+            format!(
+                "   {} values{missing} from {} Hz to {} Hz",
+                signal.count,
+                number_text(*first_hz),
+                number_text(*last_hz)
+            )
+        }
+        Places::Number(why) => format!("   {} values{missing}; {why}", signal.count),
+    });
+    lines.push(format!(
+        "   from {} to {}, mean {}, RMS about it {} {}",
+        number_text(signal.min),
+        number_text(signal.max),
+        number_text(signal.mean),
+        number_text(signal.rms),
+        signal.unit_text
+    ));
+    lines.extend(signal.remark.iter().map(|remark| format!("   {remark}")));
+    lines.extend(signal.uses().into_iter().map(|usage| format!("   can be used as: {usage}")));
+    lines
+}
+
+fn as_json(overview: &Overview) -> Value {
+    let signals: Vec<Value> = overview.signals.iter().map(signal_json).collect();
+    json!({ "kind": overview.kind, "signals": signals, "remarks": overview.remarks })
+}
+
+fn signal_json(signal: &SignalOverview) -> Value {
+    let places = match &signal.places {
+        Places::Time { first_s, last_s, step_s, is_even } => {
+            json!({ "first_s": first_s, "last_s": last_s, "step_s": step_s, "is_even": is_even })
+        }
+        Places::Frequency { first_hz, last_hz } => json!({ "first_hz": first_hz, "last_hz": last_hz }),
+        Places::Number(why) => json!({ "unknown": why }),
+    };
+    json!({
+        "name": signal.name,
+        "unit": signal.unit_text,
+        "quantity": signal.unit.map(|unit| unit.kind).map(Kind::text),
+        "si_per_unit": signal.unit.map(|unit| unit.si),
+        "places": places,
+        "count": signal.count,
+        "missing": signal.missing,
+        "is_complex": signal.is_complex,
+        "min": signal.min,
+        "max": signal.max,
+        "mean": signal.mean,
+        "rms": signal.rms,
+        "remark": signal.remark,
+    })
+}

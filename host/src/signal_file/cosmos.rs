@@ -1,0 +1,86 @@
+//! Strong-motion records of the California programme (CSMIP volume 2): acceleration, velocity and displacement, each after a line
+//! `5696 points of accel data equally spaced at .010 sec, in cm/sec2. (8f10.7)`.
+
+use super::number::fortran;
+use super::{Axis, Contents, Signal};
+
+/// Lines in which the first such line is looked for.
+const HEADER_LINES: usize = 120;
+
+/// What the line before the values says.
+struct Head {
+    count: usize,
+    step_s: f64,
+    name: &'static str,
+    unit: &'static str,
+    /// Characters of a value, if stated.
+    width: Option<usize>,
+}
+
+fn head(line: &str) -> Option<Head> {
+    let lower = line.to_ascii_lowercase();
+    let (before, after) = lower.split_once(" points of ")?;
+    let (what, after) = after.split_once("equally spaced at")?;
+    let name = ["acceleration", "velocity", "displacement"].into_iter().find(|name| what.contains(&name[..5]))?;
+    let plain = after.replace(' ', "");
+    let units: &[(&str, &str)] = match name {
+        "acceleration" => {
+            &[("cm/sec2", "cm/s2"), ("cm/sec/sec", "cm/s2"), ("in/sec2", "in/s2"), ("ing", "g"), ("units:g", "g")]
+        }
+        "velocity" => &[("cm/sec", "cm/s"), ("in/sec", "in/s")],
+        _ => &[("cm", "cm"), ("inches", "in")],
+    };
+    let unit = units.iter().find(|(text, _)| plain.contains(text)).map_or("", |(_, unit)| unit);
+    let width = plain
+        .split_once('(')
+        .and_then(|(_, form)| form.split_once('f'))
+        .and_then(|(_, form)| form.split_once('.').and_then(|(width, _)| width.parse().ok()));
+    Some(Head {
+        count: before.trim().parse().ok()?,
+        step_s: after.split_whitespace().next()?.parse().ok().filter(|step: &f64| *step > 0.0)?,
+        name,
+        unit,
+        width,
+    })
+}
+
+/// Whether a text is such a record.
+pub(super) fn is_one(text: &str) -> bool {
+    text.lines().take(HEADER_LINES).any(|line| head(line).is_some())
+}
+
+/// Its signals. The titles become remarks.
+pub(super) fn parse(text: &str) -> Result<Contents, String> {
+    let mut signals = Vec::new();
+    let mut lines = text.lines().enumerate();
+    let title = text.lines().take(8).map(str::trim).filter(|line| !line.is_empty());
+    let remarks = title.skip(4).map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
+    while let Some((at, line)) = lines.next() {
+        let Some(head) = head(line) else { continue };
+        if head.count < 2 {
+            return Err(format!("line {}: {} points are too few", at + 1, head.count));
+        }
+        let mut values = Vec::new();
+        while values.len() < head.count {
+            let Some((n, line)) = lines.next() else { break };
+            let spaced = head.width.filter(|_| line.is_ascii()).map(|width| separate(line, width));
+            fortran(spaced.as_deref().unwrap_or(line), &mut values).map_err(|why| format!("line {}, {why}", n + 1))?;
+        }
+        if values.len() != head.count {
+            return Err(format!(
+                "line {}: {} points are announced, {} follow: the file is cut short or damaged",
+                at + 1,
+                head.count,
+                values.len()
+            ));
+        }
+        signals.push(Signal::new(head.name, head.unit, Axis::Time { start_s: 0.0, step_s: head.step_s }, values));
+    }
+    Ok(Contents { kind: "strong-motion record (CSMIP)", signals, remarks })
+}
+
+/// Blanks between the values of fixed columns.
+fn separate(line: &str, width: usize) -> String {
+    let bytes = line.as_bytes();
+    bytes.chunks(width.max(1)).map(|part| String::from_utf8_lossy(part).into_owned()).collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,448 @@
+//! Tables of numbers as text: CSV with any usual delimiter, decimal commas, a byte-order mark, units in a row of their own, and lines
+//! of a vendor before the header.
+
+use std::io::{BufRead, Read};
+
+use super::unit::{Kind, Unit, of_column};
+use super::{Axis, Contents, Signal};
+
+/// Bytes from which the dialect of a table is determined.
+pub const SAMPLE_BYTES: usize = 1 << 16;
+
+/// Lines before the header that are passed over at most.
+const MAX_PREAMBLE: usize = 100;
+
+/// A column of a table.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Column {
+    /// Its name without a unit; its number from 1 in a table without a header.
+    pub name: String,
+    /// Its unit as the file writes it; empty if it writes none.
+    pub unit_text: String,
+}
+
+/// How a table is written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Dialect {
+    delimiter: char,
+    has_decimal_comma: bool,
+    /// Its columns.
+    pub columns: Vec<Column>,
+    /// Number of lines before the first row of numbers.
+    pub lines_before: usize,
+    /// What was recognised, for people.
+    pub remarks: Vec<String>,
+}
+
+impl Dialect {
+    /// Recognises the dialect of a text by its beginning.
+    ///
+    /// # Errors
+    /// No row of numbers, or a first row that is neither names nor numbers.
+    pub fn of(sample: &str) -> Result<Self, String> {
+        let sample = sample.strip_prefix('\u{feff}').unwrap_or(sample);
+        let lines: Vec<(usize, &str)> = sample.lines().enumerate().filter(|(_, line)| !is_skipped(line)).collect();
+        let found = [';', '\t', ',', ' ']
+            .into_iter()
+            .filter_map(|delimiter| {
+                let first = first_row(&lines, delimiter)?;
+                Some((split(lines[first].1, delimiter).len(), delimiter, first))
+            })
+            .fold(None, |best: Option<(usize, char, usize)>, next| best.filter(|best| best.0 >= next.0).or(Some(next)));
+        let Some((_, delimiter, first)) = found else {
+            let line = lines.first().map_or(String::new(), |(n, line)| {
+                format!(": line {} is {:?}", n + 1, line.chars().take(60).collect::<String>())
+            });
+            return Err(format!("there is no row of numbers in it{line}\n  known are {}", super::KINDS));
+        };
+        // The last columns may be empty at first.
+        let widest = lines[first..].iter().map(|(_, line)| split(line, delimiter).len()).max().unwrap_or_default();
+        let rows_width = widest.min(fields(lines[first].1, delimiter).count());
+        let has_decimal_comma =
+            lines[first..].iter().flat_map(|(_, line)| split(line, delimiter)).any(|field| field.contains(','));
+        let names = |at: usize| -> Option<Vec<String>> {
+            let fields = names(lines[at].1, delimiter);
+            // A sentence has words too: between blanks their number must be right.
+            let fits = if delimiter == ' ' { fields.len() == rows_width } else { fields.len() >= rows_width };
+            (fits && fields.iter().all(|field| number(field).is_none())).then_some(fields)
+        };
+        if let Some((n, line)) = first.checked_sub(1).map(|at| lines[at])
+            && names(first - 1).is_none()
+            && split(line, delimiter).len() == rows_width
+            && rows_width > 1
+        {
+            let wrong = split(line, delimiter).into_iter().find(|field| number(field).is_none());
+            return Err(format!(
+                "line {}: {:?} is not a finite number; a header has a name in every column",
+                n + 1,
+                wrong.unwrap_or_default()
+            ));
+        }
+        let nearest = (0..first).rev().find_map(|at| names(at).map(|fields| (at, fields)));
+        let (header_at, header, units) = match nearest {
+            Some((at, fields)) => match at.checked_sub(1).and_then(names) {
+                Some(above) if fields.iter().all(|field| is_unit(field)) => (Some(at - 1), Some(above), Some(fields)),
+                _ => (Some(at), Some(fields), None),
+            },
+            None => (None, None, None),
+        };
+        let width = header.as_ref().map_or(rows_width, |names| names.len().max(rows_width));
+        let column = |n: usize| match (&header, &units) {
+            (Some(names), Some(units)) => Column {
+                name: names[n].trim().into(),
+                unit_text: units.get(n).map_or("", String::as_str).trim().trim_matches(['(', ')', '[', ']']).into(),
+            },
+            (Some(names), None) => {
+                let (name, unit_text) = of_column(&names[n]);
+                Column { name, unit_text }
+            }
+            (None, _) => Column { name: format!("column {}", n + 1), unit_text: String::new() },
+        };
+        let mut remarks = Vec::new();
+        if has_decimal_comma {
+            remarks.push("Decimals are after a comma.".into());
+        }
+        if header.is_none() {
+            remarks.push("It has no header: its columns have numbers for names, and no units.".into());
+        }
+        let passed = header_at.unwrap_or(first);
+        if passed > 0 {
+            remarks.push(format!(
+                "{passed} lines before the table are passed over, the first is {:?}.",
+                lines[0].1.trim()
+            ));
+        }
+        Ok(Self {
+            delimiter,
+            has_decimal_comma,
+            columns: (0..width).map(column).collect(),
+            lines_before: lines[first].0,
+            remarks,
+        })
+    }
+
+    /// The column of the times, if the file states one with its unit.
+    ///
+    /// # Errors
+    /// There are several.
+    pub fn time_column(&self) -> Result<Option<(usize, f64)>, String> {
+        let unit = |column: &Column| Unit::of(&column.unit_text).filter(|unit| unit.kind == Kind::Time);
+        let found: Vec<(usize, f64)> =
+            self.columns.iter().enumerate().filter_map(|(n, column)| Some((n, unit(column)?.si))).collect();
+        match found[..] {
+            [] => Ok(None),
+            [only] => Ok(Some(only)),
+            [(a, _), (b, _), ..] => Err(format!(
+                "there are two columns of times, {:?} and {:?}: keep one, or give each signal a file of its own",
+                self.columns[a].name, self.columns[b].name
+            )),
+        }
+    }
+}
+
+fn is_skipped(line: &str) -> bool {
+    line.trim().is_empty() || line.starts_with('#')
+}
+
+/// The fields of a line. A delimiter within quotes separates nothing; blanks as delimiters count once.
+struct Fields<'l> {
+    rest: Option<&'l str>,
+    delimiter: char,
+}
+
+fn fields(line: &str, delimiter: char) -> Fields<'_> {
+    let line = if delimiter == ' ' { line.trim() } else { line.strip_suffix('\r').unwrap_or(line) };
+    Fields { rest: Some(line), delimiter }
+}
+
+impl<'l> Iterator for Fields<'l> {
+    type Item = &'l str;
+
+    fn next(&mut self) -> Option<&'l str> {
+        let rest = self.rest?;
+        let mut is_quoted = false;
+        let is_end = |byte: u8| {
+            is_quoted ^= byte == b'"';
+            byte == self.delimiter as u8 && !is_quoted
+        };
+        let (field, after) = match rest.bytes().position(is_end) {
+            Some(at) => (&rest[..at], Some(&rest[at + 1..])),
+            None => (rest, None),
+        };
+        self.rest = if self.delimiter == ' ' { after.map(|after| after.trim_start_matches(' ')) } else { after };
+        Some(field.trim().trim_matches('"').trim())
+    }
+}
+
+/// The fields of a line, without empty ones at its end.
+fn split(line: &str, delimiter: char) -> Vec<&str> {
+    let mut all: Vec<&str> = fields(line, delimiter).collect();
+    while all.len() > 1 && all.last().is_some_and(|field| field.is_empty()) {
+        all.pop();
+    }
+    all
+}
+
+/// The names of a header; between blanks a unit in brackets belongs to the name before it.
+fn names(line: &str, delimiter: char) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for field in split(line, delimiter) {
+        match names.last_mut() {
+            Some(last) if delimiter == ' ' && field.starts_with(['(', '[']) => {
+                last.push(' ');
+                last.push_str(field);
+            }
+            _ => names.push(field.into()),
+        }
+    }
+    names
+}
+
+fn number(field: &str) -> Option<f64> {
+    let value = field.parse::<f64>().ok().or_else(|| field.replacen(',', ".", 1).parse().ok());
+    value.filter(|value: &f64| value.is_finite())
+}
+
+/// Place of the first line that has only numbers and missing values, followed by a line with a number, if by any.
+fn first_row(lines: &[(usize, &str)], delimiter: char) -> Option<usize> {
+    let has_number = |line: &str| fields(line, delimiter).any(|field| number(field).is_some());
+    let is_row = |line: &str| {
+        has_number(line) && fields(line, delimiter).all(|field| field.is_empty() || number(field).is_some())
+    };
+    (0..lines.len().min(MAX_PREAMBLE + 1))
+        .find(|at| is_row(lines[*at].1) && lines.get(at + 1).is_none_or(|(_, next)| has_number(next)))
+}
+
+/// Whether a field of the row below the names is a unit: a known one, one in brackets, or none.
+fn is_unit(field: &str) -> bool {
+    let field = field.trim();
+    field.is_empty() || field == "-" || Unit::of(field).is_some() || field.starts_with(['(', '['])
+}
+
+/// A row: its line from 1. The values are in the caller's list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Row {
+    /// Its line in the file.
+    pub line: u64,
+}
+
+/// The rows of a table, one after another, in constant memory.
+pub struct Rows<'d, R> {
+    text: R,
+    bytes: Vec<u8>,
+    dialect: &'d Dialect,
+    line: u64,
+}
+
+/// Longest line, bytes: a binary file without line ends is no table.
+const MAX_LINE: u64 = 1 << 20;
+
+impl<'d, R: BufRead> Rows<'d, R> {
+    /// The rows of a text from its beginning; passes over the lines before them.
+    pub fn new(text: R, dialect: &'d Dialect) -> Self {
+        Self { text, bytes: Vec::new(), dialect, line: 0 }
+    }
+
+    /// Reads the next row into `values`; NaN is a missing value. `None` at the end.
+    ///
+    /// # Errors
+    /// Names line and column of what is no number, and of a row with another number of columns.
+    pub fn next(&mut self, values: &mut Vec<f64>) -> Result<Option<Row>, String> {
+        let width = self.dialect.columns.len();
+        loop {
+            self.bytes.clear();
+            let read = self.text.by_ref().take(MAX_LINE).read_until(b'\n', &mut self.bytes);
+            let length = read.map_err(|error| format!("after line {}: {error}", self.line))?;
+            if length == 0 {
+                return Ok(None);
+            }
+            self.line += 1;
+            let line = self.line;
+            if length as u64 == MAX_LINE {
+                return Err(format!("line {line}: it is longer than {MAX_LINE} bytes: this is no table"));
+            }
+            if line <= self.dialect.lines_before as u64 {
+                continue;
+            }
+            let text = str::from_utf8(&self.bytes).map_err(|_| format!("line {line}: it is no text in UTF-8"))?;
+            let text = text.trim_start_matches('\u{feff}').trim_end_matches(['\n', '\r']);
+            if is_skipped(text) {
+                continue;
+            }
+            values.clear();
+            let mut filled = 0;
+            for field in fields(text, self.dialect.delimiter) {
+                let value = if field.is_empty() {
+                    f64::NAN
+                } else {
+                    filled = values.len() + 1;
+                    value(field, self.dialect.has_decimal_comma, line, filled)?
+                };
+                values.push(value);
+            }
+            if filled == 0 {
+                continue;
+            }
+            if filled > width {
+                let help = if self.dialect.delimiter == ',' {
+                    "\n  a decimal comma splits a number: separate the columns by semicolons"
+                } else {
+                    ""
+                };
+                return Err(format!("line {line}: {filled} columns where the first row has {width}{help}"));
+            }
+            values.resize(width, f64::NAN);
+            return Ok(Some(Row { line }));
+        }
+    }
+}
+
+fn value(text: &str, has_decimal_comma: bool, line: u64, column: usize) -> Result<f64, String> {
+    let parsed = if has_decimal_comma && text.contains(',') {
+        text.replacen(',', ".", 1).parse::<f64>()
+    } else {
+        text.parse::<f64>()
+    };
+    match parsed {
+        Ok(value) if value.is_finite() => Ok(value),
+        _ => Err(format!(
+            "line {line}, column {column}: {text:?} is not a finite number\n  cut the record before or after it, or leave the field empty"
+        )),
+    }
+}
+
+/// A signal for each column that is not the times'.
+pub(super) fn parse(text: &str) -> Result<Contents, String> {
+    let end = text.char_indices().nth(SAMPLE_BYTES).map_or(text.len(), |(at, _)| at);
+    // A line that the sample cuts is not looked at.
+    let sample = if end < text.len() { &text[..text[..end].rfind('\n').unwrap_or(end)] } else { text };
+    let dialect = Dialect::of(sample)?;
+    let time = dialect.time_column()?;
+    let width = dialect.columns.len();
+    let mut columns = vec![Vec::new(); width];
+    let mut values = Vec::new();
+    let mut rows = Rows::new(text.as_bytes(), &dialect);
+    let mut last = f64::NEG_INFINITY;
+    while let Some(Row { line }) = rows.next(&mut values)? {
+        if let Some((column, _)) = time {
+            let t = values[column];
+            if t.is_nan() {
+                return Err(format!("line {line}: the time is missing"));
+            }
+            if t <= last {
+                return Err(format!(
+                    "line {line}: the time {t} is not later than the one before, {last}\n  sort the rows by time and remove duplicates"
+                ));
+            }
+            last = t;
+        }
+        columns.iter_mut().zip(&values).for_each(|(column, value)| column.push(*value));
+    }
+    let mut signals = Vec::new();
+    for n in (0..width).filter(|n| time.is_none_or(|(column, _)| column != *n)) {
+        let own = &dialect.columns[n];
+        let (mut places, mut kept) = (Vec::new(), Vec::new());
+        for (row, value) in columns[n].iter().enumerate().filter(|(_, value)| !value.is_nan()) {
+            places.push(time.map_or(0.0, |(column, si)| columns[column][row] * si));
+            kept.push(*value);
+        }
+        let missing = columns[n].len() - kept.len();
+        let axis = if time.is_some() {
+            Axis::of_times(places)
+        } else {
+            Axis::Number("the file states no times with a unit".into())
+        };
+        let mut signal = Signal::new(own.name.clone(), own.unit_text.clone(), axis, kept);
+        signal.remark = remark(&signal, missing);
+        signals.push(signal);
+    }
+    if time.is_some() && signals.is_empty() {
+        return Err("it has times and no other column".into());
+    }
+    Ok(Contents { kind: "CSV table", signals, remarks: dialect.remarks.clone() })
+}
+
+fn remark(signal: &Signal, missing: usize) -> Option<String> {
+    let mut parts = Vec::new();
+    if missing > 0 {
+        parts.push(format!("{missing} values are missing"));
+    }
+    if let Axis::Times(times_s) = &signal.axis {
+        parts.push(uneven(times_s));
+    }
+    (!parts.is_empty()).then(|| parts.join("; "))
+}
+
+/// How uneven times are: the longest gap, or the jitter.
+fn uneven(times_s: &[f64]) -> String {
+    let steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut sorted = steps.clone();
+    sorted.sort_by(f64::total_cmp);
+    let Some(usual) = sorted.get(sorted.len() / 2) else { return "too few values for a time step".into() };
+    let gaps: Vec<usize> = (0..steps.len()).filter(|n| steps[*n] > 1.5 * usual).collect();
+    match gaps.first() {
+        Some(first) => format!(
+            "{} gaps, the first of {:.6} s at {:.6} s, where samples are {usual:.6} s apart",
+            gaps.len(),
+            steps[*first],
+            times_s[*first]
+        ),
+        None => format!("the steps jitter from {:.6} to {:.6} s", sorted[0], sorted[sorted.len() - 1]),
+    }
+}
+
+impl Signal {
+    /// The signal at an even time step: itself, or resampled by cubics where its times jitter; with the estimated error of the
+    /// resampling (RMS, in its unit; 0 for none). The estimate compares each second sample with the cubic through its neighbours,
+    /// whose error is 16 times as large (fourth order in the step).
+    ///
+    /// # Errors
+    /// It is not over time; a gap, with its place; fewer than 5 samples.
+    pub fn evenly(&self) -> Result<(f64, f64, Vec<f64>, f64), String> {
+        let times_s = match &self.axis {
+            Axis::Time { start_s, step_s } => return Ok((*start_s, *step_s, self.values.clone(), 0.0)),
+            Axis::Times(times_s) => times_s,
+            Axis::Number(why) => return Err(format!("{}: {why}", self.name)),
+            _ => return Err(format!("{}: its values are over frequency, not over time", self.name)),
+        };
+        if times_s.len() < 5 {
+            return Err(format!("{}: {} samples are too few", self.name, times_s.len()));
+        }
+        let (first, last) = (times_s[0], times_s[times_s.len() - 1]);
+        let step_s = (last - first) / (times_s.len() - 1) as f64;
+        let longest = times_s.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+        let mut steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        steps.sort_by(f64::total_cmp);
+        if longest > 1.5 * steps[steps.len() / 2] {
+            return Err(format!(
+                "{}: {}\n  give the part before or after the gap as a file of its own",
+                self.name,
+                uneven(times_s)
+            ));
+        }
+        let mut out = Vec::with_capacity(times_s.len());
+        let mut at = 1;
+        for n in 0..times_s.len() {
+            let t = first + n as f64 * step_s;
+            while at + 2 < times_s.len() - 1 && times_s[at + 1] < t {
+                at += 1;
+            }
+            out.push(cubic(&times_s[at - 1..at + 3], &self.values[at - 1..at + 3], t));
+        }
+        let mut sum = 0.0;
+        let inner = 3..times_s.len() - 3;
+        let count = inner.len().max(1);
+        for n in inner {
+            let near = [n - 3, n - 1, n + 1, n + 3];
+            let (t, v) = (near.map(|k| times_s[k]), near.map(|k| self.values[k]));
+            sum += (cubic(&t, &v, times_s[n]) - self.values[n]).powi(2);
+        }
+        Ok((first, step_s, out, (sum / count as f64).sqrt() / 16.0))
+    }
+}
+
+/// The cubic through four points (Lagrange).
+fn cubic(t: &[f64], v: &[f64], at: f64) -> f64 {
+    let weight = |n: usize| (0..4).filter(|k| *k != n).map(|k| (at - t[k]) / (t[n] - t[k])).product::<f64>();
+    (0..4).map(|n| weight(n) * v[n]).sum()
+}

@@ -1,0 +1,199 @@
+//! Measured signals of other programs' files: what is in a file, and one signal of it.
+//!
+//! The kind of a file follows from its content, not from its name. A quantity or a unit that the content does not state stays
+//! unknown; it is never guessed.
+
+pub mod at2;
+mod columns;
+mod cosmos;
+mod delimited;
+mod mat;
+mod number;
+pub mod overview;
+mod parquet;
+mod selector;
+mod uff;
+mod uff_dataset_58;
+pub mod unit;
+mod wav;
+
+use std::path::Path;
+
+use crate::input::regular;
+pub use delimited::{Dialect, Row, Rows};
+pub use selector::Selector;
+use unit::{Kind, Unit};
+
+/// Kinds of files, for messages.
+pub const KINDS: &str =
+    "CSV, UFF/UNV (datasets 58, 58b, 151, 164), PEER AT2, CSMIP V2, WAV, MATLAB 5 and 7.3, HDF5, Parquet";
+
+/// What a file holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contents {
+    /// Its kind, for people.
+    pub kind: &'static str,
+    /// Its signals, in its order.
+    pub signals: Vec<Signal>,
+    /// What else it says, and what was left out and why.
+    pub remarks: Vec<String>,
+}
+
+/// Values over time or frequency.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Signal {
+    /// Its name in the file.
+    pub name: String,
+    /// Quantity, and SI units per unit of the values; `None` if the file does not state a known unit.
+    pub unit: Option<Unit>,
+    /// The unit as the file writes it; empty if it writes none.
+    pub unit_text: String,
+    /// Places of the values.
+    pub axis: Axis,
+    /// The values as the file has them, in its unit; the real part of a complex signal.
+    pub values: Vec<f64>,
+    /// The imaginary part of a complex signal.
+    pub imaginary: Option<Vec<f64>>,
+    /// What a user must know of this signal, for example that the file ends before its values do.
+    pub remark: Option<String>,
+}
+
+/// The axis of a signal.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Axis {
+    /// Evenly spaced times, s.
+    Time {
+        /// First time, s.
+        start_s: f64,
+        /// Time step, s; greater than 0.
+        step_s: f64,
+    },
+    /// Times as the file has them, s: not evenly spaced.
+    Times(Vec<f64>),
+    /// Evenly spaced frequencies, Hz.
+    Frequency {
+        /// First frequency, Hz.
+        start_hz: f64,
+        /// Frequency step, Hz.
+        step_hz: f64,
+    },
+    /// Frequencies as the file has them, Hz.
+    Frequencies(Vec<f64>),
+    /// Something else, or unknown: the values by number.
+    Number(String),
+}
+
+/// Why a file cannot be read: the file, the place in it, what was found, and what is accepted.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct SignalError(pub String);
+
+impl Axis {
+    /// Evenly spaced where the times of a table are so within what their printed decimals allow, else as they are.
+    fn of_times(times_s: Vec<f64>) -> Self {
+        match even_step(&times_s) {
+            Some(step_s) => Self::Time { start_s: times_s[0], step_s },
+            None => Self::Times(times_s),
+        }
+    }
+
+    /// Place `n` of the axis, in its SI unit; the number from 1 where it has none.
+    #[must_use]
+    pub fn at(&self, n: usize) -> f64 {
+        match self {
+            Self::Time { start_s: start, step_s: step } | Self::Frequency { start_hz: start, step_hz: step } => {
+                start + n as f64 * step
+            }
+            Self::Times(places) | Self::Frequencies(places) => places[n],
+            Self::Number(_) => (n + 1) as f64,
+        }
+    }
+
+    /// Whether the values are over time.
+    #[must_use]
+    pub fn is_time(&self) -> bool {
+        matches!(self, Self::Time { .. } | Self::Times(_))
+    }
+}
+
+/// Allowed deviation of a time step from the mean one, as a share of it.
+const UNEVEN: f64 = 0.1;
+/// Allowed deviation of a time from even spacing, as a share of a step.
+const OFF_GRID: f64 = 0.25;
+
+/// The mean step of times that are evenly spaced within [`UNEVEN`] and [`OFF_GRID`].
+#[must_use]
+pub fn even_step(times_s: &[f64]) -> Option<f64> {
+    let [first, .., last] = times_s else { return None };
+    let step_s = (last - first) / (times_s.len() - 1) as f64;
+    let is_even = |n: usize| {
+        ((times_s[n] - times_s[n - 1]) / step_s - 1.0).abs() <= UNEVEN
+            && ((times_s[n] - first) / step_s - n as f64).abs() <= OFF_GRID
+    };
+    (step_s > 0.0 && (1..times_s.len()).all(is_even)).then_some(step_s)
+}
+
+impl Signal {
+    /// A real signal without a remark.
+    fn new(name: impl Into<String>, unit_text: impl Into<String>, axis: Axis, values: Vec<f64>) -> Self {
+        let unit_text = unit_text.into();
+        Self { name: name.into(), unit: Unit::of(&unit_text), unit_text, axis, values, imaginary: None, remark: None }
+    }
+
+    /// The quantity of the values, if the file states a known unit.
+    #[must_use]
+    pub fn kind(&self) -> Option<Kind> {
+        self.unit.map(|unit| unit.kind)
+    }
+}
+
+/// Reads all signals of a file.
+///
+/// # Errors
+/// Names the file, the line or byte, what was found there, and what is accepted.
+pub fn read(path: &Path) -> Result<Contents, SignalError> {
+    let file = path.display();
+    let bytes = regular::read_input(path).map_err(|error| SignalError(format!("cannot read {file}: {error}")))?;
+    parse(&bytes).map_err(|why| SignalError(format!("{file}: {why}")))
+}
+
+/// Parses the bytes of a file.
+///
+/// # Errors
+/// Why they cannot be read, without the file's name.
+pub fn parse(bytes: &[u8]) -> Result<Contents, String> {
+    match bytes {
+        [] => Err("it is empty".into()),
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => {
+            Err("it is text in UTF-16: save it as UTF-8 (in Excel: \"CSV UTF-8\")".into())
+        }
+        _ if bytes.starts_with(b"RIFF") || bytes.starts_with(b"RF64") => wav::parse(bytes),
+        _ if bytes.starts_with(b"PAR1") => parquet::parse(bytes),
+        _ if mat::is_hdf5(bytes) => mat::parse_hdf5(bytes),
+        _ if bytes.starts_with(b"MATLAB 5.0") => mat::parse(bytes),
+        _ if uff::is_one(bytes) => uff::parse(bytes),
+        _ if bytes.contains(&0) => Err(format!("this is a binary file of an unknown kind\n  known are {KINDS}")),
+        _ => parse_text(bytes),
+    }
+}
+
+/// Whether bytes are text of no kind that states units and time step for all: a table, or a PEER record, whose header a case may correct.
+#[must_use]
+pub fn is_plain_table(bytes: &[u8]) -> bool {
+    let marks = [&b"RIFF"[..], b"RF64", b"PAR1", &[0xff, 0xfe], &[0xfe, 0xff]];
+    !bytes.contains(&0)
+        && !marks.iter().any(|mark| bytes.starts_with(mark))
+        && !uff::is_one(bytes)
+        && !cosmos::is_one(&String::from_utf8_lossy(bytes))
+}
+
+fn parse_text(bytes: &[u8]) -> Result<Contents, String> {
+    let text = String::from_utf8_lossy(bytes);
+    if cosmos::is_one(&text) {
+        return cosmos::parse(&text);
+    }
+    if at2::is_one(&text) {
+        return at2::parse(&text);
+    }
+    delimited::parse(&text)
+}

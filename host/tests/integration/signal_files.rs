@@ -1,0 +1,310 @@
+//! Files of other programs: `damprig inspect`, and signals as records of a case.
+
+use std::path::{Path, PathBuf};
+
+use crate::common::{damprig, folder_with};
+use damprig::signal_file::unit::Kind;
+use damprig::signal_file::{Axis, Contents, Selector, Signal, parse, read};
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn files() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/files")
+}
+
+/// The folder of measurements that are not part of the project; says so where it is absent.
+fn field() -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/field");
+    if !folder.is_dir() {
+        eprintln!("skipped: {} is absent", folder.display());
+        return None;
+    }
+    Some(folder)
+}
+
+fn only(contents: Contents) -> Signal {
+    let [signal] = contents.signals.try_into().expect("one signal");
+    signal
+}
+
+fn text(text: &str) -> Result<Contents, String> {
+    parse(text.as_bytes())
+}
+
+/// Values, their sum, the sum of their magnitudes, and the places, as pyuff 2.5 reads them.
+struct Expected(&'static str, usize, f64, f64, f64, f64);
+
+fn check_uff(folder: &Path, Expected(file, count, sum, magnitudes, first, last): &Expected) {
+    let signal = only(read(&folder.join(file)).unwrap());
+    assert_eq!(signal.values.len(), *count, "{file}");
+    let of = |n: usize| signal.values[n].hypot(signal.imaginary.as_ref().map_or(0.0, |imaginary| imaginary[n]));
+    // The sums are rounded in another order.
+    let close = |a: f64, b: f64| (a - b).abs() <= 1e-12 * magnitudes.max(1.0);
+    assert!(close(signal.values.iter().sum(), *sum), "{file}");
+    assert!(close((0..*count).map(of).sum(), *magnitudes), "{file}");
+    assert!(close(signal.axis.at(0), *first) && close(signal.axis.at(count - 1), *last), "{file}");
+}
+
+#[test]
+fn universal_files_of_other_programs_give_what_pyuff_reads() {
+    let folder = files().join("uff");
+    for expected in [
+        Expected("binary8byte.uff", 250, 6.313748425276373, 157.84385135698756, 0.0, 2.49),
+        Expected("dataset_milestone_in_header.uff", 42, -0.04821587846, 0.21782363954, 1.11858e-5, 0.000811965),
+        Expected("non_ascii_header.uff", 6, 2.0227436, 8.092115415616368, 0.0, 0.976565),
+        Expected("time-history-not-all-columns-filled.uff", 13, -47.70823, 47.70823, 0.0, 0.0006),
+    ] {
+        check_uff(&folder, &expected);
+    }
+    let unit = |file: &str| {
+        let signal = only(read(&folder.join(file)).unwrap());
+        (signal.kind(), signal.unit.map(|unit| unit.si), signal.axis.is_time())
+    };
+    assert_eq!(unit("binary8byte.uff"), (Some(Kind::Acceleration), Some(9.80665), true));
+    assert_eq!(unit("time-history-not-all-columns-filled.uff"), (Some(Kind::Acceleration), Some(1.0), true));
+    assert_eq!(unit("dataset_milestone_in_header.uff"), (Some(Kind::Pressure), Some(1.0), true));
+    // A unit that is not known is not guessed.
+    assert_eq!(unit("non_ascii_header.uff"), (None, None, false));
+    let cut = only(read(&folder.join("dataset_milestone_in_header.uff")).unwrap()).remark.unwrap();
+    assert!(cut.contains("42 of 2508876 values: the file is cut short"), "{cut}");
+    let other = read(&folder.join("1858.uff")).unwrap();
+    assert!(other.signals.is_empty() && other.remarks[0].contains("(1858) is not read"), "{:?}", other.remarks);
+}
+
+#[test]
+fn large_universal_files_give_what_pyuff_reads() {
+    let Some(field) = field() else { return };
+    let count = 79292;
+    for expected in [
+        Expected("Sample_UFF58_ascii.uff", count, 5.715039728042096, 845.5341488043879, 0.0, 1.2098855108),
+        Expected("Sample_UFF58b_bin.uff", count, 5.715040058740556, 845.5341574322093, 0.0, 1.2098855108),
+    ] {
+        check_uff(&field.join("uff"), &expected);
+    }
+}
+
+#[test]
+fn mat_files_give_their_arrays_with_their_times() {
+    for file in ["v5.mat", "v7.mat"] {
+        let contents = read(&files().join("mat").join(file)).unwrap();
+        let names: Vec<&str> = contents.signals.iter().map(|signal| signal.name.as_str()).collect();
+        assert_eq!(names, ["x", "h", "run.a"], "{file}");
+        let x = &contents.signals[0];
+        assert_eq!((x.kind(), x.unit.map(|unit| unit.si)), (Some(Kind::Displacement), Some(1e-3)));
+        let Axis::Time { start_s, step_s } = x.axis else { panic!("{:?}", x.axis) };
+        assert!(start_s == 0.0 && (step_s - 0.01).abs() < 1e-15);
+        assert!(x.values.iter().enumerate().all(|(n, value)| *value == (n as f64 * 0.01).sin()));
+        let h = &contents.signals[1];
+        assert_eq!((h.values.as_slice(), h.imaginary.as_deref()), (&[1.0, 3.0, 5.0][..], Some(&[2.0, -4.0, 0.0][..])));
+        assert!(contents.remarks.iter().any(|remark| remark == "run.n = 7"), "{:?}", contents.remarks);
+        assert!(
+            contents.remarks.iter().any(|remark| remark.contains("\"name\" is not read")),
+            "{:?}",
+            contents.remarks
+        );
+    }
+}
+
+#[test]
+fn an_analysers_mat_file_gives_its_frequency_response_and_coherence() {
+    let Some(field) = field() else { return };
+    let contents = read(&field.join("beam/case1.mat")).unwrap();
+    let named = |name: &str| contents.signals.iter().find(|signal| signal.name == name).unwrap();
+    let h = named("Hf_chan_2");
+    let imaginary = h.imaginary.as_ref().unwrap();
+    // As scipy.io.loadmat 1.15 reads them.
+    let magnitudes: Vec<f64> = h.values.iter().zip(imaginary).map(|(re, im)| re.hypot(*im)).collect();
+    let largest = (0..magnitudes.len()).max_by(|a, b| magnitudes[*a].total_cmp(&magnitudes[*b])).unwrap();
+    assert_eq!((h.values.len(), largest), (1601, 679));
+    assert!((magnitudes[largest] / 13191.726338409973 - 1.0).abs() < 1e-12);
+    assert!((named("Hf_coh_chan_2").values.iter().sum::<f64>() / 543.6039864569902 - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn strong_motion_records_give_acceleration_velocity_and_displacement() {
+    let Some(field) = field() else { return };
+    for (file, csv) in
+        [("CHAN14.V2", "melo79-ch14-up.csv"), ("CHAN15.V2", "melo79-ch15.csv"), ("CHAN001.V2", "riodell21-ch01.csv")]
+    {
+        let contents = read(&field.join("csmip").join(file)).unwrap();
+        let kinds: Vec<Option<Kind>> = contents.signals.iter().map(Signal::kind).collect();
+        assert_eq!(kinds, [Some(Kind::Acceleration), Some(Kind::Velocity), Some(Kind::Displacement)], "{file}");
+        let own = &contents.signals[0];
+        let table = only(read(&field.join("csmip").join(csv)).unwrap());
+        assert_eq!((own.values.len(), own.axis.at(100)), (table.values.len(), table.axis.at(100)));
+        // cm/s² with 3 to 7 decimals, and m/s² with 4 and more.
+        assert!(own.values.iter().zip(&table.values).all(|(cm, m)| (cm * 0.01 - m).abs() <= 5.1e-5), "{file}");
+    }
+}
+
+#[test]
+fn tables_are_read_as_labs_write_them() {
+    let same = |written: &str| {
+        let signal = only(text(written).unwrap_or_else(|why| panic!("{written:?}: {why}")));
+        assert_eq!(signal.values, [1.5, -2.25, 3.0, 4.5], "{written:?}");
+        assert_eq!((signal.kind(), signal.unit.unwrap().si), (Some(Kind::Acceleration), 9.80665), "{written:?}");
+        assert!(
+            matches!(signal.axis, Axis::Time { start_s: 0.0, step_s } if (step_s - 0.01).abs() < 1e-15),
+            "{written:?}"
+        );
+    };
+    same("t_s,a_g\n0,1.5\n0.01,-2.25\n0.02,3\n0.03,4.5\n");
+    same("\u{feff}Time (s);Acc (g)\r\n0;1,5\r\n0,01;-2,25\r\n0,02;3\r\n0,03;4,5\r\n");
+    same("Time\tAcc\ns\tg\n0\t1.5\n0.01\t-2.25\n0.02\t3\n0.03\t4.5\n");
+    same("time [ms] acc [g]\n0 1.5\n10 -2.25\n20 3\n30 4.5");
+    same("Logger 7\nserial no. 12\n\nTime [s],Acc [g]\n0,1.5\n0.01,-2.25\n0.02,3\n0.03,4.5\n");
+    same("\"t_s\",\"a_g\"\n\"0\",\"1,5\"\n\"0,01\",\"-2,25\"\n\"0,02\",\"3\"\n\"0,03\",\"4,5\"\n");
+    same("# a comment\nt_s,a_g,\n0,1.5,\n0.01,-2.25,\n0.02,3,\n0.03,4.5,\n");
+}
+
+#[test]
+fn missing_values_gaps_and_jitter_are_named() {
+    let of = |written: &str| only(text(written).unwrap()).remark.unwrap_or_default();
+    assert!(
+        of("t_s,x_m\n0,1\n1,\n2,3\n3,4\n4,5\n")
+            .contains("1 values are missing; 1 gaps, the first of 2.000000 s at 0.000000 s")
+    );
+    assert!(of("t_s,x_m\n0,1\n1,2\n2,3\n7,4\n8,5\n").contains("1 gaps, the first of 5.000000 s at 2.000000 s"));
+    let jitter = of("t_s,x_m\n0,1\n1,2\n2.2,3\n3,4\n4,5\n");
+    assert!(jitter.contains("jitter from 0.800000 to 1.200000 s"), "{jitter}");
+}
+
+#[test]
+fn jittering_times_are_resampled_within_the_stated_error() {
+    let mut rng = fastrand::Rng::with_seed(7);
+    let (step_s, omega) = (0.01, 20.0);
+    let times_s: Vec<f64> = (0..400).map(|n| step_s * (f64::from(n) + 0.4 * rng.f64() - 0.2)).collect();
+    let rows: String = times_s.iter().map(|t| format!("{t},{}\n", (omega * t).sin())).collect();
+    let signal = only(text(&format!("t_s,x_m\n{rows}")).unwrap());
+    assert!(matches!(signal.axis, Axis::Times(_)));
+    let (start_s, even_s, values, stated) = signal.evenly().unwrap();
+    let squares: f64 = (0..400).map(|n| (values[n] - (omega * (start_s + n as f64 * even_s)).sin()).powi(2)).sum();
+    let rms = (squares / 400.0).sqrt();
+    assert!(stated > 0.0 && rms < 3.0 * stated && rms < 1e-3, "{rms}, stated {stated}");
+}
+
+#[test]
+fn a_file_that_cannot_be_read_is_refused_with_its_place() {
+    for (written, why) in [
+        ("", "it is empty"),
+        ("t_s,x_m\n0,1\n1,nan\n", "line 3, column 2: \"nan\" is not a finite number"),
+        ("t_s,x_m\n0,1\n0,2\n", "line 3: the time 0 is not later than the one before, 0"),
+        ("t_s,x_m\r\n0,1\r\n1,2\r\n1,3\r\n", "line 4: the time 1 is not later"),
+        ("t_s,x_m,time_ms\n0,1,0\n1,2,1000\n", "two columns of times"),
+        ("t_s,x_m\n0,1\n1,2,3\n", "line 3: 3 columns where the first row has 2"),
+        ("O.25,1\n0.5,2\n0.75,3\n", "line 1: \"O.25\" is not a finite number"),
+        ("words and\nwords\n", "there is no row of numbers in it"),
+    ] {
+        let error = text(written).unwrap_err();
+        assert!(error.contains(why), "{written:?}: {error}");
+    }
+    assert!(parse(b"\xff\xfet\0_\0").unwrap_err().contains("UTF-16"));
+    assert!(parse(b"\x7fELF\x00").unwrap_err().contains("known are CSV"));
+    let mut damaged = std::fs::read(files().join("mat/v5.mat")).unwrap();
+    damaged.truncate(300);
+    assert!(parse(&damaged).unwrap_err().contains("cut short"), "{:?}", parse(&damaged));
+}
+
+#[test]
+fn no_damage_of_a_file_makes_a_reader_panic() {
+    let mut rng = fastrand::Rng::with_seed(32);
+    let mut sound = Vec::new();
+    let spec =
+        hound::WavSpec { channels: 2, sample_rate: 8000, bits_per_sample: 16, sample_format: hound::SampleFormat::Int };
+    let mut writer = hound::WavWriter::new(std::io::Cursor::new(&mut sound), spec).unwrap();
+    (0..200).for_each(|n| writer.write_sample(n as i16).unwrap());
+    writer.finalize().unwrap();
+    let v2 =
+        "6 points of accel data equally spaced at .010 sec, in cm/sec2. (8f10.7)\n  .1 .2 .3\n -.4-.5 .6\n".to_string();
+    let mut whole = vec![sound, v2.into_bytes(), b"t_s;x_mm\n0;1,5\n1;2,5\n2;3,5\n".to_vec()];
+    for folder in ["uff", "mat"] {
+        for entry in std::fs::read_dir(files().join(folder)).unwrap() {
+            whole.push(std::fs::read(entry.unwrap().path()).unwrap());
+        }
+    }
+    for bytes in whole {
+        for _ in 0..400 {
+            let mut changed = bytes.clone();
+            match rng.u8(0..3) {
+                0 => changed.truncate(rng.usize(0..bytes.len())),
+                1 => (0..4).for_each(|_| changed[rng.usize(0..bytes.len())] = rng.u8(..)),
+                _ => drop(changed.splice(rng.usize(0..bytes.len()).., b"9e999 -1\n".iter().copied())),
+            }
+            // Any answer is right, as long as there is one.
+            let _ = parse(&changed);
+        }
+    }
+}
+
+#[test]
+fn one_of_several_signals_is_chosen_by_number_or_name() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("two.csv");
+    std::fs::write(&path, "t_s,x_m,z_m\n0,1,5\n1,2,6\n").unwrap();
+    let chosen = |which: &str| {
+        Selector::of(&PathBuf::from(format!("{}{which}", path.display()))).read().map(|signal| signal.name)
+    };
+    assert_eq!((chosen("#2").unwrap(), chosen("#x").unwrap()), ("z".into(), "x".into()));
+    assert!(chosen("").unwrap_err().0.contains("it has 2 signals: which one?"));
+    assert!(chosen("#zz").unwrap_err().0.contains("did you mean #z?"));
+    // A file whose own name has the mark is that file.
+    let marked = folder.path().join("a#2");
+    std::fs::write(&marked, "t_s,y_m\n0,1\n1,2\n").unwrap();
+    assert_eq!(Selector::of(&marked).read().unwrap().name, "y");
+}
+
+#[test]
+fn inspect_says_what_is_in_a_file_and_reads_a_long_table_in_parts() {
+    let folder = TempDir::new().unwrap();
+    let rows: String =
+        (0..50_000).map(|n| format!("{},{}\n", f64::from(n) * 0.001, (f64::from(n) * 0.01).sin())).collect();
+    std::fs::write(folder.path().join("long.csv"), format!("t_s,x_mm\n{rows}")).unwrap();
+    let said = |arguments: &[&str]| {
+        let output = damprig(&folder).arg("inspect").args(arguments).assert().success().get_output().stdout.clone();
+        String::from_utf8(output).unwrap()
+    };
+    let shown = said(&["long.csv"]);
+    assert!(
+        shown.contains("#1 x: displacement in mm") && shown.contains("50000 values from 0 s to 49.999 s, 1000 Hz"),
+        "{shown}"
+    );
+    let json: Value = serde_json::from_str(&said(&["long.csv", "--json"])).unwrap();
+    let signal = &json["signals"][0];
+    assert_eq!((&signal["count"], &signal["quantity"]), (&50_000.into(), &"displacement".into()));
+    assert!((signal["rms"].as_f64().unwrap() - 0.5f64.sqrt()).abs() < 1e-3);
+    std::fs::write(folder.path().join("bad.csv"), "t_s,x_mm\n0,1\n1,x\n").unwrap();
+    let error = damprig(&folder).args(["inspect", "bad.csv"]).assert().code(2).get_output().stderr.clone();
+    let error = String::from_utf8(error).unwrap();
+    assert!(error.contains("bad.csv: line 3, column 2: \"x\" is not a finite number"), "{error}");
+}
+
+#[test]
+fn a_signal_of_another_programs_file_is_the_record_of_a_case() {
+    let field_like = "1 g record\n\n  5 points of accel data equally spaced at .010 sec, in cm/sec2. (8f10.3)\n   100.000   200.000  -100.000-50.000000      .000\n";
+    let folder = folder_with("");
+    std::fs::write(folder.path().join("motion.V2"), field_like).unwrap();
+    std::fs::write(folder.path().join("motion.csv"), "t_s,a\n0,1\n0.01,2\n0.02,-1\n0.03,-0.5\n0.04,0\n").unwrap();
+    let result = |record: &str| {
+        let text = format!(
+            "structure = {{ mass_kg = 4, natural_frequency_hz = 5, damping_ratio = 0.02 }}\nbase = {{ kind = \"record\", {record} }}\nrun = {{ duration_s = 1 }}\n"
+        );
+        std::fs::write(folder.path().join("case.toml"), text).unwrap();
+        let output = damprig(&folder).args(["simulate", "case.toml", "--json"]).output().unwrap();
+        (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap())
+    };
+    let (table, error) = result("file = \"motion.csv\", quantity = \"acceleration\", unit = \"m/s2\"");
+    assert!(!table.is_empty(), "{error}");
+    for record in ["file = \"motion.V2\"", "file = \"motion.V2#1\"", "file = \"motion.V2#acceleration\""] {
+        let (signal, error) = result(record);
+        let numbers = |text: &str| serde_json::from_str::<Value>(text).unwrap()["summary"].clone();
+        assert!(!signal.is_empty(), "{record}: {error}");
+        assert_eq!(numbers(&signal), numbers(&table), "{record}");
+    }
+    for (record, why) in [
+        ("file = \"motion.V2#2\"", "there is no signal \"2\""),
+        ("file = \"motion.V2\", quantity = \"displacement\"", "has the unit \"cm/s2\"; leave out `quantity`"),
+    ] {
+        let (_, error) = result(record);
+        assert!(error.contains(why), "{record}: {error}");
+    }
+}
