@@ -17,12 +17,16 @@ mod uff_dataset_58;
 pub mod unit;
 mod wav;
 
+use std::io::Read;
 use std::path::Path;
 
 use crate::input::regular;
 pub use delimited::{Dialect, Row, Rows};
 pub use selector::Selector;
 use unit::{Kind, Unit};
+
+/// Size limit of a file that is read whole: an hour of sound is smaller.
+const MAX_BYTES: u64 = 2 << 30;
 
 /// Kinds of files, for messages.
 pub const KINDS: &str =
@@ -153,7 +157,15 @@ impl Signal {
 /// Names the file, the line or byte, what was found there, and what is accepted.
 pub fn read(path: &Path) -> Result<Contents, SignalError> {
     let file = path.display();
-    let bytes = regular::read_input(path).map_err(|error| SignalError(format!("cannot read {file}: {error}")))?;
+    let cannot = |error: std::io::Error| SignalError(format!("cannot read {file}: {error}"));
+    let mut bytes = Vec::new();
+    regular::open(path).and_then(|open| open.take(MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(cannot)?;
+    if bytes.len() as u64 > MAX_BYTES {
+        return Err(SignalError(format!(
+            "{file}: it holds more than the {} GiB that are read: cut it",
+            MAX_BYTES >> 30
+        )));
+    }
     parse(&bytes).map_err(|why| SignalError(format!("{file}: {why}")))
 }
 

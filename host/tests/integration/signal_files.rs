@@ -308,3 +308,15 @@ fn a_signal_of_another_programs_file_is_the_record_of_a_case() {
         assert!(error.contains(why), "{record}: {error}");
     }
 }
+
+#[test]
+fn a_runs_universal_file_can_be_inspected_and_its_signals_read() {
+    let folder = folder_with(&crate::common::short());
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    damprig(&folder).args(["runs", "export", "out", "--format", "uff", "--out", "run.uff"]).assert().success();
+    let contents = read(&folder.path().join("run.uff")).unwrap();
+    let kinds: Vec<Option<Kind>> = contents.signals.iter().map(Signal::kind).collect();
+    assert!(kinds.contains(&Some(Kind::Displacement)), "{kinds:?}");
+    assert!(contents.signals.iter().any(|signal| signal.imaginary.is_some()), "no frequency response");
+    assert!(contents.signals.iter().any(|signal| signal.axis.is_time()), "no time history");
+}

@@ -18,7 +18,8 @@ use crate::identify::{CannotIdentify, Identification};
 /// alone. The recording is calibrated by that of a sound calibrator on the same channel with the same gain, or by a number.
 #[derive(Debug, ClapArgs)]
 pub(super) struct SoundArgs {
-    /// WAV file (PCM of 8 to 32 bit, or 32 bit floating point), or CSV file with t_s and sound_v, sound_pa or sound
+    /// WAV file, another file with a sound (`damprig inspect`), or CSV file with t_s and sound_v, sound_pa or sound; FILE#2 is the
+    /// second signal of several
     #[arg(value_name = "FILE")]
     pub(super) source: PathBuf,
 

@@ -1,12 +1,11 @@
-//! Reads sound recordings: WAV files of one channel, and CSV tables with `t_s` and the microphone's signal.
+//! Reads sound recordings: CSV tables with `t_s` and the microphone's signal, and signals of WAV, UFF and other files.
 
 use std::path::Path;
 
-use hound::{SampleFormat, WavReader};
-
 use crate::identify::CannotIdentify;
 use crate::identify::table::{Quantity, Table};
-use crate::input::regular;
+use crate::signal_file::unit::Kind;
+use crate::signal_file::{Axis, Selector};
 
 /// Columns that a table may have for the microphone's signal: in volt, in pascal, or without a unit.
 const SIGNALS: [Quantity; 3] = [
@@ -24,7 +23,7 @@ pub struct Recording {
     pub is_pascal: bool,
     /// Samples per second.
     pub sample_rate_hz: f64,
-    /// Samples; of a WAV file as shares of full scale.
+    /// Samples in Pa or V; of a WAV file as shares of full scale.
     pub samples: Vec<f64>,
 }
 
@@ -44,7 +43,7 @@ impl Recording {
     /// An unreadable file; several channels without a choice; an unknown sample format; clipped samples; a low sample rate.
     pub fn read(path: &Path, channel: Option<u16>) -> Result<Self, CannotIdentify> {
         let is_table = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
-        let recording = if is_table { Self::of_table(path, channel) } else { Self::of_wav(path, channel) }?;
+        let recording = if is_table { Self::of_table(path, channel) } else { Self::of_signal(path, channel) }?;
         if recording.sample_rate_hz < LEAST_RATE_HZ {
             return Err(recording.refuse(format!(
                 "{} samples per second are too few for sound: at least {LEAST_RATE_HZ}\n  record with 44100 Hz or 48000 Hz",
@@ -77,51 +76,25 @@ impl Recording {
         Ok(Self { file: table.file().into(), is_pascal, sample_rate_hz, samples })
     }
 
-    fn of_wav(path: &Path, channel: Option<u16>) -> Result<Self, CannotIdentify> {
-        let file = path.display().to_string();
+    fn of_signal(path: &Path, channel: Option<u16>) -> Result<Self, CannotIdentify> {
+        let mut selector = Selector::of(path);
+        if let Some(channel) = channel {
+            selector.which = Some(channel.to_string());
+        }
+        let file = selector.path.display().to_string();
         let refuse = |text: String| CannotIdentify(format!("{file}: {text}"));
-        let open = regular::open(path).map_err(|e| CannotIdentify(format!("cannot read {file}: {e}")))?;
-        let reader = WavReader::new(std::io::BufReader::new(open)).map_err(|error| {
-            refuse(format!(
-                "this is not a WAV file of a known kind: {error}\n  save it as PCM of 16, 24 or 32 bit, or as 32 bit floating point; a \
-                 table needs the extension .csv"
-            ))
-        })?;
-        let spec = reader.spec();
-        let chosen = match (spec.channels, channel) {
-            (1, None | Some(1)) => 0,
-            (channels, Some(channel)) if (1..=channels).contains(&channel) => usize::from(channel - 1),
-            (channels, Some(channel)) => {
-                return Err(refuse(format!("--channel {channel}: the file has the channels 1 to {channels}")));
-            }
-            (channels, None) => {
-                return Err(refuse(format!(
-                    "it has {channels} channels: which one is the microphone?\n  choose it with --channel 1 to --channel {channels}"
-                )));
-            }
+        let signal = selector.read().map_err(|error| CannotIdentify(error.0))?;
+        let is_pascal = signal.kind() == Some(Kind::Pressure);
+        let si = match signal.unit {
+            None => 1.0,
+            Some(unit) if matches!(unit.kind, Kind::Pressure | Kind::Voltage) => unit.si,
+            Some(unit) => return Err(refuse(format!("{:?} is a {}, no sound", signal.name, unit.kind.text()))),
         };
-        let damaged = |error: hound::Error| refuse(format!("it is damaged: {error}\n  copy or record it again"));
-        let every = usize::from(spec.channels.max(1));
-        let samples: Vec<f64> = match spec.sample_format {
-            SampleFormat::Float => {
-                let all: Result<Vec<f32>, _> = reader.into_samples::<f32>().collect();
-                let all = all.map_err(damaged)?;
-                all.iter().skip(chosen).step_by(every).map(|sample| f64::from(*sample)).collect()
-            }
-            SampleFormat::Int => {
-                let full = 2f64.powi(i32::from(spec.bits_per_sample) - 1);
-                let all: Result<Vec<i32>, _> = reader.into_samples::<i32>().collect();
-                let all = all.map_err(damaged)?;
-                all.iter().skip(chosen).step_by(every).map(|sample| f64::from(*sample) / full).collect()
-            }
+        let Axis::Time { step_s, .. } = signal.axis else {
+            return Err(refuse(format!("{:?} has no evenly spaced times", signal.name)));
         };
-        if let Some(at) = samples.iter().position(|sample| !sample.is_finite()) {
-            return Err(refuse(format!("sample {} is no number\n  record it again", at + 1)));
-        }
-        if samples.is_empty() {
-            return Err(refuse("it has no samples".into()));
-        }
-        Ok(Self { file, is_pascal: false, sample_rate_hz: f64::from(spec.sample_rate), samples })
+        let samples = signal.values.iter().map(|value| value * si).collect();
+        Ok(Self { file, is_pascal, sample_rate_hz: 1.0 / step_s, samples })
     }
 
     /// Place of the first clipped sample. The span of a table's converter is not known: there the largest magnitude counts as its end.

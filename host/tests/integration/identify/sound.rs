@@ -149,12 +149,15 @@ fn files_that_cannot_be_evaluated_are_refused_with_what_to_do() {
     refused(&["good.wav"], &["calibration is not known", "--calibration FILE", "--pascal-per-unit"]);
     refused(&["none.wav", "--pascal-per-unit", "1"], &["cannot read none.wav"]);
     refused(&["good.wav", "--pascal-per-unit", "1", "--window-s", "60"], &["a window of 60 s does not fit", "2.000 s"]);
-    refused(&["good.wav", "--pascal-per-unit", "1", "--channel", "2"], &["--channel 2", "channels 1 to 1"]);
+    refused(
+        &["good.wav", "--pascal-per-unit", "1", "--channel", "2"],
+        &["there is no signal \"2\"", "good.wav#1: channel 1"],
+    );
     refused(&["good.wav", "--pascal-per-unit", "1", "--out", "a.toml"], &["none of the results is a key"]);
     write(&file("loud.wav"), mono, 2, |t| (3.0 * tone(0.5, 100.0)(t)).clamp(-1.0, 1.0));
     refused(&["loud.wav", "--pascal-per-unit", "1"], &["it is clipped", "lower gain"]);
     write(&file("stereo.wav"), spec(2, 16, SampleFormat::Int), 2, tone(0.1, 1000.0));
-    refused(&["stereo.wav", "--pascal-per-unit", "1"], &["2 channels", "--channel 1 to --channel 2"]);
+    refused(&["stereo.wav", "--pascal-per-unit", "1"], &["it has 2 signals: which one?", "stereo.wav#2: channel 2"]);
     damprig(&folder)
         .args(["identify", "sound", "stereo.wav", "--pascal-per-unit", "1", "--channel", "2"])
         .assert()
@@ -175,7 +178,7 @@ fn files_that_cannot_be_evaluated_are_refused_with_what_to_do() {
     std::fs::write(file("cut.wav"), &cut[..cut.len() / 2 + 1]).unwrap();
     refused(&["cut.wav", "--pascal-per-unit", "1"], &["damaged"]);
     std::fs::write(file("text.wav"), "t_s,sound_v\n").unwrap();
-    refused(&["text.wav", "--pascal-per-unit", "1"], &["not a WAV file", ".csv"]);
+    refused(&["text.wav", "--pascal-per-unit", "1"], &["there is no row of numbers", "WAV"]);
     std::fs::write(file("slow.csv"), "t_s,sound_v\n0,1\n0.001,2\n0.002,1\n").unwrap();
     refused(&["slow.csv", "--pascal-per-unit", "1"], &["1000 samples per second are too few", "at least 8000"]);
 }
