@@ -1,42 +1,15 @@
 //! Runs a case with the exact driver: excitation in closed form, every event at its instant.
 
+use damprig_core::integrator::exact::Exact;
 use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::response::{Response, Wanted};
-use damprig_core::integrator::exact::{Accumulation, Arc, DynObserver, Exact, Impact, Observer};
 use damprig_core::io::Invalid;
+use damprig_motion::stop::run_viewed;
 
 use super::Case;
 use super::collector::{Collector, RunOptions, run_in_parts};
-use super::motion::{ExactObserver, Viewer};
+use super::motion::Viewer;
 use super::result::Summary;
-
-/// Shows the motion to a viewer. `go_on` stops a part from inside, however many events it has.
-struct Watcher<'a, V> {
-    shown: ExactObserver<V>,
-    go_on: &'a mut dyn FnMut(f64) -> bool,
-}
-
-impl<V: Viewer> DynObserver for Watcher<'_, V> {
-    fn arcs_from_s(&self) -> f64 {
-        self.shown.0.pieces_from_s()
-    }
-
-    fn arc(&mut self, arc: &Arc<'_>) {
-        self.shown.arc(arc);
-    }
-
-    fn impact(&mut self, impact: &Impact) {
-        self.shown.impact(impact);
-    }
-
-    fn accumulation(&mut self, accumulation: &Accumulation) {
-        self.shown.accumulation(accumulation);
-    }
-
-    fn goes_on(&mut self, time_s: f64) -> bool {
-        (self.go_on)(time_s)
-    }
-}
 
 /// Runs the case.
 ///
@@ -51,8 +24,7 @@ pub(super) fn run<V: Viewer>(
     let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
     let mut response = Response::new(wanted);
     run_in_parts(case.run.duration_s, options, collector, |until_s, collector, go_on| {
-        let mut watcher = Watcher { shown: ExactObserver(collector.all()), go_on };
-        motion.run_watched(until_s, &mut response, &mut watcher);
+        run_viewed(&mut motion, until_s, &mut response, &mut collector.all(), go_on);
         motion.time_s()
     });
     response.finish(motion.time_s());

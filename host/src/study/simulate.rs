@@ -208,7 +208,8 @@ fn figures_on_record(case: &Case, go_on: GoOn) -> Result<(Figures, f64), Halt> {
 fn periodicity(case: &Case, record: Option<Record>, go_on: GoOn) -> Result<Periodicity, Halt> {
     let mut case = case.clone();
     case.run.duration_s = Counted::of(&case, record).end_s;
-    let mut stop = Stop::unless(go_on);
+    let mut go_on = |_: f64| go_on();
+    let mut stop = Stop::unless(&mut go_on);
     let periodicity = Periodicity::of(&case, &mut stop);
     if stop.is_stopped() { Err(Halt::Stopped) } else { Ok(periodicity) }
 }

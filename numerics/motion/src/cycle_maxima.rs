@@ -68,7 +68,7 @@ mod tests {
         // Cycles of the damped period begin at maxima of |x|.
         let damped_s = 0.4 / (1.0_f64 - 1e-4).sqrt();
         let mut maxima = CycleMaxima::new(damped_s);
-        motion.run(4.3, &mut ExactObserver(&mut maxima));
+        motion.run(4.3, &mut ExactObserver::new(&mut maxima));
         let maxima_m = maxima.whole_m();
         assert_eq!(maxima_m.len(), 10);
         let decrement = (-0.01 * std::f64::consts::TAU / (1.0_f64 - 1e-4).sqrt()).exp();

@@ -155,7 +155,7 @@ impl<A: Viewer, B: Viewer> Viewer for (A, B) {
     }
 }
 
-impl<V: Viewer> Viewer for &mut V {
+impl<V: Viewer + ?Sized> Viewer for &mut V {
     fn pieces_from_s(&self) -> f64 {
         (**self).pieces_from_s()
     }
@@ -208,20 +208,28 @@ impl<V: Viewer> Viewer for Option<V> {
 
 /// Passes the exact driver's motion to a viewer.
 #[derive(Debug)]
-pub struct ExactObserver<V>(
-    /// The viewer.
-    pub V,
-);
+pub struct ExactObserver<V> {
+    viewer: V,
+    pieces_from_s: f64,
+}
+
+impl<V: Viewer> ExactObserver<V> {
+    /// For a viewer, which is asked here from when on it needs pieces.
+    pub fn new(viewer: V) -> Self {
+        Self { pieces_from_s: viewer.pieces_from_s(), viewer }
+    }
+}
 
 impl<V: Viewer> exact::Observer for ExactObserver<V> {
+    #[inline]
     fn arc(&mut self, arc: &exact::Arc<'_>) {
-        if arc.start_s + arc.length_s >= self.0.pieces_from_s() {
-            self.0.piece(arc);
+        if arc.start_s + arc.length_s >= self.pieces_from_s {
+            self.viewer.piece(arc);
         }
     }
 
     fn impact(&mut self, impact: &exact::Impact) {
-        self.0.impact(&ImpactRecord {
+        self.viewer.impact(&ImpactRecord {
             t_s: impact.time_s,
             side: impact.side,
             approach_speed_m_per_s: impact.approach_speed_m_per_s,
@@ -230,7 +238,7 @@ impl<V: Viewer> exact::Observer for ExactObserver<V> {
     }
 
     fn accumulation(&mut self, accumulation: &exact::Accumulation) {
-        self.0.accumulation(&AccumulationRecord { t_s: accumulation.ended_s, side: accumulation.side });
+        self.viewer.accumulation(&AccumulationRecord { t_s: accumulation.ended_s, side: accumulation.side });
     }
 }
 

@@ -1,22 +1,25 @@
-//! Ends a run of the exact engine when it is not to go on, and the response of such a run.
+//! Runs of the exact engine with their response, compiled in this crate and so at its level of optimisation. They end early when they
+//! are not to go on.
 
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::exact::{Exact, Observer};
 
+use super::{ExactObserver, Viewer};
+
 /// Arcs between two questions whether to go on: about a millisecond.
-const ARCS_PER_QUESTION: u32 = 1_024;
+const ARCS_PER_QUESTION: u32 = 4_096;
 
 /// Asks now and then whether a run of the exact engine goes on, and ends it if not.
 pub struct Stop<'a> {
-    go_on: &'a dyn Fn() -> bool,
+    go_on: &'a mut dyn FnMut(f64) -> bool,
     arcs: u32,
     is_stopped: bool,
 }
 
 impl<'a> Stop<'a> {
-    /// The run goes on while `go_on` says so.
+    /// The run goes on while `go_on`, which gets the time of the motion, s, says so.
     #[must_use]
-    pub fn unless(go_on: &'a dyn Fn() -> bool) -> Self {
+    pub fn unless(go_on: &'a mut dyn FnMut(f64) -> bool) -> Self {
         Self { go_on, arcs: 0, is_stopped: false }
     }
 
@@ -30,18 +33,30 @@ impl<'a> Stop<'a> {
 impl Observer for Stop<'_> {
     const ARCS: bool = false;
 
-    fn goes_on(&mut self, _: f64) -> bool {
+    #[inline]
+    fn goes_on(&mut self, time_s: f64) -> bool {
         self.arcs += 1;
         if self.arcs >= ARCS_PER_QUESTION {
             self.arcs = 0;
-            self.is_stopped |= !(self.go_on)();
+            self.is_stopped |= !(self.go_on)(time_s);
         }
         !self.is_stopped
     }
 }
 
-/// The response of a motion from a whole cycle on until `until_s`, compiled in this crate and so at its level of optimisation; `None` if it was
-/// stopped. `first_cycle` begins at `from_s`; what is before it is not measured.
+/// Advances a motion to `until_s`, or until `go_on` says no, adds to its response, and shows it to a viewer.
+pub fn run_viewed(
+    motion: &mut Exact,
+    until_s: f64,
+    response: &mut Response,
+    viewer: &mut dyn Viewer,
+    go_on: &mut dyn FnMut(f64) -> bool,
+) {
+    motion.run(until_s, &mut (response, (ExactObserver::new(viewer), Stop::unless(go_on))));
+}
+
+/// The response of a motion from a whole cycle on until `until_s`; `None` if it was stopped. `first_cycle` begins at `from_s`; what is
+/// before it is not measured.
 #[must_use]
 pub fn response_from(
     motion: &mut Exact,
@@ -50,7 +65,8 @@ pub fn response_from(
     wanted: Wanted,
     go_on: &dyn Fn() -> bool,
 ) -> Option<Response> {
-    let mut stop = Stop::unless(go_on);
+    let mut go_on = |_: f64| go_on();
+    let mut stop = Stop::unless(&mut go_on);
     motion.run(from_s, &mut stop);
     let mut response = Response::new(wanted);
     response.skip_to(first_cycle);

@@ -294,12 +294,13 @@ impl ForcedResponse {
             return None;
         }
         let mut lock_in = LockIn::new(turning);
-        let mut last_cycles = ExactObserver(LastCyclesMeter::new(period_s, case.run.duration_s));
+        let mut last_cycles = LastCyclesMeter::new(period_s, case.run.duration_s);
+        let mut shown = ExactObserver::new(&mut last_cycles);
         let mut section = Section::new(motion.clone(), period_s);
         let (mut states, mut maxima_m) = (Vec::new(), Vec::new());
         for _ in 0..periods {
             let mut response = Response::new(Wanted::default());
-            states.push(section.next(&mut ((&mut *meter, &mut lock_in), (&mut response, &mut last_cycles))));
+            states.push(section.next(&mut ((&mut *meter, &mut lock_in), (&mut response, &mut shown))));
             maxima_m.push(response.max_abs_x_m());
         }
         let mut repetition = Repetition::of(&states, &maxima_m, turning);
@@ -315,8 +316,8 @@ impl ForcedResponse {
             }
         }
         let mut motion = section.into_motion();
-        motion.run(case.run.duration_s, &mut (&mut *meter, &mut last_cycles));
-        let last_cycles = last_cycles.0.as_ref().and_then(LastCyclesMeter::last_cycles);
+        motion.run(case.run.duration_s, &mut (&mut *meter, &mut shown));
+        let last_cycles = last_cycles.as_ref().and_then(LastCyclesMeter::last_cycles);
         // The summary's word on |x| is part of the verdict.
         let is_varying = last_cycles.is_some_and(|last| !last.is_steady());
         let repeats_after = repetition.after.filter(|after| *after > 1 || !is_varying);

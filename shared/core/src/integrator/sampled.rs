@@ -147,7 +147,7 @@ impl<S: Scalar> Sampled<S> {
 impl Joined<f64> {
     /// As [`Sampled::step`], compiled with this crate: a host built for debugging still runs it fast.
     pub fn step_observed(&mut self, base: &BaseSegment<f64>, observer: &mut dyn Observer<f64>) {
-        self.step(base, &mut observer::Borrowed(observer));
+        self.step(base, observer);
     }
 }
 
@@ -236,7 +236,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// Advances by one step of base motion, with at most 64 events in it. The base velocity must be continuous from
     /// step to step, as in the steps of [`super::base::BaseTrack`], because a sticking structure moves with the base.
     /// Where the base velocity jumps, restart with [`Sampled::reset`].
-    pub fn step(&mut self, base: &BaseSegment<S>, observer: &mut impl Observer<S>) {
+    pub fn step(&mut self, base: &BaseSegment<S>, observer: &mut (impl Observer<S> + ?Sized)) {
         self.step_bounded(base, MOST_EVENTS_PER_STEP, observer);
     }
 
@@ -244,7 +244,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// inputs. The last event ends a chatter: a particle that would bounce on a hard wall again within the step comes
     /// to rest there. The rest of the step is computed without events; a particle that would pass a hard wall stays at
     /// it. [`Sampled::unresolved`] counts such steps.
-    pub fn step_bounded(&mut self, base: &BaseSegment<S>, most_events: u8, observer: &mut impl Observer<S>) {
+    pub fn step_bounded(&mut self, base: &BaseSegment<S>, most_events: u8, observer: &mut (impl Observer<S> + ?Sized)) {
         let mut base = *base;
         if self.mode.is_none() {
             self.mode = Some(self.resolve(&base, self.state.v - self.ground(&base).velocity()));
@@ -276,7 +276,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         }
     }
 
-    fn fly(&mut self, start: S, mode: Mode, flight: &Flight<S>, length: S, observer: &mut impl Observer<S>) {
+    fn fly(&mut self, start: S, mode: Mode, flight: &Flight<S>, length: S, observer: &mut (impl Observer<S> + ?Sized)) {
         observer.mode(mode);
         observer.flight(start, length, flight);
         if let Some((side, force)) = self.joint.link().and_then(|link| link.wall_force(&flight.offset)) {
@@ -339,7 +339,14 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         modes::resolve(&self.c, self.has_particle, &situation)
     }
 
-    fn handle(&mut self, event: Event, mode: Mode, base: &BaseSegment<S>, at: S, observer: &mut impl Observer<S>) {
+    fn handle(
+        &mut self,
+        event: Event,
+        mode: Mode,
+        base: &BaseSegment<S>,
+        at: S,
+        observer: &mut (impl Observer<S> + ?Sized),
+    ) {
         let ground_velocity = self.ground(base).velocity();
         let slip = match mode.grip {
             Grip::Stuck => S::ZERO,
@@ -380,7 +387,14 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     }
 
     /// Applies an impact on the wall on `side`; the particle may come to rest there.
-    fn hit(&mut self, side: Sign, mode: Mode, base: &BaseSegment<S>, at: S, observer: &mut impl Observer<S>) {
+    fn hit(
+        &mut self,
+        side: Sign,
+        mode: Mode,
+        base: &BaseSegment<S>,
+        at: S,
+        observer: &mut (impl Observer<S> + ?Sized),
+    ) {
         let approach = self.state.slide;
         let ground_velocity = self.ground(base).velocity();
         let before = if mode.grip == Grip::Stuck { ground_velocity } else { self.state.v };
@@ -415,7 +429,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     }
 
     /// Brings a particle at a hard wall to rest if it would bounce on that wall again within the step.
-    fn end_chatter(&mut self, at: S, base: &BaseSegment<S>, observer: &mut impl Observer<S>) {
+    fn end_chatter(&mut self, at: S, base: &BaseSegment<S>, observer: &mut (impl Observer<S> + ?Sized)) {
         let side = self.side();
         if side != 0 && self.state.slide.abs() <= self.pressing(side, base) * (S::ONE - at) {
             self.stay_at_wall(base);

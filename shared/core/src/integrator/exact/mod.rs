@@ -61,10 +61,8 @@ pub mod observe;
 pub mod response;
 pub mod series;
 pub mod time;
-mod watched;
 
 pub use excitation::Excitation;
 pub use flow::ExactState;
 pub use motion::{Exact, Touch, Work};
 pub use observe::{Accumulation, Arc, ContactEnd, Impact, Observer};
-pub use watched::DynObserver;

@@ -295,7 +295,14 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     }
 
     /// Handles the particle reaching a soft wall.
-    pub(super) fn touch(&mut self, side: Sign, slip: S, base: &BaseSegment<S>, at: S, observer: &mut impl Observer<S>) {
+    pub(super) fn touch(
+        &mut self,
+        side: Sign,
+        slip: S,
+        base: &BaseSegment<S>,
+        at: S,
+        observer: &mut (impl Observer<S> + ?Sized),
+    ) {
         let approach = signed(side, self.state.slide);
         if approach > S::ZERO {
             observer.impact(&Impact { at, side, approach, kick: S::ZERO });
@@ -308,14 +315,14 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
 
     /// A particle that friction held starts to slide in `direction`. If a soft wall is there, the particle starts to
     /// press on it.
-    pub(super) fn press_from_rest(&mut self, direction: Sign, at: S, observer: &mut impl Observer<S>) {
+    pub(super) fn press_from_rest(&mut self, direction: Sign, at: S, observer: &mut (impl Observer<S> + ?Sized)) {
         let at_wall = signed(direction, self.state.offset) >= self.c.clearance;
         if at_wall && self.joint.link().is_some_and(|link| link.touch == WallTouch::Clear) {
             self.press(direction, at, observer);
         }
     }
 
-    fn press(&mut self, side: Sign, at: S, observer: &mut impl Observer<S>) {
+    fn press(&mut self, side: Sign, at: S, observer: &mut (impl Observer<S> + ?Sized)) {
         if let Some(link) = self.joint.link_mut() {
             link.touch = WallTouch::Pressing(side);
             link.touched = true;
@@ -330,7 +337,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         slip: S,
         base: &BaseSegment<S>,
         at: S,
-        observer: &mut impl Observer<S>,
+        observer: &mut (impl Observer<S> + ?Sized),
     ) {
         let past = signed(side, self.state.offset) - self.c.clearance;
         if let Some(link) = self.joint.link_mut() {

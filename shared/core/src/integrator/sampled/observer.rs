@@ -60,36 +60,3 @@ pub trait Observer<S> {
 }
 
 impl<S> Observer<S> for () {}
-
-/// Passes everything on to an observer of any type.
-pub(super) struct Borrowed<'a>(pub &'a mut dyn Observer<f64>);
-
-impl Observer<f64> for Borrowed<'_> {
-    fn mode(&mut self, mode: Mode) {
-        self.0.mode(mode);
-    }
-
-    fn flight(&mut self, start: f64, length: f64, flight: &Flight<f64>) {
-        self.0.flight(start, length, flight);
-    }
-
-    fn wall_force(&mut self, start: f64, length: f64, side: Sign, force: &Polynomial<f64>) {
-        self.0.wall_force(start, length, side, force);
-    }
-
-    fn impact(&mut self, impact: &Impact<f64>) {
-        self.0.impact(impact);
-    }
-
-    fn accumulation(&mut self, at: f64, side: Sign) {
-        self.0.accumulation(at, side);
-    }
-
-    fn contact_start(&mut self, at: f64, side: Sign) {
-        self.0.contact_start(at, side);
-    }
-
-    fn contact_end(&mut self, at: f64, side: Sign, separation: f64) {
-        self.0.contact_end(at, side, separation);
-    }
-}
