@@ -13,14 +13,15 @@ use crate::report::exports::mat::Mat;
 use crate::report::exports::uff::Uff;
 use crate::report::exports::{ExportSelection, Exporter, RunTable};
 use crate::report::page::{page, page_of_runs};
-use crate::report::peak::Peak;
+use crate::report::terminal::campaign::unresolved_peaks;
 use crate::report::terminal::plain_table as table;
 use crate::run_folder::read::campaign_copy;
 use crate::run_folder::read::folder::{below, find, is_run};
 use crate::run_folder::read::verify::{Finding, verify};
+use crate::run_folder::schema::results::steadiness_text;
 use crate::run_folder::{ReadError, RunFolder};
 use crate::storage::out_file::{EXISTS, OutFile, to_failure, write_new};
-use crate::table::values::{Value, column, numbers, texts};
+use crate::table::values::{numbers, texts};
 
 /// Lists, shows, verifies, reports and exports run folders. Never changes a run folder.
 #[derive(Debug, ClapArgs)]
@@ -264,48 +265,25 @@ fn show(run: &RunFolder) -> Outcome {
         "phase (rad)",
         "steadiness",
     ]);
-    let mut points: Vec<(String, String, (f64, f64))> = Vec::new();
-    for batch in run.results().map_err(Failure::failed)? {
-        let names =
-            (texts(&batch, "set_up").map_err(Failure::failed)?, texts(&batch, "experiment").map_err(Failure::failed)?);
-        let get = |name| column(&batch, name).map_err(Failure::failed);
-        let (f, xz, z) = (get("frequency_hz")?, get("x_over_z")?, get("z_amplitude_m")?);
-        let (x, phase, steady) = (get("x_amplitude_m")?, get("phase_rad")?, get("steady")?);
-        // Older runs have only the column `steady`.
-        let verdicts = texts(&batch, "steadiness").unwrap_or_default();
-        let steadiness = |i: usize| match verdicts.get(i) {
-            Some(verdict) => verdict.as_str(),
-            None if steady[i] == Value::Bool(true) => "steady",
-            None => "not steady",
-        };
-        let ratio =
-            |x: &Value, z: &Value| x.number().zip(z.number()).map_or("–".into(), |(x, z)| format!("{:.3}", x / z));
-        let number =
-            |v: &Value, scale: f64, digits: usize| format!("{:.digits$}", v.number().unwrap_or(f64::NAN) * scale);
-        let of = |v: &Value| v.number().unwrap_or(f64::NAN);
-        for i in 0..batch.num_rows() {
-            points.push((names.0[i].clone(), names.1[i].clone(), (of(&f[i]), of(&xz[i]))));
-            table.add_row([
-                names.0[i].clone(),
-                names.1[i].clone(),
-                f[i].to_string(),
-                number(&xz[i], 1.0, 3),
-                ratio(&x[i], &z[i]),
-                number(&z[i], 1e3, 4),
-                number(&phase[i], 1.0, 3),
-                steadiness(i).into(),
-            ]);
-        }
+    let rows = run.result_rows().map_err(Failure::failed)?;
+    for row in &rows {
+        table.add_row([
+            row.set_up.clone(),
+            row.experiment.clone(),
+            row.frequency_hz.to_string(),
+            format!("{:.3}", row.x_over_z()),
+            format!("{:.3}", row.x_over_z_lock_in()),
+            format!("{:.4}", f64::from(row.z_amplitude_m) * 1e3),
+            format!("{:.3}", f64::from(row.phase_rad)),
+            steadiness_text(row.steadiness).into(),
+        ]);
     }
     if table.row_count() > 0 {
         say!("{table}");
     }
     // A campaign that cannot be read is a matter of `runs verify`.
     if let Ok(campaign) = campaign_copy::campaign(run.path()) {
-        let points_of = |set_up: &str, experiment: &str| {
-            points.iter().filter(|(s, e, _)| s == set_up && e == experiment).map(|(_, _, point)| *point).collect()
-        };
-        Peak::notes(&campaign, points_of).iter().for_each(|note| say!("{}", shown_in_line(note)));
+        unresolved_peaks(&campaign, &rows).iter().for_each(|note| say!("{note}"));
     }
     show_transients(run)
 }

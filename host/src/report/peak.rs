@@ -9,9 +9,17 @@
 
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, RISE_BETWEEN_POINTS};
 use crate::report::numbers::{significant, trimmed};
+use crate::run_folder::ResultRow;
 
 /// Smallest relative fall of X/Z that counts as a jump.
 const LEAST_JUMP: f64 = 0.1;
+
+/// Frequency (Hz) and X/Z (cycle maxima) of the results of an experiment on a set-up.
+#[must_use]
+pub fn points_of(rows: &[ResultRow], set_up: &str, experiment: &str) -> Vec<(f64, f64)> {
+    let own = rows.iter().filter(|row| row.set_up == set_up && row.experiment == experiment);
+    own.map(|row| (row.frequency_hz, row.x_over_z())).collect()
+}
 
 /// The highest point of a response.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,11 +96,13 @@ impl Peak {
         sines.filter_map(|(set_up, e)| Some((set_up, e, peak(set_up, e)?))).collect()
     }
 
-    /// A line for each peak of a campaign that is not resolved; `points_of` as of [`Self::all`].
-    pub fn notes(campaign: &Campaign, points_of: impl Fn(&str, &str) -> Vec<(f64, f64)>) -> Vec<String> {
+    /// A line for each peak of a campaign that its results do not resolve.
+    #[must_use]
+    pub fn notes(campaign: &Campaign, rows: &[ResultRow]) -> Vec<String> {
         let line = |(set_up, experiment, peak): (&CampaignSetUp, &Experiment, Self)| {
             Some(format!("Set-up {:?}, experiment {:?}: {}.", set_up.name, experiment.name, peak.note()?))
         };
+        let points_of = |set_up: &str, experiment: &str| points_of(rows, set_up, experiment);
         Self::all(campaign, points_of).into_iter().filter_map(line).collect()
     }
 

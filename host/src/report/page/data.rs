@@ -2,9 +2,6 @@
 
 use std::path::Path;
 
-use arrow_array::RecordBatch;
-use damprig_core::measure::steadiness::Steadiness;
-
 use super::gaps::{self, SampleGaps};
 use crate::campaign::Campaign;
 use crate::report::figures::campaign::PlottedPoint;
@@ -13,28 +10,7 @@ use crate::run_folder::read::campaign_copy;
 use crate::run_folder::schema::device::BoardSettings;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::Manifest;
-use crate::run_folder::schema::results::{self, steadiness_of};
-use crate::run_folder::{ReadError, RunFolder};
-use crate::table::values::{Value, column, numbers, texts};
-
-/// A measured point, as the page shows it.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct PagePoint {
-    pub(super) shown: PlottedPoint,
-    /// X/Z (lock-in).
-    pub(super) x_over_z_lock_in: f64,
-    /// Lock-in amplitude of z, m.
-    pub(super) z_m: f64,
-    /// Mean of the cycle maxima of |x|, m.
-    pub(super) x_m: f64,
-    /// Largest |x|, m.
-    pub(super) max_abs_x_m: f64,
-    pub(super) cycles: u64,
-    pub(super) saturated: bool,
-    /// Names of the clipped sensors.
-    pub(super) clipped: String,
-    pub(super) segment: u64,
-}
+use crate::run_folder::{ResultRow, RunFolder};
 
 /// The contents of the page.
 #[derive(Debug)]
@@ -45,7 +21,7 @@ pub(super) struct PageData {
     /// The campaign as run, or why it cannot be read.
     pub(super) campaign: Result<Campaign, String>,
     /// Points in the order of the campaign.
-    pub(super) points: Vec<PagePoint>,
+    pub(super) points: Vec<ResultRow>,
     /// State of the journal; empty for a run without one.
     pub(super) taken: JournalState,
     /// Times and texts of link events, actions, and points around peaks.
@@ -78,13 +54,10 @@ impl PageData {
         });
         let board = taken.begun.last().and_then(|begin| begin.device.settings.as_ref());
         let campaign = read_campaign(path, board);
-        let batches = match &campaign {
-            Ok(campaign) if !taken.rows().is_empty() => {
-                results::table(&taken.rows_in_order(&campaign.in_order())).map(|batch| vec![batch]).map_err(ReadError)
-            }
-            _ => run.results(),
+        let points = match &campaign {
+            Ok(campaign) if !taken.rows().is_empty() => Ok(taken.rows_in_order(&campaign.in_order())),
+            _ => run.result_rows(),
         };
-        let points = batches.and_then(|all| all.iter().map(points).collect::<Result<Vec<_>, _>>());
         let points = points.unwrap_or_else(|error| {
             unreadable.push(error.to_string());
             Vec::new()
@@ -92,7 +65,7 @@ impl PageData {
         Self {
             id: run.id(),
             manifest: run.manifest().clone(),
-            points: points.concat(),
+            points,
             link: link.collect(),
             gaps: gaps::find(run, &taken),
             campaign: campaign.map_err(|error| format!("campaign.toml: {error}")),
@@ -109,12 +82,12 @@ impl PageData {
 
     /// The points for the figures.
     pub(super) fn plotted_points(&self) -> Vec<PlottedPoint> {
-        self.points.iter().map(|p| p.shown.clone()).collect()
+        self.points.iter().map(PlottedPoint::from).collect()
     }
 
     /// Points of a set-up.
-    pub(super) fn points_of<'a>(&'a self, set_up: &'a str) -> impl Iterator<Item = &'a PagePoint> {
-        self.points.iter().filter(move |p| p.shown.set_up == set_up)
+    pub(super) fn points_of<'a>(&'a self, set_up: &'a str) -> impl Iterator<Item = &'a ResultRow> {
+        self.points.iter().filter(move |p| p.set_up == set_up)
     }
 }
 
@@ -125,47 +98,4 @@ fn read_campaign(path: &Path, board: Option<&BoardSettings>) -> Result<Campaign,
         let _ = campaign.on_board(&board.settings, false);
     }
     Ok(campaign)
-}
-
-fn points(batch: &RecordBatch) -> Result<Vec<PagePoint>, ReadError> {
-    let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
-    let number = |name: &str| numbers(batch, name);
-    let (f, ratio, phase) = (number("frequency_hz")?, number("x_over_z")?, number("phase_rad")?);
-    let (z, x, x_max) = (number("z_amplitude_m")?, number("mean_cycle_max_m")?, number("max_abs_x_m")?);
-    // Older runs lack the column of the ratio.
-    let x_amplitude = number("x_amplitude_m")?;
-    let (cycles, steady) = (number("cycles")?, column(batch, "steady")?);
-    // Older runs lack these columns.
-    let saturated = column(batch, "drive_saturated").unwrap_or_default();
-    let clipped = texts(batch, "sensors_clipped").unwrap_or_default();
-    let segments = number("segment").unwrap_or_default();
-    let is = |list: &[Value], n: usize| list.get(n) == Some(&Value::Bool(true));
-    // Older runs lack these columns too.
-    let verdicts = texts(batch, "steadiness").unwrap_or_default();
-    let intervals = number("interval").unwrap_or_default();
-    let steadiness = |n: usize| match verdicts.get(n) {
-        Some(text) => steadiness_of(text),
-        None if is(&steady, n) => Steadiness::Steady,
-        None => Steadiness::NotSteady,
-    };
-    let point = |n: usize| PagePoint {
-        shown: PlottedPoint {
-            set_up: set_ups[n].clone(),
-            experiment: experiments[n].clone(),
-            frequency_hz: f[n],
-            x_over_z: ratio[n],
-            interval: intervals.get(n).copied().unwrap_or(f64::NAN),
-            phase_rad: phase[n],
-            steadiness: steadiness(n),
-        },
-        x_over_z_lock_in: x_amplitude[n] / z[n],
-        z_m: z[n],
-        x_m: x[n],
-        max_abs_x_m: x_max[n],
-        cycles: cycles[n] as u64,
-        saturated: is(&saturated, n),
-        clipped: clipped.get(n).cloned().unwrap_or_default(),
-        segment: segments.get(n).copied().unwrap_or(0.0) as u64,
-    };
-    Ok((0..batch.num_rows()).map(point).collect())
 }

@@ -7,6 +7,7 @@ use maud::{Markup, html};
 use super::data::PageData;
 use super::tables::{moment, number, peak_notes, short};
 use crate::client::controller::Controller;
+use crate::run_folder::ResultRow;
 use crate::run_folder::schema::manifest::Manifest;
 use crate::run_folder::schema::peak_points::PeakPoints;
 
@@ -52,11 +53,11 @@ pub(super) fn warnings(data: &PageData) -> Markup {
     if data.taken.left_parts().next().is_some() {
         list.push("some sample files were damaged when they were joined".into());
     }
-    let unsteady = data.points.iter().filter(|p| !p.shown.steadiness.is_settled()).count();
+    let unsteady = data.points.iter().filter(|p| !p.steadiness.is_settled()).count();
     if unsteady > 0 {
         list.push(format!("{unsteady} of {} points were not steady within their dwell", data.points.len()));
     }
-    let saturated = data.points.iter().filter(|p| p.saturated).count();
+    let saturated = data.points.iter().filter(|p| p.drive_saturated).count();
     if saturated > 0 {
         list.push(format!("the drive was at its limit at {saturated} points"));
     }
@@ -88,7 +89,7 @@ fn clipped(data: &PageData) -> Option<String> {
     let points = data
         .points
         .iter()
-        .map(|p| p.clipped.as_str())
+        .map(|p| p.sensors_clipped.as_str())
         .chain(data.taken.transients().iter().map(|t| t.sensors_clipped.as_str()));
     let clipped: Vec<&str> = points.filter(|names| !["", "none"].contains(names)).collect();
     let names: BTreeSet<&str> = clipped.iter().flat_map(|names| names.split(", ")).collect();
@@ -102,7 +103,7 @@ fn clipped(data: &PageData) -> Option<String> {
 /// Points at which x leads z by about 90°. The base supplies energy on average, so x lags z, except perhaps far from
 /// resonance with a particle that moves much further than the structure.
 fn signs(data: &PageData) -> Option<String> {
-    let leads = data.points.iter().filter(|p| p.shown.phase_rad.sin() > LEADS).count();
+    let leads = data.points.iter().filter(|p| f64::from(p.phase_rad).sin() > LEADS).count();
     (leads > 0).then(|| format!("x leads z at {leads} points: check the signs of the sensors of x and z"))
 }
 
@@ -110,7 +111,7 @@ fn signs(data: &PageData) -> Option<String> {
 fn base_errors(data: &PageData) -> Vec<String> {
     let set_ups = data.manifest.set_ups.iter().filter(|s| s.base_amplitude_m > 0.0);
     let worst = |name: &str, z_m: f64| {
-        let error = |point: &super::data::PagePoint| (point.z_m / z_m - 1.0, point.shown.frequency_hz);
+        let error = |point: &ResultRow| (f64::from(point.z_amplitude_m) / z_m - 1.0, point.frequency_hz);
         data.points_of(name).map(error).max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))
     };
     let text = |s: &crate::run_folder::schema::manifest::SetUpRecord| {

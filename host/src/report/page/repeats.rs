@@ -91,14 +91,14 @@ fn of_pair<'a>(
         values: values.into_iter().filter(|value| value.is_finite()).collect(),
     };
     if experiment.stepped_sine().is_some() {
-        let points = data.points_of(&set_up.name).filter(|p| is_own(&p.shown.experiment));
-        let mut frequencies_hz: Vec<f64> = points.map(|p| p.shown.frequency_hz).collect();
+        let points = data.points_of(&set_up.name).filter(|p| is_own(&p.experiment));
+        let mut frequencies_hz: Vec<f64> = points.map(|p| p.frequency_hz).collect();
         frequencies_hz.sort_by(f64::total_cmp);
         frequencies_hz.dedup();
         let at = |frequency_hz: f64| {
-            let own = data.points_of(&set_up.name).filter(|p| is_own(&p.shown.experiment));
-            let points = own.filter(|p| p.shown.frequency_hz == frequency_hz);
-            row(Some(frequency_hz), "X/Z (cycle maxima)", points.map(|p| p.shown.x_over_z).collect())
+            let own = data.points_of(&set_up.name).filter(|p| is_own(&p.experiment));
+            let points = own.filter(|p| p.frequency_hz == frequency_hz);
+            row(Some(frequency_hz), "X/Z (cycle maxima)", points.map(|p| p.x_over_z()).collect())
         };
         return frequencies_hz.into_iter().map(at).collect();
     }

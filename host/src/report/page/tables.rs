@@ -2,12 +2,13 @@
 
 use maud::{Markup, html};
 
-use super::data::{PageData, PagePoint};
+use super::data::PageData;
 use crate::host_time;
 use crate::quantity::Quantity;
 use crate::report::figures::campaign::mean_responses;
 use crate::report::numbers::trimmed;
-use crate::report::peak::Peak;
+use crate::report::peak::{Peak, points_of};
+use crate::run_folder::ResultRow;
 use crate::run_folder::schema::results::steadiness_text;
 
 /// Columns of the table of points, after the names.
@@ -72,21 +73,21 @@ pub(super) fn peaks(data: &PageData) -> Markup {
                 } }
                 tbody {
                     @for (set_up, experiment) in &curves(data) {
-                        @let own = || data.points_of(set_up).filter(|p| p.shown.experiment == *experiment);
-                        @if let Some(peak) = own().max_by(|a, b| a.shown.x_over_z.total_cmp(&b.shown.x_over_z)) {
+                        @let own = || data.points_of(set_up).filter(|p| p.experiment == *experiment);
+                        @if let Some(peak) = own().max_by(|a, b| a.x_over_z().total_cmp(&b.x_over_z())) {
                             tr {
                                 td.word { (label(data, set_up)) } td.word { (experiment) }
-                                td { (number(peak.shown.x_over_z, 2)) }
-                                td { (number(peak.x_over_z_lock_in, 2)) }
-                                td { (short(peak.shown.frequency_hz, 4)) }
+                                td { (number(peak.x_over_z(), 2)) }
+                                td { (number(peak.x_over_z_lock_in(), 2)) }
+                                td { (short(peak.frequency_hz, 4)) }
                                 @match peak_of(data, set_up, experiment) {
                                     Some(peak) => { td.odd[!peak.is_resolved()] { (peak.verdict()) } }
                                     None => { td { "–" } }
                                 }
-                                td.odd[!peak.shown.steadiness.is_settled()] { (steadiness_text(peak.shown.steadiness)) }
-                                td { (number(own().map(|p| p.max_abs_x_m).fold(f64::NAN, f64::max) * 1e3, 2)) }
+                                td.odd[!peak.steadiness.is_settled()] { (steadiness_text(peak.steadiness)) }
+                                td { (number(largest_m(own()) * 1e3, 2)) }
                                 td { (own().count()) }
-                                td { (own().filter(|p| p.shown.steadiness.is_settled()).count()) }
+                                td { (own().filter(|p| p.steadiness.is_settled()).count()) }
                             }
                         }
                     }
@@ -99,7 +100,7 @@ pub(super) fn peaks(data: &PageData) -> Markup {
 /// A line for each peak that is not resolved.
 pub(super) fn peak_notes(data: &PageData) -> Vec<String> {
     let Ok(campaign) = &data.campaign else { return Vec::new() };
-    Peak::notes(campaign, |set_up, experiment| points_of(data, set_up, experiment))
+    Peak::notes(campaign, &data.points)
 }
 
 /// What the dampers make of the peak of X/Z, a line for each experiment with its repeats.
@@ -111,30 +112,28 @@ pub(super) fn headlines(data: &PageData) -> Markup {
     }
 }
 
-/// Frequency (Hz) and X/Z (cycle maxima) of the points of an experiment on a set-up.
-fn points_of(data: &PageData, set_up: &str, experiment: &str) -> Vec<(f64, f64)> {
-    let own = data.points_of(set_up).filter(|p| p.shown.experiment == experiment);
-    own.map(|p| (p.shown.frequency_hz, p.shown.x_over_z)).collect()
-}
-
 /// The peak of an experiment on a set-up; none if the campaign cannot be read.
 fn peak_of(data: &PageData, set_up: &str, experiment: &str) -> Option<Peak> {
     let campaign = data.campaign.as_ref().ok()?;
     let own = campaign.set_ups.iter().find(|own| own.name == set_up)?;
-    let points = points_of(data, set_up, experiment);
+    let points = points_of(&data.points, set_up, experiment);
     Peak::measured(own, campaign.experiments.iter().find(|e| e.name == experiment)?, &points)
 }
 
 /// Largest |x| of a set-up, m; NaN without points.
 pub(super) fn largest(data: &PageData, name: &str) -> f64 {
-    data.points_of(name).map(|p| p.max_abs_x_m).fold(f64::NAN, f64::max)
+    largest_m(data.points_of(name))
+}
+
+fn largest_m<'a>(points: impl Iterator<Item = &'a ResultRow>) -> f64 {
+    points.map(|p| f64::from(p.max_abs_x_m)).fold(f64::NAN, f64::max)
 }
 
 /// Set-ups and experiments with points, in the order of the run.
 fn curves(data: &PageData) -> Vec<(String, String)> {
     let mut curves: Vec<(String, String)> = Vec::new();
-    for PagePoint { shown, .. } in &data.points {
-        let curve = (shown.set_up.clone(), shown.experiment.clone());
+    for point in &data.points {
+        let curve = (point.set_up.clone(), point.experiment.clone());
         if !curves.contains(&curve) {
             curves.push(curve);
         }
@@ -153,7 +152,8 @@ pub(super) fn label(data: &PageData, name: &str) -> String {
 
 /// Table of all points, a row each.
 pub(super) fn results(data: &PageData) -> Markup {
-    let place = |p: &PagePoint| (p.shown.set_up.clone(), p.shown.experiment.clone());
+    let place = |p: &ResultRow| (p.set_up.clone(), p.experiment.clone());
+    let mm = |metres: f32, decimals| number(f64::from(metres) * 1e3, decimals);
     let is_first = |n: usize| n > 0 && place(&data.points[n]) != place(&data.points[n - 1]);
     html! {
         div.wide { table {
@@ -164,17 +164,17 @@ pub(super) fn results(data: &PageData) -> Markup {
             tbody {
                 @for (n, point) in data.points.iter().enumerate() {
                     tr.first[is_first(n)] {
-                        td.word { (point.shown.set_up) }
-                        td.word { (point.shown.experiment) }
-                        td { (short(point.shown.frequency_hz, 4)) }
-                        td { (number(point.shown.x_over_z, 3)) }
-                        td { (number(point.x_over_z_lock_in, 3)) }
-                        td { (number(point.x_m * 1e3, 3)) }
-                        td.odd[point.saturated] { (number(point.z_m * 1e3, 4)) }
-                        td { (number(point.shown.phase_rad.to_degrees(), 1)) }
-                        td { (number(point.max_abs_x_m * 1e3, 2)) }
+                        td.word { (point.set_up) }
+                        td.word { (point.experiment) }
+                        td { (short(point.frequency_hz, 4)) }
+                        td { (number(point.x_over_z(), 3)) }
+                        td { (number(point.x_over_z_lock_in(), 3)) }
+                        td { (mm(point.mean_cycle_max_m, 3)) }
+                        td.odd[point.drive_saturated] { (mm(point.z_amplitude_m, 4)) }
+                        td { (number(f64::from(point.phase_rad).to_degrees(), 1)) }
+                        td { (mm(point.max_abs_x_m, 2)) }
                         td { (point.cycles) }
-                        td.odd[!point.shown.steadiness.is_settled()] { (steadiness_text(point.shown.steadiness)) }
+                        td.odd[!point.steadiness.is_settled()] { (steadiness_text(point.steadiness)) }
                         td { (point.segment) }
                     }
                 }

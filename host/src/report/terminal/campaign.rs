@@ -9,7 +9,7 @@ use crate::prediction::{Prediction, Response};
 use crate::report::describe;
 use crate::report::figures::campaign::stepped_sines;
 use crate::report::numbers::trimmed;
-use crate::report::peak::Peak;
+use crate::report::peak::{Peak, points_of};
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::manifest::Manifest;
 use crate::run_folder::schema::results::steadiness_text;
@@ -112,16 +112,10 @@ pub fn peak_points(campaign: &Campaign, responses: &[Response]) -> Vec<String> {
     lines
 }
 
-/// Frequency (Hz) and X/Z (cycle maxima) of the results of an experiment on a set-up.
-fn points_of(rows: &[ResultRow], set_up: &str, experiment: &str) -> Vec<(f64, f64)> {
-    let own = rows.iter().filter(|row| row.set_up == set_up && row.experiment == experiment);
-    own.map(|row| (row.frequency_hz, row.x_over_z())).collect()
-}
-
 /// A line for each peak that its points do not resolve.
 #[must_use]
 pub fn unresolved_peaks(campaign: &Campaign, rows: &[ResultRow]) -> Vec<String> {
-    let lines = Peak::notes(campaign, |set_up, experiment| points_of(rows, set_up, experiment));
+    let lines = Peak::notes(campaign, rows);
     lines.iter().map(|line| shown_in_line(line).into_owned()).collect()
 }
 

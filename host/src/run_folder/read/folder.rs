@@ -21,7 +21,7 @@ use crate::run_folder::own_files::refuse_links;
 use crate::run_folder::schema::impacts::{self, IMPACTS};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::{Durations, FORMAT, MANIFEST, Manifest};
-use crate::run_folder::schema::results::{self, RESULTS};
+use crate::run_folder::schema::results::{self, RESULTS, ResultRow};
 use crate::run_folder::schema::samples::{JOINED, PARTS};
 use crate::run_folder::schema::transients::{self, TRANSIENTS};
 
@@ -163,6 +163,18 @@ impl RunFolder {
             Some(state) => Ok(vec![results::table(&state.rows_by_experiment()).map_err(ReadError)?]),
             None => read(&self.path.join(RESULTS))?.collect(),
         }
+    }
+
+    /// The results as rows, in the same order.
+    ///
+    /// # Errors
+    /// When the file is damaged.
+    pub fn result_rows(&self) -> Result<Vec<ResultRow>, ReadError> {
+        if let Some(state) = self.unfinished() {
+            return Ok(state.rows_by_experiment());
+        }
+        let batches = read(&self.path.join(RESULTS))?.map(|batch| results::rows(&batch?));
+        Ok(batches.collect::<Result<Vec<_>, ReadError>>()?.concat())
     }
 
     /// The results of records, pulses and free vibrations; nothing when there are none.

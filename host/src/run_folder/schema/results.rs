@@ -6,10 +6,13 @@ use arrow_array::RecordBatch;
 use arrow_schema::Metadata;
 use damprig_core::measure::steadiness::Steadiness;
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value as Json};
 
 use super::json_float;
 use crate::quantity::Quantity;
+use crate::storage::ReadError;
 use crate::table::TableBuilder;
+use crate::table::values::{Value, values};
 
 /// The file's name in a run folder.
 pub const RESULTS: &str = "results.parquet";
@@ -42,7 +45,7 @@ pub struct ResultRow {
     #[serde(default)]
     pub sensors_clipped: String,
     /// Clearance, m; NaN without a particle.
-    #[serde(with = "json_float")]
+    #[serde(with = "json_float", default)]
     pub clearance_m: f64,
     /// Lock-in amplitude of the structure, m.
     #[serde(with = "json_float")]
@@ -175,4 +178,48 @@ pub fn table(rows: &[ResultRow]) -> Result<RecordBatch, String> {
         .column(Quantity::PointIndex, |r| r.point_index)
         .column(Quantity::Segment, |r| r.segment)
         .finish(Metadata::new())
+}
+
+/// The rows of a table that [`table`] made, or an earlier version: columns that it lacks have their defaults.
+///
+/// # Errors
+/// A table that lacks a column that every version wrote, or has one of another type.
+pub fn rows(batch: &RecordBatch) -> Result<Vec<ResultRow>, ReadError> {
+    let schema = batch.schema();
+    let mut columns = Vec::new();
+    for (field, array) in schema.fields().iter().zip(batch.columns()) {
+        let name = field.name();
+        let values = values(array)
+            .ok_or_else(|| ReadError(format!("column `{name}` of a table has the type {}", array.data_type())))?;
+        columns.push((name.as_str(), values));
+    }
+    // A row's fields have the names of its columns, and the journal's texts of numbers.
+    let row = |n: usize| {
+        let fields = columns.iter().map(|(name, values)| ((*name).to_string(), json(&values[n])));
+        let mut fields: Map<String, Json> = fields.collect();
+        let number = |own: Quantity| fields.get(own.name()).and_then(Json::as_f64).unwrap_or(f64::NAN);
+        let clearance_m = number(Quantity::ActualDOverZ) * number(Quantity::ZAmplitudeM);
+        let is_steady = fields.get(Quantity::Steady.name()) == Some(&Json::Bool(true));
+        let steadiness = match fields.remove(Quantity::Steadiness.name()) {
+            Some(text) => steadiness_of(text.as_str().unwrap_or_default()),
+            None if is_steady => Steadiness::Steady,
+            None => Steadiness::NotSteady,
+        };
+        let row: ResultRow = serde_json::from_value(Json::Object(fields))
+            .map_err(|error| ReadError(format!("a table of results: {error}")))?;
+        Ok(ResultRow { clearance_m, steadiness, ..row })
+    };
+    (0..batch.num_rows()).map(row).collect()
+}
+
+fn json(value: &Value) -> Json {
+    match value {
+        Value::Text(text) => Json::from(text.as_str()),
+        Value::F64(_) | Value::F32(_) => {
+            let number = value.number().unwrap_or(f64::NAN);
+            serde_json::Number::from_f64(number).map_or_else(|| Json::from(number.to_string()), Json::Number)
+        }
+        Value::U64(count) => Json::from(*count),
+        Value::Bool(flag) => Json::from(*flag),
+    }
 }
