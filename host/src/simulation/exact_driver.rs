@@ -28,23 +28,5 @@ pub(super) fn run<V: Viewer>(
         motion.time_s()
     });
     response.finish(motion.time_s());
-    let steady = response.steady_m();
-    let contact = if response.peak_contact_force_n().is_some() { response.first_contact() } else { None };
-    let summary = Summary {
-        simulated_s: motion.time_s(),
-        rms_x_m: response.rms_x_m(),
-        rms_x_minus_z_m: None,
-        max_abs_x_m: response.max_abs_x_m(),
-        max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
-        impact_count: response.impact_count(),
-        accumulation_count: response.accumulation_count(),
-        steady_max_abs_x_m: steady.map(|s| s.0),
-        steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
-        unresolved: motion.unresolved(),
-        record_start_jump_m_per_s: None,
-        peak_contact_force_n: response.peak_contact_force_n(),
-        first_contact_duration_s: contact.map(|c| c.0),
-        first_contact_restitution: contact.map(|c| c.1),
-    };
-    Ok((summary, *motion.state()))
+    Ok((Summary::of(&response, motion.time_s(), motion.unresolved()), *motion.state()))
 }

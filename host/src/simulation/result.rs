@@ -1,5 +1,6 @@
 //! The result of a simulated case: states, impacts and summary, as `damprig simulate --json` prints them.
 
+use damprig_core::integrator::exact::response::Response;
 use serde::{Deserialize, Serialize};
 
 use super::many_particles::SpheresResult;
@@ -77,6 +78,30 @@ pub struct Summary {
     /// Separation speed over approach speed of that contact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_contact_restitution: Option<f64>,
+}
+
+impl Summary {
+    /// The summary of a run of `simulated_s` whose event search was given up `unresolved` times.
+    pub(super) fn of(response: &Response, simulated_s: f64, unresolved: u32) -> Self {
+        let steady = response.steady_m();
+        let contact = response.first_contact();
+        Self {
+            simulated_s,
+            rms_x_m: response.rms_x_m(),
+            rms_x_minus_z_m: None,
+            max_abs_x_m: response.max_abs_x_m(),
+            max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
+            impact_count: response.impact_count(),
+            accumulation_count: response.accumulation_count(),
+            steady_max_abs_x_m: steady.map(|s| s.0),
+            steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
+            unresolved,
+            record_start_jump_m_per_s: None,
+            peak_contact_force_n: response.peak_contact_force_n(),
+            first_contact_duration_s: contact.map(|c| c.0),
+            first_contact_restitution: contact.map(|c| c.1),
+        }
+    }
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref)] // serde passes a reference.

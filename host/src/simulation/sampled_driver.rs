@@ -1,7 +1,7 @@
 //! Runs a case on a recorded base motion with the sampled driver, one sample interval after the other.
 
 use damprig_core::integrator::exact::flow::ExactState;
-use damprig_core::integrator::exact::response::Wanted;
+use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::modes::{Contact, Grip, Mode, Sign, signed};
 use damprig_core::integrator::polynomial::{Polynomial, derivative, derivative_increment, increment};
 use damprig_core::integrator::sampled::{self, Flight, Joined, Sampled};
@@ -13,7 +13,6 @@ use super::Case;
 use super::collector::{Collector, RunOptions, run_in_parts};
 use super::motion::{AccumulationRecord, ImpactRecord, MotionState, Phase, Piece, Viewer};
 use super::result::Summary;
-use super::statistics::MotionStatistics;
 use crate::motion_record::Record;
 
 /// Runs the case on its record.
@@ -45,17 +44,20 @@ fn play<V: Viewer>(
     options: RunOptions,
 ) -> (Summary, ExactState) {
     let step_s = motion.units().step_s;
-    let mut figures = MotionStatistics::new(wanted);
     let mut play = record.play();
     let mut at = SampledRun {
+        step: 0,
         step_s,
         duration_s: case.run.duration_s,
+        reached_s: 0.0,
+        state: ExactState::default(),
+        mode: Mode { grip: Grip::Absent, contact: Contact::Absent },
         wall: SoftWall::of(case, step_s),
-        ..SampledRun::default()
+        response: Response::new(wanted),
     };
     let mut interval = 0_u64;
     run_in_parts(case.run.duration_s, options, collector, |until_s, collector, go_on| {
-        let mut viewer = (&mut figures, collector.all());
+        let mut viewer = collector.all();
         while interval as f64 * record.step_s < until_s {
             if interval % INTERVALS_PER_CHECK == INTERVALS_PER_CHECK - 1 && !go_on(at.reached_s) {
                 break;
@@ -64,35 +66,22 @@ fn play<V: Viewer>(
             for part in 0..steps {
                 at.step = interval * u64::from(steps) + u64::from(part);
                 let mut observer = SampledObserver { at: &mut at, viewer: &mut viewer };
-                motion.step(&segment.part(part, steps), &mut observer);
+                motion.step_observed(&segment.part(part, steps), &mut observer);
             }
             interval += 1;
         }
         at.reached_s
     });
-    figures.finish(at.reached_s);
-    let steady = figures.steady_m();
-    let contact = at.wall.and_then(|wall| wall.first);
+    at.response.finish(at.reached_s);
     let summary = Summary {
-        simulated_s: at.reached_s,
-        rms_x_m: figures.rms_x_m(),
-        rms_x_minus_z_m: Some(figures.rms_x_minus_z_m()),
-        max_abs_x_m: figures.max_abs_x_m,
-        max_abs_x_minus_z_m: figures.max_abs_x_minus_z_m,
-        impact_count: figures.impacts,
-        accumulation_count: figures.accumulations,
-        steady_max_abs_x_m: steady.map(|s| s.0),
-        steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
-        unresolved: motion.unresolved(),
+        rms_x_minus_z_m: Some(at.response.rms_x_minus_z_m()),
         record_start_jump_m_per_s: record.start_jump_m_per_s(),
-        peak_contact_force_n: at.wall.and_then(|wall| wall.peak_n),
-        first_contact_duration_s: contact.map(|c| c.0),
-        first_contact_restitution: contact.map(|c| c.1),
+        ..Summary::of(&at.response, at.reached_s, motion.unresolved())
     };
     (summary, at.state)
 }
 
-/// Force, duration and restitution of the contacts with a soft wall.
+/// The soft wall of a case.
 #[derive(Clone, Copy, Debug)]
 struct SoftWall {
     clearance_m: f64,
@@ -101,11 +90,6 @@ struct SoftWall {
     damping_n_per_m: f64,
     /// Side of the present contact.
     pressing: Option<Sign>,
-    peak_n: Option<f64>,
-    /// Time (s) and approach speed (m/s) of the first touch.
-    touch: Option<(f64, f64)>,
-    /// Duration (s) and restitution of the first contact.
-    first: Option<(f64, f64)>,
 }
 
 impl SoftWall {
@@ -117,15 +101,12 @@ impl SoftWall {
             stiffness_n_per_m,
             damping_n_per_m: damping_n_s_per_m / step_s,
             pressing: None,
-            peak_n: None,
-            touch: None,
-            first: None,
         })
     }
 
-    /// Updates the largest force with that of a flight in contact.
-    fn press(&mut self, flight: &Flight<f64>, length: f64) {
-        let Some(side) = self.pressing else { return };
+    /// The largest force of a flight in contact, N; `None` without contact.
+    fn largest_force_n(&self, flight: &Flight<f64>, length: f64) -> Option<f64> {
+        let side = self.pressing?;
         let mut force = derivative(&flight.offset).map(|rate| signed(side, self.damping_n_per_m * rate));
         for (f, w) in force.iter_mut().zip(&flight.offset) {
             *f += signed(side, self.stiffness_n_per_m * w);
@@ -133,21 +114,20 @@ impl SoftWall {
         force[0] -= self.stiffness_n_per_m * self.clearance_m;
         let value = |p: &Polynomial<f64>, at: f64| p[0] + increment(p, at);
         let rate = derivative(&force);
-        let mut largest = value(&force, 0.0).max(value(&force, length));
-        let (mut low, mut high) = (0.0, length);
-        if rate[0] > 0.0 && value(&rate, length) < 0.0 {
-            for _ in 0..60 {
-                let middle = 0.5 * (low + high);
-                if value(&rate, middle) > 0.0 { low = middle } else { high = middle }
-            }
-            largest = largest.max(value(&force, low));
+        let ends = value(&force, 0.0).max(value(&force, length));
+        if !(rate[0] > 0.0 && value(&rate, length) < 0.0) {
+            return Some(ends);
         }
-        self.peak_n = Some(self.peak_n.map_or(largest, |peak| peak.max(largest)));
+        let (mut low, mut high) = (0.0, length);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if value(&rate, middle) > 0.0 { low = middle } else { high = middle }
+        }
+        Some(ends.max(value(&force, low)))
     }
 }
 
-/// Where the run is.
-#[derive(Clone, Copy, Debug)]
+/// Where the run is, and its response so far.
 struct SampledRun {
     step: u64,
     step_s: f64,
@@ -156,23 +136,17 @@ struct SampledRun {
     state: ExactState,
     mode: Mode,
     wall: Option<SoftWall>,
+    response: Response,
 }
 
-impl Default for SampledRun {
-    fn default() -> Self {
-        Self {
-            step: 0,
-            step_s: 0.0,
-            duration_s: 0.0,
-            reached_s: 0.0,
-            state: ExactState::default(),
-            mode: Mode { grip: Grip::Absent, contact: Contact::Absent },
-            wall: None,
-        }
+impl SampledRun {
+    /// The time `after` steps from the start of the present one, s.
+    fn time_s(&self, after: f64) -> f64 {
+        (self.step as f64 + after) * self.step_s
     }
 }
 
-/// Passes the sampled driver's motion to a viewer, up to the end of the run.
+/// Passes the sampled driver's motion to the response and a viewer, up to the end of the run.
 struct SampledObserver<'a, V> {
     at: &'a mut SampledRun,
     viewer: &'a mut V,
@@ -184,42 +158,44 @@ impl<V: Viewer> sampled::Observer<f64> for SampledObserver<'_, V> {
     }
 
     fn flight(&mut self, start: f64, length: f64, flight: &Flight<f64>) {
-        let start_s = (self.at.step as f64 + start) * self.at.step_s;
+        let at = &mut *self.at;
+        let start_s = at.time_s(start);
         // The record's last interval may reach beyond the end of the run.
-        let mut length_s = length * self.at.step_s;
-        let ends = start_s + length_s >= self.at.duration_s * (1.0 - 1e-15);
+        let mut length_s = length * at.step_s;
+        let ends = start_s + length_s >= at.duration_s * (1.0 - 1e-15);
         if ends {
-            length_s = length_s.min(self.at.duration_s - start_s);
+            length_s = length_s.min(at.duration_s - start_s);
         }
         if length_s <= 0.0 {
             return;
         }
-        if let Some(wall) = &mut self.at.wall {
-            wall.press(flight, length_s / self.at.step_s);
+        let pressed_n = at.wall.and_then(|wall| wall.largest_force_n(flight, length_s / at.step_s));
+        if let Some(pressed_n) = pressed_n {
+            at.response.take_force(|least_n| least_n.max(pressed_n));
         }
-        let pressing = self.at.wall.is_some_and(|wall| wall.pressing.is_some());
-        let phase = Phase { mode: self.at.mode, pressing };
-        let piece = FlightPiece { start_s, length_s, step_s: self.at.step_s, flight, phase };
+        let phase = Phase { mode: at.mode, pressing: pressed_n.is_some() };
+        let piece = FlightPiece { start_s, length_s, step_s: at.step_s, flight, phase };
+        at.response.piece(&piece);
         self.viewer.piece(&piece);
-        self.at.state = piece.at(length_s).state;
-        self.at.reached_s = if ends { self.at.duration_s } else { start_s + length_s };
+        at.state = piece.at(length_s).state;
+        at.reached_s = if ends { at.duration_s } else { start_s + length_s };
     }
 
     fn impact(&mut self, impact: &sampled::Impact<f64>) {
-        let t_s = (self.at.step as f64 + impact.at) * self.at.step_s;
-        if t_s <= self.at.duration_s {
-            let approach_speed_m_per_s = impact.approach / self.at.step_s;
-            let y_m = self.at.state.y_m();
-            if let Some(wall) = &mut self.at.wall {
-                wall.touch.get_or_insert((t_s, approach_speed_m_per_s));
-            }
-            self.viewer.impact(&ImpactRecord { t_s, side: impact.side, approach_speed_m_per_s, y_m });
+        let at = &mut *self.at;
+        let t_s = at.time_s(impact.at);
+        if t_s <= at.duration_s {
+            let approach_speed_m_per_s = impact.approach / at.step_s;
+            let record = ImpactRecord { t_s, side: impact.side, approach_speed_m_per_s, y_m: at.state.y_m() };
+            Viewer::impact(&mut at.response, &record);
+            self.viewer.impact(&record);
         }
     }
 
-    fn accumulation(&mut self, at: f64, side: Sign) {
-        let t_s = (self.at.step as f64 + at) * self.at.step_s;
+    fn accumulation(&mut self, after: f64, side: Sign) {
+        let t_s = self.at.time_s(after);
         if t_s <= self.at.duration_s {
+            self.at.response.take_accumulation();
             self.viewer.accumulation(&AccumulationRecord { t_s, side });
         }
     }
@@ -230,14 +206,11 @@ impl<V: Viewer> sampled::Observer<f64> for SampledObserver<'_, V> {
         }
     }
 
-    fn contact_end(&mut self, at: f64, _: Sign, separation: f64) {
-        let t_s = (self.at.step as f64 + at) * self.at.step_s;
-        let separation_m_per_s = separation / self.at.step_s;
-        if let Some(wall) = &mut self.at.wall {
+    fn contact_end(&mut self, after: f64, _: Sign, separation: f64) {
+        let at = &mut *self.at;
+        if let Some(wall) = &mut at.wall {
             wall.pressing = None;
-            if let (None, Some((touch_s, approach))) = (wall.first, wall.touch) {
-                wall.first = Some((t_s - touch_s, separation_m_per_s / approach));
-            }
+            at.response.take_contact_end(at.time_s(after), separation / at.step_s);
         }
     }
 }

@@ -1,11 +1,13 @@
 //! The quantities that a study computes at each point, and what each needs.
 
+use damprig_core::integrator::exact::response::Response;
 use damprig_core::integrator::exact::{Excitation, Observer};
 
 use crate::input::key::names;
 use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::simulation::analysis::{Analysis, MotionKind};
+use crate::simulation::many_particles::SpheresFigures;
 
 /// The metrics of a study, as keys list them.
 pub const METRICS: [Quantity; 14] = [
@@ -125,6 +127,24 @@ impl Periodicity {
 }
 
 impl Figures {
+    /// Of the response of a run over this number of cycles, and what a many-particle damper has besides.
+    pub(super) fn of(response: &Response, cycles: f64, spheres: Option<&SpheresFigures>) -> Self {
+        let (largest_cycle_max_m, mean_cycle_max_m) = response.steady_m().unwrap_or((f64::NAN, f64::NAN));
+        Self {
+            mean_cycle_max_m,
+            largest_cycle_max_m,
+            max_abs_x_m: response.max_abs_x_m(),
+            max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
+            rms_x_m: response.rms_x_m(),
+            impacts: response.impact_count() as f64,
+            cycles,
+            // A soft wall that was never touched has exerted no force.
+            peak_contact_force_n: response.peak_contact_force_n().unwrap_or(0.0),
+            loss_factor: spheres.map_or(f64::NAN, SpheresFigures::loss_factor),
+            collective_motion: spheres.map_or(f64::NAN, SpheresFigures::collective_motion),
+        }
+    }
+
     /// The value of a metric, not a number if there is none. `reference_m`: Z, P/k or x0.
     #[must_use]
     pub fn value(&self, metric: Quantity, reference_m: f64, periodicity: Option<&Periodicity>) -> f64 {

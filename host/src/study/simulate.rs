@@ -137,20 +137,7 @@ fn figures(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoO
     };
     let response =
         response_from(&mut motion, (first_cycle, from_s), counted.end_s, wanted, go_on).ok_or(Halt::Stopped)?;
-    let (largest_cycle_max_m, mean_cycle_max_m) = response.steady_m().unwrap_or((f64::NAN, f64::NAN));
-    let figures = Figures {
-        mean_cycle_max_m,
-        largest_cycle_max_m,
-        max_abs_x_m: response.max_abs_x_m(),
-        max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
-        rms_x_m: response.rms_x_m(),
-        impacts: response.impact_count() as f64,
-        cycles: counted.cycles(),
-        // A soft wall that was never touched has exerted no force.
-        peak_contact_force_n: response.peak_contact_force_n().unwrap_or(0.0),
-        loss_factor: f64::NAN,
-        collective_motion: f64::NAN,
-    };
+    let figures = Figures::of(&response, counted.cycles(), None);
     Ok((figures, f64::from(motion.unresolved())))
 }
 
@@ -161,22 +148,10 @@ fn figures_of_spheres(
     go_on: GoOn,
 ) -> Result<(Figures, f64), Halt> {
     let times = Counted::of(case, record);
-    let counted = many_particles::counted(case, damper, times.first_cycle as u64, times.end_s, go_on)
+    let (response, spheres) = many_particles::counted(case, damper, times.first_cycle as u64, times.end_s, go_on)
         .map_err(|invalid| Refusal(invalid.to_string()))?
         .ok_or(Halt::Stopped)?;
-    let (largest_cycle_max_m, mean_cycle_max_m) = counted.cycle_maxima_m.unwrap_or((f64::NAN, f64::NAN));
-    let figures = Figures {
-        mean_cycle_max_m,
-        largest_cycle_max_m,
-        max_abs_x_m: counted.max_abs_x_m,
-        max_abs_x_minus_z_m: counted.max_abs_x_minus_z_m,
-        rms_x_m: counted.rms_x_m,
-        impacts: counted.impacts as f64,
-        cycles: times.cycles(),
-        peak_contact_force_n: 0.0,
-        loss_factor: counted.spheres.loss_factor(),
-        collective_motion: counted.spheres.collective_motion(),
-    };
+    let figures = Figures::of(&response, times.cycles(), Some(&spheres));
     Ok((figures, 0.0))
 }
 

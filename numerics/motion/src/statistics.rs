@@ -1,21 +1,10 @@
-//! Statistics of a motion: extrema, mean square, cycle maxima. Memory is constant.
-//!
-//! The sampled driver uses `MotionStatistics`. The exact driver uses
-//! [`damprig_core::integrator::exact::response::Response`], which is faster because it skips arcs by their bounds. Both use
-//! [`LastCyclesMeter`].
+//! Statistics of a motion: its [`Response`] (extrema, mean square, cycle maxima) from the pieces of any driver, and its last cycles. Memory is
+//! constant.
 
-use damprig_core::integrator::exact::response::Wanted;
+use damprig_core::integrator::exact::response::{NODES, Response};
 use serde::Serialize;
 
 use super::{AccumulationRecord, ImpactRecord, MotionState, Piece, Viewer};
-
-/// Gauss–Legendre on [0, 1], eight points: exact for the square of a flight of degree 7.
-const NODES: [(f64, f64); 4] = [
-    (0.183_434_642_495_649_8, 0.362_683_783_378_362),
-    (0.525_532_409_916_329, 0.313_706_645_877_887_3),
-    (0.796_666_477_413_626_7, 0.222_381_034_453_374_48),
-    (0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
-];
 
 /// A quantity of a motion state and its rate.
 pub(crate) type ValueAndRate = fn(&MotionState) -> (f64, f64);
@@ -72,129 +61,32 @@ fn turning_point(piece: &dyn Piece, mut low: (f64, f64), mut high: (f64, f64), o
     largest
 }
 
-/// Statistics of a run.
-#[derive(Clone, Debug)]
-pub struct MotionStatistics {
-    wanted: Wanted,
-    square_m2_s: f64,
-    relative_square_m2_s: f64,
-    length_s: f64,
-    /// Largest |x|, m.
-    pub max_abs_x_m: f64,
-    /// Largest |x − z|, m.
-    pub max_abs_x_minus_z_m: f64,
-    /// Impacts and first touches.
-    pub impacts: u64,
-    /// Chatters that ended with the particle at rest on a wall.
-    pub accumulations: u64,
-    cycle: u64,
-    cycle_max_m: f64,
-    steady: (f64, f64, u64),
-}
-
-impl MotionStatistics {
-    /// Empty statistics.
-    #[must_use]
-    pub fn new(wanted: Wanted) -> Self {
-        Self {
-            wanted,
-            square_m2_s: 0.0,
-            relative_square_m2_s: 0.0,
-            length_s: 0.0,
-            max_abs_x_m: 0.0,
-            max_abs_x_minus_z_m: 0.0,
-            impacts: 0,
-            accumulations: 0,
-            cycle: 0,
-            cycle_max_m: 0.0,
-            steady: (0.0, 0.0, 0),
-        }
-    }
-
-    /// Starts with this cycle, before any piece.
-    pub fn skip_to(&mut self, cycle: u64) {
-        self.cycle = cycle;
-    }
-
-    /// √(1/T ∫x² dt), m.
-    #[must_use]
-    pub fn rms_x_m(&self) -> f64 {
-        if self.length_s > 0.0 { (self.square_m2_s / self.length_s).sqrt() } else { 0.0 }
-    }
-
-    /// √(1/T ∫(x − z)² dt), m.
-    #[must_use]
-    pub fn rms_x_minus_z_m(&self) -> f64 {
-        if self.length_s > 0.0 { (self.relative_square_m2_s / self.length_s).sqrt() } else { 0.0 }
-    }
-
-    /// Largest |x| and mean of the cycles' largest |x| over the complete steady cycles, m.
-    #[must_use]
-    pub fn steady_m(&self) -> Option<(f64, f64)> {
-        let (max, sum, count) = self.steady;
-        (count > 0).then(|| (max, sum / count as f64))
-    }
-
-    /// Closes the last cycle if it ends with the run.
-    pub fn finish(&mut self, end_s: f64) {
-        if let Some(cycle_s) = self.wanted.cycle_s
-            && end_s >= (self.cycle + 1) as f64 * cycle_s * (1.0 - 1e-12)
-        {
-            self.close_cycle();
-        }
-    }
-
-    fn close_cycle(&mut self) {
-        if self.wanted.steady_from_cycle.is_some_and(|first| self.cycle >= first) {
-            let (max, sum, count) = self.steady;
-            self.steady = (max.max(self.cycle_max_m), sum + self.cycle_max_m, count + 1);
-        }
-        self.cycle += 1;
-        self.cycle_max_m = 0.0;
-    }
-
-    fn raise(&mut self, piece: &dyn Piece, from_s: f64, to_s: f64) {
-        self.cycle_max_m = largest_abs(piece, (from_s, to_s), 1, x, self.cycle_max_m);
-        self.max_abs_x_m = self.max_abs_x_m.max(self.cycle_max_m);
-    }
-}
-
-impl Viewer for MotionStatistics {
+/// The exact engine shows its arcs to a response as an observer, which is faster because arcs are skipped by their bounds.
+impl Viewer for Response {
     fn piece(&mut self, piece: &dyn Piece) {
         let (start_s, length_s) = (piece.start_s(), piece.length_s());
-        let mut from_s = 0.0;
-        if let Some(cycle_s) = self.wanted.cycle_s {
-            loop {
-                let boundary_s = (self.cycle + 1) as f64 * cycle_s;
-                if boundary_s >= start_s + length_s {
-                    break;
+        let largest = |from_s, to_s, least_m| largest_abs(piece, (from_s, to_s), 1, x, least_m);
+        self.take_x([start_s, start_s + length_s], length_s, |after_s| after_s, largest);
+        let add_squares = |square_m2_s: &mut f64, relative_square_m2_s: &mut f64| {
+            let half_s = 0.5 * length_s;
+            for (node, weight) in NODES {
+                for at_s in [half_s * (1.0 - node), half_s * (1.0 + node)] {
+                    let at = piece.at(at_s);
+                    let (x_m, relative_m) = (at.state.x_m, at.state.x_m - at.z_m);
+                    *square_m2_s += half_s * weight * x_m * x_m;
+                    *relative_square_m2_s += half_s * weight * relative_m * relative_m;
                 }
-                let to_s = (boundary_s - start_s).clamp(from_s, length_s);
-                self.raise(piece, from_s, to_s);
-                self.close_cycle();
-                from_s = to_s;
             }
-        }
-        self.raise(piece, from_s, length_s);
-        self.max_abs_x_minus_z_m = largest_abs(piece, (0.0, length_s), 1, x_minus_z, self.max_abs_x_minus_z_m);
-        let half_s = 0.5 * length_s;
-        for (node, weight) in NODES {
-            for at_s in [half_s * (1.0 - node), half_s * (1.0 + node)] {
-                let at = piece.at(at_s);
-                let (x_m, relative_m) = (at.state.x_m, at.state.x_m - at.z_m);
-                self.square_m2_s += half_s * weight * x_m * x_m;
-                self.relative_square_m2_s += half_s * weight * relative_m * relative_m;
-            }
-        }
-        self.length_s += length_s;
+        };
+        self.take_whole(length_s, add_squares, |least_m| largest_abs(piece, (0.0, length_s), 1, x_minus_z, least_m));
     }
 
-    fn impact(&mut self, _: &ImpactRecord) {
-        self.impacts += 1;
+    fn impact(&mut self, impact: &ImpactRecord) {
+        self.take_impact(impact.t_s, impact.approach_speed_m_per_s);
     }
 
     fn accumulation(&mut self, _: &AccumulationRecord) {
-        self.accumulations += 1;
+        self.take_accumulation();
     }
 }
 
@@ -284,6 +176,7 @@ mod tests {
     use super::*;
     use crate::Phase;
     use damprig_core::integrator::exact::flow::ExactState;
+    use damprig_core::integrator::exact::response::Wanted;
     use damprig_core::integrator::modes::{Contact, Grip, Mode};
 
     /// x = 2 cos(3t + 0.4), z = 0.5 cos(3t).
@@ -324,14 +217,14 @@ mod tests {
     #[test]
     fn extrema_and_mean_square_of_a_cosine_are_its_own() {
         let cycle_s = Some(std::f64::consts::TAU / 3.0);
-        let mut figures = MotionStatistics::new(Wanted { cycle_s, steady_from_cycle: Some(5), whole_run: true });
+        let mut figures = Response::new(Wanted { cycle_s, steady_from_cycle: Some(5), whole_run: true });
         show(&mut figures, 1_237);
         figures.finish(20.0 * std::f64::consts::TAU / 3.0);
-        assert!((figures.max_abs_x_m - 2.0).abs() < 1e-14);
+        assert!((figures.max_abs_x_m() - 2.0).abs() < 1e-14);
         assert!((figures.rms_x_m() - 2.0_f64.sqrt()).abs() < 1e-13);
         // |2 e^{0.4i} − 0.5|
         let relative = (4.0 + 0.25 - 2.0 * 0.4_f64.cos()).sqrt();
-        assert!((figures.max_abs_x_minus_z_m - relative).abs() < 1e-14);
+        assert!((figures.max_abs_x_minus_z_m() - relative).abs() < 1e-14);
         assert!((figures.rms_x_minus_z_m() - relative / 2.0_f64.sqrt()).abs() < 1e-13);
         let (max, mean) = figures.steady_m().expect("fifteen cycles");
         assert!((max - 2.0).abs() < 1e-14 && (mean - 2.0).abs() < 1e-14);

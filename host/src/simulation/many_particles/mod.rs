@@ -7,4 +7,4 @@ pub(super) mod driver;
 pub(super) mod read;
 
 pub use cycles::{SpheresCycle, SpheresFigures};
-pub use driver::{CountedSpheres, SpheresResult, counted};
+pub use driver::{SpheresResult, counted};

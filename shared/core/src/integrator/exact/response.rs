@@ -18,11 +18,13 @@ pub struct Wanted {
     pub whole_run: bool,
 }
 
-/// Observer that accumulates the results of a run.
+/// Accumulates the results of a run: an observer of the exact engine, and for other drivers a meter that is given their pieces
+/// ([`Response::take_x`], [`Response::take_whole`]), impacts and contacts.
 #[derive(Clone, Debug)]
 pub struct Response {
     wanted: Wanted,
     square_m2_s: f64,
+    relative_square_m2_s: f64,
     length_s: f64,
     max_abs_x_m: f64,
     max_abs_x_minus_z_m: f64,
@@ -35,7 +37,8 @@ pub struct Response {
     steady_sum_m: f64,
     steady_cycles: u64,
     peak_force_n: Option<f64>,
-    first_touch: Option<Impact>,
+    /// Time, s, and approach speed, m/s.
+    first_touch: Option<(f64, f64)>,
     first_contact: Option<(f64, f64)>,
 }
 
@@ -46,6 +49,7 @@ impl Response {
         Self {
             wanted,
             square_m2_s: 0.0,
+            relative_square_m2_s: 0.0,
             length_s: 0.0,
             max_abs_x_m: 0.0,
             max_abs_x_minus_z_m: 0.0,
@@ -67,6 +71,12 @@ impl Response {
     #[must_use]
     pub fn rms_x_m(&self) -> f64 {
         if self.length_s > 0.0 { libm::sqrt(self.square_m2_s / self.length_s) } else { 0.0 }
+    }
+
+    /// √(1/T ∫(x − z)² dt) over the observed time, m; 0 from the exact engine, whose base does not drift.
+    #[must_use]
+    pub fn rms_x_minus_z_m(&self) -> f64 {
+        if self.length_s > 0.0 { libm::sqrt(self.relative_square_m2_s / self.length_s) } else { 0.0 }
     }
 
     /// ∫x² dt over the observed time, m²·s.
@@ -152,9 +162,71 @@ impl Response {
         self.cycle_max_m = 0.0;
     }
 
-    /// Raises the running maximum by the part of `arc` between two fractions of its series.
-    fn raise(&mut self, arc: &Arc<'_>, from: f64, to: f64) {
-        self.cycle_max_m = arc.largest_abs_x_m(from, to, self.cycle_max_m);
+    /// Takes |x| of a piece of motion between two times, s, cut where cycles end. Inside the piece time counts from 0 to `end` in a unit of its
+    /// own, which `own` converts seconds after its start to; `largest` gives the largest |x|, m, between two such times, if above a value.
+    #[inline]
+    pub fn take_x(
+        &mut self,
+        [start_s, end_s]: [f64; 2],
+        end: f64,
+        own: impl Fn(f64) -> f64,
+        largest: impl Fn(f64, f64, f64) -> f64,
+    ) {
+        let mut from = 0.0;
+        if let Some(cycle_s) = self.wanted.cycle_s {
+            loop {
+                let boundary_s = (self.cycle + 1) as f64 * cycle_s;
+                if boundary_s >= end_s {
+                    break;
+                }
+                let to = own(boundary_s - start_s).clamp(from, end);
+                self.cycle_max_m = largest(from, to, self.cycle_max_m);
+                self.close_cycle();
+                from = to;
+            }
+        }
+        self.cycle_max_m = largest(from, end, self.cycle_max_m);
+    }
+
+    /// Takes the rest of what is wanted of the whole run from a piece of `length_s`: `add_squares` adds its ∫x² dt and ∫(x − z)² dt, m²·s; `largest` gives its largest
+    /// |x − z|, m, if above a value.
+    #[inline]
+    pub fn take_whole(
+        &mut self,
+        length_s: f64,
+        add_squares: impl FnOnce(&mut f64, &mut f64),
+        largest: impl FnOnce(f64) -> f64,
+    ) {
+        if self.wanted.whole_run {
+            add_squares(&mut self.square_m2_s, &mut self.relative_square_m2_s);
+            self.length_s += length_s;
+            self.max_abs_x_minus_z_m = largest(self.max_abs_x_minus_z_m);
+        }
+    }
+
+    /// Takes the largest force of a soft wall during a piece in contact; `largest` gives it, N, if above a value.
+    pub fn take_force(&mut self, largest: impl FnOnce(f64) -> f64) {
+        self.peak_force_n = Some(largest(self.peak_force_n.unwrap_or(0.0)));
+    }
+
+    /// Takes an impact at `time_s`, or the first touch of a soft wall, with this approach speed.
+    pub fn take_impact(&mut self, time_s: f64, approach_speed_m_per_s: f64) {
+        self.impacts += 1;
+        if self.first_touch.is_none() {
+            self.first_touch = Some((time_s, approach_speed_m_per_s));
+        }
+    }
+
+    /// Takes the end of a chatter with the particle at rest on a wall.
+    pub fn take_accumulation(&mut self) {
+        self.accumulations += 1;
+    }
+
+    /// Takes the end of a contact with a soft wall at `time_s`.
+    pub fn take_contact_end(&mut self, time_s: f64, separation_speed_m_per_s: f64) {
+        if let (None, Some((touch_s, approach_speed_m_per_s))) = (self.first_contact, self.first_touch) {
+            self.first_contact = Some((time_s - touch_s, separation_speed_m_per_s / approach_speed_m_per_s));
+        }
     }
 }
 
@@ -164,8 +236,8 @@ fn largest_abs(p: &Series, from: f64, to: f64, least: f64) -> f64 {
     series::largest(&p.map(|c| -c), from, to, above)
 }
 
-/// Eight-point Gauss–Legendre nodes and weights on [−1, 1]; the positive half.
-const NODES: [(f64, f64); 4] = [
+/// Eight-point Gauss–Legendre nodes and weights on [−1, 1], the positive half: exact up to degree 15.
+pub const NODES: [(f64, f64); 4] = [
     (0.183_434_642_495_649_8, 0.362_683_783_378_362),
     (0.525_532_409_916_329, 0.313_706_645_877_887_3),
     (0.796_666_477_413_626_7, 0.222_381_034_453_374_48),
@@ -198,50 +270,35 @@ fn mean_square(p: &Series, to: f64) -> f64 {
 
 impl Observer for Response {
     fn arc(&mut self, arc: &Arc<'_>) {
-        let end = arc.end_fraction();
-        if let Some(cycle_s) = self.wanted.cycle_s {
-            let (mut from, end_s) = (0.0, arc.start_s + arc.length_s);
-            loop {
-                let boundary_s = (self.cycle + 1) as f64 * cycle_s;
-                if boundary_s >= end_s {
-                    break;
-                }
-                let to = ((boundary_s - arc.start_s) / arc.length_s * end).clamp(from, end);
-                self.raise(arc, from, to);
-                self.close_cycle();
-                from = to;
-            }
-            self.raise(arc, from, end);
-        } else {
-            self.raise(arc, 0.0, end);
-        }
-        if self.wanted.whole_run {
-            self.square_m2_s += arc.square_m2_s();
-            self.length_s += arc.length_s;
-            self.max_abs_x_minus_z_m = arc.largest_abs_x_minus_z_m(self.max_abs_x_minus_z_m);
-            if let Some(force) = arc.contact_force() {
-                let least = self.peak_force_n.unwrap_or(0.0);
-                self.peak_force_n = Some(series::largest(&force, 0.0, end, least));
-            }
+        let (start_s, length_s, end) = (arc.start_s, arc.length_s, arc.end_fraction());
+        self.take_x(
+            [start_s, start_s + length_s],
+            end,
+            move |after_s| after_s / length_s * end,
+            move |from, to, least_m| arc.largest_abs_x_m(from, to, least_m),
+        );
+        self.take_whole(
+            length_s,
+            |square_m2_s, _| *square_m2_s += arc.square_m2_s(),
+            |least_m| arc.largest_abs_x_minus_z_m(least_m),
+        );
+        if self.wanted.whole_run
+            && let Some(force) = arc.contact_force()
+        {
+            self.take_force(|least_n| series::largest(&force, 0.0, end, least_n));
         }
     }
 
     fn impact(&mut self, impact: &Impact) {
-        self.impacts += 1;
-        if self.first_touch.is_none() {
-            self.first_touch = Some(*impact);
-        }
+        self.take_impact(impact.time_s, impact.approach_speed_m_per_s);
     }
 
     fn accumulation(&mut self, _: &Accumulation) {
-        self.accumulations += 1;
+        self.take_accumulation();
     }
 
     fn contact_end(&mut self, end: &ContactEnd) {
-        if let (None, Some(touch)) = (self.first_contact, self.first_touch) {
-            let restitution = end.separation_speed_m_per_s / touch.approach_speed_m_per_s;
-            self.first_contact = Some((end.time_s - touch.time_s, restitution));
-        }
+        self.take_contact_end(end.time_s, end.separation_speed_m_per_s);
     }
 }
 
@@ -318,14 +375,13 @@ impl Arc<'_> {
 
     /// The force that a soft wall exerts, N, over the series' interval; `None` without contact.
     #[must_use]
+    #[inline]
     pub fn contact_force(&self) -> Option<Series> {
-        let side = if self.leg.rest_offset > 0.0 {
-            1
-        } else if self.leg.rest_offset < 0.0 {
-            -1
-        } else {
-            return None;
-        };
+        (self.leg.rest_offset != 0.0).then(|| self.force_of_wall())
+    }
+
+    fn force_of_wall(&self) -> Series {
+        let side = if self.leg.rest_offset > 0.0 { 1 } else { -1 };
         let span = self.span();
         let link = &self.flows.link;
         let mut force = series::derivative(&span.offset).map(|rate| signed(side, link.damping / span.step_s * rate));
@@ -333,7 +389,7 @@ impl Arc<'_> {
             *f += signed(side, link.stiffness * w);
         }
         force[0] -= link.stiffness * self.leg.rest_offset.abs();
-        Some(force)
+        force
     }
 }
 
