@@ -8,4 +8,4 @@ mod repetition;
 mod steady_state;
 
 pub use periodic_orbit::{Multiplier, OrbitError, PeriodicOrbit, Stability};
-pub use steady_state::{Analysis, Energy, ForcedResponse, MotionKind, OrbitSummary, SectionState, TwoImpactOrbit};
+pub use steady_state::{Analysis, ForcedResponse, MotionKind, OrbitSummary, SectionState, TwoImpactOrbit};

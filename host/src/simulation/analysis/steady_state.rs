@@ -33,45 +33,9 @@ const CLEAR_OF_IMPACTS: f64 = 1e-3;
 #[derive(Clone, Debug, Serialize)]
 pub struct Analysis {
     /// Energy balance of the whole run.
-    pub energy: Energy,
+    pub energy: Balance,
     /// Response to a sinusoidal excitation; `None` for others.
     pub driven: Option<ForcedResponse>,
-}
-
-/// Energy by mechanism over the whole run, J.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Energy {
-    /// Work of the base or the force.
-    pub input_j: f64,
-    /// Change of the stored (kinetic and elastic) energy: at the end minus at the start. Negative if the run gives off energy.
-    pub stored_change_j: f64,
-    /// Dissipated by the structure's dashpot.
-    pub structure_damping_j: f64,
-    /// Dissipated by impacts on hard walls.
-    pub impacts_j: f64,
-    /// Dissipated by friction between particle and structure.
-    pub internal_friction_j: f64,
-    /// Dissipated by the friction damper.
-    pub friction_damper_j: f64,
-    /// Dissipated by the dashpot of a soft wall or tuned mass.
-    pub link_damping_j: f64,
-    /// Residual of the balance: rounding.
-    pub residual_j: f64,
-}
-
-impl From<Balance> for Energy {
-    fn from(b: Balance) -> Self {
-        Self {
-            input_j: b.input_j,
-            stored_change_j: b.stored_j,
-            structure_damping_j: b.structure_damping_j,
-            impacts_j: b.impacts_j,
-            internal_friction_j: b.internal_friction_j,
-            friction_damper_j: b.friction_damper_j,
-            link_damping_j: b.link_damping_j,
-            residual_j: b.residual_j(),
-        }
-    }
 }
 
 /// The last periods of a run under a sine.
@@ -268,7 +232,7 @@ impl Analysis {
                 None
             }
         };
-        Some(Self { energy: meter.balance().into(), driven })
+        Some(Self { energy: meter.balance(), driven })
     }
 }
 

@@ -12,12 +12,15 @@ use crate::integrator::exact::response::integral;
 use crate::integrator::exact::{Accumulation, Arc, ExactState, Impact, Observer, series};
 use crate::integrator::modes::{Contact, Grip};
 use crate::model::{SetUp, Wall};
+use serde::Serialize;
 
 /// Energy by mechanism since the start of the observation, J.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Balance {
     /// Work of the base, and of the force, on the system.
     pub input_j: f64,
+    /// Change of the stored (kinetic and elastic) energy: now minus at the start. Negative if the system gives off energy.
+    pub stored_change_j: f64,
     /// Dissipated by the structure's dashpot.
     pub structure_damping_j: f64,
     /// Dissipated by impacts on hard walls, including the summed impacts of an accumulation.
@@ -28,10 +31,8 @@ pub struct Balance {
     pub friction_damper_j: f64,
     /// Dissipated by the dashpot of a soft wall or of the tuned mass.
     pub link_damping_j: f64,
-    /// Present kinetic and elastic energy minus that at the start.
-    pub stored_j: f64,
-    /// Magnitude of the energy that unexplained jumps of the state would transfer: rounding only in a correct motion.
-    pub jumps_j: f64,
+    /// Imbalance plus all unexplained jumps of the state: rounding only in a correct motion.
+    pub residual_j: f64,
 }
 
 impl Balance {
@@ -44,13 +45,6 @@ impl Balance {
             + self.friction_damper_j
             + self.link_damping_j
     }
-
-    /// Imbalance plus all unexplained jumps: rounding only in a correct motion.
-    #[must_use]
-    pub fn residual_j(&self) -> f64 {
-        let open = self.input_j - self.dissipated_j() - self.stored_j;
-        open + libm::copysign(self.jumps_j, open)
-    }
 }
 
 /// Observer that computes the energy balance of a run.
@@ -62,7 +56,10 @@ pub struct EnergyMeter {
     link_damping: f64,
     friction_n: f64,
     restitution: Option<f64>,
+    /// All but its residual.
     balance: Balance,
+    /// Magnitude of the energy that unexplained jumps of the state would transfer: rounding only in a correct motion.
+    jumps_j: f64,
     /// The first state seen; used until the first arc gives the base displacement.
     first: Option<ExactState>,
     stored_at_start_j: Option<f64>,
@@ -99,6 +96,7 @@ impl EnergyMeter {
             friction_n,
             restitution,
             balance: Balance::default(),
+            jumps_j: 0.0,
             first: None,
             stored_at_start_j: None,
             last: None,
@@ -110,7 +108,8 @@ impl EnergyMeter {
     /// The balance so far.
     #[must_use]
     pub fn balance(&self) -> Balance {
-        self.balance
+        let open = self.balance.input_j - self.balance.dissipated_j() - self.balance.stored_change_j;
+        Balance { residual_j: open + libm::copysign(self.jumps_j, open), ..self.balance }
     }
 
     fn stored_j(&self, state: &ExactState, base_m: f64, pressed: f64) -> f64 {
@@ -136,7 +135,7 @@ impl EnergyMeter {
     /// Takes the initial state of an arc or event. A difference from the last state is counted as a jump.
     fn continue_from(&mut self, state: &ExactState) {
         if let Some(last) = &self.last {
-            self.balance.jumps_j += self.moved_j(last, state);
+            self.jumps_j += self.moved_j(last, state);
         }
         self.first.get_or_insert(*state);
         self.last = Some(*state);
@@ -212,7 +211,7 @@ impl Observer for EnergyMeter {
             self.stored_j(&first, span.base[0], pressed(first.offset_m))
         });
         self.stored_at_start_j = Some(start);
-        self.balance.stored_j = after - start;
+        self.balance.stored_change_j = after - start;
         self.pressed_m = pressed(arc.end.offset_m);
         (self.base_m, self.last) = (end_base_m, Some(arc.end));
     }

@@ -72,7 +72,7 @@ fn a_velocity_lost_at_the_first_instant_shows_in_the_residual() {
         motion.run(0.1, &mut Part { meter: &mut meter, starts: false, arcs: true, tamper: |_: &mut Impact| {} });
         let moved_j = 0.5 * 1.6 * after.v_m_per_s * after.v_m_per_s * (1.0 + f64::abs(factor)) * f64::abs(factor - 1.0);
         let balance = meter.balance();
-        let residual_j = balance.residual_j().abs();
+        let residual_j = balance.residual_j.abs();
         if shows {
             assert!(residual_j >= 0.99 * moved_j && moved_j > 0.0, "factor {factor}: {residual_j:e} of {moved_j:e} J");
         } else {
@@ -92,7 +92,7 @@ fn a_jump_in_the_middle_of_a_run_shows_even_if_it_keeps_the_energy() {
         change(&mut state);
         motion.reset(1.0, &from(&state));
         motion.run(2.0, &mut meter);
-        meter.balance().residual_j().abs()
+        meter.balance().residual_j.abs()
     };
     // Only rounding, from the conversion of relative coordinates in `Initial`.
     assert!(jump(|_| {}) < 1e-15, "{:e}", jump(|_| {}));
@@ -115,7 +115,7 @@ fn an_impact_that_breaks_its_law_shows_in_the_residual() {
         let mut meter = EnergyMeter::new(&set_up);
         let mut motion = Exact::new(&set_up, &DRIVE, &start()).expect("physical");
         motion.run(3.0, &mut Part { meter: &mut meter, starts: true, arcs: true, tamper });
-        meter.balance().residual_j().abs()
+        meter.balance().residual_j.abs()
     };
     assert!(residual_j(|_| {}) < 1e-14, "{:e}", residual_j(|_| {}));
     assert!(residual_j(|i| i.after.slide_m_per_s *= 1.0 + 1e-7) > 1e-10, "another restitution");
@@ -150,7 +150,7 @@ fn the_balance_closes_with_summed_chatters() {
         motion.run(40.0, &mut seen);
         let balance = seen.0.balance();
         let through_j = balance.input_j.abs() + balance.dissipated_j();
-        assert!(balance.residual_j().abs() <= 1e-12 * through_j, "e {e}: {balance:?}");
+        assert!(balance.residual_j.abs() <= 1e-12 * through_j, "e {e}: {balance:?}");
         ends += seen.1.0;
     }
     assert!(ends > 10, "only {ends} chatters ended");
