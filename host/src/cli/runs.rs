@@ -21,7 +21,6 @@ use crate::run_folder::read::verify::{Finding, verify};
 use crate::run_folder::schema::results::steadiness_text;
 use crate::run_folder::{ReadError, RunFolder};
 use crate::storage::out_file::{EXISTS, OutFile, to_failure, write_new};
-use crate::table::values::{numbers, texts};
 
 /// Lists, shows, verifies, reports and exports run folders. Never changes a run folder.
 #[derive(Debug, ClapArgs)]
@@ -292,25 +291,18 @@ fn show(run: &RunFolder) -> Outcome {
 fn show_transients(run: &RunFolder) -> Outcome {
     let mut table =
         table(&["set-up", "experiment", "kind", "largest |x|\n(mm)", "RMS of x\n(mm)", "impacts", "ζ", "f (Hz)"]);
-    for batch in run.transients().map_err(Failure::failed)? {
-        let text = |name| texts(&batch, name).map_err(Failure::failed);
-        let number = |name| numbers(&batch, name).map_err(Failure::failed);
-        let (set_ups, experiments, kinds) = (text("set_up")?, text("experiment")?, text("kind")?);
-        let (peak, rms, impacts) = (number("max_abs_x_m")?, number("rms_x_m")?, number("impacts")?);
-        let (zeta, frequency) = (number("damping_ratio")?, number("frequency_hz")?);
-        let shown = |value: f64, digits: usize| if value.is_nan() { "–".into() } else { format!("{value:.digits$}") };
-        for i in 0..batch.num_rows() {
-            table.add_row([
-                set_ups[i].clone(),
-                experiments[i].clone(),
-                kinds[i].clone(),
-                shown(1e3 * peak[i], 3),
-                shown(1e3 * rms[i], 3),
-                shown(impacts[i], 0),
-                shown(zeta[i], 5),
-                shown(frequency[i], 4),
-            ]);
-        }
+    let shown = |value: f64, digits: usize| if value.is_nan() { "–".into() } else { format!("{value:.digits$}") };
+    for row in run.transient_rows().map_err(Failure::failed)? {
+        table.add_row([
+            row.set_up,
+            row.experiment,
+            row.kind,
+            shown(1e3 * f64::from(row.max_abs_x_m), 3),
+            shown(1e3 * f64::from(row.rms_x_m), 3),
+            row.impacts.to_string(),
+            shown(row.damping_ratio, 5),
+            shown(row.frequency_hz, 4),
+        ]);
     }
     if table.row_count() > 0 {
         say!("{table}");

@@ -23,7 +23,7 @@ use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::{Durations, FORMAT, MANIFEST, Manifest};
 use crate::run_folder::schema::results::{self, RESULTS, ResultRow};
 use crate::run_folder::schema::samples::{JOINED, PARTS};
-use crate::run_folder::schema::transients::{self, TRANSIENTS};
+use crate::run_folder::schema::transients::{self, TRANSIENTS, TransientRow};
 
 /// A run folder.
 #[derive(Clone, Debug)]
@@ -170,11 +170,7 @@ impl RunFolder {
     /// # Errors
     /// When the file is damaged.
     pub fn result_rows(&self) -> Result<Vec<ResultRow>, ReadError> {
-        if let Some(state) = self.unfinished() {
-            return Ok(state.rows_by_experiment());
-        }
-        let batches = read(&self.path.join(RESULTS))?.map(|batch| results::rows(&batch?));
-        Ok(batches.collect::<Result<Vec<_>, ReadError>>()?.concat())
+        Ok(self.results()?.iter().map(results::rows).collect::<Result<Vec<_>, _>>()?.concat())
     }
 
     /// The results of records, pulses and free vibrations; nothing when there are none.
@@ -187,6 +183,14 @@ impl RunFolder {
         }
         let path = self.path.join(TRANSIENTS);
         if path.exists() { read(&path)?.collect() } else { Ok(Vec::new()) }
+    }
+
+    /// The results of records, pulses and free vibrations as rows.
+    ///
+    /// # Errors
+    /// When the file is damaged.
+    pub fn transient_rows(&self) -> Result<Vec<TransientRow>, ReadError> {
+        Ok(self.transients()?.iter().map(transients::rows).collect::<Result<Vec<_>, _>>()?.concat())
     }
 
     /// The impacts that the device reported; nothing when there are none.

@@ -15,4 +15,5 @@ pub mod segment_id;
 pub mod self_description;
 pub mod set_up_parameters;
 pub mod stream_sums;
+mod table_rows;
 pub mod transients;

@@ -6,13 +6,12 @@ use arrow_array::RecordBatch;
 use arrow_schema::Metadata;
 use damprig_core::measure::steadiness::Steadiness;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value as Json};
+use serde_json::{Value as Json, json};
 
-use super::json_float;
+use super::{json_float, table_rows};
 use crate::quantity::Quantity;
 use crate::storage::ReadError;
 use crate::table::TableBuilder;
-use crate::table::values::{Value, values};
 
 /// The file's name in a run folder.
 pub const RESULTS: &str = "results.parquet";
@@ -45,7 +44,7 @@ pub struct ResultRow {
     #[serde(default)]
     pub sensors_clipped: String,
     /// Clearance, m; NaN without a particle.
-    #[serde(with = "json_float", default)]
+    #[serde(with = "json_float")]
     pub clearance_m: f64,
     /// Lock-in amplitude of the structure, m.
     #[serde(with = "json_float")]
@@ -180,46 +179,54 @@ pub fn table(rows: &[ResultRow]) -> Result<RecordBatch, String> {
         .finish(Metadata::new())
 }
 
-/// The rows of a table that [`table`] made, or an earlier version: columns that it lacks have their defaults.
+/// The rows of a table that [`table`] or an earlier version made. Without its column the clearance is that of the table's ratio.
 ///
 /// # Errors
 /// A table that lacks a column that every version wrote, or has one of another type.
 pub fn rows(batch: &RecordBatch) -> Result<Vec<ResultRow>, ReadError> {
-    let schema = batch.schema();
-    let mut columns = Vec::new();
-    for (field, array) in schema.fields().iter().zip(batch.columns()) {
-        let name = field.name();
-        let values = values(array)
-            .ok_or_else(|| ReadError(format!("column `{name}` of a table has the type {}", array.data_type())))?;
-        columns.push((name.as_str(), values));
-    }
-    // A row's fields have the names of its columns, and the journal's texts of numbers.
-    let row = |n: usize| {
-        let fields = columns.iter().map(|(name, values)| ((*name).to_string(), json(&values[n])));
-        let mut fields: Map<String, Json> = fields.collect();
+    table_rows::rows(batch, |fields| {
         let number = |own: Quantity| fields.get(own.name()).and_then(Json::as_f64).unwrap_or(f64::NAN);
         let clearance_m = number(Quantity::ActualDOverZ) * number(Quantity::ZAmplitudeM);
-        let is_steady = fields.get(Quantity::Steady.name()) == Some(&Json::Bool(true));
-        let steadiness = match fields.remove(Quantity::Steadiness.name()) {
+        let steadiness = match fields.get(Quantity::Steadiness.name()) {
             Some(text) => steadiness_of(text.as_str().unwrap_or_default()),
-            None if is_steady => Steadiness::Steady,
+            // Older runs have only the column `steady`.
+            None if fields.get(Quantity::Steady.name()) == Some(&Json::Bool(true)) => Steadiness::Steady,
             None => Steadiness::NotSteady,
         };
-        let row: ResultRow = serde_json::from_value(Json::Object(fields))
-            .map_err(|error| ReadError(format!("a table of results: {error}")))?;
-        Ok(ResultRow { clearance_m, steadiness, ..row })
-    };
-    (0..batch.num_rows()).map(row).collect()
+        fields.insert("clearance_m".into(), table_rows::number(clearance_m));
+        fields.insert("steadiness".into(), json!(steadiness));
+    })
 }
 
-fn json(value: &Value) -> Json {
-    match value {
-        Value::Text(text) => Json::from(text.as_str()),
-        Value::F64(_) | Value::F32(_) => {
-            let number = value.number().unwrap_or(f64::NAN);
-            serde_json::Number::from_f64(number).map_or_else(|| Json::from(number.to_string()), Json::Number)
-        }
-        Value::U64(count) => Json::from(*count),
-        Value::Bool(flag) => Json::from(*flag),
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rows_of_a_table_are_those_that_it_was_made_of() {
+        let point = ResultRow {
+            set_up: "a".into(),
+            experiment: "e".into(),
+            frequency_hz: 2.4,
+            z_amplitude_m: 4e-4,
+            mean_cycle_max_m: 0.012_345,
+            x_amplitude_m: 0.012,
+            phase_rad: -1.57,
+            drive_saturated: true,
+            sensors_clipped: "x".into(),
+            clearance_m: 4e-3,
+            d_over_z: 10.0,
+            steadiness: Steadiness::Stationary,
+            cycles: 20,
+            end_tick: 9_000,
+            segment: 2,
+            ..ResultRow::default()
+        };
+        let bare = ResultRow { clearance_m: f64::NAN, d_over_z: f64::NAN, interval: f32::INFINITY, ..point.clone() };
+        let read = rows(&table(&[point.clone(), bare.clone()]).unwrap()).unwrap();
+        // The clearance is computed from its ratio.
+        assert!((read[0].clearance_m / 4e-3 - 1.0).abs() < 1e-15);
+        assert_eq!(ResultRow { clearance_m: 4e-3, ..read[0].clone() }, point);
+        assert_eq!(format!("{:?}", read[1]), format!("{bare:?}"));
     }
 }

@@ -4,8 +4,9 @@ use arrow_array::RecordBatch;
 use arrow_schema::Metadata;
 use serde::{Deserialize, Serialize};
 
-use super::json_float;
+use super::{json_float, table_rows};
 use crate::quantity::Quantity;
+use crate::storage::ReadError;
 use crate::table::TableBuilder;
 
 /// The file's name in a run folder.
@@ -129,4 +130,12 @@ pub fn table(rows: &[TransientRow]) -> Result<RecordBatch, String> {
         .column(Quantity::PointIndex, |r| r.point_index)
         .column(Quantity::Segment, |r| r.segment)
         .finish(Metadata::new())
+}
+
+/// The rows of a table that [`table`] or an earlier version made.
+///
+/// # Errors
+/// A table that lacks a column that every version wrote, or has one of another type.
+pub fn rows(batch: &RecordBatch) -> Result<Vec<TransientRow>, ReadError> {
+    table_rows::rows(batch, |_| {})
 }
