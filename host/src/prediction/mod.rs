@@ -31,7 +31,7 @@ use crate::campaign::transient::two_digits_down;
 use crate::campaign::{AroundPeak, Campaign, CampaignSetUp, Start, SteppedSine};
 use crate::input::{Problem, Refusal};
 use transient::Expected;
-use watch::MotionWatch;
+use watch::WatchedMotion;
 pub use watch::contact_s;
 
 /// The largest displacement of a set-up, over several starts of its particle where the start is not known.
@@ -389,11 +389,10 @@ fn simulate(
     for &frequency_hz in &experiment.frequencies_hz {
         let steps = steps_per_period(set_up, frequency_hz);
         let step_s = 1.0 / (frequency_hz * steps);
-        let units = Units::metres(step_s);
-        let mut motion = match carried.take() {
-            Some(before) => before.counted_in(&model, units)?,
-            None => Joined::joined(&model, units, &initial)?,
-        };
+        let mut watched = WatchedMotion::new(&model, step_s, &initial, detection)?;
+        if let Some(before) = carried.take() {
+            watched.motion = before.counted_in(&model, Units::metres(step_s))?;
+        }
         let [settle_steps, dwell_steps] = whole_cycles(experiment, frequency_hz).map(|cycles| cycles * steps);
         let wanted = (settle_steps + dwell_steps) as u64;
         let count = wanted.min(most_steps);
@@ -401,7 +400,6 @@ fn simulate(
             let predicted_s = count as f64 * step_s;
             largest.predicted_s = Some(largest.predicted_s.map_or(predicted_s, |least| least.min(predicted_s)));
         }
-        let mut watch = MotionWatch::new(detection, model.structure.mass_kg, step_s);
         let mut maxima = CycleMaxima::new(settle_steps, steps);
         let at = |step: u64| {
             let angle = TAU * (step as f64 % steps) / steps;
@@ -410,9 +408,8 @@ fn simulate(
         let mut start = at(0);
         for step in 0..count {
             let end = at(step + 1);
-            motion.step_observed(&BaseSegment::hermite(start.0, end.0, start.1, end.1), &mut watch);
+            let x = watched.step(&BaseSegment::hermite(start.0, end.0, start.1, end.1));
             start = end;
-            let x = watch.end_step(motion.state().x);
             maxima.push(step + 1, x);
             if step as f64 >= settle_steps {
                 dwell_max_x_m = dwell_max_x_m.max(x);
@@ -422,9 +419,9 @@ fn simulate(
             }
         }
         points.extend(maxima.mean_m().map(|x_m| (frequency_hz, x_m / base_amplitude_m)));
-        largest.wall_force_n = largest.wall_force_n.max(watch.largest_force_n);
+        largest.wall_force_n = largest.wall_force_n.max(watched.watch.largest_force_n);
         if experiment.start == Start::CarryOver {
-            carried = Some(motion);
+            carried = Some(watched.motion);
         }
     }
     Ok(Simulated { swing: largest, points, dwell_max_x_m })

@@ -5,13 +5,12 @@
 //! at which |x| has fallen below nine tenths of x0. Impacts are counted as the device counts them (`watch`).
 
 use damprig_core::integrator::base::BaseSegment;
-use damprig_core::integrator::sampled::{Joined, Sampled};
-use damprig_core::integrator::units::Units;
+use damprig_core::integrator::sampled::Sampled;
 use damprig_core::io::{Invalid, TICK_HZ};
 use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::model::Initial;
 
-use super::watch::MotionWatch;
+use super::watch::WatchedMotion;
 use super::{USABLE, tries};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, FreeVibration, Kind, Playback};
 use crate::input::{Problem, Refusal};
@@ -100,19 +99,25 @@ const MOST_STEPS: u64 = 400_000;
 /// Share of x0 below which |x| has to fall for the release to be detected (`control::transient::free_vibration`).
 const RELEASED: f64 = 0.9;
 
-/// Sums over the steps of a motion.
-#[derive(Default)]
-struct Watched {
+/// A motion with sums over its steps.
+struct Summed {
+    watched: WatchedMotion,
+    step_s: f64,
     outlook: Outlook,
     steps: u64,
     squares: f64,
     relative: f64,
 }
 
-impl Watched {
-    /// Takes the end of a step, and the largest |x| in it.
-    fn see(&mut self, x: f64, max_abs_x_m: f64, z: f64) {
-        let out = &mut self.outlook;
+impl Summed {
+    fn new(watched: WatchedMotion, step_s: f64) -> Self {
+        Self { watched, step_s, outlook: Outlook::default(), steps: 0, squares: 0.0, relative: 0.0 }
+    }
+
+    /// Makes a step, which ends at `z` of the base.
+    fn step(&mut self, base: &BaseSegment<f64>, z: f64) {
+        let max_abs_x_m = self.watched.step(base);
+        let (x, out) = (self.watched.x_m(), &mut self.outlook);
         out.max_abs_x_m = out.max_abs_x_m.max(max_abs_x_m);
         out.max_abs_z_m = out.max_abs_z_m.max(z.abs());
         out.max_abs_x_minus_z_m = out.max_abs_x_minus_z_m.max((x - z).abs());
@@ -121,15 +126,25 @@ impl Watched {
         self.steps += 1;
     }
 
+    /// Follows the motion for `time_s` over a base at rest.
+    fn rest(&mut self, time_s: f64) {
+        for _ in 0..(time_s / self.step_s).round() as u64 {
+            if self.is_full() {
+                break;
+            }
+            self.step(&BaseSegment::at_rest(0.0), 0.0);
+        }
+    }
+
     /// Whether the bound on the work is reached.
     fn is_full(&self) -> bool {
         self.steps >= MOST_STEPS
     }
 
-    /// The sums over a motion of `wanted_s` in steps of `step_s`.
-    fn over(self, watch: &MotionWatch, step_s: f64, wanted_s: f64) -> Outlook {
+    /// The sums over a motion of `wanted_s`.
+    fn over(self, wanted_s: f64) -> Outlook {
         let rms = |sum: f64| (sum / self.steps.max(1) as f64).sqrt();
-        let predicted_s = self.steps as f64 * step_s;
+        let (predicted_s, watch) = (self.steps as f64 * self.step_s, &self.watched.watch);
         Outlook {
             rms_x_m: rms(self.squares),
             rms_x_minus_z_m: rms(self.relative),
@@ -157,7 +172,8 @@ fn played(set_up: &CampaignSetUp, playback: &Playback, detection: &ImpactConfig)
     let interval_s = 1.0 / playback.sample_rate_hz;
     let parts = parts(set_up, interval_s)?;
     let (share, step_s) = (1.0 / f64::from(parts), interval_s / f64::from(parts));
-    let mut motion = Joined::<f64>::joined(&set_up.model(), Units::metres(step_s), &at_rest(set_up, 0.0))?;
+    let mut summed =
+        Summed::new(WatchedMotion::new(&set_up.model(), step_s, &at_rest(set_up, 0.0), detection)?, step_s);
     let scale = f64::from(playback.scale_m());
     let counts: Vec<f64> =
         playback.bytes().as_chunks::<2>().0.iter().map(|two| scale * f64::from(i16::from_le_bytes(*two))).collect();
@@ -170,15 +186,13 @@ fn played(set_up: &CampaignSetUp, playback: &Playback, detection: &ImpactConfig)
         gain * gain * (3.0 - 2.0 * gain)
     };
     let at = |n: i64| usize::try_from(n).ok().and_then(|n| counts.get(n)).copied().unwrap_or(0.0);
-    let mut watched = Watched::default();
-    let mut watch = MotionWatch::new(detection, set_up.model().structure.mass_kg, step_s);
     for node in -2..=count {
         let rate = |n: i64| 0.5 * (at(n + 1) - at(n - 1));
         let whole = BaseSegment::hermite(at(node), at(node + 1), rate(node), rate(node + 1)).0;
         let value = |t: f64| whole[0] + t * (whole[1] + t * (whole[2] + t * whole[3]));
         let slope = |t: f64| share * (whole[1] + t * (2.0 * whole[2] + t * 3.0 * whole[3]));
         for part in 0..parts {
-            if watched.is_full() {
+            if summed.is_full() {
                 break;
             }
             let (from, to) = (f64::from(part) * share, f64::from(part + 1) * share);
@@ -194,44 +208,28 @@ fn played(set_up: &CampaignSetUp, playback: &Playback, detection: &ImpactConfig)
             } else {
                 BaseSegment::hermite(z0, z1, slope(from), slope(to))
             };
-            motion.step_observed(&segment, &mut watch);
-            let max_abs_x_m = watch.end_step(motion.state().x);
-            watched.see(motion.state().x, max_abs_x_m, z1);
+            summed.step(&segment, z1);
         }
     }
-    rest(&mut motion, playback.tail_s / step_s, &mut watched, &mut watch);
-    Ok(watched.over(&watch, step_s, length_s + playback.tail_s))
-}
-
-/// The motion over a base at rest.
-fn rest(motion: &mut Joined<f64>, steps: f64, watched: &mut Watched, watch: &mut MotionWatch) {
-    for _ in 0..steps.round() as u64 {
-        if watched.is_full() {
-            break;
-        }
-        motion.step_observed(&BaseSegment::at_rest(0.0), watch);
-        let max_abs_x_m = watch.end_step(motion.state().x);
-        watched.see(motion.state().x, max_abs_x_m, 0.0);
-    }
+    summed.rest(playback.tail_s);
+    Ok(summed.over(length_s + playback.tail_s))
 }
 
 fn released(set_up: &CampaignSetUp, free: &FreeVibration, detection: &ImpactConfig) -> Result<Outlook, Invalid> {
     let parts = parts(set_up, STEP_S)?;
     let step_s = STEP_S / f64::from(parts);
-    let mut motion = Joined::<f64>::joined(&set_up.model(), Units::metres(step_s), &at_rest(set_up, free.start_m))?;
-    let mut watched = Watched::default();
-    let mut watch = MotionWatch::new(detection, set_up.model().structure.mass_kg, step_s);
+    let mut watched = WatchedMotion::new(&set_up.model(), step_s, &at_rest(set_up, free.start_m), detection)?;
     // The release is detected, and the measurement begins, when |x| has fallen this far. A structure that sticks is never
     // released.
     let mut steps_before = 0;
-    while motion.state().x.abs() >= RELEASED * free.start_m.abs() && steps_before < MOST_STEPS {
-        motion.step_observed(&BaseSegment::at_rest(0.0), &mut watch);
-        watch.end_step(motion.state().x);
+    while watched.x_m().abs() >= RELEASED * free.start_m.abs() && steps_before < MOST_STEPS {
+        watched.step(&BaseSegment::at_rest(0.0));
         steps_before += 1;
     }
-    watch.restart_count();
-    rest(&mut motion, free.measure_s / step_s, &mut watched, &mut watch);
-    let mut outlook = watched.over(&watch, step_s, free.measure_s);
+    watched.watch.restart_count();
+    let mut summed = Summed::new(watched, step_s);
+    summed.rest(free.measure_s);
+    let mut outlook = summed.over(free.measure_s);
     outlook.max_abs_x_m = outlook.max_abs_x_m.max(free.start_m.abs());
     Ok(outlook)
 }

@@ -6,13 +6,50 @@
 
 use std::f64::consts::PI;
 
+use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::Sign;
 use damprig_core::integrator::polynomial::{Polynomial, derivative_increment, increment};
-use damprig_core::integrator::sampled::{Flight, Impact, Observer};
+use damprig_core::integrator::sampled::{Flight, Impact, Joined, Observer};
+use damprig_core::integrator::units::Units;
+use damprig_core::io::Invalid;
 use damprig_core::measure::impacts::ImpactConfig;
+use damprig_core::model::{Initial, SetUp};
 use damprig_simulator::plant::walls::WallSensors;
 
 use crate::settings::number_of;
+
+/// A set-up in motion, stepped by the sampled integrator under its watch.
+pub(super) struct WatchedMotion {
+    pub(super) motion: Joined<f64>,
+    pub(super) watch: MotionWatch,
+}
+
+impl WatchedMotion {
+    /// `set_up` in steps of `step_s` from `initial`.
+    ///
+    /// # Errors
+    /// Names a parameter that the integrator cannot take.
+    pub(super) fn new(
+        set_up: &SetUp,
+        step_s: f64,
+        initial: &Initial,
+        detection: &ImpactConfig,
+    ) -> Result<Self, Invalid> {
+        let motion = Joined::joined(set_up, Units::metres(step_s), initial)?;
+        Ok(Self { motion, watch: MotionWatch::new(detection, set_up.structure.mass_kg, step_s) })
+    }
+
+    /// Makes a step; gives the largest |x| in it, m.
+    pub(super) fn step(&mut self, base: &BaseSegment<f64>) -> f64 {
+        self.motion.step_observed(base, &mut self.watch);
+        self.watch.end_step(self.motion.state().x)
+    }
+
+    /// x, m.
+    pub(super) fn x_m(&self) -> f64 {
+        self.motion.state().x
+    }
+}
 
 /// Steps of the search for a turning point: halving brings it to the last bit.
 const HALVINGS: u32 = 50;
