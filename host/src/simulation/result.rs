@@ -82,7 +82,8 @@ pub struct Summary {
 
 impl Summary {
     /// The summary of a run of `simulated_s` whose event search was given up `unresolved` times.
-    pub(super) fn of(response: &Response, simulated_s: f64, unresolved: u32) -> Self {
+    #[must_use]
+    pub fn of(response: &Response, simulated_s: f64, unresolved: u32) -> Self {
         let steady = response.steady_m();
         let contact = response.first_contact();
         Self {

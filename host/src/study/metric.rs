@@ -1,6 +1,5 @@
 //! The quantities that a study computes at each point, and what each needs.
 
-use damprig_core::integrator::exact::response::Response;
 use damprig_core::integrator::exact::{Excitation, Observer};
 
 use crate::input::key::names;
@@ -8,6 +7,7 @@ use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::simulation::analysis::{Analysis, MotionKind};
 use crate::simulation::many_particles::SpheresFigures;
+use crate::simulation::result::Summary;
 
 /// The metrics of a study, as keys list them.
 pub const METRICS: [Quantity; 14] = [
@@ -73,29 +73,15 @@ pub fn refusal(metric: Quantity, case: &Case) -> Option<&'static str> {
     }
 }
 
-/// Results of the counted part of one simulation; not a number where there is none.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Results of the counted part of one simulation.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Figures {
-    /// Mean of the cycles' largest |x|, m.
-    pub mean_cycle_max_m: f64,
-    /// Largest of them, m.
-    pub largest_cycle_max_m: f64,
-    /// Largest |x|, m.
-    pub max_abs_x_m: f64,
-    /// Largest |x − z|, m.
-    pub max_abs_x_minus_z_m: f64,
-    /// RMS of x, m.
-    pub rms_x_m: f64,
-    /// Impacts.
-    pub impacts: f64,
+    /// Its summary; steady cycles are the counted ones.
+    pub summary: Summary,
     /// Counted cycles, with their fraction.
     pub cycles: f64,
-    /// Largest force of a soft wall, N.
-    pub peak_contact_force_n: f64,
-    /// Loss factor of a many-particle damper.
-    pub loss_factor: f64,
-    /// Collective motion of its spheres.
-    pub collective_motion: f64,
+    /// What a many-particle damper has besides.
+    pub spheres: Option<SpheresFigures>,
 }
 
 /// Period and largest multiplier of a case's motion after its transient.
@@ -127,41 +113,26 @@ impl Periodicity {
 }
 
 impl Figures {
-    /// Of the response of a run over this number of cycles, and what a many-particle damper has besides.
-    pub(super) fn of(response: &Response, cycles: f64, spheres: Option<&SpheresFigures>) -> Self {
-        let (largest_cycle_max_m, mean_cycle_max_m) = response.steady_m().unwrap_or((f64::NAN, f64::NAN));
-        Self {
-            mean_cycle_max_m,
-            largest_cycle_max_m,
-            max_abs_x_m: response.max_abs_x_m(),
-            max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
-            rms_x_m: response.rms_x_m(),
-            impacts: response.impact_count() as f64,
-            cycles,
-            // A soft wall that was never touched has exerted no force.
-            peak_contact_force_n: response.peak_contact_force_n().unwrap_or(0.0),
-            loss_factor: spheres.map_or(f64::NAN, SpheresFigures::loss_factor),
-            collective_motion: spheres.map_or(f64::NAN, SpheresFigures::collective_motion),
-        }
-    }
-
     /// The value of a metric, not a number if there is none. `reference_m`: Z, P/k or x0.
     #[must_use]
     pub fn value(&self, metric: Quantity, reference_m: f64, periodicity: Option<&Periodicity>) -> f64 {
+        let Self { summary, cycles, spheres } = self;
+        let mean_cycle_max_m = summary.steady_mean_cycle_max_abs_x_m.unwrap_or(f64::NAN);
         match metric {
-            Quantity::XOverZ => self.mean_cycle_max_m / reference_m,
-            Quantity::MaxXOverZ => self.max_abs_x_m / reference_m,
-            Quantity::RmsOverZ => self.rms_x_m / reference_m,
-            Quantity::MeanCycleMaxM => self.mean_cycle_max_m,
-            Quantity::MaxAbsXM => self.max_abs_x_m,
-            Quantity::MaxAbsXMinusZM => self.max_abs_x_minus_z_m,
-            Quantity::RmsXM => self.rms_x_m,
-            Quantity::CycleSpread => self.largest_cycle_max_m / self.mean_cycle_max_m - 1.0,
-            Quantity::ImpactsPerCycle => self.impacts / self.cycles,
-            Quantity::PeakContactForceN => self.peak_contact_force_n,
+            Quantity::XOverZ => mean_cycle_max_m / reference_m,
+            Quantity::MaxXOverZ => summary.max_abs_x_m / reference_m,
+            Quantity::RmsOverZ => summary.rms_x_m / reference_m,
+            Quantity::MeanCycleMaxM => mean_cycle_max_m,
+            Quantity::MaxAbsXM => summary.max_abs_x_m,
+            Quantity::MaxAbsXMinusZM => summary.max_abs_x_minus_z_m,
+            Quantity::RmsXM => summary.rms_x_m,
+            Quantity::CycleSpread => summary.steady_max_abs_x_m.unwrap_or(f64::NAN) / mean_cycle_max_m - 1.0,
+            Quantity::ImpactsPerCycle => summary.impact_count as f64 / cycles,
+            // A soft wall that was never touched has exerted no force.
+            Quantity::PeakContactForceN => summary.peak_contact_force_n.unwrap_or(0.0),
             Quantity::PeriodCycles => periodicity.map_or(f64::NAN, |found| found.period_cycles),
-            Quantity::LossFactor => self.loss_factor,
-            Quantity::CollectiveMotion => self.collective_motion,
+            Quantity::LossFactor => spheres.as_ref().map_or(f64::NAN, SpheresFigures::loss_factor),
+            Quantity::CollectiveMotion => spheres.as_ref().map_or(f64::NAN, SpheresFigures::collective_motion),
             Quantity::LargestMultiplier => periodicity.map_or(f64::NAN, |found| found.largest_multiplier),
             // Not one of METRICS.
             _ => f64::NAN,

@@ -3,11 +3,11 @@
 use damprig_core::integrator::exact::Exact;
 use damprig_core::integrator::exact::response::Wanted;
 use damprig_motion::stop::{Stop, response_from};
-use damprig_particles::Damper;
 
 use super::metric::{self, Figures, Periodicity};
 use crate::input::Refusal;
 use crate::quantity::Quantity;
+use crate::simulation::result::Summary;
 use crate::simulation::{Case, RunOptions, cost, many_particles, simulate};
 
 /// Asked now and then, also inside a simulation, whether to go on.
@@ -106,10 +106,10 @@ pub fn metrics_of_all(
 }
 
 fn metrics_of(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoOn) -> Result<Simulated, Halt> {
-    let (figures, given_up) = figures(case, record, metrics, go_on)?;
+    let figures = figures(case, record, metrics, go_on)?;
     let needs_analysis = metrics.iter().any(|metric| metric::needs_analysis(*metric));
     let periodicity = if needs_analysis { Some(periodicity(case, record, go_on)?) } else { None };
-    Ok((values(case, &figures, metrics, periodicity.as_ref()), given_up))
+    Ok((values(case, &figures, metrics, periodicity.as_ref()), f64::from(figures.summary.unresolved)))
 }
 
 fn values(case: &Case, figures: &Figures, metrics: &[Quantity], periodicity: Option<&Periodicity>) -> Vec<f64> {
@@ -117,45 +117,32 @@ fn values(case: &Case, figures: &Figures, metrics: &[Quantity], periodicity: Opt
     metrics.iter().map(|metric| figures.value(*metric, reference_m, periodicity)).collect()
 }
 
-/// Simulates a case; also how often the event search was given up.
-fn figures(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoOn) -> Result<(Figures, f64), Halt> {
+/// Simulates a case.
+fn figures(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoOn) -> Result<Figures, Halt> {
+    let invalid = |invalid: damprig_core::io::Invalid| Refusal(invalid.to_string());
+    let counted = Counted::of(case, record);
+    let (first_cycle, end_s) = (counted.first_cycle as u64, counted.end_s);
+    let of = |summary, spheres| Figures { summary, cycles: counted.cycles(), spheres };
     if let Some(damper) = &case.many_particles {
-        return figures_of_spheres(case, damper, record, go_on);
+        let simulated = many_particles::counted(case, damper, first_cycle, end_s, go_on).map_err(invalid)?;
+        let (response, spheres) = simulated.ok_or(Halt::Stopped)?;
+        return Ok(of(Summary::of(&response, end_s, 0), Some(spheres)));
     }
     if case.record.is_some() {
         return figures_on_record(case, go_on);
     }
-    let invalid = |invalid: damprig_core::io::Invalid| Refusal(invalid.to_string());
-    let counted = Counted::of(case, record);
     let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial).map_err(invalid)?;
     let from_s = counted.first_cycle * counted.cycle_s;
-    let first_cycle = counted.first_cycle as u64;
     let wanted = Wanted {
         cycle_s: Some(counted.cycle_s),
         steady_from_cycle: Some(first_cycle),
         whole_run: metrics.iter().any(|metric| metric::needs_whole_run(*metric)),
     };
-    let response =
-        response_from(&mut motion, (first_cycle, from_s), counted.end_s, wanted, go_on).ok_or(Halt::Stopped)?;
-    let figures = Figures::of(&response, counted.cycles(), None);
-    Ok((figures, f64::from(motion.unresolved())))
+    let response = response_from(&mut motion, (first_cycle, from_s), end_s, wanted, go_on).ok_or(Halt::Stopped)?;
+    Ok(of(Summary::of(&response, end_s, motion.unresolved()), None))
 }
 
-fn figures_of_spheres(
-    case: &Case,
-    damper: &Damper,
-    record: Option<Record>,
-    go_on: GoOn,
-) -> Result<(Figures, f64), Halt> {
-    let times = Counted::of(case, record);
-    let (response, spheres) = many_particles::counted(case, damper, times.first_cycle as u64, times.end_s, go_on)
-        .map_err(|invalid| Refusal(invalid.to_string()))?
-        .ok_or(Halt::Stopped)?;
-    let figures = Figures::of(&response, times.cycles(), Some(&spheres));
-    Ok((figures, 0.0))
-}
-
-fn figures_on_record(case: &Case, go_on: GoOn) -> Result<(Figures, f64), Halt> {
+fn figures_on_record(case: &Case, go_on: GoOn) -> Result<Figures, Halt> {
     let invalid = |invalid: damprig_core::io::Invalid| Refusal(invalid.to_string());
     let mut goes_on = |_: f64| go_on();
     let longest_part_s = cost::longest_part_s(case, None).map_err(invalid)?;
@@ -164,20 +151,7 @@ fn figures_on_record(case: &Case, go_on: GoOn) -> Result<(Figures, f64), Halt> {
     if result.stopped_at_s.is_some() {
         return Err(Halt::Stopped);
     }
-    let summary = result.summary;
-    let figures = Figures {
-        mean_cycle_max_m: f64::NAN,
-        largest_cycle_max_m: f64::NAN,
-        max_abs_x_m: summary.max_abs_x_m,
-        max_abs_x_minus_z_m: summary.max_abs_x_minus_z_m,
-        rms_x_m: summary.rms_x_m,
-        impacts: summary.impact_count as f64,
-        cycles: case.run.duration_s / case.cycle_s(),
-        peak_contact_force_n: summary.peak_contact_force_n.unwrap_or(0.0),
-        loss_factor: f64::NAN,
-        collective_motion: f64::NAN,
-    };
-    Ok((figures, f64::from(summary.unresolved)))
+    Ok(Figures { summary: result.summary, cycles: case.run.duration_s / case.cycle_s(), spheres: None })
 }
 
 fn periodicity(case: &Case, record: Option<Record>, go_on: GoOn) -> Result<Periodicity, Halt> {
