@@ -10,8 +10,8 @@ use crate::host_time;
 use crate::prediction::Predicted;
 use crate::report::figures::campaign::{self as figures, PlottedPoint};
 use crate::report::figures::peak_motion::draw as draw_motions;
-use crate::report::figures::{Breadth, FigureError, Picture};
 use crate::report::page::page;
+use crate::report::plot::{Breadth, FigureError, Picture};
 use crate::run_folder::checksum;
 use crate::run_folder::journal::{Begin, CopiedFile, Ended, Entry, Journal, Withdrawn};
 use crate::run_folder::read::folder::id_of;
@@ -171,11 +171,11 @@ impl<'a> RecordedRun<'a> {
         manifest.ending = reason.map_or(Ending::Complete, |reason| Ending::Incomplete { reason });
         let path = self.folder.path();
         let source = source_of(&RunFolder::with_manifest(path, manifest.clone()).id(), &manifest);
-        let write = |picture: Picture, stem: &str| picture.of_source(&source)?.write(path, stem);
+        let write = |picture: Picture, stem: &str| picture.of_source(&source).write(path, stem);
         let has_sines = self.campaign.experiments.iter().any(|e| e.stepped_sine().is_some());
         let drawn = if has_sines {
             let points: Vec<PlottedPoint> = rows.iter().map(PlottedPoint::from).collect();
-            figures::response(self.campaign, &points, None, Breadth::Broad).and_then(|picture| write(picture, "figure"))
+            write(figures::response(self.campaign, &points, None, Breadth::Broad), "figure")
         } else {
             Ok(())
         };

@@ -245,13 +245,13 @@ def test_ticks_and_colours_are_those_of_the_report(still, open_page):
         empty: around([], true), minus: linearLabels([-10, 0, 10]),
         short: logLabels(logTicks(1.1, 1.9).major), small: linearLabels(linearTicks(0.9, 2.9, 2)) };
     }""")
-    # The examples of the tests in figures/axis.rs.
+    # The examples of the tests in plot/axis.rs.
     assert ticks["log"] == [1, 2, 5, 10, 20, 50, 100]
     assert ticks["linear"] == ["2.0", "2.2", "2.4", "2.6", "2.8", "3.0"]
     assert ticks["half"] == ["0.5"] and ticks["empty"] == [0.5, 2] and ticks["minus"] == ["−10", "0", "10"]
     # Three labels or more, on a logarithmic axis of less than a decade and on a small plot too.
     assert ticks["short"] == ["1.2", "1.4", "1.6", "1.8"] and ticks["small"] == ["1.0", "1.5", "2.0", "2.5"]
-    source = (HOST / "report/figures/mod.rs").read_text()
+    source = (HOST / "report/plot/palette.rs").read_text()
     table = re.findall(r"\(0x(..), 0x(..), 0x(..)\),", source.split("const ALL")[1].split("];")[0])
     curves = page.evaluate("""[...Array(12).keys()].map((i) =>
       getComputedStyle(document.documentElement).getPropertyValue(`--curve-${i}`).trim())""")

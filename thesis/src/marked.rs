@@ -50,7 +50,7 @@ fn figure(catalogue: &Catalogue, published: &Published, results: &Results, item:
     let is_shown = |quantity: &str| quantity == study.objective.name();
     let points: Vec<PublishedPoints> =
         points.into_iter().filter(|(quantity, _)| is_shown(quantity)).map(|(_, points)| points).collect();
-    draw_with(&study, &table, None, &points)?.picture.ok().map(|picture| picture.svg().to_owned())
+    draw_with(&study, &table, None, &points)?.picture.ok().map(|picture| picture.svg())
 }
 
 /// Quantity and points of the values and curves that are compared with a part.

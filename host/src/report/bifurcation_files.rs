@@ -4,8 +4,9 @@ use std::path::Path;
 
 use arrow_array::RecordBatch;
 
-use crate::report::figures::{self, FigureError, Picture, bifurcation as figure, symbols};
+use crate::report::figures::{bifurcation as figure, symbols};
 use crate::report::numbers::significant;
+use crate::report::plot::{self, Picture};
 use crate::run_folder::schema::self_description::DESCRIPTION;
 use crate::run_folder::{own_files, sealed_parquet};
 use crate::simulation::Case;
@@ -43,10 +44,8 @@ pub fn write(
     let bytes = sealed_parquet::bytes(&batch).map_err(Unwritten::of)?;
     own_files::replace(&out.join(TABLE), &bytes).map_err(Unwritten::of)?;
     let reference = || symbols::reference(case);
-    let source = figures::source("bifurcation", &identity);
-    let save = |picture: Result<Picture, FigureError>, stem: &str| {
-        picture.and_then(|drawn| drawn.of_source(&source)?.write(out, stem)).map_err(Unwritten::of)
-    };
+    let source = plot::source("bifurcation", &identity);
+    let save = |picture: Picture, stem: &str| picture.of_source(&source).write(out, stem).map_err(Unwritten::of);
     save(figure::diagram(samples, &symbols::label(&sweep.key, reference), &title(case, sweep)), "bifurcation")?;
     let Some(wanted) = section else { return Ok(None) };
     let distance = |sample: &Sample| (sample.value - wanted).abs();

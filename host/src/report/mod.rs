@@ -1,7 +1,7 @@
 //! Results of runs and simulations for people and other programs: figures, the report page, exports and terminal
 //! text.
 //!
-//! `numbers`, `parameters`, `peak` and `describe` are the lowest layer, then [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
+//! `numbers`, `parameters`, `peak` and `describe` are the lowest layer, then [`plot`], then [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
 //! other. The modules named after files write what a command leaves in its folder.
 
 pub mod bifurcation_files;
@@ -15,5 +15,6 @@ pub mod numbers;
 pub mod page;
 pub mod parameters;
 pub mod peak;
+pub mod plot;
 pub mod study_files;
 pub mod terminal;

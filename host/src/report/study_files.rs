@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use crate::continuation::Found;
 use crate::report::figures::study::{self, StudyFigure};
-use crate::report::figures::{self, FigureError};
 use crate::report::page;
+use crate::report::plot::{self, FigureError};
 use crate::run_folder::{ReadError, StorageError};
 use crate::study::Study;
 use crate::study::data_set::{DataSet, TABLE};
@@ -60,10 +60,10 @@ pub fn write(
     let bytes = store.get(TABLE)?.ok_or_else(|| ReadError(format!("{shown} is missing")))?;
     let table = StudyTable::read(&shown, bytes)?;
     let (overlays, mut undrawn) = overlays(study);
-    let source = figures::source("study", &data_set.manifest().identity);
+    let source = plot::source("study", &data_set.manifest().identity);
     let figures: Vec<StudyFigure> = study::draw(study, &table, best, &overlays)
         .into_iter()
-        .map(|figure| StudyFigure { picture: figure.picture.and_then(|drawn| drawn.of_source(&source)), ..figure })
+        .map(|figure| StudyFigure { picture: figure.picture.map(|drawn| drawn.of_source(&source)), ..figure })
         .collect();
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     for StudyFigure { stem, picture, .. } in &figures {

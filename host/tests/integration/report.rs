@@ -123,7 +123,7 @@ fn repeats_are_points_within_a_band_around_their_mean_and_have_one_headline() {
     for point in drawn_points(&figure).concat() {
         assert!(point[2] < point[1] && point[1] < point[3], "{point:?}");
     }
-    let (band, dot) = ("fill-opacity=\"0.2\" points=", "<circle r=\"2.2\"");
+    let (band, dot) = (" opacity=\"0.2\" points=", "<circle r=\"2.2\"");
     assert_eq!((figure.matches(band).count(), figure.matches(dot).count()), (2, 2 * 3 * 3));
     assert!(figure.contains("repeats, their mean and range") && !figure.contains("95 % interval"));
     let page = page(&folder.path().join("out"));

@@ -12,8 +12,8 @@ use crate::claims::{Judgement, Verdict};
 use crate::compared::{ComparedItem, Comparison, Row};
 use crate::published::Origin;
 use crate::run::command;
-use damprig::report::figures::png_of;
-use damprig::report::page::{document_with_images, without_prolog};
+use damprig::report::page::document_with_images;
+use damprig::report::plot::png_of;
 
 /// Bytes of an SVG above which the page has an image of pixels: a map of many points.
 const MOST_SVG: usize = 100_000;
@@ -187,7 +187,7 @@ fn figure(file: &Path, caption: &str, out: &Path) -> Markup {
     };
     if svg.len() <= MOST_SVG {
         // The drawing escapes its own text.
-        return html! { figure { (PreEscaped(without_prolog(&svg))) (caption) } };
+        return html! { figure { (PreEscaped(svg)) (caption) } };
     }
     match png_of(&svg, PIXELS_PER_POINT) {
         Ok(png) => html! {

@@ -33,8 +33,8 @@ pub(super) fn run(
         }
     }
     let [histories, maxima] = OVERLAYS;
-    case_overlay::histories(&drawn, title).and_then(|p| p.write(folder, histories)).map_err(RunFailure::of)?;
-    case_overlay::cycle_maxima(&drawn, title).and_then(|p| p.write(folder, maxima)).map_err(RunFailure::of)?;
+    case_overlay::histories(&drawn, title).write(folder, histories).map_err(RunFailure::of)?;
+    case_overlay::cycle_maxima(&drawn, title).write(folder, maxima).map_err(RunFailure::of)?;
     Ok(Ending::Complete)
 }
 

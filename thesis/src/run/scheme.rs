@@ -208,8 +208,7 @@ pub(super) fn run(folder: &Path, report: &(dyn Fn(f64) -> bool + Sync)) -> Resul
     };
     let all = CLEARANCE_RATIOS.into_iter().flat_map(|ratio| Variant::SCHEMES.map(|variant| series((ratio, variant))));
     let title = "Free vibration, e = 0.82: the printed scheme against the exact solution";
-    let picture =
-        over_step(all.collect(), title, "time step (s)", "error of the RMS of x (%)").map_err(RunFailure::of)?;
+    let picture = over_step(all.collect(), title, "time step (s)", "error of the RMS of x (%)");
     picture.write(folder, "error").map_err(RunFailure::of)?;
     Ok(Ending::Complete)
 }

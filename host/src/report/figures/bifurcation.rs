@@ -1,111 +1,89 @@
 //! Draws a bifurcation diagram: the sampled cycles over the swept key, up and down; and a Poincaré section.
 
-use plotters::element::{Circle, Rectangle, Text};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, RGBColor};
-
-use super::axis::{Axis, Frame, Scale};
-use super::{Canvas, FigureError, GREY, INK, Picture, note, text};
+use crate::report::plot::axis::{Axis, Frame, Scale};
+use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::palette::{INK, colour};
+use crate::report::plot::svg::{Bounds, Colour, Font};
+use crate::report::plot::traces::{Traces, circle};
+use crate::report::plot::{Picture, TITLE};
 use crate::study::bifurcation::{Direction, Sample};
 
-const WIDTH: i32 = 980;
-const UP: RGBColor = RGBColor(0x00, 0x72, 0xb2);
-const DOWN: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
+const LEFT: f64 = 92.0;
+const RIGHT: f64 = 950.0;
+const WIDTH: f64 = 980.0;
 
 /// The two panels: cycle maxima, and x at drive phase 0.
-const PANELS: [(i32, i32); 2] = [(44, 330), (400, 686)];
-const HEIGHT: i32 = 770;
+const PANELS: [(f64, f64); 2] = [(44.0, 330.0), (400.0, 686.0)];
+const HEIGHT: f64 = 770.0;
+
+/// The frame of a section and the height of its figure.
+const SECTION: (Bounds, f64) = ((LEFT, 44.0, RIGHT, 540.0), 620.0);
+
+/// Sizes of dots, points: of the many of a diagram, and of the few of a section.
+const DOTS: (f64, f64) = (1.0, 2.8);
+
+const DIRECTIONS: [Direction; 2] = [Direction::Up, Direction::Down];
 
 /// A value of a sample, as drawn.
 type Ordinate = fn(&Sample) -> f64;
 
-fn tint(direction: Direction) -> RGBColor {
-    if direction == Direction::Up { UP } else { DOWN }
+fn tint(direction: Direction) -> Colour {
+    if direction == Direction::Up { colour(3) } else { colour(5) }
 }
 
-fn legend(canvas: &Canvas, samples: &[Sample], title: &str, y: i32) -> Result<(), FigureError> {
-    let left = |size: f64, colour: RGBColor| text(size, colour).pos(Pos::new(HPos::Left, VPos::Center));
-    canvas.draw(&Text::new(title.to_string(), (92, y), left(15.0, INK))).map_err(FigureError::of)?;
-    for (place, direction) in [Direction::Up, Direction::Down].into_iter().enumerate() {
-        if samples.iter().any(|sample| sample.direction == direction) {
-            let x = 800 + 80 * place as i32;
-            canvas.draw(&Circle::new((x, y), 4, tint(direction).filled())).map_err(FigureError::of)?;
-            let word = Text::new(direction.name().to_string(), (x + 10, y), left(13.0, GREY));
-            canvas.draw(&word).map_err(FigureError::of)?;
-        }
-    }
-    Ok(())
+fn head(picture: &mut Picture, samples: &[Sample], title: &str) {
+    picture.text(title, (LEFT, 20.0), Font::new(TITLE, INK));
+    let has = |direction: &Direction| samples.iter().any(|sample| sample.direction == *direction);
+    let entry = |direction: Direction| Entry::mark(direction.name(), &circle(4.0, tint(direction).fill())).of_sign();
+    let entries: Vec<Entry> = DIRECTIONS.into_iter().filter(has).map(entry).collect();
+    legend::rows(picture, (790.0, 20.0), WIDTH, &entries);
 }
 
 /// Draws cycle maxima and stroboscopic displacements over the key. `label`: quantity and unit of the key.
-///
-/// # Errors
-/// The drawing library's error.
-pub fn diagram(samples: &[Sample], label: &str, title: &str) -> Result<Picture, FigureError> {
+#[must_use]
+pub fn diagram(samples: &[Sample], label: &str, title: &str) -> Picture {
     let of: [(&str, Ordinate); 2] = [
         ("cycle maximum of |x| (mm)", |sample| sample.cycle_max_m * 1e3),
         ("x at drive phase 0 (mm)", |sample| sample.x_m * 1e3),
     ];
-    let frames: Vec<Frame> = PANELS
-        .into_iter()
-        .zip(of)
-        .map(|((top, bottom), (ordinate, value))| Frame {
+    let mut picture = Picture::new(WIDTH, HEIGHT);
+    head(&mut picture, samples, title);
+    let values = of.iter().flat_map(|(_, value)| samples.iter().map(value));
+    picture.note(LEFT, Scale::Linear.undrawn(values).as_deref());
+    for ((top, bottom), (ordinate, value)) in PANELS.into_iter().zip(of) {
+        let frame = Frame {
             x: Axis::around(label, Scale::Linear, samples.iter().map(|sample| sample.value)),
             y: Axis::around(ordinate, Scale::Linear, samples.iter().map(value)),
-            bounds: (92, top, WIDTH - 30, bottom),
-        })
-        .collect();
-    let picture = Picture::draw(WIDTH as u32, HEIGHT as u32, |canvas| {
-        legend(canvas, samples, title, 20)?;
-        let values = of.iter().flat_map(|(_, value)| samples.iter().map(value));
-        note(canvas, (92, HEIGHT), Scale::Linear.undrawn(values).as_deref())?;
-        frames.iter().try_for_each(|frame| frame.draw(canvas))
-    })?;
-    picture.overlay(|canvas| {
-        for (frame, (_, value)) in frames.iter().zip(of) {
-            dots(canvas, frame, samples.iter().map(|s| ((s.value, value(s)), s.direction)), 5)?;
-        }
-        Ok(())
-    })
+            bounds: (LEFT, top, RIGHT, bottom),
+        };
+        dots(&mut picture, &frame, samples, |sample| (sample.value, value(sample)), DOTS.0);
+    }
+    picture
 }
 
 /// Draws x and x′ at drive phase 0 of the samples at one value.
-///
-/// # Errors
-/// The drawing library's error.
-pub fn section(samples: &[Sample], title: &str) -> Result<Picture, FigureError> {
+#[must_use]
+pub fn section(samples: &[Sample], title: &str) -> Picture {
+    let (bounds, height) = SECTION;
+    let at = |s: &Sample| (s.x_m * 1e3, s.v_m_per_s * 1e3);
     let frame = Frame {
-        x: Axis::around("x at drive phase 0 (mm)", Scale::Linear, samples.iter().map(|s| s.x_m * 1e3)),
-        y: Axis::around("x′ at drive phase 0 (mm/s)", Scale::Linear, samples.iter().map(|s| s.v_m_per_s * 1e3)),
-        bounds: (92, 44, WIDTH - 30, 540),
+        x: Axis::around("x at drive phase 0 (mm)", Scale::Linear, samples.iter().map(|s| at(s).0)),
+        y: Axis::around("x′ at drive phase 0 (mm/s)", Scale::Linear, samples.iter().map(|s| at(s).1)),
+        bounds,
     };
-    let picture = Picture::draw(WIDTH as u32, 620, |canvas| {
-        legend(canvas, samples, title, 20)?;
-        let values = samples.iter().flat_map(|s| [s.x_m * 1e3, s.v_m_per_s * 1e3]);
-        note(canvas, (92, 620), Scale::Linear.undrawn(values).as_deref())?;
-        frame.draw(canvas)
-    })?;
-    picture.overlay(|canvas| {
-        let point = |s: &Sample| ((s.x_m * 1e3, s.v_m_per_s * 1e3), s.direction);
-        dots(canvas, &frame, samples.iter().map(point), 14)
-    })
+    let mut picture = Picture::new(WIDTH, height);
+    head(&mut picture, samples, title);
+    picture.note(LEFT, Scale::Linear.undrawn(samples.iter().flat_map(|s| [at(s).0, at(s).1])).as_deref());
+    dots(&mut picture, &frame, samples, at, DOTS.1);
+    picture
 }
 
-/// Draws squares, each place and colour once: a repeating motion has all its samples at few places.
-fn dots(
-    canvas: &Canvas,
-    frame: &Frame,
-    samples: impl Iterator<Item = ((f64, f64), Direction)>,
-    half: i32,
-) -> Result<(), FigureError> {
-    let mut seen = std::collections::HashSet::new();
-    for ((x, y), direction) in samples.filter(|((x, y), _)| frame.draws(*x, *y)) {
-        let (x, y) = frame.fine_point(x, y);
-        // Places nearer than a quarter of a dot look the same.
-        if seen.insert((x / 3, y / 3, direction.name())) {
-            let corners = [(x - half, y - half), (x + half, y + half)];
-            canvas.draw(&Rectangle::new(corners, tint(direction).mix(0.8).filled())).map_err(FigureError::of)?;
-        }
+/// Draws the samples: a repeating motion has all of them at few places.
+fn dots(picture: &mut Picture, frame: &Frame, samples: &[Sample], at: impl Fn(&Sample) -> (f64, f64), size: f64) {
+    let mut traces = Traces::new(frame);
+    for direction in DIRECTIONS {
+        let own = samples.iter().filter(|sample| sample.direction == direction);
+        traces.squares(own.map(&at), size, tint(direction));
     }
-    Ok(())
+    picture.panel(frame, &traces.svg());
 }

@@ -1,21 +1,23 @@
 //! Draws branches of periodic orbits: the largest |x| over the parameter, stable orbits solid, unstable ones dashed, special
 //! points marked.
 
-use plotters::element::{PathElement, Polygon, Text};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, RGBColor, WHITE};
-
-use super::axis::{Axis, Frame, Scale};
-use super::{Canvas, FINE, FigureError, GREY, INK, Picture, colour, note, source, text};
 use crate::continuation::{Found, FoundBranch, FoundOrbit};
 use crate::report::branch_table;
+use crate::report::plot::axis::{Axis, Frame, Scale};
+use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::palette::{GREY, INK, WHITE, colour};
+use crate::report::plot::svg::{Bounds, Colour, Font, Place, Svg};
+use crate::report::plot::traces::Traces;
+use crate::report::plot::{FigureError, Picture, SMALL, source};
 
-const WIDTH: i32 = 980;
-const HEIGHT: i32 = 620;
-const BOUNDS: (i32, i32, i32, i32) = (82, 34, 950, 480);
+const SIZE: (f64, f64) = (980.0, 620.0);
+const BOUNDS: Bounds = (82.0, 34.0, 950.0, 480.0);
 
-/// Length of a dash and of a gap, in points.
-const DASH: (f64, f64) = (7.0, 5.0);
+/// Dashes of unstable orbits.
+const UNSTABLE: &str = "7 5";
+
+/// Room of a label beside a mark, points.
+const ROOM: (f64, f64) = (20.0, 14.0);
 
 /// Mark of a kind of special point.
 struct Mark {
@@ -24,10 +26,10 @@ struct Mark {
     /// Its abbreviation.
     short: &'static str,
     /// Corners, in points.
-    corners: &'static [(i32, i32)],
+    corners: &'static [(i8, i8)],
 }
 
-const fn mark_of(name: &'static str, short: &'static str, corners: &'static [(i32, i32)]) -> Mark {
+const fn mark_of(name: &'static str, short: &'static str, corners: &'static [(i8, i8)]) -> Mark {
     Mark { name, short, corners }
 }
 
@@ -41,10 +43,21 @@ const MARKS: [Mark; 6] = [
     mark_of("grazing", "G", &[(4, 0), (3, 3), (0, 4), (-3, 3), (-4, 0), (-3, -3), (0, -4), (3, -3)]),
 ];
 
+impl Mark {
+    /// The mark around 0, 0: filled, or hollow for a grazing.
+    fn sign(&self, tint: Colour) -> Svg {
+        let corners = self.corners.iter().map(|(x, y)| (f64::from(*x), f64::from(*y)));
+        let inside = if self.name == "grazing" { WHITE } else { tint };
+        let mut svg = Svg::default();
+        svg.area(corners, inside.fill().edged(tint, 1.0));
+        svg
+    }
+}
+
 /// Draws the branches.
 ///
 /// # Errors
-/// The drawing library's error.
+/// A table without an identity.
 pub fn draw(found: &Found) -> Result<Picture, FigureError> {
     let orbits = || found.branches.iter().flat_map(|branch| &branch.orbits);
     let frame = Frame {
@@ -52,167 +65,57 @@ pub fn draw(found: &Found) -> Result<Picture, FigureError> {
         y: Axis::around("max |x| (mm)", Scale::Linear, orbits().map(|orbit| orbit.max_abs_x_m * 1e3)),
         bounds: BOUNDS,
     };
-    let picture = Picture::draw(WIDTH as u32, HEIGHT as u32, |canvas| {
-        frame.draw(canvas)?;
-        note(
-            canvas,
-            (BOUNDS.0, HEIGHT),
-            Scale::Linear.undrawn(orbits().map(|orbit| orbit.max_abs_x_m * 1e3)).as_deref(),
-        )?;
-        legend(canvas, found)
-    })?;
-    let picture =
-        picture.overlay(|canvas| found.branches.iter().try_for_each(|branch| curve(canvas, &frame, branch)))?;
+    let mut inside = Traces::new(&frame);
+    found.branches.iter().for_each(|branch| curve(&mut inside, &frame, branch));
+    let mut inside = inside.svg();
     // Marks lie over the curves.
-    let picture = picture.overlay(|canvas| {
-        let mut labelled = Vec::new();
-        found.branches.iter().try_for_each(|branch| marks(canvas, &frame, branch, &mut labelled))
-    })?;
+    let mut labelled = Vec::new();
+    found.branches.iter().for_each(|branch| marks(&mut inside, &frame, branch, &mut labelled));
+    let mut picture = Picture::new(SIZE.0, SIZE.1);
+    picture.panel(&frame, &inside);
+    picture.note(BOUNDS.0, Scale::Linear.undrawn(orbits().map(|orbit| orbit.max_abs_x_m * 1e3)).as_deref());
+    let lines = [Entry::line("stable", INK.stroke(2.0)), Entry::line("unstable", INK.stroke(2.0).dashed(UNSTABLE))];
+    legend::rows(&mut picture, (BOUNDS.0, BOUNDS.3 + 76.0), BOUNDS.2, &lines);
+    let is_there =
+        |mark: &Mark| found.branches.iter().flat_map(|b| &b.special_points).any(|special| special.kind == mark.name);
+    let entry = |mark: Mark| Entry::mark(format!("{}: {}", mark.short, mark.name), &mark.sign(GREY));
+    let marks: Vec<Entry> = MARKS.into_iter().filter(is_there).map(entry).collect();
+    legend::rows(&mut picture, (BOUNDS.0, BOUNDS.3 + 102.0), SIZE.0, &marks);
     let table = branch_table::orbits(found).map_err(FigureError::of)?;
-    picture.of_source(&source("continuation", &branch_table::identity(&table)))
+    Ok(picture.of_source(&source("continuation", &branch_table::identity(&table))))
 }
 
-fn tint(branch: &FoundBranch) -> RGBColor {
+fn tint(branch: &FoundBranch) -> Colour {
     colour(branch.number - 1)
 }
 
-fn at(frame: &Frame, orbit: &FoundOrbit) -> (f64, f64) {
-    let (x, y) = frame.fine_point(orbit.parameter, orbit.max_abs_x_m * 1e3);
-    (f64::from(x), f64::from(y))
-}
-
 /// Draws the curve in runs of the same stability.
-fn curve(canvas: &Canvas, frame: &Frame, branch: &FoundBranch) -> Result<(), FigureError> {
-    let is_drawn = |orbit: &FoundOrbit| frame.draws(orbit.parameter, orbit.max_abs_x_m * 1e3);
-    branch.orbits.split(|orbit| !is_drawn(orbit)).try_for_each(|orbits| piece(canvas, frame, branch, orbits))
-}
-
-fn piece(canvas: &Canvas, frame: &Frame, branch: &FoundBranch, mut rest: &[FoundOrbit]) -> Result<(), FigureError> {
-    while let Some(first) = rest.first() {
-        let count = rest.iter().take_while(|orbit| orbit.is_stable == first.is_stable).count();
-        // A run reaches to the first orbit of the next one.
-        let run: Vec<(f64, f64)> = rest[..rest.len().min(count + 1)].iter().map(|orbit| at(frame, orbit)).collect();
-        if first.is_stable {
-            line(canvas, &run, branch)?;
-        } else {
-            dashes(&run).iter().try_for_each(|dash| line(canvas, dash, branch))?;
-        }
-        rest = &rest[count..];
-    }
-    Ok(())
-}
-
-fn line(canvas: &Canvas, points: &[(f64, f64)], branch: &FoundBranch) -> Result<(), FigureError> {
-    let points: Vec<(i32, i32)> = points.iter().map(|(x, y)| (x.round() as i32, y.round() as i32)).collect();
-    canvas.draw(&PathElement::new(points, tint(branch).stroke_width(2 * FINE as u32))).map_err(FigureError::of)
-}
-
-/// Room of a label, in steps of the overlay.
-const LABEL: (i32, i32) = (20 * FINE, 14 * FINE);
-
-/// Cuts a path into dashes.
-fn dashes(path: &[(f64, f64)]) -> Vec<Vec<(f64, f64)>> {
-    let fine = f64::from(FINE);
-    let (mut is_drawn, mut left) = (true, DASH.0 * fine);
-    let mut found = Vec::new();
-    let mut dash = path.first().map(|point| vec![*point]).unwrap_or_default();
-    for pair in path.windows(2) {
-        let (mut from, to) = (pair[0], pair[1]);
-        loop {
-            let length = (to.0 - from.0).hypot(to.1 - from.1);
-            if length <= left {
-                left -= length;
-                dash.push(to);
-                break;
-            }
-            let share = left / length;
-            from = (from.0 + share * (to.0 - from.0), from.1 + share * (to.1 - from.1));
-            dash.push(from);
-            if is_drawn {
-                found.push(std::mem::take(&mut dash));
-            }
-            dash = vec![from];
-            is_drawn = !is_drawn;
-            left = fine * if is_drawn { DASH.0 } else { DASH.1 };
+fn curve(traces: &mut Traces, frame: &Frame, branch: &FoundBranch) {
+    let at = |orbit: &FoundOrbit| (orbit.parameter, orbit.max_abs_x_m * 1e3);
+    let is_drawn = |orbit: &FoundOrbit| frame.draws(at(orbit).0, at(orbit).1);
+    for mut rest in branch.orbits.split(|orbit| !is_drawn(orbit)) {
+        while let Some(first) = rest.first() {
+            let count = rest.iter().take_while(|orbit| orbit.is_stable == first.is_stable).count();
+            // A run reaches to the first orbit of the next one.
+            let run = rest[..rest.len().min(count + 1)].iter().map(at);
+            traces.line(run, tint(branch).stroke(2.0).dashed(if first.is_stable { "" } else { UNSTABLE }));
+            rest = &rest[count..];
         }
     }
-    if is_drawn && dash.len() > 1 {
-        found.push(dash);
-    }
-    found
 }
 
 /// Marks the special points; `labelled` has the places of the labels so far, so that none lies on another.
-fn marks(
-    canvas: &Canvas,
-    frame: &Frame,
-    branch: &FoundBranch,
-    labelled: &mut Vec<(i32, i32)>,
-) -> Result<(), FigureError> {
+fn marks(svg: &mut Svg, frame: &Frame, branch: &FoundBranch, labelled: &mut Vec<Place>) {
     for special in &branch.special_points {
         if !frame.draws(special.parameter, special.max_abs_x_m * 1e3) {
             continue;
         }
-        let Some(Mark { short, corners, .. }) = MARKS.iter().find(|mark| mark.name == special.kind) else { continue };
-        let (x, y) = frame.fine_point(special.parameter, special.max_abs_x_m * 1e3);
-        let inside = if special.is_grazing() { WHITE } else { tint(branch) };
-        mark(canvas, (x, y), corners, (inside, tint(branch)), FINE)?;
-        let style = text(12.0 * f64::from(FINE), INK).pos(Pos::new(HPos::Left, VPos::Bottom));
-        if !labelled.iter().any(|(a, b)| (a - x).abs() < LABEL.0 && (b - y).abs() < LABEL.1) {
+        let Some(mark) = MARKS.iter().find(|mark| mark.name == special.kind) else { continue };
+        let (x, y) = frame.point(special.parameter, special.max_abs_x_m * 1e3);
+        svg.at((x, y), &mark.sign(tint(branch)));
+        if !labelled.iter().any(|(a, b)| (a - x).abs() < ROOM.0 && (b - y).abs() < ROOM.1) {
             labelled.push((x, y));
-            canvas
-                .draw(&Text::new((*short).to_string(), (x + 6 * FINE, y - 5 * FINE), style))
-                .map_err(FigureError::of)?;
+            svg.text(mark.short, (x + 6.0, y - 5.0), Font::new(SMALL, INK).above());
         }
     }
-    Ok(())
-}
-
-fn mark(
-    canvas: &Canvas,
-    (x, y): (i32, i32),
-    corners: &[(i32, i32)],
-    (inside, edge): (RGBColor, RGBColor),
-    unit: i32,
-) -> Result<(), FigureError> {
-    let mut outline: Vec<(i32, i32)> = corners.iter().map(|(dx, dy)| (x + dx * unit, y + dy * unit)).collect();
-    canvas.draw(&Polygon::new(outline.clone(), inside.filled())).map_err(FigureError::of)?;
-    outline.push(outline[0]);
-    canvas.draw(&PathElement::new(outline, edge.stroke_width(unit as u32))).map_err(FigureError::of)
-}
-
-/// Explains lines and marks below the axes.
-fn legend(canvas: &Canvas, found: &Found) -> Result<(), FigureError> {
-    let style = text(13.0, INK).pos(Pos::new(HPos::Left, VPos::Center));
-    let (left, _, _, bottom) = BOUNDS;
-    let mut x = left;
-    let y = bottom + 76;
-    for (word, is_stable) in [("stable", true), ("unstable", false)] {
-        let path = [(f64::from(x), f64::from(y)), (f64::from(x + 36), f64::from(y))];
-        let pieces = if is_stable {
-            vec![vec![x, x + 36]]
-        } else {
-            vec![vec![x, x + 8], vec![x + 14, x + 22], vec![x + 28, x + 36]]
-        };
-        for piece in pieces {
-            let points = piece.iter().map(|x| (*x, path[0].1 as i32)).collect::<Vec<_>>();
-            canvas.draw(&PathElement::new(points, INK.stroke_width(2))).map_err(FigureError::of)?;
-        }
-        canvas.draw(&Text::new(word.to_string(), (x + 44, y), style.clone())).map_err(FigureError::of)?;
-        x += 130;
-    }
-    let mut x = left;
-    let y = y + 26;
-    for Mark { name, short, corners } in MARKS {
-        let is_there = found.branches.iter().flat_map(|b| &b.special_points).any(|special| special.kind == name);
-        if !is_there {
-            continue;
-        }
-        let inside = if name == "grazing" { WHITE } else { GREY };
-        mark(canvas, (x + 6, y), corners, (inside, GREY), 1)?;
-        let label = format!("{short}: {name}");
-        canvas.draw(&Text::new(label.clone(), (x + 18, y), style.clone())).map_err(FigureError::of)?;
-        x += 40 + super::width(&style, &label);
-    }
-    Ok(())
 }

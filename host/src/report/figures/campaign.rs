@@ -5,14 +5,15 @@ use std::path::Path;
 
 use damprig_core::measure::steadiness::Steadiness;
 
-use super::axis::Scale;
 use super::frequency_response::{Ordinate, ResponseCurve, ResponseNotes, ResponsePoint, draw};
 use super::time_histories::{self, HistoryCurve, HistoryPanel};
-use super::{Breadth, FigureError, Picture};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, Start};
 use crate::report::describe;
 use crate::report::numbers::trimmed;
 use crate::report::peak::Peak;
+use crate::report::plot::axis::Scale;
+use crate::report::plot::palette::Look;
+use crate::report::plot::{Breadth, FigureError, Picture};
 use crate::run_folder::ResultRow;
 use crate::run_folder::RunFolder;
 use crate::run_folder::schema::impacts::Impacts;
@@ -73,15 +74,8 @@ pub fn groups(campaign: &Campaign) -> Vec<Option<String>> {
 }
 
 /// X/Z (cycle maxima) over frequency, a curve for each experiment on each set-up; of one group ([`groups`]) or of all.
-///
-/// # Errors
-/// The drawing library's error.
-pub fn response(
-    campaign: &Campaign,
-    points: &[PlottedPoint],
-    group: Option<&str>,
-    breadth: Breadth,
-) -> Result<Picture, FigureError> {
+#[must_use]
+pub fn response(campaign: &Campaign, points: &[PlottedPoint], group: Option<&str>, breadth: Breadth) -> Picture {
     let quantity = Ordinate { label: X_OVER_Z, rings_peaks: true, scale: Scale::Log };
     curves(campaign, (points, group), (&quantity, ABOUT_X_OVER_Z), breadth, x_over_z)
 }
@@ -97,7 +91,7 @@ pub type PlottedRun<'a> = (&'a str, &'a Campaign, Vec<PlottedPoint>);
 /// X/Z (cycle maxima) over frequency of several runs: one figure without a name, or one for each set-up, by its name, if that would be too
 /// many curves; none without a point.
 #[must_use]
-pub fn responses_of_runs(runs: &[PlottedRun], breadth: Breadth) -> Vec<(Option<String>, Result<Picture, FigureError>)> {
+pub fn responses_of_runs(runs: &[PlottedRun], breadth: Breadth) -> Vec<(Option<String>, Picture)> {
     let all = curves_of_runs(runs, None);
     let mut names: Vec<&str> = Vec::new();
     for set_up in runs.iter().flat_map(|(_, campaign, _)| &campaign.set_ups) {
@@ -122,30 +116,30 @@ pub fn responses_of_runs(runs: &[PlottedRun], breadth: Breadth) -> Vec<(Option<S
 /// The curves of X/Z of several runs; of one set-up, or of all.
 fn curves_of_runs(runs: &[PlottedRun], set_up: Option<&str>) -> Vec<ResponseCurve> {
     let mut curves: Vec<ResponseCurve> = Vec::new();
+    // A set-up has the same colour in every run, and its curves have different dashes.
+    let mut set_ups: Vec<(&str, usize)> = Vec::new();
     for (name, campaign, points) in runs {
         let points: Vec<PlottedPoint> =
             points.iter().filter(|point| set_up.is_none_or(|set_up| point.set_up == set_up)).cloned().collect();
-        let own = response_curves(campaign, (&points, None), x_over_z);
-        let place = curves.len();
-        curves.extend(own.into_iter().enumerate().map(|(n, curve)| ResponseCurve {
-            place: place + n,
-            label: format!("{name}: {}", curve.label),
-            ..curve
-        }));
+        for curve in response_curves(campaign, (&points, None), x_over_z) {
+            let of = &campaign.set_ups[curve.look.set_up].name;
+            let known = set_ups.iter().position(|(name, _)| name == of);
+            let known = known.unwrap_or_else(|| {
+                set_ups.push((of, 0));
+                set_ups.len() - 1
+            });
+            let look = Look { set_up: known, run: set_ups[known].1 };
+            set_ups[known].1 += 1;
+            let label = format!("{name}: {}", curve.label);
+            curves.push(ResponseCurve { place: curves.len(), look, label, ..curve });
+        }
     }
     curves
 }
 
 /// Phase of x relative to z over frequency, as [`response`].
-///
-/// # Errors
-/// The drawing library's error.
-pub fn phase(
-    campaign: &Campaign,
-    points: &[PlottedPoint],
-    group: Option<&str>,
-    breadth: Breadth,
-) -> Result<Picture, FigureError> {
+#[must_use]
+pub fn phase(campaign: &Campaign, points: &[PlottedPoint], group: Option<&str>, breadth: Breadth) -> Picture {
     // Above resonance x lags by 180°, where the phase must not wrap.
     let unbroken = |degrees: f64| if degrees > 90.0 { degrees - 360.0 } else { degrees };
     let quantity = Ordinate { label: "Phase of x relative to z (°)", rings_peaks: false, scale: Scale::Linear };
@@ -155,15 +149,8 @@ pub fn phase(
 }
 
 /// Largest force on a wall over frequency, as [`response`], for the points that had impacts; `None` without any.
-///
-/// # Errors
-/// The drawing library's error.
-pub fn wall_force(
-    campaign: &Campaign,
-    taken: &JournalState,
-    group: Option<&str>,
-    breadth: Breadth,
-) -> Result<Option<Picture>, FigureError> {
+#[must_use]
+pub fn wall_force(campaign: &Campaign, taken: &JournalState, group: Option<&str>, breadth: Breadth) -> Option<Picture> {
     let mut forces_n: BTreeMap<(&str, &str, u64), f64> = BTreeMap::new();
     for row in taken.rows() {
         let is_own = |some: &&Impacts| {
@@ -181,12 +168,12 @@ pub fn wall_force(
         |p: &PlottedPoint| group.is_none_or(|group| experiments_of(campaign, group).any(|e| e.name == p.experiment));
     let points: Vec<PlottedPoint> = points.into_iter().filter(|p| force(p).is_some() && is_own(p)).collect();
     if points.is_empty() {
-        return Ok(None);
+        return None;
     }
     let quantity = Ordinate { label: "Largest force on a wall (N)", rings_peaks: false, scale: Scale::Log };
     let about = "Largest peak of a wall's force in the dwell, as the board measured it";
     let value = |p: &PlottedPoint| (force(p).unwrap_or(f64::NAN), f64::NAN);
-    curves(campaign, (&points, group), (&quantity, about), breadth, value).map(Some)
+    Some(curves(campaign, (&points, group), (&quantity, about), breadth, value))
 }
 
 /// Every set-up with each of its stepped sines, in the order of the campaign.
@@ -209,6 +196,18 @@ fn label(campaign: &Campaign, set_up: &CampaignSetUp, experiment: &Experiment) -
     shortened(&label)
 }
 
+/// How an experiment on a set-up looks in every figure.
+pub(super) fn look_of(campaign: &Campaign, set_up: &CampaignSetUp, experiment: &Experiment) -> Look {
+    let own = series_of(campaign).filter(|(other, _)| other.name == set_up.name);
+    let run = own.take_while(|(_, other)| other.series != experiment.series).count();
+    Look { set_up: place_of(campaign, set_up), run }
+}
+
+/// The place of a set-up in its campaign, which gives its colour.
+pub fn place_of(campaign: &Campaign, set_up: &CampaignSetUp) -> usize {
+    campaign.set_ups.iter().position(|other| other.name == set_up.name).unwrap_or(0)
+}
+
 /// An experiment with its repeats.
 fn experiments_of<'a>(campaign: &'a Campaign, series: &'a str) -> impl Iterator<Item = &'a Experiment> {
     campaign.experiments.iter().filter(move |e| e.series == series)
@@ -222,6 +221,7 @@ fn response_curves(
 ) -> Vec<ResponseCurve> {
     let curve = |(place, (set_up, experiment)): (usize, (&CampaignSetUp, &Experiment))| ResponseCurve {
         place,
+        look: look_of(campaign, set_up, experiment),
         label: label(campaign, set_up, experiment),
         detail: describe::set_up(set_up),
         points: means(campaign, points, (set_up, experiment), &value),
@@ -306,7 +306,7 @@ fn curves(
     (quantity, about): (&Ordinate, &str),
     breadth: Breadth,
     value: impl Fn(&PlottedPoint) -> (f64, f64),
-) -> Result<Picture, FigureError> {
+) -> Picture {
     let curves = response_curves(campaign, (points, group), value);
     let common = common_natural_hz(std::iter::once(campaign));
     let drawn = campaign.experiments.iter().filter(|e| group.is_none_or(|group| e.series == group));
@@ -332,7 +332,7 @@ type Histories = BTreeMap<(String, String), Vec<(f64, f64)>>;
 /// x over time of all playbacks, impulses and free vibrations; `None` if x was not recorded.
 ///
 /// # Errors
-/// The drawing library's error, or unreadable samples.
+/// Unreadable samples.
 pub fn transients(campaign: &Campaign, folder: &Path, rows: &[TransientRow]) -> Result<Option<Picture>, FigureError> {
     if rows.is_empty() {
         return Ok(None);
@@ -375,7 +375,10 @@ pub fn transients(campaign: &Campaign, folder: &Path, rows: &[TransientRow]) -> 
             let set_ups: Vec<_> = experiment.set_ups.iter().filter_map(|i| campaign.set_ups.get(*i)).collect();
             let curves: Vec<HistoryCurve> = set_ups
                 .iter()
-                .filter_map(|s| Some(HistoryCurve { label: shortened(&s.label), points: history(&x, &s.name)? }))
+                .filter_map(|s| {
+                    let look = Look { set_up: place_of(campaign, s), run: 0 };
+                    Some(HistoryCurve { look, label: shortened(&s.label), points: history(&x, &s.name)? })
+                })
                 .collect();
             let base = experiment.playback().and(set_ups.first()).and_then(|s| history(&z, &s.name));
             let about = match &experiment.kind {
@@ -385,5 +388,5 @@ pub fn transients(campaign: &Campaign, folder: &Path, rows: &[TransientRow]) -> 
             (!curves.is_empty()).then(|| HistoryPanel { title: format!("{}: {about}", experiment.name), curves, base })
         })
         .collect();
-    if panels.is_empty() { Ok(None) } else { time_histories::draw(&panels).map(Some) }
+    Ok((!panels.is_empty()).then(|| time_histories::draw(&panels)))
 }

@@ -1,7 +1,7 @@
 //! Draws several simulated cases over each other: their displacements over time, and their cycle maxima over the cycles.
 
 use super::study_curves::{self, Curve, CurveLabels};
-use super::{Breadth, FigureError, Picture};
+use crate::report::plot::{Breadth, Picture};
 use crate::simulation::envelope::Envelope;
 
 /// Columns of the displacements: enough for the shape of each cycle of a free vibration.
@@ -21,10 +21,8 @@ pub struct DrawnCase {
 }
 
 /// Draws x over time.
-///
-/// # Errors
-/// The drawing library's error.
-pub fn histories(cases: &[DrawnCase], title: &str) -> Result<Picture, FigureError> {
+#[must_use]
+pub fn histories(cases: &[DrawnCase], title: &str) -> Picture {
     let curve = |case: &DrawnCase| {
         let ranges = case.envelope.columns().iter().filter_map(|column| column.x_m);
         let mut points: Vec<(f64, f64)> =
@@ -37,10 +35,8 @@ pub fn histories(cases: &[DrawnCase], title: &str) -> Result<Picture, FigureErro
 }
 
 /// Draws the largest |x| of each cycle.
-///
-/// # Errors
-/// The drawing library's error.
-pub fn cycle_maxima(cases: &[DrawnCase], title: &str) -> Result<Picture, FigureError> {
+#[must_use]
+pub fn cycle_maxima(cases: &[DrawnCase], title: &str) -> Picture {
     let curve = |case: &DrawnCase| {
         let points =
             case.cycle_max_m.iter().enumerate().map(|(cycle, max_m)| (cycle as f64 + 1.0, max_m * MILLIMETRES));
@@ -59,10 +55,8 @@ pub struct Series {
 }
 
 /// Draws results over a time step, which is on a logarithmic axis.
-///
-/// # Errors
-/// The drawing library's error.
-pub fn over_step(series: Vec<Series>, title: &str, x: &str, y: &str) -> Result<Picture, FigureError> {
+#[must_use]
+pub fn over_step(series: Vec<Series>, title: &str, x: &str, y: &str) -> Picture {
     let curve = |Series { label, points }| Curve { label, points, band: Vec::new(), is_scattered: false };
     let curves: Vec<Curve> = series.into_iter().map(curve).collect();
     study_curves::draw(
@@ -72,12 +66,7 @@ pub fn over_step(series: Vec<Series>, title: &str, x: &str, y: &str) -> Result<P
     )
 }
 
-fn draw(
-    curves: impl Iterator<Item = (String, Vec<(f64, f64)>)>,
-    title: &str,
-    x: &str,
-    y: &str,
-) -> Result<Picture, FigureError> {
+fn draw(curves: impl Iterator<Item = (String, Vec<(f64, f64)>)>, title: &str, x: &str, y: &str) -> Picture {
     let curve = |(label, points)| Curve { label, points, band: Vec::new(), is_scattered: false };
     let curves: Vec<Curve> = curves.map(curve).collect();
     let labels =

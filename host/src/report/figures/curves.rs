@@ -1,9 +1,10 @@
 //! Draws curves of special points in two parameters: alone, and over the map of a study.
 
-use super::axis::{Axis, Frame, Scale};
-use super::{FAMILY, FigureError, Picture, source, text, width};
 use crate::continuation::Found;
 use crate::report::branch_table;
+use crate::report::plot::axis::{Axis, Frame, Scale};
+use crate::report::plot::svg::{Bounds, Colour, Font, Svg};
+use crate::report::plot::{FigureError, LABEL, Picture, source};
 
 /// A curve of special points.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,9 +34,12 @@ impl Curve {
     }
 }
 
-const WIDTH: i32 = 980;
-const HEIGHT: i32 = 640;
-const BOUNDS: (i32, i32, i32, i32) = (92, 34, 950, 560);
+const SIZE: (f64, f64) = (980.0, 640.0);
+const BOUNDS: Bounds = (92.0, 34.0, 950.0, 560.0);
+
+/// Curves and their light edges keep these colours also where a page is dark: they lie over a map.
+const DARK: Colour = Colour(0x11, 0x11, 0x11);
+const LIGHT: Colour = Colour(0xff, 0xff, 0xff);
 
 /// Dashes of a kind, as SVG has them; empty for a solid line.
 fn dashes(kind: &str) -> &'static str {
@@ -49,13 +53,12 @@ fn dashes(kind: &str) -> &'static str {
 }
 
 /// Room of a label, in points.
-const LABEL_HEIGHT: i32 = 16;
+const LABEL_HEIGHT: f64 = 16.0;
 
-/// Size of a label, in points.
-const LABEL_SIZE: f64 = 13.0;
+const LABEL_FONT: Font = Font::new(LABEL + 2.5, DARK);
 
 /// Between a curve and its label, in points.
-const LABEL_AFTER: i32 = 9;
+const LABEL_AFTER: f64 = 9.0;
 
 /// Places along a curve at which its label may stand, as shares of its visible points; the first that is free.
 const LABEL_PLACES: [f64; 7] = [0.5, 0.35, 0.65, 0.2, 0.8, 0.05, 0.95];
@@ -63,7 +66,7 @@ const LABEL_PLACES: [f64; 7] = [0.5, 0.35, 0.65, 0.2, 0.8, 0.05, 0.95];
 /// Draws the curves of a continuation.
 ///
 /// # Errors
-/// The continuation has no second parameter; the drawing library's error.
+/// The continuation has no second parameter; a table without an identity.
 pub fn draw(found: &Found) -> Result<Picture, FigureError> {
     let Some([across, up]) = found.curve_parameters else {
         return Err(FigureError("the continuation has one parameter: its file has no table [second]".into()));
@@ -75,53 +78,45 @@ pub fn draw(found: &Found) -> Result<Picture, FigureError> {
         y: Axis::around(up.label, Scale::Linear, points().map(|point| point.1)),
         bounds: BOUNDS,
     };
-    let picture = Picture::draw(WIDTH as u32, HEIGHT as u32, |canvas| frame.draw(canvas))?;
+    let mut picture = Picture::new(SIZE.0, SIZE.1);
+    picture.panel(&frame, &Svg::default());
+    draw_over(&mut picture, &curves, &frame);
     let table = branch_table::curves(found).map_err(FigureError::of)?;
-    let source = source("continuation", &branch_table::identity(&table));
-    picture.with_elements(&elements(&curves, &frame)).of_source(&source)
+    Ok(picture.of_source(&source("continuation", &branch_table::identity(&table))))
 }
 
-/// The curves with their names, as SVG: dark on a light edge, cut at the borders of the frame.
-#[must_use]
-pub fn elements(curves: &[Curve], frame: &Frame) -> String {
+/// Draws the curves with their names: dark on a light edge, cut at the borders of the frame.
+pub fn draw_over(svg: &mut Svg, curves: &[Curve], frame: &Frame) {
     if curves.is_empty() {
-        return String::new();
+        return;
     }
-    let (left, top, right, bottom) = frame.bounds;
-    let mut svg = format!(
-        "<defs><clipPath id=\"frame\"><rect x=\"{left}\" y=\"{top}\" width=\"{}\" height=\"{}\"/></clipPath></defs>\n",
-        right - left,
-        bottom - top
-    );
+    let mut area = Svg::default();
+    area.rectangle_with(frame.bounds, "");
+    svg.raw(&format!("<clipPath id=\"frame\">{area}</clipPath>\n"));
+    let mut lines = Svg::default();
     for curve in curves {
-        let at = |point: &(f64, f64)| {
-            let (x, y) = frame.exact_point(point.0, point.1);
-            format!("{x:.1},{y:.1}")
-        };
-        let points: Vec<String> = curve.points.iter().map(at).collect();
-        let points = points.join(" ");
-        for (colour, breadth, dash) in [("#ffffff", 4.5, ""), ("#111111", 2.0, dashes(curve.kind))] {
-            svg.push_str(&format!(
-                "<polyline points=\"{points}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{breadth}\" \
-                 stroke-linejoin=\"round\" stroke-dasharray=\"{}\" clip-path=\"url(#frame)\"/>\n",
-                if dash.is_empty() { "none" } else { dash }
-            ));
+        for style in [LIGHT.stroke(4.5), DARK.stroke(2.0).dashed(dashes(curve.kind))] {
+            lines.line(curve.points.iter().map(|point| frame.point(point.0, point.1)), style);
         }
     }
+    svg.group(&[("clip-path", "url(#frame)")], &lines);
     let mut taken = Vec::new();
     for curve in curves {
-        svg.push_str(&label(curve, frame, &mut taken));
+        if let Some((start, y)) = label_place(curve, frame, &mut taken) {
+            let edge =
+                format!(" stroke=\"{LIGHT}\" stroke-width=\"3.5\" stroke-linejoin=\"round\" paint-order=\"stroke\"");
+            svg.text_with(curve.kind, (start, y), LABEL_FONT, &edge);
+        }
     }
-    svg
 }
 
-/// The name of a curve beside it, at a place that no other label takes; empty if the frame shows nothing of the curve.
-fn label(curve: &Curve, frame: &Frame, taken: &mut Vec<(i32, i32, i32)>) -> String {
+/// Where the name of a curve begins beside it, at a place that no other label takes; `None` if the frame shows nothing of the curve.
+fn label_place(curve: &Curve, frame: &Frame, taken: &mut Vec<(f64, f64, f64)>) -> Option<(f64, f64)> {
     let (left, top, right, bottom) = frame.bounds;
     let points = curve.points.iter().map(|point| frame.point(point.0, point.1));
-    let visible: Vec<(i32, i32)> =
+    let visible: Vec<(f64, f64)> =
         points.filter(|(x, y)| (left..=right).contains(x) && (top..=bottom).contains(y)).collect();
-    let length = width(&text(LABEL_SIZE, super::INK), curve.kind);
+    let length = LABEL_FONT.width(curve.kind);
     let place = |share: &f64| {
         let (x, y) = visible[(share * (visible.len() - 1) as f64).round() as usize];
         let fits_right = x + LABEL_AFTER + length < right;
@@ -129,19 +124,14 @@ fn label(curve: &Curve, frame: &Frame, taken: &mut Vec<(i32, i32, i32)>) -> Stri
         (start, start + length, y.clamp(top + LABEL_HEIGHT, bottom - LABEL_HEIGHT))
     };
     if visible.is_empty() {
-        return String::new();
+        return None;
     }
-    let is_free = |(start, end, y): &(i32, i32, i32)| {
+    let is_free = |(start, end, y): &(f64, f64, f64)| {
         taken.iter().all(|(from, to, at)| (at - y).abs() >= LABEL_HEIGHT || end < from || to < start)
     };
     let (start, end, y) = LABEL_PLACES.iter().map(place).find(is_free).unwrap_or_else(|| place(&LABEL_PLACES[0]));
     taken.push((start, end, y));
-    format!(
-        "<text x=\"{start}\" y=\"{}\" font-family=\"{FAMILY}\" font-size=\"{LABEL_SIZE}\" fill=\"#111111\" stroke=\"#ffffff\" \
-         stroke-width=\"3.5\" stroke-linejoin=\"round\" paint-order=\"stroke\">{}</text>\n",
-        y + 5,
-        curve.kind
-    )
+    Some((start, y))
 }
 
 #[cfg(test)]
@@ -151,14 +141,14 @@ mod tests {
     #[test]
     fn labels_of_curves_on_one_another_do_not_cover_each_other_and_a_curve_outside_has_none() {
         let axis = |to: f64| Axis { label: String::new(), from: 0.0, to, scale: Scale::Linear };
-        let frame = Frame { x: axis(10.0), y: axis(1.0), bounds: (0, 0, 1000, 500) };
+        let frame = Frame { x: axis(10.0), y: axis(1.0), bounds: (0.0, 0.0, 1000.0, 500.0) };
         let points: Vec<(f64, f64)> = (0..=20).map(|n| (3.0 + 0.1 * f64::from(n), 0.05 * f64::from(n))).collect();
         let outside = points.iter().map(|(x, y)| (x + 20.0, *y)).collect();
         let mut taken = Vec::new();
         for kind in ["fold", "grazing", "period doubling"] {
-            assert!(label(&Curve { kind, points: points.clone() }, &frame, &mut taken).contains(kind));
+            assert!(label_place(&Curve { kind, points: points.clone() }, &frame, &mut taken).is_some());
         }
-        assert!(label(&Curve { kind: "fold", points: outside }, &frame, &mut taken).is_empty());
+        assert!(label_place(&Curve { kind: "fold", points: outside }, &frame, &mut taken).is_none());
         for (n, a) in taken.iter().enumerate() {
             for b in &taken[..n] {
                 assert!((a.2 - b.2).abs() >= LABEL_HEIGHT || a.1 < b.0 || b.1 < a.0, "{taken:?}");

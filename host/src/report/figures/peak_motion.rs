@@ -4,16 +4,16 @@
 use std::collections::BTreeMap;
 
 use damprig_core::io::TICK_HZ;
-use plotters::element::{Circle, PathElement, Polygon, Text};
-use plotters::style::Color;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::axis::{Axis, Frame, Scale};
-use super::campaign::{shortened, stepped_sines};
-use super::{Canvas, FINE, FigureError, GREY, INK, Picture, colour, text};
+use super::campaign::{look_of, shortened, stepped_sines};
 use crate::campaign::Campaign;
 use crate::report::describe;
 use crate::report::numbers::trimmed;
+use crate::report::plot::axis::{Axis, Frame, Scale};
+use crate::report::plot::palette::{GREY, INK, Look};
+use crate::report::plot::svg::Font;
+use crate::report::plot::traces::Traces;
+use crate::report::plot::{FigureError, LABEL, Picture};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::{ResultRow, RunFolder};
 use crate::table::values::{numbers, texts};
@@ -36,13 +36,13 @@ const IN_PHASE_PLANES: usize = 60_000;
 /// Points of a cycle in a phase plane, at least, so that few samples do not look like corners.
 const POINTS_OF_A_CYCLE: f64 = 80.0;
 
-const WIDTH: i32 = 1040;
-const LEFT: i32 = 82;
-const TOP: i32 = 34;
-const HIGH: i32 = 210;
-const GAP: i32 = 96;
+const WIDTH: f64 = 1040.0;
+const LEFT: f64 = 82.0;
+const TOP: f64 = 34.0;
+const HIGH: f64 = 210.0;
+const GAP: f64 = 96.0;
 /// Left and right ends of the three panels.
-const PANELS: [(i32, i32); 3] = [(LEFT, 480), (564, 770), (846, WIDTH - 16)];
+const PANELS: [(f64, f64); 3] = [(LEFT, 480.0), (564.0, 770.0), (846.0, WIDTH - 16.0)];
 
 /// The samples of a dwell.
 #[derive(Debug, Default)]
@@ -55,6 +55,7 @@ struct Dwell {
 /// A motion to draw.
 struct Motion<'a> {
     title: String,
+    look: Look,
     row: &'a ResultRow,
     dwell: &'a Dwell,
     /// Ticks (with their fraction) and sides of the impacts.
@@ -67,9 +68,9 @@ type Key = (String, String, u32);
 /// Draws a line of panels for each experiment on each set-up; `None` if x was not recorded often enough at any peak.
 ///
 /// # Errors
-/// The drawing library's error, or unreadable samples.
+/// Unreadable samples.
 pub fn draw(campaign: &Campaign, run: &RunFolder, taken: &JournalState) -> Result<Option<Picture>, FigureError> {
-    let peaks: Vec<(String, &ResultRow)> = stepped_sines(campaign)
+    let peaks: Vec<(String, Look, &ResultRow)> = stepped_sines(campaign)
         .filter(|(_, experiment)| experiment.repeat == 0)
         .take(MOST_MOTIONS)
         .filter_map(|(set_up, experiment)| {
@@ -80,43 +81,33 @@ pub fn draw(campaign: &Campaign, run: &RunFolder, taken: &JournalState) -> Resul
             let at = trimmed(peak.frequency_hz, 4);
             let (what, ratio) = (describe::set_up(set_up), trimmed(peak.x_over_z(), 2));
             let title = format!("{} ({what}), {}: {at} Hz, X/Z = {ratio}", shortened(&set_up.label), peak.experiment);
-            Some((title, peak))
+            Some((title, look_of(campaign, set_up, experiment), peak))
         })
         .collect();
     let dwells = dwells(run, &peaks)?;
     let motions: Vec<Motion> = peaks
         .iter()
-        .filter_map(|(title, row)| {
+        .filter_map(|(title, look, row)| {
             let dwell = dwells.get(&key(row))?;
             let is_own = |id: &crate::run_folder::schema::segment_id::SegmentId| {
                 (&id.set_up, &id.experiment, id.segment) == (&row.set_up, &row.experiment, row.segment)
             };
             let own = taken.impacts.iter().filter(|some| is_own(&some.id)).flat_map(|some| &some.impacts);
             let impacts = own.map(|i| (f64::from(i.tick) + f64::from(i.centre_ticks), i.side)).collect();
-            let motion = Motion { title: title.clone(), row, dwell, impacts, tick_hz: f64::from(TICK_HZ) };
+            let motion = Motion { title: title.clone(), look: *look, row, dwell, impacts, tick_hz: f64::from(TICK_HZ) };
             (motion.samples_in_a_cycle() >= LEAST_SAMPLES).then_some(motion)
         })
         .collect();
     if motions.is_empty() {
         return Ok(None);
     }
-    let lines = motions.len() as i32;
-    let height = TOP + lines * HIGH + (lines - 1) * GAP + 64;
-    let drawn: Vec<[Panel; 3]> = motions
-        .iter()
-        .zip(0..)
-        .map(|(motion, n)| motion.panels(TOP + n * (HIGH + GAP), IN_PHASE_PLANES / motions.len()))
-        .collect();
-    let page = Picture::draw(WIDTH as u32, height as u32, |canvas| {
-        for (motion, panels) in motions.iter().zip(&drawn) {
-            let style = text(14.0, INK).pos(Pos::new(HPos::Left, VPos::Bottom));
-            let at = (LEFT, panels[0].frame.bounds.1 - 8);
-            canvas.draw(&Text::new(motion.title.clone(), at, style)).map_err(FigureError::of)?;
-            panels.iter().try_for_each(|panel| panel.frame.draw(canvas))?;
-        }
-        Ok(())
-    })?;
-    page.overlay(|canvas| drawn.iter().flatten().try_for_each(|panel| panel.draw(canvas))).map(Some)
+    let mut picture = Picture::new(WIDTH, TOP + motions.len() as f64 * (HIGH + GAP) - GAP + 64.0);
+    for (motion, n) in motions.iter().zip(0u32..) {
+        let top = TOP + f64::from(n) * (HIGH + GAP);
+        picture.text(&motion.title, (LEFT, top - 8.0), Font::new(LABEL + 0.8, INK).above());
+        motion.draw(&mut picture, top, IN_PHASE_PLANES / motions.len());
+    }
+    Ok(Some(picture))
 }
 
 fn key(row: &ResultRow) -> Key {
@@ -124,8 +115,8 @@ fn key(row: &ResultRow) -> Key {
 }
 
 /// Reads the samples of the dwells of these points.
-fn dwells(run: &RunFolder, peaks: &[(String, &ResultRow)]) -> Result<BTreeMap<Key, Dwell>, FigureError> {
-    let wanted: BTreeMap<Key, &ResultRow> = peaks.iter().map(|(_, row)| (key(row), *row)).collect();
+fn dwells(run: &RunFolder, peaks: &[(String, Look, &ResultRow)]) -> Result<BTreeMap<Key, Dwell>, FigureError> {
+    let wanted: BTreeMap<Key, &ResultRow> = peaks.iter().map(|(_, _, row)| (key(row), *row)).collect();
     let mut dwells: BTreeMap<Key, Dwell> = BTreeMap::new();
     for batch in run.samples() {
         let batch = batch.map_err(FigureError::of)?;
@@ -222,7 +213,8 @@ impl Motion<'_> {
         (0..).map_while(at).filter(|p| p.0.is_finite()).collect()
     }
 
-    fn panels(&self, top: i32, most_points: usize) -> [Panel; 3] {
+    /// Draws the three panels.
+    fn draw(&self, picture: &mut Picture, top: f64, most_points: usize) {
         let dwell = self.dwell;
         let end = self.row.end_tick as f64;
         let from = (end - CYCLES * self.tick_hz / self.row.frequency_hz).max(dwell.ticks[0]);
@@ -238,7 +230,7 @@ impl Motion<'_> {
             dwell.x_mm[after - 1] + part.clamp(0.0, 1.0) * (dwell.x_mm[after] - dwell.x_mm[after - 1])
         };
         let shown = self.impacts.iter().filter(|(tick, _)| (from..end).contains(tick));
-        let impacts = shown.map(|(tick, side)| (seconds(*tick), on_x(*tick), i32::from(*side))).collect();
+        let impacts = shown.map(|(tick, side)| (seconds(*tick), on_x(*tick), *side));
         let plane = self.phase_plane();
         let section = self.section(&plane);
         let parts = (POINTS_OF_A_CYCLE / self.samples_in_a_cycle()).ceil().max(1.0) as u32;
@@ -253,56 +245,15 @@ impl Motion<'_> {
             Frame { x: positions("x (mm)"), y: speeds.clone(), bounds: bounds(1) },
             Frame { x: positions("x once a period (mm)"), y: speeds, bounds: bounds(2) },
         ];
-        let [history, phase, poincare] = frames;
-        [
-            Panel { frame: history, shown: Shown::History { x, z, impacts } },
-            Panel { frame: phase, shown: Shown::Path(late_plane) },
-            Panel { frame: poincare, shown: Shown::Points(section) },
-        ]
-    }
-}
-
-/// What a panel shows.
-enum Shown {
-    /// x and z over time; impacts as time, x and side.
-    History {
-        x: Vec<(f64, f64)>,
-        z: Vec<(f64, f64)>,
-        impacts: Vec<(f64, f64, i32)>,
-    },
-    Path(Vec<(f64, f64)>),
-    Points(Vec<(f64, f64)>),
-}
-
-struct Panel {
-    frame: Frame,
-    shown: Shown,
-}
-
-impl Panel {
-    fn draw(&self, canvas: &Canvas) -> Result<(), FigureError> {
-        let path = |points: &[(f64, f64)], style: plotters::style::ShapeStyle| {
-            let finite = points.iter().filter(|p| p.1.is_finite());
-            let path: Vec<_> = finite.map(|p| self.frame.fine_point(p.0, p.1)).collect();
-            canvas.draw(&PathElement::new(path, style)).map_err(FigureError::of)
-        };
-        match &self.shown {
-            Shown::History { x, z, impacts } => {
-                path(z, GREY.stroke_width(10))?;
-                path(x, colour(0).stroke_width(13))?;
-                for (t_s, x_mm, side) in impacts {
-                    let (across, up) = self.frame.fine_point(*t_s, *x_mm);
-                    let base = up + 7 * side * FINE;
-                    let outline = vec![(across, up), (across - 4 * FINE, base), (across + 4 * FINE, base)];
-                    canvas.draw(&Polygon::new(outline, colour(5).filled())).map_err(FigureError::of)?;
-                }
-                Ok(())
-            }
-            Shown::Path(points) => path(points, colour(3).stroke_width(6)),
-            Shown::Points(points) => points.iter().try_for_each(|p| {
-                let dot = Circle::new(self.frame.fine_point(p.0, p.1), 2 * FINE, colour(5).filled());
-                canvas.draw(&dot).map_err(FigureError::of)
-            }),
+        let tint = self.look.colour();
+        let [mut history, mut phase, mut poincare] = frames.each_ref().map(Traces::new);
+        history.history(&z, GREY.stroke(1.0));
+        history.history(&x, tint.stroke(1.3));
+        history.impacts(impacts, INK);
+        phase.line(late_plane, tint.stroke(0.6));
+        section.into_iter().for_each(|at| poincare.dot(at, 2.0, tint));
+        for (frame, traces) in frames.iter().zip([history, phase, poincare]) {
+            picture.panel(frame, &traces.svg());
         }
     }
 }
@@ -327,7 +278,14 @@ mod tests {
     }
 
     fn motion<'a>(dwell: &'a Dwell, row: &'a ResultRow) -> Motion<'a> {
-        Motion { title: String::new(), row, dwell, impacts: vec![(8_990.0, 1)], tick_hz: 1_000.0 }
+        Motion {
+            title: String::new(),
+            look: Look::default(),
+            row,
+            dwell,
+            impacts: vec![(8_990.0, 1)],
+            tick_hz: 1_000.0,
+        }
     }
 
     #[test]

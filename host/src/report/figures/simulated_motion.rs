@@ -2,21 +2,19 @@
 //!
 //! A long run has two panels: the whole run and its last cycles.
 
-use plotters::element::{PathElement, Polygon, Text};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, RGBColor};
-
-use super::axis::{Axis, Frame, Scale};
-use super::{Canvas, FINE, FigureError, INK, Picture, colour, text};
 use damprig_core::integrator::exact::Excitation;
 
 use crate::motion_record::Quantity;
 use crate::report::describe;
+use crate::report::plot::axis::{Axis, Frame, Scale};
+use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::palette::{INK, MARKED, WALL, colour};
+use crate::report::plot::svg::{Bounds, Colour, Font};
+pub use crate::report::plot::traces::COLUMNS;
+use crate::report::plot::traces::{Traces, impact};
+use crate::report::plot::{FigureError, Picture, TITLE};
 use crate::simulation::Case;
 use crate::simulation::envelope::{Envelope, EnvelopeColumn, ValueRange};
-
-/// Columns of a panel, one per point of its width.
-pub const COLUMNS: usize = 760;
 
 /// Labels of the figure.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,31 +29,17 @@ struct MotionNotes {
     title: String,
 }
 
-const WIDTH: i32 = 1040;
-const LEFT: i32 = 82;
-const TOP: i32 = 46;
-const PANEL: i32 = 300;
-const SINGLE: i32 = 420;
-const GAP: i32 = 76;
-const LINE: i32 = 24;
+const WIDTH: f64 = 1040.0;
+const LEFT: f64 = 82.0;
+const TOP: f64 = 46.0;
+const PANEL: f64 = 300.0;
+const SINGLE: f64 = 420.0;
+const GAP: f64 = 76.0;
 
-fn x_colour() -> RGBColor {
-    colour(0)
-}
-
-fn y_colour() -> RGBColor {
-    colour(3)
-}
-
-fn z_colour() -> RGBColor {
-    colour(6)
-}
-
-fn impact_colour() -> RGBColor {
-    colour(5)
-}
-
-const WALL: RGBColor = RGBColor(0xaa, 0xaa, 0xaa);
+/// The structure, the second mass, the base.
+const X: Colour = colour(0);
+const Y: Colour = colour(3);
+const Z: Colour = colour(6);
 
 /// Cycles above which a figure shows the last ones in a panel of their own.
 const LONG_CYCLES: f64 = 30.0;
@@ -87,7 +71,7 @@ pub fn usual_envelopes(case: &Case) -> (Option<Envelope>, Option<Envelope>) {
 /// Draws a simulated case: the whole run, the last cycles, or both.
 ///
 /// # Errors
-/// The drawing library's error; a run stopped before the drawn time.
+/// A run stopped before the drawn time.
 pub fn of_case(case: &Case, whole: Option<&Envelope>, last: Option<&Envelope>) -> Result<Picture, FigureError> {
     let envelopes: Vec<&Envelope> = [whole, last].into_iter().flatten().filter(|o| !o.is_empty()).collect();
     if envelopes.is_empty() {
@@ -111,32 +95,22 @@ pub fn of_case(case: &Case, whole: Option<&Envelope>, last: Option<&Envelope>) -
         base_moves,
         title: format!("{}: {}", case.name, describe::excitation(case)),
     };
-    draw(&envelopes, &notes)
+    Ok(draw(&envelopes, &notes))
 }
 
 /// Draws one panel per envelope, from top to bottom.
-fn draw(envelopes: &[&Envelope], notes: &MotionNotes) -> Result<Picture, FigureError> {
-    let panels = i32::try_from(envelopes.len()).unwrap_or(1).max(1);
-    let right = LEFT + COLUMNS as i32;
-    let high = if panels == 1 { SINGLE } else { PANEL };
-    let height = TOP + panels * high + (panels - 1) * GAP + 64;
-    let panels: Vec<MotionPanel> = envelopes
-        .iter()
-        .zip(0..)
-        .map(|(envelope, place)| {
-            let top = TOP + place * (high + GAP);
-            MotionPanel::new(envelope, notes, (LEFT, top, right, top + high))
-        })
-        .collect();
-    let page = Picture::draw(WIDTH as u32, height as u32, |canvas| {
-        let title = text(15.0, INK).pos(Pos::new(HPos::Left, VPos::Center));
-        canvas.draw(&Text::new(notes.title.clone(), (LEFT, 22), title)).map_err(FigureError::of)?;
-        for panel in &panels {
-            panel.frame.draw(canvas)?;
-        }
-        legend(canvas, right + 20, notes, envelopes)
-    })?;
-    page.overlay(|canvas| panels.iter().try_for_each(|panel| panel.draw(canvas, notes)))
+fn draw(envelopes: &[&Envelope], notes: &MotionNotes) -> Picture {
+    let panels = envelopes.len().max(1) as f64;
+    let right = LEFT + COLUMNS as f64;
+    let high = if panels == 1.0 { SINGLE } else { PANEL };
+    let mut picture = Picture::new(WIDTH, TOP + panels * (high + GAP) - GAP + 64.0);
+    picture.text(&notes.title, (LEFT, 22.0), Font::new(TITLE, INK));
+    for (envelope, place) in envelopes.iter().zip(0u8..) {
+        let top = TOP + f64::from(place) * (high + GAP);
+        panel(&mut picture, envelope, notes, (LEFT, top, right, top + high));
+    }
+    legend::column(&mut picture, (right + 20.0, TOP + 8.0), &entries(notes, envelopes));
+    picture
 }
 
 /// Unit for displacements up to `largest_m`: its name and the number of units per metre.
@@ -148,109 +122,64 @@ fn unit(largest_m: f64) -> (&'static str, f64) {
     }
 }
 
-/// A window of the run in its frame.
-struct MotionPanel<'a> {
-    envelope: &'a Envelope,
-    frame: Frame,
-    scale: f64,
-}
-
-impl<'a> MotionPanel<'a> {
-    fn new(envelope: &'a Envelope, notes: &MotionNotes, bounds: (i32, i32, i32, i32)) -> Self {
-        let wall = notes.clearance_m.unwrap_or(0.0);
-        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        let mut hold = |stretch: Option<ValueRange>, beside: f64| {
-            if let Some(s) = stretch {
-                low = low.min(s.low.1 - beside);
-                high = high.max(s.high.1 + beside);
-            }
-        };
-        for column in envelope.columns() {
-            hold(column.x_m, wall);
-            hold(column.z_m, 0.0);
-            if notes.second_mass.is_some() {
-                hold(column.y_m, 0.0);
-            }
+/// Draws a window of the run.
+fn panel(picture: &mut Picture, envelope: &Envelope, notes: &MotionNotes, bounds: Bounds) {
+    let wall_m = notes.clearance_m.unwrap_or(0.0);
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut hold = |stretch: Option<ValueRange>, beside: f64| {
+        if let Some(s) = stretch {
+            low = low.min(s.low.1 - beside);
+            high = high.max(s.high.1 + beside);
         }
-        let (name, scale) = unit(low.abs().max(high.abs()));
-        let (from_s, to_s) = envelope.window_s();
-        let from = if envelope.is_relative() { " relative to the base" } else { "" };
-        let y = Axis::around(format!("Displacement{from} ({name})"), Scale::Linear, [low * scale, high * scale]);
-        let x = Axis { label: "Time (s)".into(), from: from_s, to: to_s, scale: Scale::Linear };
-        Self { envelope, frame: Frame { x, y, bounds }, scale }
-    }
-
-    fn draw(&self, canvas: &Canvas, notes: &MotionNotes) -> Result<(), FigureError> {
-        if let Some(wall) = notes.clearance_m {
-            self.curve(canvas, |c| c.x_m, wall, (WALL, 10))?;
-            self.curve(canvas, |c| c.x_m, -wall, (WALL, 10))?;
-        }
-        if notes.base_moves {
-            self.curve(canvas, |c| c.z_m, 0.0, (z_colour(), 12))?;
-        }
-        if notes.second_mass.is_some() {
-            self.curve(canvas, |c| c.y_m, 0.0, (y_colour(), 12))?;
-        }
-        self.curve(canvas, |c| c.x_m, 0.0, (x_colour(), 18))?;
-        for column in self.envelope.columns() {
-            for (impact, side) in column.impacts.iter().zip([-1, 1]) {
-                if let Some((t_s, y_m)) = impact {
-                    mark(canvas, self.frame.fine_point(*t_s, y_m * self.scale), side, FINE)?;
-                }
-            }
-        }
-        Ok(())
-    }
-
-    fn curve(
-        &self,
-        canvas: &Canvas,
-        of: impl Fn(&EnvelopeColumn) -> Option<ValueRange>,
-        beside: f64,
-        (tint, width): (RGBColor, u32),
-    ) -> Result<(), FigureError> {
-        let stretches = self.envelope.columns().iter().filter_map(of);
-        let point = |(t_s, value): (f64, f64)| self.frame.fine_point(t_s, (value + beside) * self.scale);
-        let mut points: Vec<_> = stretches.flat_map(|s| s.in_order()).map(point).collect();
-        points.dedup();
-        canvas.draw(&PathElement::new(points, tint.stroke_width(width))).map_err(FigureError::of)
-    }
-}
-
-/// Draws a triangle that points at the wall; `size` is steps per point.
-fn mark(canvas: &Canvas, (x, y): (i32, i32), side: i32, size: i32) -> Result<(), FigureError> {
-    let outline = vec![(x, y), (x - 4 * size, y + 7 * side * size), (x + 4 * size, y + 7 * side * size)];
-    canvas.draw(&Polygon::new(outline, impact_colour().filled())).map_err(FigureError::of)
-}
-
-fn legend(canvas: &Canvas, left: i32, notes: &MotionNotes, envelopes: &[&Envelope]) -> Result<(), FigureError> {
-    let style = |tint: RGBColor| text(13.0, tint).pos(Pos::new(HPos::Left, VPos::Center));
-    let mut y = TOP + 8;
-    let mut entry = |word: String, tint: RGBColor, width: Option<u32>| {
-        match width {
-            Some(width) => {
-                let line = PathElement::new(vec![(left, y), (left + 26, y)], tint.stroke_width(width));
-                canvas.draw(&line).map_err(FigureError::of)?;
-            }
-            None => mark(canvas, (left + 13, y - 4), 1, 1)?,
-        }
-        canvas.draw(&Text::new(word, (left + 34, y), style(INK))).map_err(FigureError::of)?;
-        y += LINE;
-        Ok::<(), FigureError>(())
     };
-    let less = if envelopes.iter().any(|o| o.is_relative()) { " − z" } else { "" };
-    entry(format!("x{less} structure"), x_colour(), Some(2))?;
-    if let Some(word) = notes.second_mass {
-        entry(format!("y{less} {word}"), y_colour(), Some(1))?;
+    for column in envelope.columns() {
+        hold(column.x_m, wall_m);
+        hold(column.z_m, 0.0);
+        if notes.second_mass.is_some() {
+            hold(column.y_m, 0.0);
+        }
+    }
+    let (name, scale) = unit(low.abs().max(high.abs()));
+    let (from, to) = envelope.window_s();
+    let relative = if envelope.is_relative() { " relative to the base" } else { "" };
+    let frame = Frame {
+        x: Axis { label: "Time (s)".into(), from, to, scale: Scale::Linear },
+        y: Axis::around(format!("Displacement{relative} ({name})"), Scale::Linear, [low * scale, high * scale]),
+        bounds,
+    };
+    let mut traces = Traces::new(&frame);
+    let mut curve = |of: fn(&EnvelopeColumn) -> Option<ValueRange>, beside: f64, (tint, width): (Colour, f64)| {
+        let points = envelope.columns().iter().filter_map(of).flat_map(|s| s.in_order());
+        traces.line(points.map(|(t_s, value)| (t_s, (value + beside) * scale)), tint.stroke(width));
+    };
+    if notes.clearance_m.is_some() {
+        [wall_m, -wall_m].into_iter().for_each(|beside| curve(|c| c.x_m, beside, (WALL, 1.0)));
     }
     if notes.base_moves {
-        entry("z base".into(), z_colour(), Some(1))?;
+        curve(|c| c.z_m, 0.0, (Z, 1.2));
     }
+    if notes.second_mass.is_some() {
+        curve(|c| c.y_m, 0.0, (Y, 1.2));
+    }
+    curve(|c| c.x_m, 0.0, (X, 1.8));
+    for column in envelope.columns() {
+        let sided = column.impacts.iter().zip([-1, 1]);
+        let impacts = sided.filter_map(|(impact, side)| impact.map(|(t_s, y_m)| (t_s, y_m * scale, side)));
+        traces.impacts(impacts, MARKED);
+    }
+    picture.panel(&frame, &traces.svg());
+}
+
+fn entries(notes: &MotionNotes, envelopes: &[&Envelope]) -> Vec<Entry> {
+    let less = if envelopes.iter().any(|o| o.is_relative()) { " − z" } else { "" };
+    let mut entries = vec![Entry::line(format!("x{less} structure"), X.stroke(2.0))];
+    entries.extend(notes.second_mass.map(|word| Entry::line(format!("y{less} {word}"), Y.stroke(1.2))));
+    entries.extend(notes.base_moves.then(|| Entry::line("z base", Z.stroke(1.2))));
     if notes.clearance_m.is_some() {
-        entry("walls, ± d".into(), WALL, Some(1))?;
+        entries.push(Entry::line("walls, ± d", WALL.stroke(1.0)));
         if envelopes.iter().any(|o| o.impacts() > 0) {
-            entry("impact".into(), impact_colour(), None)?;
+            entries.push(Entry::mark("impact", &impact(1, MARKED)));
         }
     }
-    Ok(())
+    entries
 }

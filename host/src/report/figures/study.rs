@@ -4,10 +4,10 @@ use super::curves::Curve as SpecialCurve;
 use super::study_curves::{self, Curve, CurveLabels, Mark};
 use super::study_labels::{label, metric_label, metric_meaning, name};
 use super::study_map::{self, Map, MapAxis};
-use super::{Breadth, FigureError, Picture};
 use crate::continuation::Found;
 use crate::quantity::Quantity;
 use crate::report::numbers::significant;
+use crate::report::plot::{Breadth, FigureError, Picture};
 use crate::study::Study;
 use crate::study::axis::{Axis, Value, Values};
 use crate::study::evaluate::{main_column, main_quantile};
@@ -26,11 +26,11 @@ pub struct StudyFigure {
     /// The figure, or why it could not be drawn.
     pub picture: Result<Picture, FigureError>,
     /// The narrow figure, of curves.
-    pub narrow: Option<Result<Picture, FigureError>>,
+    pub narrow: Option<Picture>,
 }
 
 /// A drawn figure, and a narrow one if it is of curves.
-type Drawn = (Result<Picture, FigureError>, Option<Result<Picture, FigureError>>);
+type Drawn = (Result<Picture, FigureError>, Option<Picture>);
 
 /// Published points to be drawn over the curves of a study.
 #[derive(Clone, Debug, PartialEq)]
@@ -110,7 +110,7 @@ fn draw_metric(
 
 fn drawn(curves: &[Curve], labels: &CurveLabels) -> Drawn {
     let [broad, narrow] = [Breadth::Broad, Breadth::Narrow].map(|breadth| study_curves::draw(curves, labels, breadth));
-    (broad, Some(narrow))
+    (Ok(broad), Some(narrow))
 }
 
 struct Sheet<'a> {

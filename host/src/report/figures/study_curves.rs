@@ -1,14 +1,11 @@
 //! Draws a quantity over one axis of a study: a curve for each combination of the others, with the band between its quantiles.
 
-use plotters::element::{Circle, Cross, PathElement, Text};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, TextStyle};
-
-use super::axis::{Axis, Frame, Scale};
-use super::traces::{PointerValue, Traces};
-use super::{
-    BROAD, Breadth, Canvas, FigureError, INK, NARROW, Picture, WIDEST_LEGEND, colour, note, text, width, wrapped,
-};
+use crate::report::plot::axis::{Axis, Frame, Scale};
+use crate::report::plot::legend::{self, Arrangement, Entry};
+use crate::report::plot::palette::{INK, MARKED, colour};
+use crate::report::plot::svg::{Colour, Font, Svg};
+use crate::report::plot::traces::{PointerValue, Traces, circle};
+use crate::report::plot::{Breadth, LABEL, Picture, TITLE};
 
 /// A curve, or points.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,46 +48,29 @@ pub struct Mark {
     pub is_measured: bool,
 }
 
-/// The sign of a published point in the legend: a ring or a cross.
-fn draw_mark(canvas: &Canvas, at: (i32, i32), mark: &Mark) -> Result<(), FigureError> {
-    let style = INK.stroke_width(2);
-    if mark.is_measured {
-        canvas.draw(&Circle::new(at, 5, style)).map_err(FigureError::of)
-    } else {
-        canvas.draw(&Cross::new(at, 5, style)).map_err(FigureError::of)
+/// The sign of a published point: a ring or a cross.
+fn sign(is_measured: bool, tint: Colour) -> Svg {
+    if is_measured {
+        return circle(5.0, tint.stroke(2.0));
     }
+    let mut svg = Svg::default();
+    svg.path("M-5 -5L5 5M-5 5L5 -5", tint.stroke(2.0));
+    svg
 }
 
-/// Height of a broad figure; a long legend needs more.
-const HEIGHT: i32 = 470;
-/// Height of axes above their legend.
-const AXES: i32 = 360;
-const LEFT: i32 = 92;
-const TOP: i32 = 44;
-const BELOW: i32 = 88;
-const LEGEND_LINE: i32 = 21;
-const LINE: i32 = 17;
+const TOP: f64 = 44.0;
+const LINE: f64 = 17.0;
 
 /// Draws the curves.
-///
-/// # Errors
-/// The drawing library's error.
-pub fn draw(curves: &[Curve], labels: &CurveLabels, breadth: Breadth) -> Result<Picture, FigureError> {
-    let widest = curves.iter().map(|curve| width(&text(13.0, INK), &curve.label)).max().unwrap_or(0);
-    let has_legend = curves.len() > 1;
-    let legend_height = if has_legend { curves.len() as i32 * LEGEND_LINE } else { 0 };
-    let (left, wide) = if breadth == Breadth::Broad { (LEFT, BROAD) } else { (LEFT - 18, NARROW) };
-    let title = wrapped(&text(15.0, INK), &labels.title, wide - left - 10);
-    let top = TOP + (title.len() as i32 - 1) * LEGEND_LINE;
-    // Left end and first line of the legend.
-    let (bounds, legend, height) = if breadth == Breadth::Broad && widest + 70 <= WIDEST_LEGEND {
-        let height = HEIGHT.max(top + legend_height + BELOW);
-        let right = wide - if has_legend { widest + 70 } else { 30 };
-        ((left, top, right, height - BELOW), (right + 14, top + 8), height)
-    } else {
-        let bottom = top + AXES;
-        ((left, top, wide - 16, bottom), (left - 40, bottom + 70), bottom + BELOW + legend_height + 12)
-    };
+#[must_use]
+pub fn draw(curves: &[Curve], labels: &CurveLabels, breadth: Breadth) -> Picture {
+    let entry = |(place, curve): (usize, &Curve)| Entry::line(&curve.label, colour(place).stroke(2.0)).of_curve(place);
+    let entries: Vec<Entry> = curves.iter().enumerate().filter(|_| curves.len() > 1).map(entry).collect();
+    let left = if breadth == Breadth::Broad { 92.0 } else { 74.0 };
+    let font = Font::new(TITLE, INK);
+    let title = font.wrapped(&labels.title, breadth.width() - left - 10.0);
+    let top = TOP + (title.len() as f64 - 1.0) * LINE;
+    let places = Arrangement::of(breadth, (left, top), &entries, 26.0);
     let marks = || labels.marks.iter().map(|mark| mark.at);
     let abscissae =
         || curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.0)).chain(marks().map(|at| at.0));
@@ -101,48 +81,36 @@ pub fn draw(curves: &[Curve], labels: &CurveLabels, breadth: Breadth) -> Result<
     let frame = Frame {
         x: Axis::around(labels.x.clone(), scale, abscissae()),
         y: Axis::around(labels.y.clone(), Scale::Linear, values),
-        bounds,
+        bounds: places.bounds,
     };
     let all = || curves.iter().flat_map(|curve| &curve.points).copied();
     let undrawn = scale.undrawn(all().map(|at| at.0)).or_else(|| Scale::Linear.undrawn(all().map(|at| at.1)));
-    let inside: String =
-        curves.iter().enumerate().map(|(place, curve)| elements_of(&frame, place, curve, labels)).collect();
-    let mut picture = Picture::draw(wide as u32, height as u32, |_| Ok(()))?.framed(&frame, &inside)?;
-    for (place, curve) in curves.iter().enumerate().filter(|_| has_legend) {
-        let (x, y) = (legend.0, legend.1 + place as i32 * LEGEND_LINE);
-        picture = picture.legend_entry(place, "", |canvas| {
-            let sample = PathElement::new(vec![(x, y), (x + 26, y)], colour(place).stroke_width(2));
-            canvas.draw(&sample).map_err(FigureError::of)?;
-            canvas.draw(&Text::new(curve.label.clone(), (x + 34, y), at_left(13.0))).map_err(FigureError::of)
-        })?;
+    let mut inside = Svg::default();
+    curves.iter().enumerate().for_each(|(place, curve)| inside.add(&elements_of(&frame, place, curve, labels)));
+    let mut picture = places.picture();
+    picture.live_panel(&frame, &inside);
+    legend::column(&mut picture, places.legend, &entries);
+    for (line, n) in title.iter().zip(0u8..) {
+        picture.text(line, (left, TOP - 20.0 + f64::from(n) * LINE), font);
     }
-    picture.above(|canvas| {
-        for (line, n) in title.iter().zip(1..) {
-            let at = (left, top - 20 - (title.len() as i32 - n) * LINE);
-            canvas.draw(&Text::new(line.clone(), at, at_left(15.0))).map_err(FigureError::of)?;
-        }
-        let (mut x, y) = (left.min(legend.0), height - 16);
-        if let Some((_, words)) = &labels.best {
-            canvas.draw(&Text::new(words.clone(), (x, y), at_left(13.0))).map_err(FigureError::of)?;
-            x += width(&text(13.0, INK), words) + 40;
-        }
-        for (is_measured, words) in [(false, "published, computed"), (true, "published, measured")] {
-            let Some(mark) = labels.marks.iter().find(|mark| mark.is_measured == is_measured) else { continue };
-            draw_mark(canvas, (x + 6, y), mark)?;
-            canvas.draw(&Text::new(words, (x + 20, y), at_left(13.0))).map_err(FigureError::of)?;
-            x += width(&text(13.0, INK), words) + 50;
-        }
-        // On the line of these entries.
-        note(canvas, (x, height - 8), undrawn.as_deref())
-    })
-}
-
-fn at_left(size: f64) -> TextStyle<'static> {
-    text(size, INK).pos(Pos::new(HPos::Left, VPos::Center))
+    let (mut left, y) = (left.min(places.legend.0), places.size.1 - 16.0);
+    if let Some((_, words)) = &labels.best {
+        picture.text(words, (left, y), Font::new(LABEL, INK));
+        left += Font::new(LABEL, INK).width(words) + 40.0;
+    }
+    let published = [(false, "published, computed"), (true, "published, measured")];
+    let has = |is_measured: bool| labels.marks.iter().any(|mark| mark.is_measured == is_measured);
+    let published = published.into_iter().filter(|(is_measured, _)| has(*is_measured));
+    let entries: Vec<Entry> =
+        published.map(|(is_measured, words)| Entry::mark(words, &sign(is_measured, INK))).collect();
+    let (left, _) = legend::rows(&mut picture, (left, y), f64::INFINITY, &entries);
+    // On the line of these entries.
+    picture.note(left, undrawn.as_deref());
+    picture
 }
 
 /// The elements of a curve: band, line or dots, the published points on it, and the best point on the first one.
-fn elements_of(frame: &Frame, place: usize, curve: &Curve, labels: &CurveLabels) -> String {
+fn elements_of(frame: &Frame, place: usize, curve: &Curve, labels: &CurveLabels) -> Svg {
     let is_drawn = |(x, y): &(f64, f64)| frame.draws(*x, *y);
     let tint = colour(place);
     let mut traces = Traces::new(frame);
@@ -153,14 +121,14 @@ fn elements_of(frame: &Frame, place: usize, curve: &Curve, labels: &CurveLabels)
         if curve.is_scattered || part.len() == 1 {
             part.iter().for_each(|at| traces.dot(*at, 2.5, tint));
         } else {
-            traces.line(part.iter().copied(), tint, 1.8);
+            traces.line(part.iter().copied(), tint.stroke(1.8));
         }
     }
     for mark in labels.marks.iter().filter(|mark| mark.curve == place && is_drawn(&mark.at)) {
-        if mark.is_measured { traces.ring(mark.at, 5.0, tint, 2.0) } else { traces.cross(mark.at, 5.0, tint) }
+        traces.mark(mark.at, &sign(mark.is_measured, tint));
     }
     if let Some((at, _)) = labels.best.as_ref().filter(|(at, _)| curve.points.contains(at) && is_drawn(at)) {
-        traces.ring(*at, 7.0, colour(5), 2.8);
+        traces.mark(*at, &circle(7.0, MARKED.stroke(2.8)));
     }
     let band_at = |n: usize| curve.band.get(n).filter(|(x, low, high)| is_drawn(&(*x, *low)) && is_drawn(&(*x, *high)));
     let shown = |(n, at): (usize, &(f64, f64))| {

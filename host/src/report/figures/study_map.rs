@@ -1,15 +1,13 @@
 //! Draws a quantity over two axes of a study as a map: a rectangle for each point, contour lines, the best point.
 
-use contour::ContourBuilder;
-use plotters::element::{Circle, PathElement, Rectangle, Text};
-use plotters::prelude::{ColorMap, ViridisRGB};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, FontTransform, RGBColor, WHITE};
-
-use super::axis::{Axis, Frame, Scale};
 use super::curves::{self, Curve};
-use super::{Canvas, FigureError, INK, Picture, note, text};
 use crate::report::numbers::significant;
+use crate::report::plot::axis::{Axis, Frame, Scale};
+use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::palette::{INK, MARKED, WHITE, viridis};
+use crate::report::plot::svg::{Bounds, Colour, Font, Svg};
+use crate::report::plot::traces::circle;
+use crate::report::plot::{FigureError, LABEL, Picture, TITLE, contour};
 
 /// A map.
 #[derive(Clone, Debug)]
@@ -97,19 +95,10 @@ impl Map {
     }
 }
 
-const WIDTH: i32 = 980;
-const HEIGHT: i32 = 640;
-const BOUNDS: (i32, i32, i32, i32) = (92, 44, 800, 540);
-const BAR: (i32, i32) = (824, 846);
-
-/// The legend below the axis.
-const LEGEND_Y: i32 = HEIGHT - 24;
-
-/// Between an entry's mark and its words.
-const TEXT_AFTER: i32 = 26;
-
-/// The best point.
-const BEST: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
+const SIZE: (f64, f64) = (980.0, 640.0);
+const BOUNDS: Bounds = (92.0, 44.0, 800.0, 540.0);
+/// Left and right end of the colour scale.
+const BAR: (f64, f64) = (824.0, 846.0);
 
 /// Steps of the colour scale.
 const COLOUR_STEPS: usize = 64;
@@ -126,7 +115,7 @@ const MOST_VALUES: usize = 400;
 /// Draws a map.
 ///
 /// # Errors
-/// The drawing library's error; fewer than two values on an axis.
+/// Fewer than two values on an axis, or one that cannot be drawn.
 pub fn draw(map: &Map) -> Result<Picture, FigureError> {
     if map.x.values.len() < 2 || map.y.values.len() < 2 {
         return Err(FigureError("a map needs at least two values on both axes".into()));
@@ -145,37 +134,38 @@ pub fn draw(map: &Map) -> Result<Picture, FigureError> {
     let map = &Map { values: map.values.iter().map(drawn).collect(), ..map.clone() };
     let colours = colour_scale(&map.label, &map.values);
     let frame = Frame { x: map.x.axis(), y: map.y.axis(), bounds: BOUNDS };
-    let columns = map.x.values.len();
+    let mut picture = Picture::new(SIZE.0, SIZE.1);
+    cells(&mut picture, map, &frame, &colours);
+    hatching(&mut picture, map, &frame);
+    let place = |(x, y): (f64, f64)| frame.point(map.x.between(x), map.y.between(y));
+    for line in contours(map, &colours) {
+        picture.segments(line.into_iter().map(|ends| ends.map(place)), WHITE.stroke(0.8).opacity(0.55));
+    }
+    curves::draw_over(&mut picture, &map.curves, &frame);
+    picture.add(&frame.ticks());
+    picture.add(&frame.edges());
+    picture.text(&map.title, (BOUNDS.0, BOUNDS.1 - 20.0), Font::new(TITLE, INK));
+    scale(&mut picture, &colours);
+    legend::rows(&mut picture, (BOUNDS.0, SIZE.1 - 24.0), SIZE.0, &entries(map));
+    if let Some((at, _)) = &map.best {
+        picture.at(frame.point(at.0, at.1), &best(Some(WHITE)));
+    }
+    picture.note(BOUNDS.0, undrawn.as_deref());
+    Ok(picture)
+}
+
+/// Draws a rectangle for each run of neighbours of the same colour.
+fn cells(svg: &mut Svg, map: &Map, frame: &Frame, colours: &Axis) {
     let (across, up) = (map.x.borders(), map.y.borders());
-    let picture = Picture::draw(WIDTH as u32, HEIGHT as u32, |canvas| {
-        let step =
-            |value: f64| (colours.place(value) * COLOUR_STEPS as f64).floor().clamp(0.0, COLOUR_STEPS as f64 - 1.0);
-        for (row, values) in map.values.chunks(columns).enumerate() {
-            for (from, to) in runs(values, |a, b| a.is_nan() == b.is_nan() && (a.is_nan() || step(a) == step(b))) {
-                if values[from].is_nan() {
-                    continue;
-                }
-                let corners = [frame.point(across[from], up[row]), frame.point(across[to], up[row + 1])];
-                let style = tint(step(values[from]) / (COLOUR_STEPS - 1) as f64).filled();
-                canvas.draw(&Rectangle::new(corners, style)).map_err(FigureError::of)?;
+    let step = |value: f64| (colours.place(value) * COLOUR_STEPS as f64).floor().clamp(0.0, COLOUR_STEPS as f64 - 1.0);
+    for (row, values) in map.values.chunks(map.x.values.len()).enumerate() {
+        for (from, to) in runs(values, |a, b| a.is_nan() == b.is_nan() && (a.is_nan() || step(a) == step(b))) {
+            if !values[from].is_nan() {
+                let cell = frame.cell((across[from], up[row]), (across[to], up[row + 1]));
+                svg.rectangle(cell, tint(step(values[from])).fill());
             }
         }
-        Ok(())
-    })?;
-    let picture = picture.with_elements(&hatching(map, &frame, &across, &up));
-    let lines = contours(map, &colours)?;
-    let with_lines = picture.overlay(|canvas| {
-        for line in &lines {
-            let points: Vec<(i32, i32)> =
-                line.iter().map(|(x, y)| frame.fine_point(map.x.between(*x), map.y.between(*y))).collect();
-            canvas.draw(&PathElement::new(points, WHITE.mix(0.55).stroke_width(8))).map_err(FigureError::of)?;
-        }
-        Ok(())
-    })?;
-    with_lines.with_elements(&curves::elements(&map.curves, &frame)).above(|canvas| {
-        labels(canvas, map, &frame, &colours)?;
-        note(canvas, (BOUNDS.0, HEIGHT), undrawn.as_deref())
-    })
+    }
 }
 
 /// The range of the values, logarithmic if they are all positive and far apart.
@@ -202,133 +192,90 @@ fn runs(values: &[f64], alike: impl Fn(f64, f64) -> bool) -> Vec<(usize, usize)>
     runs
 }
 
-fn tint(share: f64) -> RGBColor {
-    ViridisRGB.get_color(share)
+/// The colour of a step.
+fn tint(step: f64) -> Colour {
+    viridis(step / (COLOUR_STEPS - 1) as f64)
 }
 
-/// Contour lines in places between points.
-fn contours(map: &Map, colours: &Axis) -> Result<Vec<Vec<(f64, f64)>>, FigureError> {
-    let (columns, rows) = (map.x.values.len(), map.y.values.len());
-    let thresholds: Vec<f64> = (1..=CONTOURS)
-        .map(|n| n as f64 / (CONTOURS + 1) as f64)
-        .map(|share| match colours.scale {
-            Scale::Linear => colours.from + share * (colours.to - colours.from),
-            Scale::Log => colours.from * (colours.to / colours.from).powf(share),
-        })
-        .collect();
-    // A missing value is above every line: its border is drawn.
-    let values: Vec<f64> = map.values.iter().map(|v| if v.is_finite() { *v } else { f64::MAX }).collect();
-    let found = ContourBuilder::new(columns, rows, true).lines(&values, &thresholds).map_err(FigureError::of)?;
-    let (last_column, last_row) = ((columns - 1) as f64, (rows - 1) as f64);
-    // Lines that close along the border, and those between marked points, say nothing.
-    let is_drawn = |&(x, y): &(f64, f64)| {
-        let is_inside = x > 0.0 && y > 0.0 && x < last_column && y < last_row;
-        let cell = |x: f64, y: f64| y as usize * columns + x as usize;
-        let near = [cell(x.floor(), y.floor()), cell(x.ceil(), y.ceil())];
-        is_inside && !map.marked.iter().any(|(_, marks)| near.iter().any(|cell| marks[*cell]))
-    };
-    // The builder counts from the corner of the first point's rectangle.
-    let places = |line: &contour::Line| -> Vec<Vec<(f64, f64)>> {
-        let lines = line.geometry().0.iter();
-        lines.map(|line| line.0.iter().map(|at| (at.x - 0.5, at.y - 0.5)).collect()).collect()
-    };
-    let whole = found.iter().flat_map(places);
-    let parts = whole.flat_map(|line| {
-        let parts = line.split(|at| !is_drawn(at)).filter(|part| part.len() > 1);
-        parts.map(<[(f64, f64)]>::to_vec).collect::<Vec<_>>()
+/// Contour lines in places between points, each as segments. Those between marked points say nothing.
+fn contours(map: &Map, colours: &Axis) -> impl Iterator<Item = Vec<[(f64, f64); 2]>> {
+    let is_marked = |n: usize| map.marked.iter().any(|(_, marks)| marks[n]);
+    let known = |(n, value): (usize, &f64)| if is_marked(n) { f64::NAN } else { *value };
+    let values: Vec<f64> = map.values.iter().enumerate().map(known).collect();
+    let (columns, from, to, scale) = (map.x.values.len(), colours.from, colours.to, colours.scale);
+    let shares = (1..=CONTOURS).map(|n| n as f64 / (CONTOURS + 1) as f64);
+    let levels = shares.map(move |share| match scale {
+        Scale::Linear => from + share * (to - from),
+        Scale::Log => from * (to / from).powf(share),
     });
-    Ok(parts.collect())
-}
-
-/// Patterns over the marked points, as SVG: the drawing library has none.
-fn hatching(map: &Map, frame: &Frame, across: &[f64], up: &[f64]) -> String {
-    let columns = map.x.values.len();
-    let mut elements = String::from("<defs>");
-    for (kind, path) in HATCHES.iter().enumerate() {
-        elements.push_str(&format!(
-            "<pattern id=\"hatch-{kind}\" width=\"10\" height=\"10\" patternUnits=\"userSpaceOnUse\">\
-             <path d=\"{path}\" stroke=\"#ffffff\" stroke-width=\"1.8\" stroke-opacity=\"0.6\"/><path d=\"{path}\" stroke=\"#222222\" stroke-width=\"0.8\"/></pattern>"
-        ));
-    }
-    elements.push_str("</defs>\n");
-    for (kind, (_, marked)) in map.marked.iter().enumerate().take(HATCHES.len()) {
-        for (row, marks) in marked.chunks(columns).enumerate() {
-            let marks: Vec<f64> = marks.iter().map(|mark| f64::from(u8::from(*mark))).collect();
-            for (from, to) in runs(&marks, |a, b| a == b) {
-                if marks[from] == 1.0 {
-                    let [(left, bottom), (right, top)] =
-                        [frame.point(across[from], up[row]), frame.point(across[to], up[row + 1])];
-                    elements.push_str(&rectangle((left, top, right, bottom), kind));
-                }
-            }
-        }
-    }
-    for (x, kind, _) in legend(map) {
-        if let Some(kind) = kind {
-            elements.push_str(&rectangle((x, LEGEND_Y - 8, x + 18, LEGEND_Y + 8), kind));
-        }
-    }
-    elements
-}
-
-/// A rectangle filled with a hatch: left, top, right, bottom.
-fn rectangle((left, top, right, bottom): (i32, i32, i32, i32), kind: usize) -> String {
-    let (width, height) = (right - left, bottom - top);
-    format!("<rect x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height}\" fill=\"url(#hatch-{kind})\"/>\n")
+    levels.map(move |level| contour::segments(&values, columns, level))
 }
 
 /// Diagonals of a square of 10 points, rising and falling.
 const HATCHES: [&str; 2] = ["M-2,2 l4,-4 M0,10 l10,-10 M8,12 l4,-4", "M-2,8 l4,4 M0,0 l10,10 M8,-2 l4,4"];
 
-fn labels(canvas: &Canvas, map: &Map, frame: &Frame, colours: &Axis) -> Result<(), FigureError> {
-    let put = |text: Text<'static, (i32, i32), String>| canvas.draw(&text).map_err(FigureError::of);
-    let left = |size: f64, colour: RGBColor| text(size, colour).pos(Pos::new(HPos::Left, VPos::Center));
-    frame.draw_border(canvas)?;
-    put(Text::new(map.title.clone(), (BOUNDS.0, BOUNDS.1 - 20), left(15.0, INK)))?;
-    // The colour scale.
-    let place = |share: f64| BOUNDS.3 - (share * f64::from(BOUNDS.3 - BOUNDS.1)).round() as i32;
-    for step in 0..COLOUR_STEPS {
-        let [from, to] = [step, step + 1].map(|step| place(step as f64 / COLOUR_STEPS as f64));
-        let style = tint(step as f64 / (COLOUR_STEPS - 1) as f64).filled();
-        canvas.draw(&Rectangle::new([(BAR.0, from), (BAR.1, to)], style)).map_err(FigureError::of)?;
+/// Draws patterns over the marked points.
+fn hatching(svg: &mut Svg, map: &Map, frame: &Frame) {
+    for (kind, path) in HATCHES.iter().enumerate() {
+        let mut lines = Svg::default();
+        lines.path(path, WHITE.stroke(1.8).opacity(0.6));
+        lines.path(path, INK.stroke(0.8));
+        svg.raw(&format!(
+            "<pattern id=\"hatch-{kind}\" width=\"10\" height=\"10\" patternUnits=\"userSpaceOnUse\">{lines}</pattern>\n"
+        ));
+    }
+    let (across, up) = (map.x.borders(), map.y.borders());
+    for (kind, (_, marked)) in map.marked.iter().enumerate().take(HATCHES.len()) {
+        for (row, marks) in marked.chunks(map.x.values.len()).enumerate() {
+            let marks: Vec<f64> = marks.iter().map(|mark| f64::from(u8::from(*mark))).collect();
+            for (from, to) in runs(&marks, |a, b| a == b) {
+                if marks[from] == 1.0 {
+                    svg.rectangle_with(frame.cell((across[from], up[row]), (across[to], up[row + 1])), &hatch(kind));
+                }
+            }
+        }
+    }
+}
+
+/// The attribute that fills with a pattern.
+fn hatch(kind: usize) -> String {
+    format!("fill=\"url(#hatch-{kind})\"")
+}
+
+/// Draws the colour scale.
+fn scale(svg: &mut Svg, colours: &Axis) {
+    let place = |share: f64| (BOUNDS.3 - share * (BOUNDS.3 - BOUNDS.1)).round();
+    for step in (0..COLOUR_STEPS).map(|step| step as f64) {
+        let [from, to] = [step, step + 1.0].map(|step| place(step / COLOUR_STEPS as f64));
+        svg.rectangle((BAR.0, to, BAR.1, from), tint(step).fill());
     }
     for value in colours.ticks().0 {
         let y = place(colours.place(value));
-        let tick = PathElement::new(vec![(BAR.1, y), (BAR.1 + 5, y)], INK.stroke_width(1));
-        canvas.draw(&tick).map_err(FigureError::of)?;
-        put(Text::new(significant(value, 4).replace('-', "−"), (BAR.1 + 9, y), left(13.0, INK)))?;
+        svg.line([(BAR.1, y), (BAR.1 + 5.0, y)], INK.stroke(1.0));
+        svg.text(&significant(value, 4).replace('-', "−"), (BAR.1 + 9.0, y), Font::new(LABEL, INK));
     }
-    let upright = text(15.0, INK).pos(Pos::new(HPos::Center, VPos::Center)).transform(FontTransform::Rotate270);
-    put(Text::new(map.label.clone(), (BAR.1 + 72, (BOUNDS.1 + BOUNDS.3) / 2), upright))?;
-    for (x, kind, words) in legend(map) {
-        put(Text::new(words, (x + TEXT_AFTER, LEGEND_Y), left(13.0, INK)))?;
-        if kind.is_none() {
-            let mark = Circle::new((x + 9, LEGEND_Y), 6, BEST.stroke_width(3));
-            canvas.draw(&mark).map_err(FigureError::of)?;
-        }
-    }
-    if let Some((at, _)) = &map.best {
-        let point = frame.point(at.0, at.1);
-        for (radius, colour) in [(8, WHITE), (6, BEST)] {
-            canvas.draw(&Circle::new(point, radius, colour.stroke_width(3))).map_err(FigureError::of)?;
-        }
-    }
-    Ok(())
+    let middle = (BAR.1 + 72.0, 0.5 * (BOUNDS.1 + BOUNDS.3));
+    svg.text(&colours.label, middle, Font::new(TITLE, INK).centred().upright());
 }
 
-/// Entries of the legend below the axis: where, which hatch (none for the best point), and its words.
-fn legend(map: &Map) -> Vec<(i32, Option<usize>, String)> {
-    let style = text(13.0, INK);
-    let best = map.best.iter().map(|(_, words)| (None, words.clone()));
+/// The mark of the best point, with a ring around it that lets it be seen on every colour.
+fn best(around: Option<Colour>) -> Svg {
+    let mut svg = Svg::default();
+    around.into_iter().for_each(|colour| svg.circle((0.0, 0.0), 8.0, colour.stroke(3.0)));
+    svg.add(&circle(6.0, MARKED.stroke(3.0)));
+    svg
+}
+
+/// The best point and the kinds of marks that the map has.
+fn entries(map: &Map) -> Vec<Entry> {
+    let sample = |kind: usize| {
+        let mut svg = Svg::default();
+        svg.rectangle_with((-9.0, -8.0, 9.0, 8.0), &hatch(kind));
+        svg
+    };
+    let best = map.best.iter().map(|(_, words)| Entry::mark(words, &best(None)));
     let marked = map.marked.iter().enumerate().filter(|(_, (_, marks))| marks.contains(&true));
-    let all = best.chain(marked.map(|(kind, (words, _))| (Some(kind), words.clone())));
-    let mut x = BOUNDS.0;
-    all.map(|(kind, words)| {
-        let entry = (x, kind, words);
-        x += TEXT_AFTER + super::width(&style, &entry.2) + 26;
-        entry
-    })
-    .collect()
+    best.chain(marked.map(|(kind, (words, _))| Entry::mark(words, &sample(kind)))).collect()
 }
 
 #[cfg(test)]

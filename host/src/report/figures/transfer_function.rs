@@ -2,24 +2,24 @@
 
 use std::f64::consts::PI;
 
-use plotters::element::{PathElement, Polygon, Text};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, RGBColor};
-
-use super::axis::{Axis, Frame, Scale};
-use super::{Canvas, FigureError, GREY, INK, Picture, colour, text};
 use crate::identify::time_response::TimeResponse;
 use crate::identify::time_response::welch::Line;
 use crate::report::numbers::significant;
+use crate::report::plot::axis::{Axis, Frame, Scale};
+use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::palette::{INK, colour};
+use crate::report::plot::svg::{Font, Style};
+use crate::report::plot::traces::{Traces, upright};
+use crate::report::plot::{FigureError, Picture, TITLE};
 
-const WIDTH: i32 = 980;
-const LEFT: i32 = 82;
-const RIGHT: i32 = WIDTH - 30;
-const TOP: i32 = 66;
-const GAP: i32 = 30;
+const WIDTH: f64 = 980.0;
+const LEFT: f64 = 82.0;
+const RIGHT: f64 = WIDTH - 30.0;
+const TOP: f64 = 66.0;
+const GAP: f64 = 30.0;
 
 /// Heights of the panels: |H|, phase, coherence.
-const HEIGHTS: [i32; 3] = [330, 170, 130];
+const HEIGHTS: [f64; 3] = [330.0, 170.0, 130.0];
 
 /// Points of the fitted curve.
 const CURVE: usize = 1500;
@@ -48,37 +48,41 @@ pub fn draw(found: &TimeResponse) -> Result<Picture, FigureError> {
     let zeta = found.fitted.damping_ratio.value;
     let fitted: Vec<(f64, f64)> = frequencies.iter().map(|f| fitted(*f / natural, zeta)).collect();
     let magnitudes = lines.iter().map(|line| line.magnitude()).chain(fitted.iter().map(|h| h.0));
-    let tops = [TOP, TOP + HEIGHTS[0] + GAP, TOP + HEIGHTS[0] + HEIGHTS[1] + 2 * GAP];
-    let bounds = |place: usize| (LEFT, tops[place], RIGHT, tops[place] + HEIGHTS[place]);
-    let frames = [
-        Frame { x: across(""), y: Axis::around("|H| = |X/Z|", Scale::Log, magnitudes), bounds: bounds(0) },
-        Frame { x: across(""), y: axis("Phase (°)", -200.0, 20.0), bounds: bounds(1) },
-        Frame { x: across("Frequency (Hz)"), y: axis("Coherence γ²", 0.0, 1.05), bounds: bounds(2) },
+    let magnitude = Axis::around("|H| = |X/Z|", Scale::Log, magnitudes);
+    let axes = [
+        (across(""), magnitude),
+        (across(""), axis("Phase (°)", -200.0, 20.0)),
+        (across("Frequency (Hz)"), axis("Coherence γ²", 0.0, 1.05)),
     ];
-    let height = tops[2] + HEIGHTS[2] + 62;
-    Picture::draw(WIDTH as u32, height as u32, |canvas| {
-        head(canvas, found)?;
-        for frame in &frames {
-            frame.draw(canvas)?;
-            frame.mark_x(canvas, natural, "")?;
+    let measured: [fn(&Line) -> f64; 3] = [Line::magnitude, |line| degrees(line.phase_rad()), |line| line.coherence];
+    let mut picture = Picture::new(WIDTH, TOP + HEIGHTS.iter().sum::<f64>() + 2.0 * GAP + 62.0);
+    head(&mut picture, found);
+    let mut top = TOP;
+    for (place, ((x, y), value)) in axes.into_iter().zip(measured).enumerate() {
+        let frame = Frame { x, y, bounds: (LEFT, top, RIGHT, top + HEIGHTS[place]) };
+        top += HEIGHTS[place] + GAP;
+        let mut traces = Traces::new(&frame);
+        if place == 0 {
+            lines.iter().for_each(|line| uncertainty(&mut traces, &frame, line, found.spectrum.averages));
         }
-        let [magnitude, phase, coherence] = &frames;
-        let averages = found.spectrum.averages;
-        for line in &lines {
-            uncertainty(canvas, magnitude, line, averages)?;
+        curve(&mut traces, &frame, lines.iter().map(|line| (line.frequency_hz, value(line))), measured_style());
+        let model = |(f, h): (&f64, &(f64, f64))| (*f, if place == 0 { h.0 } else { degrees(h.1) });
+        if place < 2 {
+            curve(&mut traces, &frame, frequencies.iter().zip(&fitted).map(model), model_style());
         }
-        curve(canvas, magnitude, lines.iter().map(|line| (line.frequency_hz, line.magnitude())), MEASURED, 2)?;
-        curve(canvas, magnitude, frequencies.iter().zip(&fitted).map(|(f, h)| (*f, h.0)), model_colour(), 1)?;
-        curve(canvas, phase, lines.iter().map(|line| (line.frequency_hz, degrees(line.phase_rad()))), MEASURED, 2)?;
-        curve(canvas, phase, frequencies.iter().zip(&fitted).map(|(f, h)| (*f, degrees(h.1))), model_colour(), 1)?;
-        curve(canvas, coherence, lines.iter().map(|line| (line.frequency_hz, line.coherence)), MEASURED, 2)
-    })
+        let mut inside = upright(&frame, natural, "");
+        inside.add(&traces.svg());
+        picture.panel(&frame, &inside);
+    }
+    Ok(picture)
 }
 
-const MEASURED: RGBColor = RGBColor(0x00, 0x00, 0x00);
+fn measured_style() -> Style {
+    colour(0).stroke(2.0)
+}
 
-fn model_colour() -> RGBColor {
-    colour(5)
+fn model_style() -> Style {
+    colour(5).stroke(1.0)
 }
 
 fn axis(label: &str, from: f64, to: f64) -> Axis {
@@ -98,8 +102,7 @@ fn degrees(phase_rad: f64) -> f64 {
     if phase > 160.0 { phase - 360.0 } else { phase }
 }
 
-fn head(canvas: &Canvas, found: &TimeResponse) -> Result<(), FigureError> {
-    let left = |size: f64, tint: RGBColor| text(size, tint).pos(Pos::new(HPos::Left, VPos::Center));
+fn head(picture: &mut Picture, found: &TimeResponse) {
     let (frequency, damping) = (&found.fitted.natural_frequency_hz, &found.fitted.damping_ratio);
     let value = |value: f64, u: f64| format!("{} ± {}", significant(value, 6), significant(EXPANDED * u, 2));
     let title = format!(
@@ -107,7 +110,7 @@ fn head(canvas: &Canvas, found: &TimeResponse) -> Result<(), FigureError> {
         value(frequency.value, frequency.standard_uncertainty),
         value(damping.value, damping.standard_uncertainty)
     );
-    canvas.draw(&Text::new(title, (LEFT, 22), left(15.0, INK))).map_err(FigureError::of)?;
+    picture.text(&title, (LEFT, 22.0), Font::new(TITLE, INK));
     let segments = &found.spectrum.segments;
     let words = format!(
         "H1 by Welch: Hann's window over {} s, overlap {:.0} %, {:.0} averages; bars: ± {EXPANDED} standard uncertainties",
@@ -115,33 +118,19 @@ fn head(canvas: &Canvas, found: &TimeResponse) -> Result<(), FigureError> {
         100.0 * segments.overlap,
         found.spectrum.averages
     );
-    let entries = [(words, MEASURED, 2, LEFT), ("fitted structure".to_string(), model_colour(), 1, LEFT + 680)];
-    for (word, tint, width, at) in entries {
-        let line = PathElement::new(vec![(at, 45), (at + 24, 45)], tint.stroke_width(width));
-        canvas.draw(&line).map_err(FigureError::of)?;
-        canvas.draw(&Text::new(word, (at + 32, 45), left(12.0, GREY))).map_err(FigureError::of)?;
-    }
-    Ok(())
+    let entries = [Entry::line(words, measured_style()), Entry::line("fitted structure", model_style())];
+    legend::rows(picture, (LEFT, 45.0), RIGHT, &entries.map(Entry::of_sign));
 }
 
 /// Draws a curve, cut at the ends of the frame.
-fn curve(
-    canvas: &Canvas,
-    frame: &Frame,
-    values: impl Iterator<Item = (f64, f64)>,
-    tint: RGBColor,
-    width: u32,
-) -> Result<(), FigureError> {
-    let inside = |(f, value): (f64, f64)| frame.point(f, value.clamp(frame.y.from, frame.y.to));
-    let points: Vec<(i32, i32)> = values.filter(|(_, value)| value.is_finite()).map(inside).collect();
-    canvas.draw(&PathElement::new(points, tint.stroke_width(width))).map_err(FigureError::of)
+fn curve(traces: &mut Traces, frame: &Frame, values: impl Iterator<Item = (f64, f64)>, style: Style) {
+    let inside = |(f, value): (f64, f64)| (f, value.clamp(frame.y.from, frame.y.to));
+    traces.line(values.filter(|(_, value)| value.is_finite()).map(inside), style);
 }
 
 /// Draws the expanded uncertainty of |H| at a line as a pale bar.
-fn uncertainty(canvas: &Canvas, frame: &Frame, line: &Line, averages: f64) -> Result<(), FigureError> {
+fn uncertainty(traces: &mut Traces, frame: &Frame, line: &Line, averages: f64) {
     let half = (EXPANDED * line.relative_uncertainty(averages)).min(0.99);
-    let at = |share: f64| frame.point(line.frequency_hz, (line.magnitude() * share).clamp(frame.y.from, frame.y.to));
-    let ((x, low), (_, high)) = (at(1.0 - half), at(1.0 + half));
-    let bar = vec![(x - 1, low), (x + 1, low), (x + 1, high), (x - 1, high)];
-    canvas.draw(&Polygon::new(bar, colour(2).mix(0.5).filled())).map_err(FigureError::of)
+    let end = |share: f64| (line.frequency_hz, (line.magnitude() * share).clamp(frame.y.from, frame.y.to));
+    traces.line([end(1.0 - half), end(1.0 + half)], colour(2).stroke(2.0).opacity(0.5));
 }

@@ -165,8 +165,8 @@ fn histories(point: &ComparedPoint) -> Markup {
         ""
     };
     html! {
-        (drawn(time_history(history), &format!("{at}.{residual}{parted}")))
-        div.half { (drawn(phase_plane(history), &format!("{at}: phase plane."))) }
+        (drawn(Ok(time_history(history)), &format!("{at}.{residual}{parted}")))
+        div.half { (drawn(Ok(phase_plane(history)), &format!("{at}: phase plane."))) }
     }
 }
 

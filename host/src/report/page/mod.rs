@@ -17,7 +17,9 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::input::shown;
 use crate::report::figures::campaign::{groups, phase, response, responses_of_runs, transients, wall_force};
-use crate::report::figures::{self, Breadth, FigureError, Picture, peak_motion};
+use crate::report::figures::{self, peak_motion};
+use crate::report::plot::palette::Look;
+use crate::report::plot::{Breadth, FigureError, Picture};
 use crate::run_folder::RunFolder;
 use data::PageData;
 
@@ -190,7 +192,7 @@ fn responses(data: &PageData) -> Markup {
                  as a mean over cycles, without the sensors' scale.",
             ))
             (drawn_in_both(BOTH.map(|breadth| phase(campaign, &points, group, breadth)), "Phase of x relative to z over frequency."))
-            @if let [Some(broad), Some(narrow)] = BOTH.map(|breadth| wall_force(campaign, &data.taken, group, breadth).transpose()) {
+            @if let [Some(broad), Some(narrow)] = BOTH.map(|breadth| wall_force(campaign, &data.taken, group, breadth)) {
                 (drawn_in_both([broad, narrow], "Largest force on a wall over frequency, of the points with impacts."))
             }
         }
@@ -201,15 +203,17 @@ fn responses(data: &PageData) -> Markup {
 fn sketches(data: &PageData) -> Markup {
     let Ok(campaign) = &data.campaign else { return html! {} };
     html! {
-        div.sketches { @for set_up in &campaign.set_ups { (drawn(figures::set_ups::draw(set_up), "")) } }
-        p.under { "The set-ups, not to scale." }
+        div.sketches { @for (place, set_up) in campaign.set_ups.iter().enumerate() {
+            (drawn(Ok(figures::set_ups::draw(set_up, Look { set_up: place, run: 0 })), ""))
+        } }
+        p.under { "The set-ups, not to scale, each in the colour of its curves." }
     }
 }
 
 /// The motion at the peak of each frequency response.
 fn motions(run: &RunFolder, data: &PageData) -> Markup {
     let Ok(campaign) = &data.campaign else { return html! {} };
-    let caption = "The motion at each peak: x (black) and z (grey) over the last cycles of the dwell, triangles at impacts on the side of \
+    let caption = "The motion at each peak: x (in the colour of the set-up) and z (grey) over the last cycles of the dwell, triangles at impacts on the side of \
                    the wall; velocity over x; x and velocity once in each period of the drive (Poincaré section). One point: the motion \
                    repeats with the drive.";
     match peak_motion::draw(campaign, run, &data.taken) {
@@ -234,16 +238,13 @@ fn histories(run: &RunFolder, data: &PageData) -> Markup {
 const BOTH: [Breadth; 2] = [Breadth::Broad, Breadth::Narrow];
 
 /// A figure in both layouts, of which the style sheet shows one.
-fn drawn_in_both(pictures: [Result<Picture, FigureError>; 2], caption: &str) -> Markup {
-    match pictures {
-        [Ok(broad), Ok(narrow)] => html! {
-            figure.both {
-                div.broad { (PreEscaped(without_prolog(broad.svg()))) }
-                div.narrow { (PreEscaped(without_prolog(narrow.svg()))) }
-                figcaption { (caption) }
-            }
-        },
-        [Err(error), _] | [_, Err(error)] => drawn(Err(error), caption),
+fn drawn_in_both([broad, narrow]: [Picture; 2], caption: &str) -> Markup {
+    html! {
+        figure.both {
+            div.broad { (PreEscaped(broad.svg())) }
+            div.narrow { (PreEscaped(narrow.svg())) }
+            figcaption { (caption) }
+        }
     }
 }
 
@@ -251,14 +252,8 @@ fn drawn(picture: Result<Picture, FigureError>, caption: &str) -> Markup {
     html! {
         @match picture {
             // The drawing escapes its own text.
-            Ok(picture) => figure { (PreEscaped(without_prolog(picture.svg()))) @if !caption.is_empty() { figcaption { (caption) } } },
+            Ok(picture) => figure { (PreEscaped(picture.svg())) @if !caption.is_empty() { figcaption { (caption) } } },
             Err(error) => p.note.bad { (error) },
         }
     }
-}
-
-/// The SVG without its XML declaration.
-#[must_use]
-pub fn without_prolog(svg: &str) -> &str {
-    svg.find("<svg").map_or("", |start| &svg[start..])
 }

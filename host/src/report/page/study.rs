@@ -12,9 +12,9 @@ pub fn page(study: &Study, summary: &[String], figures: Vec<StudyFigure>, source
     let content = html! {
         header { h1 { (study.name) } @for line in summary { p.under { (line) } } }
         section { @for figure in figures {
-            @match figure.narrow {
-                Some(narrow) => (drawn_in_both([figure.picture, narrow], &figure.caption)),
-                None => (drawn(figure.picture, &figure.caption)),
+            @match (figure.picture, figure.narrow) {
+                (Ok(broad), Some(narrow)) => (drawn_in_both([broad, narrow], &figure.caption)),
+                (picture, _) => (drawn(picture, &figure.caption)),
             }
         } }
         section { h2 { "Study" } pre { code { (study.text) } } }

@@ -1,4 +1,4 @@
-// Ranges and round ticks of axes: the rule of the report's figures (figures/axis.rs).
+// Ranges and round ticks of axes: the rule of the report's figures (plot/axis.rs).
 
 // The smallest of 1, 2, 5 times a power of ten that is at least `atLeast`.
 export function roundStep(atLeast) {

@@ -1,5 +1,5 @@
 // Figures of a report: the values under the pointer, zoom by dragging, curves hidden in the legend. Without this script they are drawn whole.
-// figures/traces.rs writes the elements and numbers that it needs.
+// plot/traces.rs writes the elements and numbers that it needs.
 
 import { around, figureTicks } from "./axis.js";
 import { significant } from "./text.js";
@@ -54,8 +54,7 @@ class Frame {
     this.group = group;
     this.ticks = group.querySelector("[data-ticks]");
     this.drawnTicks = [...this.ticks.childNodes];
-    const text = this.ticks.querySelector("text");
-    this.font = { fill: "#222222", "font-size": text?.getAttribute("font-size"), "font-family": text?.getAttribute("font-family") };
+    this.font = { fill: "#222222", "font-size": this.ticks.querySelector("text")?.getAttribute("font-size") };
     const inside = [...group.querySelectorAll("[data-inside] > g")];
     this.parts = inside.map((part) => ({
       part,
@@ -113,7 +112,7 @@ class Frame {
     const levels = up.major.flatMap((value, n) => {
       const y = this.y.place(value);
       return [line(left, y, right, y, "#DDDDDD"), line(left - 5, y, left, y, "#222222"),
-        make("text", { x: left - 9, y, dy: "0.35em", "text-anchor": "end", ...font }, up.labels[n])];
+        make("text", { x: left - 9, y, dy: "0.27em", "text-anchor": "end", ...font }, up.labels[n])];
     });
     const uprights = across.major.flatMap((value, n) => {
       const x = this.x.place(value);

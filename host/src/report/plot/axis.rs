@@ -1,13 +1,10 @@
 //! Linear and logarithmic axes with round ticks, and the mapping from values to points of the figure.
 //!
-//! The drawing library labels a logarithmic axis of two decades too sparsely. Here the ticks are 1, 2, 5 in every decade, or
-//! round steps.
+//! Ticks are 1, 2, 5 in every decade, or round steps.
 
-use plotters::element::{PathElement, Text};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, FontTransform, ShapeStyle};
-
-use super::{Canvas, FINE, FigureError, GREY, INK, PALE, text};
+use super::palette::{INK, PALE};
+use super::svg::{Bounds, Font, Place, Svg};
+use super::{LABEL, TITLE};
 use crate::report::numbers::significant;
 
 /// Range of a linear axis over the magnitude of its values below which the values count as equal.
@@ -189,31 +186,24 @@ pub struct Frame {
     pub x: Axis,
     /// Vertical axis.
     pub y: Axis,
-    /// Left, top, right, bottom, in points of the figure.
-    pub bounds: (i32, i32, i32, i32),
+    /// Where the rectangle is.
+    pub bounds: Bounds,
 }
 
 impl Frame {
     /// Point of the figure for a pair of values.
     #[must_use]
-    pub fn point(&self, x: f64, y: f64) -> (i32, i32) {
-        let (across, up) = self.exact_point(x, y);
-        (across.round() as i32, up.round() as i32)
-    }
-
-    /// The same in the finer steps of an overlay.
-    #[must_use]
-    pub fn fine_point(&self, x: f64, y: f64) -> (i32, i32) {
-        let ((across, up), fine) = (self.exact_point(x, y), f64::from(FINE));
-        ((across * fine).round() as i32, (up * fine).round() as i32)
-    }
-
-    /// The same without rounding.
-    #[must_use]
-    pub fn exact_point(&self, x: f64, y: f64) -> (f64, f64) {
+    pub fn point(&self, x: f64, y: f64) -> Place {
         let (left, top, right, bottom) = self.bounds;
         let [x, y] = [self.x.place(x), self.y.place(y)].map(|place| place.clamp(-FARTHEST, FARTHEST));
-        (f64::from(left) + x * f64::from(right - left), f64::from(bottom) - y * f64::from(bottom - top))
+        (left + x * (right - left), bottom - y * (bottom - top))
+    }
+
+    /// The rectangle between two corners, with edges at whole points.
+    #[must_use]
+    pub fn cell(&self, (x1, y1): (f64, f64), (x2, y2): (f64, f64)) -> Bounds {
+        let ((left, bottom), (right, top)) = (self.point(x1, y1), self.point(x2, y2));
+        (left.round(), top.round(), right.round(), bottom.round())
     }
 
     /// Whether both axes can draw their value.
@@ -222,94 +212,63 @@ impl Frame {
         self.x.scale.draws(x) && self.y.scale.draws(y)
     }
 
-    /// Draws grid, frame, ticks and labels.
-    ///
-    /// # Errors
-    /// The drawing library's error.
-    pub fn draw(&self, canvas: &Canvas) -> Result<(), FigureError> {
-        self.draw_ticks(canvas)?;
-        self.draw_edges(canvas)
-    }
-
-    /// Draws frame, ticks and labels.
-    ///
-    /// # Errors
-    /// The drawing library's error.
-    pub fn draw_border(&self, canvas: &Canvas) -> Result<(), FigureError> {
-        self.draw_labels(canvas)?;
-        self.draw_edges(canvas)
-    }
-
-    /// Draws grid and ticks with their labels: what a change of the axes changes.
-    pub(super) fn draw_ticks(&self, canvas: &Canvas) -> Result<(), FigureError> {
+    /// The grid, below everything in the frame.
+    #[must_use]
+    pub fn grid(&self) -> Svg {
+        let mut svg = Svg::default();
         let (left, top, right, bottom) = self.bounds;
         let (major, minor) = self.y.ticks();
-        for (values, colour) in [(minor, PALE.mix(0.45)), (major, PALE.mix(1.0))] {
-            for value in values {
-                let (_, y) = self.point(self.x.from, value);
-                line(canvas, vec![(left, y), (right, y)], colour.stroke_width(1))?;
+        for (values, opacity) in [(minor, 0.45), (major, 1.0)] {
+            for y in values.into_iter().map(|value| self.at_y(value)) {
+                svg.line([(left, y), (right, y)], PALE.stroke(1.0).opacity(opacity));
             }
         }
-        for value in self.x.ticks().0 {
-            let (x, _) = self.point(value, self.y.from);
-            line(canvas, vec![(x, top), (x, bottom)], PALE.stroke_width(1))?;
+        for x in self.x.ticks().0.into_iter().map(|value| self.at_x(value)) {
+            svg.line([(x, top), (x, bottom)], PALE.stroke(1.0));
         }
-        self.draw_labels(canvas)
+        svg
     }
 
-    fn draw_labels(&self, canvas: &Canvas) -> Result<(), FigureError> {
+    /// The ticks with their labels.
+    #[must_use]
+    pub fn ticks(&self) -> Svg {
+        let mut svg = Svg::default();
         let (left, _, _, bottom) = self.bounds;
-        let label = text(13.0, INK);
+        let font = Font::new(LABEL, INK);
         for value in self.y.ticks().0 {
-            let (_, y) = self.point(self.x.from, value);
-            line(canvas, vec![(left - 5, y), (left, y)], INK.stroke_width(1))?;
-            let style = label.clone().pos(Pos::new(HPos::Right, VPos::Center));
-            canvas.draw(&Text::new(self.y.tick_label(value), (left - 9, y), style)).map_err(FigureError::of)?;
+            let y = self.at_y(value);
+            svg.line([(left - 5.0, y), (left, y)], INK.stroke(1.0));
+            svg.text(&self.y.tick_label(value), (left - 9.0, y), font.ending());
         }
         for value in self.x.ticks().0 {
-            let (x, _) = self.point(value, self.y.from);
-            line(canvas, vec![(x, bottom), (x, bottom + 5)], INK.stroke_width(1))?;
-            let style = label.clone().pos(Pos::new(HPos::Center, VPos::Top));
-            canvas.draw(&Text::new(self.x.tick_label(value), (x, bottom + 9), style)).map_err(FigureError::of)?;
+            let x = self.at_x(value);
+            svg.line([(x, bottom), (x, bottom + 5.0)], INK.stroke(1.0));
+            svg.text(&self.x.tick_label(value), (x, bottom + 9.0), font.centred().below());
         }
-        Ok(())
+        svg
     }
 
-    /// Draws the frame and the labels of its axes.
-    pub(super) fn draw_edges(&self, canvas: &Canvas) -> Result<(), FigureError> {
+    /// Places of ticks, at whole points, where their lines are sharp.
+    fn at_x(&self, value: f64) -> f64 {
+        self.point(value, self.y.from).0.round()
+    }
+
+    fn at_y(&self, value: f64) -> f64 {
+        self.point(self.x.from, value).1.round()
+    }
+
+    /// The rectangle and the labels of its axes.
+    #[must_use]
+    pub fn edges(&self) -> Svg {
+        let mut svg = Svg::default();
         let (left, top, right, bottom) = self.bounds;
-        let corners = vec![(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
-        line(canvas, corners, INK.stroke_width(1))?;
-        let centred = Pos::new(HPos::Center, VPos::Center);
-        let title = text(15.0, INK).pos(centred);
-        let below = ((left + right) / 2, bottom + 42);
-        canvas.draw(&Text::new(self.x.label.clone(), below, title.clone())).map_err(FigureError::of)?;
-        let beside = (left - 54, (top + bottom) / 2);
-        let upright = title.transform(FontTransform::Rotate270);
-        canvas.draw(&Text::new(self.y.label.clone(), beside, upright)).map_err(FigureError::of)
+        let corners = [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
+        svg.line(corners, INK.stroke(1.0));
+        let font = Font::new(TITLE, INK).centred();
+        svg.text(&self.x.label, (0.5 * (left + right), bottom + 42.0), font);
+        svg.text(&self.y.label, (left - 54.0, 0.5 * (top + bottom)), font.upright());
+        svg
     }
-
-    /// Draws a dashed vertical line at `x` with a label at its top.
-    ///
-    /// # Errors
-    /// The drawing library's error.
-    pub fn mark_x(&self, canvas: &Canvas, x: f64, label: &str) -> Result<(), FigureError> {
-        if !(self.x.from..=self.x.to).contains(&x) {
-            return Ok(());
-        }
-        let (across, _) = self.point(x, self.y.from);
-        let (_, top, _, bottom) = self.bounds;
-        for y in (top..bottom).step_by(9) {
-            let dash = PathElement::new(vec![(across, y), (across, (y + 5).min(bottom))], GREY.stroke_width(1));
-            canvas.draw(&dash).map_err(FigureError::of)?;
-        }
-        let style = text(13.0, GREY).pos(Pos::new(HPos::Center, VPos::Bottom));
-        canvas.draw(&Text::new(label.to_string(), (across, top - 4), style)).map_err(FigureError::of)
-    }
-}
-
-fn line(canvas: &Canvas, points: Vec<(i32, i32)>, style: ShapeStyle) -> Result<(), FigureError> {
-    canvas.draw(&PathElement::new(points, style)).map_err(FigureError::of)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Checks the colours of curves in look.css against those of the figures, and the dark ones by numbers.
 
-use super::{COLOURS, colour};
+use super::palette::{COLOURS, colour};
 
 const LOOK: &str = include_str!("../look.css");
 const STYLE: &str = include_str!("../page/style.css");
@@ -65,12 +65,10 @@ fn oklab(linear: [f64; 3]) -> [f64; 3] {
 #[test]
 fn the_page_knows_every_colour_of_the_figures() {
     for index in 0..COLOURS {
-        let plotters::style::RGBColor(red, green, blue) = colour(index);
-        let light = format!("{red:02x}{green:02x}{blue:02x}");
-        assert!(LOOK.contains(&format!("--curve-{index}: #{light}")), "look.css: curve {index}");
-        let (light, dark) = (light.to_uppercase(), format!("var(--curve-{index})"));
+        let (light, dark) = (colour(index).to_string(), format!("var(--curve-{index})"));
+        assert!(LOOK.contains(&format!("--curve-{index}: {}", light.to_lowercase())), "look.css: curve {index}");
         for part in ["fill", "stroke"] {
-            let rule = format!("figure svg [{part}=\"#{light}\"] {{ {part}: {dark}; }}");
+            let rule = format!("figure svg [{part}=\"{light}\"] {{ {part}: {dark}; }}");
             assert!(STYLE.contains(&rule), "style.css lacks {rule}");
         }
     }
