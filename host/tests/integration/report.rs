@@ -147,6 +147,33 @@ fn several_runs_have_one_page_with_all_curves_in_one_figure() {
 }
 
 #[test]
+fn a_set_up_has_its_colour_in_every_figure_and_a_further_run_of_it_is_dashed() {
+    let release = "\n[[experiment]]\nname = \"release\"\nkind = \"free_vibration\"\nset_ups = [\"hybrid\"]\nstart_m = 0.02\nmeasure_s = 2\n";
+    let folder = folder_with(&(short() + release));
+    for name in ["first", "second"] {
+        damprig(&folder).args(["run", "test.toml", "--out", name]).assert().success();
+    }
+    damprig(&folder).args(["runs", "report", "first", "second"]).assert().success();
+    let text = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    let (black, orange) = ("stroke=\"#000000\"", "stroke=\"#E69F00\"");
+    // The second set-up of the campaign, alone in this figure.
+    let transients = text("first/transients.svg");
+    assert!(transients.contains(orange) && !transients.contains(black));
+    let page = text("runs.html");
+    for (label, colour) in [("Bare structure", black), ("Hybrid (SPID + FD)", orange)] {
+        for (run, is_dashed) in [("first", false), ("second", true)] {
+            let curve = page.split(&format!("data-label=\"{run}: {label}\"")).nth(1).expect("a curve");
+            let line = curve.split("<polyline ").nth(1).and_then(|rest| rest.split('>').next()).expect("a line");
+            assert!(line.contains(colour) && line.contains("dasharray=\"6 4\"") == is_dashed, "{run} {label}: {line}");
+        }
+    }
+    // The sketches, in the run's own page.
+    let first = text("first/report.html");
+    let sketches = first.split("class=\"sketches\"").nth(1).expect("sketches");
+    assert!(sketches.contains("fill=\"#E69F00\"") && !sketches.contains("fill=\"#0072B2\""));
+}
+
+#[test]
 fn the_curves_of_many_runs_have_a_figure_for_each_set_up() {
     let folder = folder_with(&short());
     damprig(&folder).args(["run", "test.toml", "--out", "run-0"]).assert().success();

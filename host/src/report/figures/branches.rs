@@ -7,7 +7,7 @@ use crate::report::plot::axis::{Axis, Frame, Scale};
 use crate::report::plot::legend::{self, Entry};
 use crate::report::plot::palette::{GREY, INK, WHITE, colour};
 use crate::report::plot::svg::{Bounds, Colour, Font, Place, Svg};
-use crate::report::plot::traces::Traces;
+use crate::report::plot::traces::{Traces, shape};
 use crate::report::plot::{FigureError, Picture, SMALL, source};
 
 const SIZE: (f64, f64) = (980.0, 620.0);
@@ -19,39 +19,22 @@ const UNSTABLE: &str = "7 5";
 /// Room of a label beside a mark, points.
 const ROOM: (f64, f64) = (20.0, 14.0);
 
-/// Mark of a kind of special point.
-struct Mark {
-    /// Name of the kind.
-    name: &'static str,
-    /// Its abbreviation.
-    short: &'static str,
-    /// Corners, in points.
-    corners: &'static [(i8, i8)],
-}
-
-const fn mark_of(name: &'static str, short: &'static str, corners: &'static [(i8, i8)]) -> Mark {
-    Mark { name, short, corners }
-}
-
-/// Marks of the special points.
-const MARKS: [Mark; 6] = [
-    mark_of("fold", "F", &[(0, -6), (6, 5), (-6, 5)]),
-    mark_of("period doubling", "PD", &[(-5, -5), (5, -5), (5, 5), (-5, 5)]),
-    mark_of("Neimark-Sacker", "NS", &[(0, -6), (6, 0), (0, 6), (-6, 0)]),
-    mark_of("symmetry breaking", "SB", &[(0, 6), (6, -5), (-6, -5)]),
-    mark_of("branch point", "BP", &[(-6, 0), (-3, -5), (3, -5), (6, 0), (3, 5), (-3, 5)]),
-    mark_of("grazing", "G", &[(4, 0), (3, 3), (0, 4), (-3, 3), (-4, 0), (-3, -3), (0, -4), (3, -3)]),
+/// Kinds of special points, their abbreviations, and the shapes of their marks.
+const MARKS: [(&str, &str, usize); 6] = [
+    ("fold", "F", 2),
+    ("period doubling", "PD", 1),
+    ("Neimark-Sacker", "NS", 3),
+    ("symmetry breaking", "SB", 4),
+    ("branch point", "BP", 5),
+    (GRAZING, "G", 0),
 ];
 
-impl Mark {
-    /// The mark around 0, 0: filled, or hollow for a grazing.
-    fn sign(&self, tint: Colour) -> Svg {
-        let corners = self.corners.iter().map(|(x, y)| (f64::from(*x), f64::from(*y)));
-        let inside = if self.name == "grazing" { WHITE } else { tint };
-        let mut svg = Svg::default();
-        svg.area(corners, inside.fill().edged(tint, 1.0));
-        svg
-    }
+/// The kind whose mark is hollow.
+const GRAZING: &str = "grazing";
+
+/// The mark of a kind around 0, 0.
+fn sign(kind: &str, number: usize, tint: Colour) -> Svg {
+    shape(number, if kind == GRAZING { WHITE } else { tint }.fill().edged(tint, 1.0))
 }
 
 /// Draws the branches.
@@ -76,11 +59,10 @@ pub fn draw(found: &Found) -> Result<Picture, FigureError> {
     picture.note(BOUNDS.0, Scale::Linear.undrawn(orbits().map(|orbit| orbit.max_abs_x_m * 1e3)).as_deref());
     let lines = [Entry::line("stable", INK.stroke(2.0)), Entry::line("unstable", INK.stroke(2.0).dashed(UNSTABLE))];
     legend::rows(&mut picture, (BOUNDS.0, BOUNDS.3 + 76.0), BOUNDS.2, &lines);
-    let is_there =
-        |mark: &Mark| found.branches.iter().flat_map(|b| &b.special_points).any(|special| special.kind == mark.name);
-    let entry = |mark: Mark| Entry::mark(format!("{}: {}", mark.short, mark.name), &mark.sign(GREY));
-    let marks: Vec<Entry> = MARKS.into_iter().filter(is_there).map(entry).collect();
-    legend::rows(&mut picture, (BOUNDS.0, BOUNDS.3 + 102.0), SIZE.0, &marks);
+    let is_there = |kind: &str| found.branches.iter().flat_map(|b| &b.special_points).any(|s| s.kind == kind);
+    let marks = MARKS.into_iter().filter(|(kind, ..)| is_there(kind));
+    let entry = |(kind, short, number)| Entry::mark(format!("{short}: {kind}"), &sign(kind, number, GREY));
+    legend::rows(&mut picture, (BOUNDS.0, BOUNDS.3 + 102.0), SIZE.0, &marks.map(entry).collect::<Vec<_>>());
     let table = branch_table::orbits(found).map_err(FigureError::of)?;
     Ok(picture.of_source(&source("continuation", &branch_table::identity(&table))))
 }
@@ -110,12 +92,12 @@ fn marks(svg: &mut Svg, frame: &Frame, branch: &FoundBranch, labelled: &mut Vec<
         if !frame.draws(special.parameter, special.max_abs_x_m * 1e3) {
             continue;
         }
-        let Some(mark) = MARKS.iter().find(|mark| mark.name == special.kind) else { continue };
+        let Some((kind, short, number)) = MARKS.iter().find(|(kind, ..)| *kind == special.kind) else { continue };
         let (x, y) = frame.point(special.parameter, special.max_abs_x_m * 1e3);
-        svg.at((x, y), &mark.sign(tint(branch)));
+        svg.at((x, y), &sign(kind, *number, tint(branch)));
         if !labelled.iter().any(|(a, b)| (a - x).abs() < ROOM.0 && (b - y).abs() < ROOM.1) {
             labelled.push((x, y));
-            svg.text(mark.short, (x + 6.0, y - 5.0), Font::new(SMALL, INK).above());
+            svg.text(short, (x + 6.0, y - 5.0), Font::new(SMALL, INK).above());
         }
     }
 }

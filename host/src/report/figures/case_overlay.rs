@@ -31,7 +31,7 @@ pub fn histories(cases: &[DrawnCase], title: &str) -> Picture {
         (case.name.clone(), points)
     };
     let less = if cases.iter().any(|case| case.envelope.is_relative()) { " − z" } else { "" };
-    draw(cases.iter().map(curve), title, "Time (s)", &format!("x{less} (mm)"))
+    draw(cases.iter().map(curve), title, ("Time (s)", false), &format!("x{less} (mm)"))
 }
 
 /// Draws the largest |x| of each cycle.
@@ -42,7 +42,7 @@ pub fn cycle_maxima(cases: &[DrawnCase], title: &str) -> Picture {
             case.cycle_max_m.iter().enumerate().map(|(cycle, max_m)| (cycle as f64 + 1.0, max_m * MILLIMETRES));
         (case.name.clone(), points.collect())
     };
-    draw(cases.iter().map(curve), title, "Cycle", "largest |x| of the cycle (mm)")
+    draw(cases.iter().map(curve), title, ("Cycle", false), "largest |x| of the cycle (mm)")
 }
 
 /// A result over the time step of a scheme.
@@ -57,19 +57,16 @@ pub struct Series {
 /// Draws results over a time step, which is on a logarithmic axis.
 #[must_use]
 pub fn over_step(series: Vec<Series>, title: &str, x: &str, y: &str) -> Picture {
-    let curve = |Series { label, points }| Curve { label, points, band: Vec::new(), is_scattered: false };
-    let curves: Vec<Curve> = series.into_iter().map(curve).collect();
-    study_curves::draw(
-        &curves,
-        &CurveLabels { title: title.into(), x: x.into(), is_log: true, y: y.into(), best: None, marks: Vec::new() },
-        Breadth::Broad,
-    )
+    draw(series.into_iter().map(|Series { label, points }| (label, points)), title, (x, true), y)
 }
 
-fn draw(curves: impl Iterator<Item = (String, Vec<(f64, f64)>)>, title: &str, x: &str, y: &str) -> Picture {
-    let curve = |(label, points)| Curve { label, points, band: Vec::new(), is_scattered: false };
-    let curves: Vec<Curve> = curves.map(curve).collect();
-    let labels =
-        CurveLabels { title: title.into(), x: x.into(), is_log: false, y: y.into(), best: None, marks: Vec::new() };
+fn draw(
+    curves: impl Iterator<Item = (String, Vec<(f64, f64)>)>,
+    title: &str,
+    (x, is_log): (&str, bool),
+    y: &str,
+) -> Picture {
+    let curves: Vec<Curve> = curves.map(|(label, points)| Curve { label, points, ..Curve::default() }).collect();
+    let labels = CurveLabels { title: title.into(), x: x.into(), is_log, y: y.into(), ..CurveLabels::default() };
     study_curves::draw(&curves, &labels, Breadth::Broad)
 }

@@ -3,7 +3,7 @@
 
 use crate::compare::{ComparedExperiment, ComparedPoint, History, Predicted, Uncertain};
 use crate::quantity::Quantity;
-use crate::report::plot::axis::{Axis, Frame, Scale};
+use crate::report::plot::axis::{Axis, Frame, Scale, length_unit};
 use crate::report::plot::legend::{self, Entry};
 use crate::report::plot::palette::{GREY, MARKED, colour};
 use crate::report::plot::svg::{Colour, Svg};
@@ -141,11 +141,6 @@ fn low(value: &Uncertain) -> f64 {
     bar_low(Scale::Log, value.value, value.expanded)
 }
 
-/// Unit of a displacement axis, and its number in a metre.
-fn unit(largest_m: f64) -> (&'static str, f64) {
-    if largest_m >= 1e-4 { ("mm", 1e3) } else { ("µm", 1e6) }
-}
-
 fn largest(points: &[(f64, f64)]) -> f64 {
     points.iter().map(|p| p.1.abs()).fold(0.0, f64::max)
 }
@@ -158,14 +153,10 @@ pub fn time_history(history: &History) -> Picture {
         |x_m: &[f32]| -> Vec<(f64, f64)> { x_m.iter().enumerate().map(|(n, x)| (at(n), f64::from(*x))).collect() };
     let (measured, simulated) = (timed(&history.measured_m), timed(&history.simulated_m));
     let residual: Vec<(f64, f64)> = measured.iter().zip(&simulated).map(|(m, s)| (m.0, m.1 - s.1)).collect();
-    let x = Axis {
-        label: "Time after the start of the measurement (s)".into(),
-        from: history.from_s,
-        to: at(measured.len().max(simulated.len()).max(2) - 1),
-        scale: Scale::Linear,
-    };
-    let (name, scale) = unit(largest(&measured).max(largest(&simulated)));
-    let (rest_name, rest_scale) = unit(largest(&residual));
+    let until = at(measured.len().max(simulated.len()).max(2) - 1);
+    let x = Axis::between("Time after the start of the measurement (s)", history.from_s, until);
+    let (name, scale) = length_unit(largest(&measured).max(largest(&simulated)));
+    let (rest_name, rest_scale) = length_unit(largest(&residual));
     let scaled = |points: &[(f64, f64)], scale: f64| points.iter().map(|(t, v)| (*t, v * scale)).collect::<Vec<_>>();
     let (measured, simulated, residual) =
         (scaled(&measured, scale), scaled(&simulated, scale), scaled(&residual, rest_scale));
@@ -216,7 +207,7 @@ pub fn phase_plane(history: &History) -> Picture {
     };
     let (measured, simulated) = (orbit(&history.measured_m), orbit(&history.simulated_m));
     let both = || measured.iter().chain(&simulated);
-    let (name, scale) = unit(both().map(|p| p.0.abs()).fold(0.0, f64::max));
+    let (name, scale) = length_unit(both().map(|p| p.0.abs()).fold(0.0, f64::max));
     let frame = Frame {
         x: Axis::around(format!("x ({name})"), Scale::Linear, both().map(|p| p.0 * scale)),
         y: Axis::around("x′ (mm/s)", Scale::Linear, both().map(|p| p.1 * 1e3)),

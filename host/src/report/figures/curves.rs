@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn labels_of_curves_on_one_another_do_not_cover_each_other_and_a_curve_outside_has_none() {
-        let axis = |to: f64| Axis { label: String::new(), from: 0.0, to, scale: Scale::Linear };
+        let axis = |to: f64| Axis::between("", 0.0, to);
         let frame = Frame { x: axis(10.0), y: axis(1.0), bounds: (0.0, 0.0, 1000.0, 500.0) };
         let points: Vec<(f64, f64)> = (0..=20).map(|n| (3.0 + 0.1 * f64::from(n), 0.05 * f64::from(n))).collect();
         let outside = points.iter().map(|(x, y)| (x + 20.0, *y)).collect();

@@ -2,9 +2,9 @@
 
 use crate::report::plot::axis::{Axis, Frame, Scale};
 use crate::report::plot::legend::{self, Arrangement, Entry};
-use crate::report::plot::palette::{COLOURS, GREY, Look, WHITE};
+use crate::report::plot::palette::{GREY, Look};
 use crate::report::plot::svg::{Font, Svg};
-use crate::report::plot::traces::{PointerValue, Traces, bar_low, circle, upright};
+use crate::report::plot::traces::{PointerValue, Traces, bar_low, circle, marker, upright};
 use crate::report::plot::{BROAD, Breadth, NARROW, Picture, SMALL};
 
 /// One point of a curve.
@@ -79,7 +79,7 @@ const CAPTION_LINE: f64 = 17.0;
 pub fn draw(curves: &[ResponseCurve], quantity: &Ordinate, notes: &ResponseNotes, breadth: Breadth) -> Picture {
     let values = || curves.iter().flat_map(|c| &c.points);
     let mut entries: Vec<Entry> = curves.iter().map(entry).collect();
-    entries.extend(Sign::of(curves, quantity).into_iter().map(Sign::entry));
+    entries.extend(signs(curves, quantity));
     let undrawn =
         Scale::Linear.undrawn(values().map(|p| p.value)).map(|words| format!(" {words}.")).unwrap_or_default();
     let (left, caption_left) = if breadth == Breadth::Broad { (82.0, 82.0) } else { (66.0, 14.0) };
@@ -143,84 +143,35 @@ const RING: f64 = 10.0;
 /// Radius of the dot of a repeat, points.
 const REPEAT: f64 = 2.2;
 
-/// A marker around 0, 0; set-ups differ in its shape and colour.
-pub(super) fn marker(look: Look, is_filled: bool) -> Svg {
-    const SHAPES: [&[(i8, i8)]; 6] = [
-        &[(5, 0), (4, 3), (3, 4), (0, 5), (-3, 4), (-4, 3), (-5, 0), (-4, -3), (-3, -4), (0, -5), (3, -4), (4, -3)],
-        &[(-4, -4), (4, -4), (4, 4), (-4, 4)],
-        &[(0, -6), (6, 4), (-6, 4)],
-        &[(0, -6), (6, 0), (0, 6), (-6, 0)],
-        &[(0, 6), (6, -4), (-6, -4)],
-        &[(-6, 0), (-3, -5), (3, -5), (6, 0), (3, 5), (-3, 5)],
-    ];
-    // Where the colours begin again, the shapes are shifted.
-    let shape = (look.set_up + look.set_up / COLOURS) % SHAPES.len();
-    let corners = SHAPES[shape].iter().map(|(x, y)| (f64::from(*x), f64::from(*y)));
-    let inside = if is_filled { look.colour() } else { WHITE };
-    let mut svg = Svg::default();
-    svg.area(corners, inside.fill().edged(look.colour(), 2.0));
-    svg
-}
-
 /// A curve's entry in the legend.
 fn entry(curve: &ResponseCurve) -> Entry {
     let line = Entry::line(&curve.label, curve.look.line(2.0)).marked(&marker(curve.look, true));
     line.with_detail(&curve.detail).of_curve(curve.place)
 }
 
-/// An entry of the legend's lower part: what a sign means.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Sign {
-    Steady,
-    NotSteady,
-    Interval,
-    Repeats,
-    Unresolved,
-}
-
-impl Sign {
-    /// The signs that a figure has.
-    fn of(curves: &[ResponseCurve], quantity: &Ordinate) -> Vec<Self> {
-        let any = |is: &dyn Fn(&ResponsePoint) -> bool| curves.iter().flat_map(|c| &c.points).any(is);
-        let has_range = |p: &ResponsePoint| p.range(quantity.scale).is_some();
-        let signs = [
-            (Self::Steady, true),
-            (Self::NotSteady, true),
-            (Self::Interval, any(&|p| p.repeats.is_empty() && has_range(p))),
-            (Self::Repeats, any(&|p| !p.repeats.is_empty())),
-            (Self::Unresolved, quantity.rings_peaks && curves.iter().any(|c| c.unresolved_peak_hz.is_some())),
-        ];
-        signs.into_iter().filter(|(_, is_drawn)| *is_drawn).map(|(sign, _)| sign).collect()
-    }
-
-    fn words(self) -> &'static str {
-        match self {
-            Self::Steady => "steady or stationary",
-            Self::NotSteady => "not steady within the dwell",
-            Self::Interval => "95 % interval of the mean over cycles",
-            Self::Repeats => "repeats, their mean and range",
-            Self::Unresolved => "peak not resolved or at a jump",
-        }
-    }
-
-    /// What the sign is in the legend.
-    fn entry(self) -> Entry {
+/// The legend's lower part: what the signs of the figure mean.
+fn signs(curves: &[ResponseCurve], quantity: &Ordinate) -> Vec<Entry> {
+    let any = |is: &dyn Fn(&ResponsePoint) -> bool| curves.iter().flat_map(|c| &c.points).any(is);
+    let two = |is_filled| {
         let mut sign = Svg::default();
-        let mut two = |is_filled| {
-            for (set_up, x) in [(0, -8.0), (1, 8.0)] {
-                sign.at((x, 0.0), &marker(Look { set_up, run: 0 }, is_filled));
-            }
-        };
-        match self {
-            Self::Steady => two(true),
-            Self::NotSteady => two(false),
-            Self::Interval => sign.path("M0 -8V8M-4 -8H4M-4 8H4", GREY.stroke(1.2)),
-            Self::Repeats => {
-                sign.rectangle((-14.0, -7.0, 14.0, 7.0), GREY.fill().opacity(0.2));
-                [(-5.0, -3.0), (5.0, 3.0)].into_iter().for_each(|at| sign.circle(at, REPEAT, GREY.fill()));
-            }
-            Self::Unresolved => sign = circle(RING, GREY.stroke(1.0)),
+        for (set_up, x) in [(0, -8.0), (1, 8.0)] {
+            sign.at((x, 0.0), &marker(Look { set_up, run: 0 }, is_filled));
         }
-        Entry::mark(self.words(), &sign).of_sign()
-    }
+        sign
+    };
+    let (mut interval, mut repeats) = (Svg::default(), Svg::default());
+    interval.path("M0 -8V8M-4 -8H4M-4 8H4", GREY.stroke(1.2));
+    repeats.rectangle((-14.0, -7.0, 14.0, 7.0), GREY.fill().opacity(0.2));
+    [(-5.0, -3.0), (5.0, 3.0)].into_iter().for_each(|at| repeats.circle(at, REPEAT, GREY.fill()));
+    let has_interval = any(&|p| p.repeats.is_empty() && p.range(quantity.scale).is_some());
+    let is_unresolved = quantity.rings_peaks && curves.iter().any(|c| c.unresolved_peak_hz.is_some());
+    let all = [
+        (true, "steady or stationary", two(true)),
+        (true, "not steady within the dwell", two(false)),
+        (has_interval, "95 % interval of the mean over cycles", interval),
+        (any(&|p| !p.repeats.is_empty()), "repeats, their mean and range", repeats),
+        (is_unresolved, "peak not resolved or at a jump", circle(RING, GREY.stroke(1.0))),
+    ];
+    let drawn = all.into_iter().filter(|(is_drawn, ..)| *is_drawn);
+    drawn.map(|(_, words, sign)| Entry::mark(words, &sign).of_sign()).collect()
 }

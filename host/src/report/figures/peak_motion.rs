@@ -238,7 +238,7 @@ impl Motion<'_> {
         let speeds = Axis::around("x\u{2032} (mm/s)", Scale::Linear, plane.iter().map(|p| p.1));
         let positions = |label: &str| Axis::around(label, Scale::Linear, plane.iter().map(|p| p.0));
         let bounds = |n: usize| (PANELS[n].0, top, PANELS[n].1, top + HIGH);
-        let time = Axis { label: "Time (s)".into(), from: 0.0, to: seconds(end), scale: Scale::Linear };
+        let time = Axis::between("Time (s)", 0.0, seconds(end));
         let both = x.iter().chain(&z).map(|p| p.1);
         let frames = [
             Frame { x: time, y: Axis::around("x, z (mm)", Scale::Linear, both), bounds: bounds(0) },

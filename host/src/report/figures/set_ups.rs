@@ -2,12 +2,12 @@
 //! block, tuned mass.
 
 use super::campaign::shortened;
-use super::frequency_response::marker;
 use crate::campaign::CampaignSetUp;
 use crate::report::describe;
 use crate::report::numbers::{significant, trimmed};
 use crate::report::plot::palette::{GREY, INK, Look, PALE, WALL};
 use crate::report::plot::svg::{Colour, Font, Place};
+use crate::report::plot::traces::marker;
 use crate::report::plot::{LABEL, Picture, SMALL};
 use damprig_core::model::{SetUp, Wall};
 

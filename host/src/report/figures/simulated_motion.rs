@@ -6,7 +6,7 @@ use damprig_core::integrator::exact::Excitation;
 
 use crate::motion_record::Quantity;
 use crate::report::describe;
-use crate::report::plot::axis::{Axis, Frame, Scale};
+use crate::report::plot::axis::{Axis, Frame, Scale, length_unit};
 use crate::report::plot::legend::{self, Entry};
 use crate::report::plot::palette::{INK, MARKED, WALL, colour};
 use crate::report::plot::svg::{Bounds, Colour, Font};
@@ -113,15 +113,6 @@ fn draw(envelopes: &[&Envelope], notes: &MotionNotes) -> Picture {
     picture
 }
 
-/// Unit for displacements up to `largest_m`: its name and the number of units per metre.
-fn unit(largest_m: f64) -> (&'static str, f64) {
-    match largest_m {
-        m if m >= 1.0 => ("m", 1.0),
-        m if m >= 1e-3 => ("mm", 1e3),
-        _ => ("µm", 1e6),
-    }
-}
-
 /// Draws a window of the run.
 fn panel(picture: &mut Picture, envelope: &Envelope, notes: &MotionNotes, bounds: Bounds) {
     let wall_m = notes.clearance_m.unwrap_or(0.0);
@@ -139,11 +130,11 @@ fn panel(picture: &mut Picture, envelope: &Envelope, notes: &MotionNotes, bounds
             hold(column.y_m, 0.0);
         }
     }
-    let (name, scale) = unit(low.abs().max(high.abs()));
+    let (name, scale) = length_unit(low.abs().max(high.abs()));
     let (from, to) = envelope.window_s();
     let relative = if envelope.is_relative() { " relative to the base" } else { "" };
     let frame = Frame {
-        x: Axis { label: "Time (s)".into(), from, to, scale: Scale::Linear },
+        x: Axis::between("Time (s)", from, to),
         y: Axis::around(format!("Displacement{relative} ({name})"), Scale::Linear, [low * scale, high * scale]),
         bounds,
     };

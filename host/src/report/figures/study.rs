@@ -271,7 +271,7 @@ impl Sheet<'_> {
             let known = curves.iter().position(|(of, _)| *of == others);
             let known = known.unwrap_or_else(|| {
                 let label = self.words(&others);
-                curves.push((others, Curve { label, points: Vec::new(), band: Vec::new(), is_scattered }));
+                curves.push((others, Curve { label, is_scattered, ..Curve::default() }));
                 curves.len() - 1
             });
             let at = Self::number(&there, x);
@@ -329,7 +329,7 @@ impl Sheet<'_> {
         let x = self.study.points.kept().iter().find(is_drawn).copied().unwrap_or(0);
         let point = |row: u64| (Self::number(&self.at(row), x), self.values[row as usize]);
         let points = (0..self.values.len() as u64).map(point).collect();
-        let curve = Curve { label: String::new(), points, band: Vec::new(), is_scattered: true };
+        let curve = Curve { points, is_scattered: true, ..Curve::default() };
         let best = self.best_words().map(|(row, words)| (point(row), words));
         let is_log = matches!(self.axis(x).values, Values::Drawn { is_log: true, .. });
         let labels = CurveLabels {

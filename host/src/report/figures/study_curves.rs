@@ -8,7 +8,7 @@ use crate::report::plot::traces::{PointerValue, Traces, circle};
 use crate::report::plot::{Breadth, LABEL, Picture, TITLE};
 
 /// A curve, or points.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Curve {
     /// What it is.
     pub label: String,
@@ -21,7 +21,7 @@ pub struct Curve {
 }
 
 /// Labels of the figure.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct CurveLabels {
     /// Name of the study.
     pub title: String,

@@ -75,7 +75,7 @@ fn frame<'a>(points: impl Iterator<Item = &'a (f64, f64)> + Clone, bounds: Bound
     let (from, to) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)));
     let (from, to) = if from < to { (from, to) } else { (0.0, 1.0) };
     Frame {
-        x: Axis { label: "Time (s)".into(), from, to, scale: Scale::Linear },
+        x: Axis::between("Time (s)", from, to),
         y: Axis::around("Displacement (mm)", Scale::Linear, points.map(|p| p.1)),
         bounds,
     }

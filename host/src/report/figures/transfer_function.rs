@@ -33,7 +33,7 @@ const EXPANDED: f64 = 2.0;
 /// Draws H1 with its expanded uncertainty, the fitted structure over it, phase and coherence.
 ///
 /// # Errors
-/// The drawing library's error; no line where the base moves.
+/// No line where the base moves.
 pub fn draw(found: &TimeResponse) -> Result<Picture, FigureError> {
     let natural = found.fitted.natural_frequency_hz.value;
     let reach = 2f64.powf(OCTAVES);
@@ -43,7 +43,7 @@ pub fn draw(found: &TimeResponse) -> Result<Picture, FigureError> {
         return Err(FigureError("the base does not move about the natural frequency".into()));
     };
     let (from, to) = (first.frequency_hz, last.frequency_hz);
-    let across = |label: &str| Axis { label: label.into(), from, to, scale: Scale::Linear };
+    let across = |label: &str| Axis::between(label, from, to);
     let frequencies: Vec<f64> = (0..=CURVE).map(|n| from + (to - from) * n as f64 / CURVE as f64).collect();
     let zeta = found.fitted.damping_ratio.value;
     let fitted: Vec<(f64, f64)> = frequencies.iter().map(|f| fitted(*f / natural, zeta)).collect();
@@ -51,8 +51,8 @@ pub fn draw(found: &TimeResponse) -> Result<Picture, FigureError> {
     let magnitude = Axis::around("|H| = |X/Z|", Scale::Log, magnitudes);
     let axes = [
         (across(""), magnitude),
-        (across(""), axis("Phase (°)", -200.0, 20.0)),
-        (across("Frequency (Hz)"), axis("Coherence γ²", 0.0, 1.05)),
+        (across(""), Axis::between("Phase (°)", -200.0, 20.0)),
+        (across("Frequency (Hz)"), Axis::between("Coherence γ²", 0.0, 1.05)),
     ];
     let measured: [fn(&Line) -> f64; 3] = [Line::magnitude, |line| degrees(line.phase_rad()), |line| line.coherence];
     let mut picture = Picture::new(WIDTH, TOP + HEIGHTS.iter().sum::<f64>() + 2.0 * GAP + 62.0);
@@ -65,10 +65,10 @@ pub fn draw(found: &TimeResponse) -> Result<Picture, FigureError> {
         if place == 0 {
             lines.iter().for_each(|line| uncertainty(&mut traces, &frame, line, found.spectrum.averages));
         }
-        curve(&mut traces, &frame, lines.iter().map(|line| (line.frequency_hz, value(line))), measured_style());
+        curve(&mut traces, &frame, lines.iter().map(|line| (line.frequency_hz, value(line))), MEASURED);
         let model = |(f, h): (&f64, &(f64, f64))| (*f, if place == 0 { h.0 } else { degrees(h.1) });
         if place < 2 {
-            curve(&mut traces, &frame, frequencies.iter().zip(&fitted).map(model), model_style());
+            curve(&mut traces, &frame, frequencies.iter().zip(&fitted).map(model), MODEL);
         }
         let mut inside = upright(&frame, natural, "");
         inside.add(&traces.svg());
@@ -77,17 +77,8 @@ pub fn draw(found: &TimeResponse) -> Result<Picture, FigureError> {
     Ok(picture)
 }
 
-fn measured_style() -> Style {
-    colour(0).stroke(2.0)
-}
-
-fn model_style() -> Style {
-    colour(5).stroke(1.0)
-}
-
-fn axis(label: &str, from: f64, to: f64) -> Axis {
-    Axis { label: label.into(), from, to, scale: Scale::Linear }
-}
+const MEASURED: Style = colour(0).stroke(2.0);
+const MODEL: Style = colour(5).stroke(1.0);
 
 /// |H| and phase (rad) of the fitted structure at r = f/fn.
 fn fitted(r: f64, zeta: f64) -> (f64, f64) {
@@ -118,7 +109,7 @@ fn head(picture: &mut Picture, found: &TimeResponse) {
         100.0 * segments.overlap,
         found.spectrum.averages
     );
-    let entries = [Entry::line(words, measured_style()), Entry::line("fitted structure", model_style())];
+    let entries = [Entry::line(words, MEASURED), Entry::line("fitted structure", MODEL)];
     legend::rows(picture, (LEFT, 45.0), RIGHT, &entries.map(Entry::of_sign));
 }
 

@@ -68,6 +68,11 @@ pub struct Axis {
 }
 
 impl Axis {
+    /// A linear axis between two values.
+    pub fn between(label: impl Into<String>, from: f64, to: f64) -> Self {
+        Self { label: label.into(), from, to, scale: Scale::Linear }
+    }
+
     /// An axis that covers all `values` that can be drawn with a margin; 0.5 to 2 without values. Values that differ by rounding only are drawn as
     /// one value: the axis is as wide as it is large.
     pub fn around(label: impl Into<String>, scale: Scale, values: impl IntoIterator<Item = f64>) -> Self {
@@ -84,7 +89,7 @@ impl Axis {
     pub fn tight(label: impl Into<String>, values: impl IntoIterator<Item = f64>) -> Self {
         let (low, high) = ends(values, Scale::Linear);
         let (from, to) = if low > high { (0.0, 1.0) } else { with_margin((low, high), 0.0) };
-        Self { label: label.into(), from, to, scale: Scale::Linear }
+        Self::between(label, from, to)
     }
 
     /// Position of a value on the axis, 0 at `from`, 1 at `to`.
@@ -153,6 +158,16 @@ impl Axis {
         }
         let decimals = (-smallest.log10().floor()).max(0.0) as usize;
         format!("{value:.decimals$}").replace('-', "−")
+    }
+}
+
+/// Unit of an axis of displacements up to `largest_m`: its name and the number of units per metre.
+#[must_use]
+pub fn length_unit(largest_m: f64) -> (&'static str, f64) {
+    match largest_m {
+        m if m >= 1.0 => ("m", 1.0),
+        m if m >= 1e-4 => ("mm", 1e3),
+        _ => ("µm", 1e6),
     }
 }
 

@@ -6,7 +6,7 @@
 
 use super::LABEL;
 use super::axis::{Frame, Scale};
-use super::palette::GREY;
+use super::palette::{COLOURS, GREY, Look, WHITE};
 use super::svg::{Colour, Font, Place, Style, Svg};
 use crate::report::numbers::significant;
 
@@ -143,6 +143,30 @@ pub fn circle(radius: f64, style: Style) -> Svg {
     let mut svg = Svg::default();
     svg.circle((0.0, 0.0), radius, style);
     svg
+}
+
+/// A mark around 0, 0: a circle, square, triangle, diamond, triangle upside down or hexagon; others begin again.
+#[must_use]
+pub fn shape(number: usize, style: Style) -> Svg {
+    const CORNERS: [&[(i8, i8)]; 5] = [
+        &[(-4, -4), (4, -4), (4, 4), (-4, 4)],
+        &[(0, -6), (6, 4), (-6, 4)],
+        &[(0, -6), (6, 0), (0, 6), (-6, 0)],
+        &[(0, 6), (6, -4), (-6, -4)],
+        &[(-6, 0), (-3, -5), (3, -5), (6, 0), (3, 5), (-3, 5)],
+    ];
+    let Some(place) = (number % (CORNERS.len() + 1)).checked_sub(1) else { return circle(5.0, style) };
+    let mut svg = Svg::default();
+    svg.area(CORNERS[place].iter().map(|(x, y)| (f64::from(*x), f64::from(*y))), style);
+    svg
+}
+
+/// The marker of a set-up around 0, 0; set-ups differ in its shape and colour.
+#[must_use]
+pub fn marker(look: Look, is_filled: bool) -> Svg {
+    let inside = if is_filled { look.colour() } else { WHITE };
+    // Where the colours begin again, the shapes are shifted.
+    shape(look.set_up + look.set_up / COLOURS, inside.fill().edged(look.colour(), 2.0))
 }
 
 /// The sign of an impact: a triangle whose tip is at 0, 0, on the side of the wall.
