@@ -106,6 +106,9 @@ const COLOUR_STEPS: usize = 64;
 /// Contour lines.
 const CONTOURS: usize = 9;
 
+/// Most segments of a contour line: a line with more of them runs through noise and shows nothing.
+const MOST_SEGMENTS: usize = 20_000;
+
 /// Ratio of largest to smallest value from which the colour scale is logarithmic.
 const LOG_FROM: f64 = 20.0;
 
@@ -208,7 +211,7 @@ fn contours(map: &Map, colours: &Axis) -> impl Iterator<Item = Vec<[(f64, f64); 
         Scale::Linear => from + share * (to - from),
         Scale::Log => from * (to / from).powf(share),
     });
-    levels.map(move |level| contour::segments(&values, columns, level))
+    levels.map(move |level| contour::segments(&values, columns, level)).filter(|line| line.len() <= MOST_SEGMENTS)
 }
 
 /// Diagonals of a square of 10 points, rising and falling.
@@ -323,5 +326,11 @@ mod tests {
             assert_eq!(*value, ((y as usize * columns + x as usize) % 97) as f64);
         }
         assert!(draw(&map).expect("a picture").png().is_ok());
+        // Values that jump from point to point have no contour lines, smooth ones have.
+        let has_lines = |map: &Map| draw(map).expect("a picture").svg().contains("stroke-linecap");
+        let noise = Map { marked: Vec::new(), ..map };
+        assert!(!has_lines(&noise));
+        let smooth = (0..columns * rows).map(|place| (place % columns) as f64).collect();
+        assert!(has_lines(&Map { values: smooth, ..noise }));
     }
 }
