@@ -1,5 +1,6 @@
-//! Values of command-line options that several subcommands share: `--rig` and durations.
+//! Values of command-line options that several subcommands share: `--rig`, durations, numbers and tables.
 
+use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 
@@ -89,6 +90,16 @@ pub(super) fn seconds_or_zero(text: &str) -> Result<f64, String> {
 /// Parses a number greater than 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     number(text, |v| v > 0.0, "greater than 0")
+}
+
+/// Parses the file of a table.
+pub(super) fn table_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).as_deref() {
+        Some("csv" | "parquet") => Ok(path),
+        Some(other) => Err(format!("the extension .{other} is not supported; use .csv or .parquet")),
+        None => Err("the file needs an extension: .csv or .parquet".into()),
+    }
 }
 
 /// Parses a number of at least 0.

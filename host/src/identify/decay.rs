@@ -2,12 +2,15 @@
 //!
 //! [`identify`] fits the closed form of [`decay_motion`](super::decay_motion) to all samples after the release by least squares:
 //! for white noise this is the estimate of least variance. The logarithmic decrement of the turning points is a check by other
-//! means; it sees viscous and Coulomb damping together.
+//! means; it sees viscous and Coulomb damping together. Friction is never negative: where the best fit has a negative one, the motion is
+//! fitted again without friction. [`lack_of_fit`] tests whether the model holds over the whole record.
 
 use std::f64::consts::{PI, TAU};
 
+use super::backbone::{Backbone, Window, backbone};
 use super::decay_motion::DecayMotion;
 use super::decay_record::{Swings, swings};
+use super::lack_of_fit::{Compared, LackOfFit, lack_of_fit};
 use super::statistics::{Fit, Value, fit, inflation, line};
 use super::{CannotIdentify, Estimate, Sensors};
 
@@ -37,7 +40,7 @@ pub struct Decay {
     pub fitted: Modal,
     /// By the logarithmic decrement; its damping includes the friction's.
     pub by_decrement: Modal,
-    /// F/k, m; none if it was not fitted.
+    /// F/k, m, of the fit with friction, in which it may be negative; none if it was not fitted.
     pub coulomb_m: Option<Value>,
     /// Third-order error of the sensor, 1/m²; none if it was not fitted.
     pub cubic_per_m2: Option<Value>,
@@ -49,8 +52,16 @@ pub struct Decay {
     pub residual_rms_m: f64,
     /// By how much correlation of neighbouring residuals raises the variance of a mean: 1 for white noise. The uncertainties include its square root.
     pub inflation: f64,
-    /// The fitted motion.
+    /// The fitted motion; its friction is at least 0.
     pub motion: DecayMotion,
+    /// Times of the samples that are fitted, s.
+    pub times_s: Vec<f64>,
+    /// What the fit leaves of each, m.
+    pub residuals_m: Vec<f64>,
+    /// Damping ratio and frequency over the amplitude; none for a record of too few cycles.
+    pub backbone: Option<Backbone>,
+    /// What does not fit; none where the model holds, and where there is no backbone.
+    pub lack_of_fit: Option<LackOfFit>,
 }
 
 /// Uncertainty of ζ relative to ζ above which a decay is too short.
@@ -67,16 +78,26 @@ pub fn identify(t_s: &[f64], x_m: &[f64], model: Model) -> Result<Decay, CannotI
     let (times, readings) = (&t_s[used.clone()], &x_m[used]);
     let start = start(&swings, &by_decrement);
     let friction = friction_start(&swings, 0.0).filter(|_| model.coulomb);
-    let (fitted, indices) = fit_motion(times, readings, &start, model, friction).ok_or_else(|| {
-        CannotIdentify(
-            "the motion cannot be fitted by a free vibration with viscous and Coulomb damping\n  is the particle or another \
-             damper on the structure? the record must be of the structure alone"
-                .into(),
-        )
-    })?;
-    let inflation = inflation(&fitted.residuals, (swings.samples_per_period / 8.0).round() as usize);
-    let variance = fitted.variance() * inflation;
-    let value = |index: usize| fitted.value(index, variance);
+    let fit_with = |model, friction| {
+        fit_motion(times, readings, &start, model, friction).ok_or_else(|| {
+            CannotIdentify(
+                "the motion cannot be fitted by a free vibration with viscous and Coulomb damping\n  is the particle or another \
+                 damper on the structure? the record must be of the structure alone"
+                    .into(),
+            )
+        })
+    };
+    let (free, indices) = fit_with(model, friction)?;
+    let block = (swings.samples_per_period / 8.0).round() as usize;
+    let inflation = inflation(&free.residuals, block);
+    let variance = free.variance() * inflation;
+    let coulomb_m = indices.coulomb.map(|index| free.value(index, variance));
+    let (fitted, indices) = match coulomb_m.filter(|coulomb| coulomb.value < 0.0) {
+        Some(_) => fit_with(Model { coulomb: false, ..model }, None)?,
+        None => (free.clone(), indices),
+    };
+    // Friction may be there though the best fit has none: the uncertainties stay those of the fit with friction.
+    let value = |index: usize| Value { value: fitted.parameters[index], ..free.value(index, variance) };
     let omega = value(0);
     let motion = motion_of(&fitted.parameters, indices);
     let swings_m = [swings.turnings[0].1.abs(), swings.turnings[swings.turnings.len() - 1].1.abs()];
@@ -87,19 +108,68 @@ pub fn identify(t_s: &[f64], x_m: &[f64], model: Model) -> Result<Decay, CannotI
         damping_ratio: by_decrement.damping_ratio.widened(model.sensors.scale * by_cubic / (TAU * periods)),
         ..by_decrement
     };
-    let decay = Decay {
+    let mut decay = Decay {
         fitted: Modal { natural_frequency_hz: omega.mapped(omega.value / TAU, 1.0 / TAU), damping_ratio: value(1) },
         by_decrement,
-        coulomb_m: indices.coulomb.map(|index| value(index).widened(model.sensors.scale * fitted.parameters[index])),
-        cubic_per_m2: indices.cubic.map(value),
+        coulomb_m: coulomb_m.map(|coulomb| coulomb.widened(model.sensors.scale * coulomb.value)),
+        cubic_per_m2: indices.cubic.map(|index| {
+            let variance = fitted.variance() * inflation;
+            fitted.value(index, variance)
+        }),
         periods,
         swings_m,
         residual_rms_m: fitted.variance().sqrt(),
         inflation,
         motion,
+        times_s: times.to_vec(),
+        residuals_m: fitted.residuals,
+        backbone: backbone(t_s, x_m, &swings, by_decrement.damping_ratio.value),
+        lack_of_fit: None,
     };
     check_result(&decay)?;
+    decay.test_fit(t_s, &swings);
     Ok(decay)
+}
+
+impl Decay {
+    /// Compares the record with the readings of the fitted motion, and widens the intervals by what does not fit.
+    fn test_fit(&mut self, t_s: &[f64], swings: &Swings) {
+        let mut expected = Vec::with_capacity(t_s.len());
+        self.motion.readings(t_s, &mut expected);
+        let start = self.by_decrement.damping_ratio.value;
+        let Some((record, model)) = self.backbone.as_ref().zip(backbone(t_s, &expected, swings, start)) else { return };
+        let of_model =
+            self::swings(&self.times_s, &expected[swings.first..swings.end]).and_then(|s| decrement(&s)).ok();
+        let compared = Compared {
+            record,
+            model: &model,
+            decrements: of_model.map(|modal| [self.by_decrement.damping_ratio, modal.damping_ratio]),
+            coulomb: self.coulomb_m,
+            frequency_hz: self.fitted.natural_frequency_hz.value,
+            swing_m: self.swings_m[0],
+            step_s: (t_s[t_s.len() - 1] - t_s[0]) / (t_s.len() - 1) as f64,
+        };
+        self.lack_of_fit = lack_of_fit(&compared);
+        if let Some(lack) = self.lack_of_fit.as_ref().filter(|lack| lack.contradicts()) {
+            let windows = &record.windows;
+            // The decrement is one value for all windows, the fit a model of them.
+            let from = |modal: &Modal| {
+                let largest = |of: fn(&Window) -> f64, value: &Value| {
+                    windows.iter().map(|window| (of(window) - value.value).abs()).fold(0.0, f64::max)
+                };
+                let damping_ratio = largest(|window| window.damping_ratio.value, &modal.damping_ratio);
+                (damping_ratio, largest(|window| window.natural_frequency_hz.value, &modal.natural_frequency_hz))
+            };
+            let of_decrement = from(&self.by_decrement);
+            let of_fit = (lack.damping_ratio, lack.natural_frequency_hz);
+            for (modal, (damping_ratio, frequency_hz)) in
+                [(&mut self.fitted, of_fit), (&mut self.by_decrement, of_decrement)]
+            {
+                modal.damping_ratio = LackOfFit::widened(&modal.damping_ratio, damping_ratio);
+                modal.natural_frequency_hz = LackOfFit::widened(&modal.natural_frequency_hz, frequency_hz);
+            }
+        }
+    }
 }
 
 fn check_result(decay: &Decay) -> Result<(), CannotIdentify> {
@@ -249,7 +319,9 @@ impl Decay {
             frequency(&self.fitted, FITTED).of_key("structure.natural_frequency_hz"),
             damping(&self.fitted, viscous, FITTED).of_key("structure.damping_ratio"),
         ];
-        if let Some(coulomb) = &self.coulomb_m {
+        // Without a model that holds, friction and the sensor's error have no meaning.
+        let holds = self.contradiction().is_none();
+        if let Some(coulomb) = self.coulomb_m.as_ref().filter(|_| holds) {
             all.push(Estimate::not_negative("Coulomb friction over stiffness, F/k", "m", FITTED, coulomb, None));
             if let Some(mass_kg) = mass_kg {
                 let stiffness = mass_kg * self.motion.angular_frequency_rad_per_s.powi(2);
@@ -258,12 +330,31 @@ impl Decay {
                 all.push(Estimate::not_negative("Coulomb friction force", "N", FITTED, &force, key));
             }
         }
-        if let Some(cubic) = &self.cubic_per_m2 {
+        if let Some(cubic) = self.cubic_per_m2.as_ref().filter(|_| holds) {
             all.push(Estimate::new("third-order sensor error", "1/m²", FITTED, cubic));
         }
         all.push(frequency(&self.by_decrement, DECREMENT));
         all.push(damping(&self.by_decrement, "damping ratio, friction included", DECREMENT));
         all
+    }
+
+    /// What does not fit, a sentence each; none where the record was too short to test.
+    #[must_use]
+    pub fn misfits(&self) -> Option<Vec<String>> {
+        self.backbone.as_ref()?;
+        let sentences = |lack: &LackOfFit| lack.sentences(self.coulomb_m.is_some());
+        Some(self.lack_of_fit.as_ref().map(sentences).unwrap_or_default())
+    }
+
+    /// Why the fitted values are not those of the whole record: another method contradicts them.
+    #[must_use]
+    pub fn contradiction(&self) -> Option<String> {
+        let lack = self.lack_of_fit.as_ref().filter(|lack| lack.contradicts())?;
+        let [first, second] = lack.halves;
+        Some(format!(
+            "the fit gives the damping ratio {:.5}, the windows of the first half of the record {first:.5} and those of the second {second:.5}",
+            self.fitted.damping_ratio.value
+        ))
     }
 
     /// What a person has to know about the estimates.
@@ -276,6 +367,21 @@ impl Decay {
             self.swings_m[1] * 1e3,
             self.residual_rms_m * 1e6
         )];
+        match &self.backbone {
+            Some(backbone) => remarks[0] += &format!(", fits of {} cycles {:.2} µm RMS", backbone.cycles, backbone.noise_rms_m() * 1e6),
+            None => remarks.push(
+                "whether the model holds over the record was not tested: that needs three windows of two cycles and 40 samples or more"
+                    .into(),
+            ),
+        }
+        if let Some(contradiction) = self.contradiction() {
+            remarks.push(format!(
+                "{contradiction}. The intervals of fit and decrement are widened to cover all windows, so they are no measure of one constant \
+                 damping ratio; friction and the sensor's error are withheld. Take damping ratio and frequency from the table, at the amplitude \
+                 of interest; a single decay does not tell amplitude from time"
+            ));
+            return remarks;
+        }
         if self.inflation > 1.5 {
             remarks.push(format!(
                 "neighbouring residuals are correlated: the uncertainties are widened by {:.1}; the motion has something that \

@@ -3,6 +3,7 @@
 //! Each method has a file with its equations. [`table`] reads CSV files, [`set_up_file`] writes the results as a set-up file
 //! that campaigns and cases read. docs/IDENTIFY.md describes the methods and their measured errors.
 
+pub mod backbone;
 pub mod decay;
 pub mod decay_motion;
 mod decay_record;
@@ -10,6 +11,7 @@ pub mod flights;
 mod flights_of_run;
 pub mod friction;
 mod from_run;
+pub mod lack_of_fit;
 mod motion_of_run;
 pub mod response;
 pub mod restitution;
@@ -93,6 +95,9 @@ impl Estimate {
 /// The answer of an identification.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identification {
+    /// Where the model does not hold, a sentence each; left out where that was not tested.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lack_of_fit: Option<Vec<String>>,
     /// What the values were taken from: a file, or a run with its set-up and experiment.
     pub taken_from: String,
     /// Name and version of the program.
@@ -101,8 +106,14 @@ pub struct Identification {
     pub date: String,
     /// The quantities; the one to use first.
     pub estimates: Vec<Estimate>,
+    /// Damping ratio and frequency over the amplitude, where they were measured.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub over_amplitude: Vec<backbone::Row>,
     /// What a person has to know about them.
     pub remarks: Vec<String>,
+    /// Why the estimates are not to be written to a set-up file: what contradicts them.
+    #[serde(skip)]
+    pub contradiction: Option<String>,
     /// Keys of a set-up with words that go with the values (`particle.wall.kind`).
     #[serde(skip)]
     pub words: Vec<(&'static str, &'static str)>,
@@ -113,11 +124,14 @@ impl Identification {
     #[must_use]
     pub fn new(taken_from: impl Into<String>, estimates: Vec<Estimate>) -> Self {
         Self {
+            lack_of_fit: None,
             taken_from: taken_from.into(),
             damprig: crate::VERSION_LINE,
             date: crate::host_time::now_text(),
             estimates,
+            over_amplitude: Vec::new(),
             remarks: Vec::new(),
+            contradiction: None,
             words: Vec::new(),
         }
     }

@@ -199,8 +199,8 @@ pub fn fit(measured: &[f64], start: &[f64], steps: &[f64], model: impl Fn(&[f64]
     let (mut residuals, mut cost) = residuals_at(&parameters);
     let mut damping = 1e-3;
     let mut small_steps = 0;
+    let (mut normal, mut gradient) = normal_equations(&parameters, steps, &residuals, &model);
     for _ in 0..MOST_STEPS {
-        let (normal, gradient) = normal_equations(&parameters, steps, &residuals, &model);
         let mut damped = normal.clone();
         for i in 0..count {
             damped[(i, i)] *= 1.0 + damping;
@@ -213,6 +213,7 @@ pub fn fit(measured: &[f64], start: &[f64], steps: &[f64], model: impl Fn(&[f64]
             let variance = (next_cost / (measured.len() - count) as f64).max(f64::MIN_POSITIVE);
             let is_small = (cost - next_cost) / variance < 1e-6;
             (parameters, residuals, cost) = (next, next_residuals, next_cost);
+            (normal, gradient) = normal_equations(&parameters, steps, &residuals, &model);
             damping = (damping * 0.1).max(1e-12);
             small_steps = if is_small { small_steps + 1 } else { 0 };
             if small_steps == 2 {
@@ -226,7 +227,6 @@ pub fn fit(measured: &[f64], start: &[f64], steps: &[f64], model: impl Fn(&[f64]
             }
         }
     }
-    let (normal, _) = normal_equations(&parameters, steps, &residuals, &model);
     let shape = normal.cholesky()?.inverse();
     (cost.is_finite() && shape.iter().all(|v| v.is_finite())).then_some(Fit { parameters, shape, residuals })
 }
@@ -269,15 +269,21 @@ fn normal_equations(
 /// misses something, and noise that is not white, widen the uncertainty by it.
 #[must_use]
 pub fn inflation(residuals: &[f64], block: usize) -> f64 {
+    correlation(residuals, block).map_or(1.0, |ratio| ratio.max(1.0))
+}
+
+/// Variance of a mean over `block` neighbours over that of independent residuals; `None` for too few of them.
+#[must_use]
+pub fn correlation(residuals: &[f64], block: usize) -> Option<f64> {
     let blocks = residuals.len() / block.max(1);
     if blocks < 8 || block < 2 {
-        return 1.0;
+        return None;
     }
     let variance = residuals.iter().map(|r| r * r).sum::<f64>() / residuals.len() as f64;
     let of_means =
         residuals.chunks_exact(block).map(|chunk| (chunk.iter().sum::<f64>() / block as f64).powi(2)).sum::<f64>()
             / blocks as f64;
-    if variance > 0.0 { (of_means * block as f64 / variance).max(1.0) } else { 1.0 }
+    (variance > 0.0).then(|| of_means * block as f64 / variance)
 }
 
 #[cfg(test)]

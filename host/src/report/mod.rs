@@ -4,6 +4,7 @@
 //! `numbers`, `parameters`, `peak` and `describe` are the lowest layer, then [`plot`], then [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
 //! other. The modules named after files write what a command leaves in its folder.
 
+pub mod backbone_table;
 pub mod bifurcation_files;
 pub mod branch_table;
 pub mod case_files;

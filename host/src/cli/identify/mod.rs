@@ -1,5 +1,6 @@
 //! `damprig identify`: identifies parameters of the rig and writes them as a set-up file.
 
+mod decay;
 mod response;
 mod restitution;
 mod sound;
@@ -11,17 +12,13 @@ use clap::{Args as ClapArgs, Subcommand};
 
 use super::arguments::positive;
 use super::outcome::{Failure, Outcome};
-use crate::identify::decay::{self, Model};
-use crate::identify::table::{Table, X};
+use crate::identify::backbone::Row;
+use crate::identify::table::Table;
 use crate::identify::wall::Pad;
-use crate::identify::{
-    CannotIdentify, Choice, Estimate, FreeVibration, Identification, Sensors, free_vibration, friction, set_up_file,
-    wall,
-};
+use crate::identify::{CannotIdentify, Choice, Estimate, Identification, Sensors, friction, set_up_file, wall};
 use crate::input::Source;
 use crate::report::numbers::significant;
-use crate::report::terminal::plain_table;
-use crate::run_folder::read::folder::find;
+use crate::report::terminal::{plain_table, table};
 use crate::storage::out_file::{OutFile, to_failure, write_new};
 
 /// Identifies parameters of the rig from runs and tables: each with its standard uncertainty and its 95 % interval.
@@ -38,6 +35,7 @@ const AFTER_HELP: &str = "\
 Examples:
   damprig identify decay runs/20260601-101500-release-ab12 --out identified.toml
   damprig identify decay release.csv --mass-kg 1.6 --json
+  damprig identify decay beam.csv --plot backbone.svg --plot-residuals residuals.svg --table backbone.csv
   damprig identify response sweep.csv
   damprig identify response noise --plot response.svg
   damprig identify restitution runs/20260601-101500-spid-ab12 --out identified.toml --update
@@ -56,7 +54,7 @@ Exit codes:
 #[derive(Debug, Subcommand)]
 enum What {
     /// Natural frequency, damping ratio and Coulomb friction from a free vibration
-    Decay(DecayArgs),
+    Decay(decay::DecayArgs),
     /// Natural frequency and damping ratio from a stepped sine, or from x and z over time
     Response(response::ResponseArgs),
     /// Coefficient of restitution, clearance and contact time from a run with impacts, from drop tests and force records
@@ -67,33 +65,6 @@ enum What {
     Wall(WallArgs),
     /// Sound pressure levels of a recording
     Sound(sound::SoundArgs),
-}
-
-/// Natural frequency, damping ratio and Coulomb friction of the structure from a free vibration.
-///
-/// The motion after the release is fitted by least squares; the logarithmic decrement is given for comparison.
-#[derive(Debug, ClapArgs)]
-struct DecayArgs {
-    /// Run with a free vibration, or CSV file with the columns t_s and x_m (or t_ms, x_mm, x_um)
-    #[arg(value_name = "SOURCE")]
-    source: PathBuf,
-
-    #[command(flatten)]
-    choice: ChoiceArgs,
-
-    /// Mass of the structure, for the friction force [default: that of the run's set-up]
-    #[arg(long, value_name = "KG", value_parser = positive)]
-    mass_kg: Option<f64>,
-
-    /// Fit viscous damping alone: all damping counts as viscous
-    #[arg(long)]
-    viscous: bool,
-
-    #[command(flatten)]
-    sensors: SensorArgs,
-
-    #[command(flatten)]
-    out: OutArgs,
 }
 
 /// Friction coefficient of the particle from an incline, or friction force per deflection of the damper's spring.
@@ -182,7 +153,7 @@ impl SensorArgs {
 }
 
 /// Where the results go.
-#[derive(Debug, ClapArgs)]
+#[derive(Clone, Debug, ClapArgs)]
 struct OutArgs {
     /// Print the results as one JSON object
     #[arg(long)]
@@ -207,7 +178,7 @@ struct OutArgs {
 /// A record from which nothing can be identified, an unwritable file.
 pub fn run(args: &Args) -> Outcome {
     match &args.what {
-        What::Decay(args) => finish(&args.out, &args.source, decay(args).map_err(Failure::input)?),
+        What::Decay(args) => decay::run(args),
         What::Response(args) => finish(&args.out, &args.source, response::identify(args)?),
         What::Restitution(args) => {
             finish(&args.out, &args.source, restitution::identify(args).map_err(Failure::input)?)
@@ -219,26 +190,6 @@ pub fn run(args: &Args) -> Outcome {
         What::Sound(args) => finish(&args.out, &args.source, sound::identify(args).map_err(Failure::input)?),
         What::Wall(args) => finish(&args.out, &args.source, wall(args).map_err(Failure::input)?),
     }
-}
-
-fn decay(args: &DecayArgs) -> Result<Identification, CannotIdentify> {
-    let record = if args.source.is_file() {
-        let table = Table::read(&args.source)?;
-        let t_s = table.times()?;
-        let (taken_from, x_m) = (table.file().into(), table.column(&X)?);
-        FreeVibration { taken_from, x_m, t_s, mass_kg: None, sensors: Sensors::ASSUMED }
-    } else {
-        let run = find(&args.source).map_err(|e| CannotIdentify(e.to_string()))?;
-        free_vibration(&run, &args.choice.choice())?
-    };
-    let sensors = args.sensors.applied(record.sensors);
-    let model = Model { coulomb: !args.viscous, sensors };
-    let decay = decay::identify(&record.t_s, &record.x_m, model)
-        .map_err(|error| CannotIdentify(format!("{}: {error}", record.taken_from)))?;
-    let mut identified = Identification::new(record.taken_from, decay.estimates(args.mass_kg.or(record.mass_kg)));
-    identified.remarks = decay.remarks();
-    identified.remarks.push(sensors.remark());
-    Ok(identified)
 }
 
 /// Identifies from a table.
@@ -307,24 +258,59 @@ fn set_up_text(args: &OutArgs, path: &Path, source: &Path, identified: &Identifi
         .map_err(|error| Failure::Input(format!("{}: {error}", path.display())))
 }
 
-/// The results as a table.
+/// The results as tables; what does not fit is the first line.
 fn text_of(identified: &Identification) -> String {
     let mut table = plain_table(&["quantity", "value", "standard uncertainty", "95 % interval", "unit", "method"]);
     for estimate in &identified.estimates {
-        // Two digits of the uncertainty decide how many of the value are shown.
-        let digits = digits_of(estimate.value, estimate.standard_uncertainty);
-        let [low, high] = estimate.interval_95;
+        let [value, uncertainty, interval] = shown(estimate.value, estimate.standard_uncertainty, estimate.interval_95);
         table.add_row(vec![
             estimate.quantity.to_string(),
-            significant(estimate.value, digits),
-            significant(estimate.standard_uncertainty, 2),
-            format!("{} to {}", significant(low, digits), significant(high, digits)),
+            value,
+            uncertainty,
+            interval,
             estimate.unit.to_string(),
             estimate.method.to_string(),
         ]);
     }
+    let misfits = identified.lack_of_fit.iter().flatten();
+    let misfits: String = misfits.map(|misfit| format!("Lack of fit: {misfit}\n")).collect();
+    let over_amplitude = match &identified.over_amplitude[..] {
+        [] => String::new(),
+        rows => format!("\nOver the amplitude\n{}", over_amplitude(rows)),
+    };
     let remarks: Vec<String> = identified.remarks.iter().map(|remark| format!("\n{remark}")).collect();
-    format!("Taken from {}\n{table}{}", identified.taken_from, remarks.concat())
+    format!("{misfits}Taken from {}\n{table}{over_amplitude}{}", identified.taken_from, remarks.concat())
+}
+
+/// Damping ratio and frequency over the amplitude.
+fn over_amplitude(rows: &[Row]) -> String {
+    let mut shown_rows = table(&[
+        "time\n(s)",
+        "amplitude\n(mm)",
+        "damping ratio",
+        "95 % interval",
+        "frequency\n(Hz)",
+        "95 % interval\n(Hz)",
+    ]);
+    for row in rows {
+        let (zeta, zeta_u) = (row.damping_ratio, row.damping_ratio_standard_uncertainty);
+        let (hertz, hertz_u) = (row.natural_frequency_hz, row.natural_frequency_standard_uncertainty_hz);
+        let [zeta, _, zeta_interval] = shown(zeta, zeta_u, row.damping_ratio_interval_95);
+        let [hertz, _, hertz_interval] = shown(hertz, hertz_u, row.natural_frequency_interval_95_hz);
+        let time = format!("{:.3} to {:.3}", row.from_s, row.to_s);
+        shown_rows.add_row([time, significant(row.amplitude_m * 1e3, 4), zeta, zeta_interval, hertz, hertz_interval]);
+    }
+    shown_rows.to_string()
+}
+
+/// Value, standard uncertainty and interval; two digits of the uncertainty decide how many of the value are shown.
+fn shown(value: f64, uncertainty: f64, [low, high]: [f64; 2]) -> [String; 3] {
+    let digits = digits_of(value, uncertainty);
+    [
+        significant(value, digits),
+        significant(uncertainty, 2),
+        format!("{} to {}", significant(low, digits), significant(high, digits)),
+    ]
 }
 
 /// Significant digits that show a value down to the second digit of its uncertainty.

@@ -1,6 +1,7 @@
 //! The figures, drawn with [`super::plot`]. Each kind is a file of its own ([`frequency_response`], [`time_histories`],
 //! [`peak_motion`], [`simulated_motion`]); [`campaign`] supplies the data of a run.
 
+pub mod backbone;
 pub mod bifurcation;
 pub mod branches;
 pub mod campaign;
@@ -10,6 +11,7 @@ pub mod curves;
 #[cfg(test)]
 mod extremes;
 pub mod frequency_response;
+mod marks;
 pub mod peak_motion;
 pub mod set_ups;
 pub mod simulated_motion;

@@ -55,6 +55,18 @@ pub fn folder_with(campaign: &str) -> TempDir {
     folder
 }
 
+/// Real data that are not part of the project: in `shared/field` beside it, or in the folder that `DAMPRIG_FIELD` names. `None`, with a message,
+/// where they are absent.
+pub fn field(name: &str) -> Option<PathBuf> {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/field");
+    let file = std::env::var_os("DAMPRIG_FIELD").map_or_else(beside, PathBuf::from).join(name);
+    if !file.exists() {
+        println!("skipped: {} is absent", file.display());
+        return None;
+    }
+    Some(file)
+}
+
 /// Copies a folder with all that is in it.
 pub fn copy_folder(from: &Path, to: &Path) {
     std::fs::create_dir(to).expect("a new folder");

@@ -185,13 +185,23 @@ fn with_data_sheets(zeta: f64, force_n: f64, model: Model) -> Vec<Decay> {
     (1..=many_seeds()).into_par_iter().map(of_seed).collect()
 }
 
+/// The model with the sensor's third-order error holds: lack of fit is rare. Six tests of one in a thousand each make 1.2 of 200, more than 6 in one of
+/// a thousand times.
+fn assert_fits(decays: &[Decay]) {
+    let lacking = decays.iter().filter(|decay| decay.lack_of_fit.is_some()).count();
+    println!("data sheet: lack of fit in {lacking} of {}", decays.len());
+    assert!(lacking <= decays.len() * 6 / 200, "{lacking} of {}", decays.len());
+}
+
 /// With the data sheet's sensors the bound of white noise does not apply: the linearity error is larger, and is fitted. Its linear part
 /// is a matter of the calibration and part of the uncertainty of F/k.
 #[test]
 fn intervals_with_data_sheet_sensors_cover_the_truth() {
     for (zeta, force_n) in [(0.0038, 0.1), (0.02, 0.3)] {
         let mut claims = Claims::default();
-        for decay in with_data_sheets(zeta, force_n, USUAL) {
+        let decays = with_data_sheets(zeta, force_n, USUAL);
+        assert_fits(&decays);
+        for decay in decays {
             claims.frequency.note(&decay.fitted.natural_frequency_hz, 2.5);
             claims.damping.note(&decay.fitted.damping_ratio, zeta);
             claims.coulomb.note(&decay.coulomb_m.unwrap(), truth(zeta, force_n).coulomb_m);
@@ -210,7 +220,9 @@ fn intervals_with_data_sheet_sensors_cover_the_truth() {
 fn friction_is_not_found_where_there_is_none() {
     let mut damping = Claim::default();
     let mut found = 0;
-    for decay in with_data_sheets(0.0038, 0.0, USUAL) {
+    let decays = with_data_sheets(0.0038, 0.0, USUAL);
+    assert_fits(&decays);
+    for decay in decays {
         damping.note(&decay.fitted.damping_ratio, 0.0038);
         let estimates = decay.estimates(Some(MASS_KG));
         let force = estimates.iter().find(|estimate| estimate.quantity == "Coulomb friction force").unwrap();

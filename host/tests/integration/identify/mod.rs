@@ -3,8 +3,11 @@
 //! The default run uses few seeds. With DAMPRIG_FULL each claim holds over at least 100 seeds; docs/IDENTIFY.md states the
 //! figures that these tests print.
 
+mod backbone;
 mod decay;
 mod flights;
+mod misfit;
+mod nonlinear;
 mod refusals;
 mod response;
 mod set_up_file;

@@ -1,0 +1,140 @@
+//! `damprig identify decay`: from a free vibration.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args as ClapArgs;
+
+use super::{ChoiceArgs, OutArgs, SensorArgs, finish};
+use crate::cli::arguments::{positive, table_file};
+use crate::cli::outcome::{Failure, Outcome};
+use crate::cli::simulate::picture;
+use crate::identify::backbone::Backbone;
+use crate::identify::decay::{self, Decay, Model};
+use crate::identify::table::{Table, X};
+use crate::identify::{CannotIdentify, FreeVibration, Identification, Sensors, free_vibration};
+use crate::report::figures::{FigureError, Picture, backbone};
+use crate::report::{backbone_table, branch_table};
+use crate::run_folder::read::folder::find;
+use crate::storage::out_file::OutFile;
+
+/// Natural frequency, damping ratio and Coulomb friction of the structure from a free vibration.
+///
+/// The motion after the release is fitted by least squares; the logarithmic decrement is given for comparison. Fits of few cycles each
+/// give damping ratio and frequency over the amplitude, and test whether the model holds: what does not fit is the first line of the result.
+#[derive(Debug, ClapArgs)]
+pub(super) struct DecayArgs {
+    /// Run with a free vibration, or CSV file with the columns t_s and x_m (or t_ms, x_mm, x_um)
+    #[arg(value_name = "SOURCE")]
+    source: PathBuf,
+
+    #[command(flatten)]
+    choice: ChoiceArgs,
+
+    /// Mass of the structure, for the friction force [default: that of the run's set-up]
+    #[arg(long, value_name = "KG", value_parser = positive)]
+    mass_kg: Option<f64>,
+
+    /// Fit viscous damping alone: all damping counts as viscous
+    #[arg(long)]
+    viscous: bool,
+
+    #[command(flatten)]
+    sensors: SensorArgs,
+
+    /// Draw damping ratio and frequency over the amplitude, as .svg or .png
+    #[arg(long, value_name = "FILE", value_parser = picture)]
+    plot: Option<PathBuf>,
+
+    /// Draw what the fit leaves over time and over the amplitude, as .svg or .png
+    #[arg(long, value_name = "FILE", value_parser = picture)]
+    plot_residuals: Option<PathBuf>,
+
+    /// Write damping ratio and frequency over the amplitude as a table, .csv or .parquet
+    #[arg(long, value_name = "FILE", value_parser = table_file)]
+    table: Option<PathBuf>,
+
+    /// Let --out write values that another method of this command contradicts
+    #[arg(long, requires = "out")]
+    despite_misfit: bool,
+
+    #[command(flatten)]
+    out: OutArgs,
+}
+
+/// Identifies from the source, prints the results and writes the files.
+///
+/// # Errors
+/// A source from which nothing can be identified, values that another method contradicts and --out, an unwritable file.
+pub(super) fn run(args: &DecayArgs) -> Outcome {
+    let (decay, identified) = identify(args).map_err(Failure::input)?;
+    let contradiction = identified.contradiction.clone().filter(|_| !args.despite_misfit);
+    let Some((path, contradiction)) = args.out.out.as_ref().zip(contradiction) else {
+        draw(args, &decay, &identified)?;
+        return finish(&args.out, &args.source, identified);
+    };
+    draw(args, &decay, &identified)?;
+    finish(&OutArgs { out: None, update: false, ..args.out.clone() }, &args.source, identified)?;
+    Err(Failure::Input(format!(
+        "--out: {} is not written: {contradiction}\n  cut the record to the amplitudes that matter, or write the values of the fit with \
+         --despite-misfit",
+        path.display()
+    )))
+}
+
+fn identify(args: &DecayArgs) -> Result<(Decay, Identification), CannotIdentify> {
+    let record = if args.source.is_file() {
+        let table = Table::read(&args.source)?;
+        let t_s = table.times()?;
+        let (taken_from, x_m) = (table.file().into(), table.column(&X)?);
+        FreeVibration { taken_from, x_m, t_s, mass_kg: None, sensors: Sensors::ASSUMED }
+    } else {
+        let run = find(&args.source).map_err(|e| CannotIdentify(e.to_string()))?;
+        free_vibration(&run, &args.choice.choice())?
+    };
+    let sensors = args.sensors.applied(record.sensors);
+    let model = Model { coulomb: !args.viscous, sensors };
+    let decay = decay::identify(&record.t_s, &record.x_m, model)
+        .map_err(|error| CannotIdentify(format!("{}: {error}", record.taken_from)))?;
+    let mut identified = Identification::new(record.taken_from, decay.estimates(args.mass_kg.or(record.mass_kg)));
+    identified.lack_of_fit = decay.misfits();
+    identified.over_amplitude = decay.backbone.as_ref().map(Backbone::rows).unwrap_or_default();
+    identified.contradiction = decay.contradiction();
+    identified.remarks = decay.remarks();
+    if decay.lack_of_fit.is_some() && args.plot_residuals.is_none() {
+        identified
+            .remarks
+            .push("--plot-residuals FILE draws what the fit leaves over time and over the amplitude".into());
+    }
+    identified.remarks.push(sensors.remark());
+    Ok((decay, identified))
+}
+
+/// Writes the pictures and the table.
+fn draw(args: &DecayArgs, decay: &Decay, identified: &Identification) -> Outcome {
+    let draw = |option, path: &Option<PathBuf>, draw: fn(&Decay) -> Result<Picture, FigureError>| {
+        let Some(path) = path else { return Ok(()) };
+        refuse_existing(option, path, args.out.force)?;
+        draw(decay).and_then(|picture| picture.save(path)).map_err(Failure::failed)
+    };
+    draw("--plot", &args.plot, backbone::draw)?;
+    draw("--plot-residuals", &args.plot_residuals, backbone::residuals)?;
+    let Some(path) = &args.table else { return Ok(()) };
+    if identified.over_amplitude.is_empty() {
+        return Err(Failure::Input(
+            "--table: the record has too few cycles for a table over the amplitude\n  record longer".into(),
+        ));
+    }
+    let table = backbone_table::table(&identified.over_amplitude, &identified.taken_from);
+    branch_table::write(table, &OutFile { path: path.clone(), force: args.out.force }).map_err(Failure::failed)?;
+    Ok(())
+}
+
+fn refuse_existing(option: &str, path: &Path, force: bool) -> Result<(), Failure> {
+    if !force && path.symlink_metadata().is_ok() {
+        return Err(Failure::Input(format!(
+            "{option}: {} exists\n  give another name, or replace it with --force",
+            path.display()
+        )));
+    }
+    Ok(())
+}
