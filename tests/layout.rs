@@ -67,6 +67,7 @@ const HOST_LAYERS: [&str; 27] = [
     "settings",
     "setup",
     "motion_record",
+    "spectrum",
     "campaign",
     "client",
     "run_folder",

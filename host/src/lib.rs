@@ -28,6 +28,7 @@ pub mod settings;
 pub mod setup;
 pub mod signal_file;
 pub mod simulation;
+pub mod spectrum;
 pub mod storage;
 pub mod study;
 pub mod table;

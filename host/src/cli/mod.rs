@@ -45,6 +45,7 @@ mod run_progress;
 mod runs;
 mod settings;
 mod simulate;
+mod spectrum;
 mod study;
 mod study_figures;
 mod study_work;
@@ -115,6 +116,8 @@ enum Command {
     Identify(identify::Args),
     /// Say what is in a measured file: signals, units, sample rates, gaps
     Inspect(inspect::Args),
+    /// Response spectra of an acceleration record: Sd, Sv and Sa over period and damping ratio
+    Spectrum(spectrum::Args),
     /// Compare a run with simulations of its set-ups, with uncertainties
     Compare(compare::Args),
     /// Print the JSON Schema of campaigns, cases, set-up files, studies or optimisations, for editors
@@ -184,6 +187,7 @@ fn run(command: Command) -> Outcome {
         Command::Optimise(args) => optimise::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Identify(args) => identify::run(&args),
+        Command::Spectrum(args) => spectrum::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Schema(args) => documents::schema(&args),
         Command::Keys(args) => documents::keys(&args),

@@ -31,7 +31,7 @@ tables! {
             key("file", Kind::Text, "CSV, AT2, V2, UFF, MAT, HDF5 or Parquet file, relative to this file; `FILE#3` or `FILE#name` is one of several signals; or `noise`"),
         ];
         QUANTITY: OF_FILE, [word("quantity", &["acceleration", "displacement"], "quantity of the values, where the file does not state it")];
-        UNIT: OF_FILE, [word("unit", names!(UNITS, unit => unit.0), "unit of the values, where the file does not state it")];
+        UNIT: OF_FILE, [word("unit", names!(UNITS, unit => unit.0), "unit of the values, where neither the file nor the end of the column's name states it")];
         SCALE: OF_FILE, [number("scale", NotZero, "factor on every value")];
         TIME_STEP: OF_FILE, [number("time_step_s", Positive, "time between samples; otherwise the file has a time column")];
         COLUMN: OF_FILE, [key("column", Kind::TextOrPlace, "column of the values; default: the only one beside the time column")];

@@ -1,4 +1,4 @@
-//! Recorded base motion: reading CSV and AT2 files, noise from a seed, and the motion between the samples.
+//! Recorded base motion: reading files, noise from a seed, and the motion between the samples.
 
 mod keys;
 mod noise;
@@ -10,6 +10,7 @@ pub use keys::TABLES;
 pub(crate) use keys::base_record::{FILE as RECORD_FILE, NOISE as RECORD_NOISE, SCALE as RECORD_SCALE};
 pub(crate) use keys::{BASE_RECORD, ENVELOPE, Motion, NOISE, OF_FILE, read_motion, read_peak};
 pub use noise::Noise;
-pub use read::resolve;
+pub use read::{RecordError, Spec, Which, read, resolve};
 pub(crate) use read::{Rows, rows};
 pub use record::{Play, Quantity, Record};
+pub(crate) use units::UNITS;

@@ -1,4 +1,5 @@
-//! Reads recorded motions: CSV tables, and AT2 files of the PEER ground-motion data base.
+//! Reads recorded motions: CSV tables, AT2 files of the PEER ground-motion data base, and V2 files of the California Strong Motion
+//! Instrumentation Program.
 //!
 //! [`Spec`] has the properties that a file does not state (quantity, unit, column). Errors name file, line, value and what is
 //! allowed.
@@ -7,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::record::{Quantity, Record};
-use super::units::{ToSi, finite, unit_list};
+use super::units::{ToSi, finite, of_column, unit_list};
 use crate::input::key::Unit;
 use crate::input::{Files, near};
 use crate::signal_file::at2::at2;
@@ -32,9 +33,9 @@ pub enum Which {
 /// Properties of a record that its file does not state.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Spec {
-    /// Its quantity; an AT2 file states it.
+    /// Its quantity; an AT2 or V2 file states it.
     pub quantity: Option<Quantity>,
-    /// SI units per unit of the file; an AT2 file states it.
+    /// SI units per unit of the file; an AT2 or V2 file states it, and the name of a column may end in it (`acceleration_g`).
     pub unit_si: Option<f64>,
     /// Factor on every value.
     pub scale: Option<f64>,
@@ -82,10 +83,7 @@ fn parse(selected: &Selector, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> R
         let quantity = spec.quantity.ok_or_else(|| {
             answer("what the values are is not known: give quantity = \"acceleration\" or \"displacement\"".into())
         })?;
-        let unit_si = spec.unit_si.ok_or_else(|| {
-            answer(format!("the unit of the values is not known: give unit = {}", unit_list(quantity)))
-        })?;
-        let (step_s, samples) = table(&text, spec, &ToSi { quantity, unit_si, scale }).map_err(answer)?;
+        let (step_s, samples) = table(&text, spec, quantity, scale).map_err(answer)?;
         (quantity, step_s, samples)
     };
     if samples.len() < 2 {
@@ -107,7 +105,9 @@ fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, R
         Which::Place(place) => place.to_string(),
         Which::Name(name) => name.clone(),
     });
-    let selected = Selector { path: selected.path.clone(), which: selected.which.clone().or(by_column) };
+    // The velocity and the displacement of such a record were computed from its acceleration.
+    let usual = (kind == signal_file::STRONG_MOTION).then(|| "acceleration".to_string());
+    let selected = Selector { path: selected.path.clone(), which: selected.which.clone().or(by_column).or(usual) };
     let signal = selected.choose(contents).map_err(|error| RecordError(error.0))?;
     let name = &signal.name;
     let stated = match signal.kind() {
@@ -237,8 +237,8 @@ impl Rows {
 /// Characters of the columns' names in a message.
 const MOST_OF_NAMES: usize = 200;
 
-/// The time step, s, and the values of a table in SI units.
-fn table(text: &str, spec: &Spec, to_si: &ToSi) -> Result<(f64, Vec<f64>), String> {
+/// The time step, s, and the values of a table in SI units. Where `spec` has no unit, the name of the values' column has to end in it.
+fn table(text: &str, spec: &Spec, quantity: Quantity, scale: f64) -> Result<(f64, Vec<f64>), String> {
     let rows = rows(text)?;
     if rows.rows.is_empty() {
         return Err("it holds no row of numbers".into());
@@ -265,6 +265,11 @@ fn table(text: &str, spec: &Spec, to_si: &ToSi) -> Result<(f64, Vec<f64>), Strin
             only
         }
     };
+    let of_name = || rows.header.as_ref().and_then(|header| of_column(header.get(value)?, quantity));
+    let unit_si = spec.unit_si.or_else(of_name);
+    let unit_si =
+        unit_si.ok_or_else(|| format!("the unit of the values is not known: give unit = {}", unit_list(quantity)))?;
+    let to_si = ToSi { quantity, unit_si, scale };
     let first_line = rows.rows[0].0;
     let (mut times, mut values) = (Vec::new(), Vec::new());
     for (line, fields) in &rows.rows {

@@ -5,7 +5,7 @@ use crate::input::key::Unit;
 use crate::signal_file::unit::STANDARD_GRAVITY;
 
 /// Units: name, quantity, and SI units per unit.
-pub(super) const UNITS: [(&str, Quantity, f64); 7] = [
+pub(crate) const UNITS: [(&str, Quantity, f64); 7] = [
     ("m/s2", Quantity::Acceleration, 1.0),
     ("g", Quantity::Acceleration, STANDARD_GRAVITY),
     ("cm/s2", Quantity::Acceleration, 0.01),
@@ -14,6 +14,13 @@ pub(super) const UNITS: [(&str, Quantity, f64); 7] = [
     ("cm", Quantity::Displacement, 0.01),
     ("mm", Quantity::Displacement, 0.001),
 ];
+
+/// SI units per unit that the name of a column ends in: `_m_per_s2`, `_g`, `_mm` …
+pub(super) fn of_column(name: &str, quantity: Quantity) -> Option<f64> {
+    let ends = |unit: &str| name.ends_with(&format!("_{}", unit.replace('/', "_per_")));
+    // A length that ends in `mm` does not end in `_m`.
+    UNITS.iter().find(|(unit, of, _)| *of == quantity && ends(unit)).map(|unit| unit.2)
+}
 
 /// The units of a quantity for a message: `"m" or "cm" …`.
 pub(super) fn unit_list(quantity: Quantity) -> String {

@@ -17,5 +17,6 @@ pub mod page;
 pub mod parameters;
 pub mod peak;
 pub mod plot;
+pub mod spectrum_table;
 pub mod study_files;
 pub mod terminal;

@@ -2,7 +2,7 @@
 //! `5696 points of accel data equally spaced at .010 sec, in cm/sec2. (8f10.7)`.
 
 use super::number::fortran;
-use super::{Axis, Contents, Signal};
+use super::{Axis, Contents, STRONG_MOTION, Signal};
 
 /// Lines in which the first such line is looked for.
 const HEADER_LINES: usize = 120;
@@ -76,7 +76,7 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
         }
         signals.push(Signal::new(head.name, head.unit, Axis::Time { start_s: 0.0, step_s: head.step_s }, values));
     }
-    Ok(Contents { kind: "strong-motion record (CSMIP)", signals, remarks })
+    Ok(Contents { kind: STRONG_MOTION, signals, remarks })
 }
 
 /// Blanks between the values of fixed columns.

@@ -32,6 +32,9 @@ const MAX_BYTES: u64 = 2 << 30;
 pub const KINDS: &str =
     "CSV, UFF/UNV (datasets 58, 58b, 151, 164), PEER AT2, CSMIP V2, WAV, MATLAB 5 and 7.3, HDF5, Parquet";
 
+/// Kind of a strong-motion record with acceleration, velocity and displacement.
+pub const STRONG_MOTION: &str = "strong-motion record (CSMIP)";
+
 /// What a file holds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contents {

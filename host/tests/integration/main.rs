@@ -67,6 +67,7 @@ mod simulate_refusals;
 mod simulate_set;
 mod slips;
 mod slow_disk;
+mod spectrum;
 mod study;
 mod study_cluster;
 mod study_damage;

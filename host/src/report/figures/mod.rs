@@ -11,10 +11,10 @@ pub mod curves;
 #[cfg(test)]
 mod extremes;
 pub mod frequency_response;
-mod marks;
 pub mod peak_motion;
 pub mod set_ups;
 pub mod simulated_motion;
+pub mod spectrum;
 pub mod study;
 mod study_curves;
 mod study_labels;

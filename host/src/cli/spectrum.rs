@@ -1,0 +1,252 @@
+//! `damprig spectrum`: response spectra of an acceleration record.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::{Args as ClapArgs, ValueEnum};
+use serde::Serialize;
+
+use super::arguments::{positive, table_file};
+use super::outcome::{Failure, Outcome};
+use super::simulate::picture;
+use crate::input::Files;
+use crate::motion_record::{Quantity, Spec, UNITS, Which, read};
+use crate::report::figures;
+use crate::report::numbers::significant;
+use crate::report::terminal::table;
+use crate::report::{branch_table, spectrum_table};
+use crate::spectrum::{Method, Point, periods, spectra};
+use crate::storage::out_file::OutFile;
+
+/// Response spectra of an acceleration record: the largest displacement, velocity and acceleration of a linear oscillator.
+///
+/// u″ + 2ζω u′ + ω² u = −z″ from rest. Sd = max|u| and Sv = max|u′| are relative to the ground, Sa = max|u″ + z″| is absolute; the pseudo values
+/// are PSV = ω·Sd and PSA = ω²·Sd. The acceleration is linear between its samples, and the motion is exact.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    /// Acceleration record: CSV, AT2 (PEER) or V2 (CSMIP)
+    #[arg(value_name = "RECORD")]
+    record: PathBuf,
+
+    /// Damping ratios, 0 or more and below 1
+    #[arg(long, value_name = "RATIO,…", value_delimiter = ',', value_parser = damping, default_value = "0.05")]
+    damping: Vec<f64>,
+
+    /// Periods in seconds: FROM:TO:COUNT in even ratios, or a list
+    #[arg(long, value_name = "PERIODS", default_value = "0.02:10:200")]
+    periods: Periods,
+
+    /// How the largest values are found
+    #[arg(long, value_enum, default_value_t = MethodArg::Exact)]
+    method: MethodArg,
+
+    /// Unit of a CSV file whose column does not end in one (acceleration_g): m/s2, g, cm/s2 or mm/s2
+    #[arg(long, value_name = "UNIT", value_parser = unit)]
+    unit: Option<f64>,
+
+    /// Column of the values, by name or place from 1 [default: the only one beside the time]
+    #[arg(long, value_name = "COLUMN")]
+    column: Option<String>,
+
+    /// Time between the samples of a file without a column of times
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    time_step_s: Option<f64>,
+
+    /// Write the spectra as a table, .csv or .parquet
+    #[arg(long, value_name = "FILE", value_parser = table_file)]
+    out: Option<PathBuf>,
+
+    /// Draw the spectra, as .svg or .png
+    #[arg(long, value_name = "FILE", value_parser = picture)]
+    plot: Option<PathBuf>,
+
+    /// Print the spectra as one JSON object
+    #[arg(long)]
+    json: bool,
+
+    /// Replace existing files
+    #[arg(long)]
+    force: bool,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  damprig spectrum ELC180.AT2
+  damprig spectrum CHAN001.V2 --damping 0,0.02,0.05,0.1,0.2 --method at-samples --out sd.csv
+  damprig spectrum quake.csv --unit g --periods 0.1,0.2,0.5,1,2 --plot spectrum.svg
+
+docs/SPECTRUM.md compares the values with published ones.
+
+Exit codes:
+  0    success
+  1    a file could not be written
+  2    the command line or the record is wrong; nothing was written";
+
+/// How the largest values are found, as an argument.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum MethodArg {
+    /// Exact motion, maxima between the samples too
+    Exact,
+    /// Exact motion at the samples only, as strong-motion agencies publish it
+    AtSamples,
+    /// Newmark's average acceleration in half steps, as the FEMA P-695 values were computed; its error grows towards short periods
+    Newmark,
+}
+
+impl MethodArg {
+    fn method(self) -> Method {
+        match self {
+            Self::Exact => Method::Exact,
+            Self::AtSamples => Method::AtSamples,
+            Self::Newmark => Method::Newmark,
+        }
+    }
+}
+
+/// Most periods.
+const MOST_PERIODS: usize = 10_000;
+
+/// Rows of a damping ratio that the terminal shows, at most.
+const SHOWN: usize = 20;
+
+#[derive(Clone, Debug, PartialEq)]
+struct Periods(Vec<f64>);
+
+impl FromStr for Periods {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts: Vec<&str> = text.split(':').collect();
+        if let [from, to, count] = parts[..] {
+            let (from, to) = (positive(from)?, positive(to)?);
+            let count = count.parse().ok().filter(|count| (2..=MOST_PERIODS).contains(count));
+            let count = count.ok_or_else(|| format!("the count must be a whole number from 2 to {MOST_PERIODS}"))?;
+            return if from < to {
+                Ok(Self(periods(from, to, count)))
+            } else {
+                Err(format!("{from} must be less than {to}"))
+            };
+        }
+        if parts.len() != 1 {
+            return Err("must be FROM:TO:COUNT, or periods with commas".into());
+        }
+        text.split(',').map(|period| positive(period.trim())).collect::<Result<_, _>>().map(Self)
+    }
+}
+
+fn damping(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(ratio) if (0.0..1.0).contains(&ratio) => Ok(ratio),
+        _ => Err("must be a number from 0 to below 1".into()),
+    }
+}
+
+/// SI units per unit of an acceleration.
+fn unit(text: &str) -> Result<f64, String> {
+    let of_acceleration = || UNITS.iter().filter(|(_, quantity, _)| *quantity == Quantity::Acceleration);
+    let names = || of_acceleration().map(|unit| unit.0).collect::<Vec<_>>().join(", ");
+    of_acceleration()
+        .find(|unit| unit.0 == text)
+        .map(|unit| unit.2)
+        .ok_or_else(|| format!("must be one of {}", names()))
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Answer<'a> {
+    record: String,
+    damprig: &'static str,
+    method: &'static str,
+    time_step_s: f64,
+    samples: usize,
+    peak_m_per_s2: f64,
+    spectra: &'a [Point],
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// A record that cannot be used, an unwritable file.
+pub fn run(args: &Args) -> Outcome {
+    for (option, path) in [("--out", &args.out), ("--plot", &args.plot)] {
+        if let Some(path) = path.as_ref().filter(|path| !args.force && path.symlink_metadata().is_ok()) {
+            let message =
+                format!("{option}: {} exists\n  give another name, or replace it with --force", path.display());
+            return Err(Failure::Input(message));
+        }
+    }
+    let which = |column: &String| column.parse().map_or_else(|_| Which::Name(column.clone()), Which::Place);
+    let spec = Spec {
+        quantity: Some(Quantity::Acceleration),
+        unit_si: args.unit,
+        scale: None,
+        time_step_s: args.time_step_s,
+        column: args.column.as_ref().map(which),
+        time_column: None,
+    };
+    let record = read(&args.record, &spec, &Files::default()).map_err(|error| {
+        Failure::Input(format!("{error}\n  --unit, --column and --time-step-s state what the file does not"))
+    })?;
+    let method = args.method.method();
+    let name = args.record.display().to_string();
+    let points = spectra(&record, &args.damping, &args.periods.0, method)
+        .map_err(|why| Failure::Input(format!("{name}: {why}")))?;
+    if let Some(path) = &args.out {
+        let out = OutFile { path: path.clone(), force: args.force };
+        branch_table::write(spectrum_table::table(&points, &name, method), &out).map_err(Failure::failed)?;
+    }
+    if let Some(path) = &args.plot {
+        figures::spectrum::draw(&points).and_then(|picture| picture.save(path)).map_err(Failure::failed)?;
+    }
+    if args.json {
+        let answer = Answer {
+            record: name,
+            damprig: crate::VERSION_LINE,
+            method: method.text(),
+            time_step_s: record.step_s,
+            samples: record.samples.len(),
+            peak_m_per_s2: record.peak(),
+            spectra: &points,
+        };
+        say!("{}", serde_json::to_string(&answer).map_err(Failure::failed)?);
+        return Ok(());
+    }
+    say!(
+        "{name}: {} samples, one each {} s, largest {} m/s²\n{}",
+        record.samples.len(),
+        significant(record.step_s, 6),
+        significant(record.peak(), 5),
+        method.text()
+    );
+    say!("{}", text_of(&points, args.periods.0.len()));
+    for (what, path) in [("Table", &args.out), ("Figure", &args.plot)] {
+        if let Some(path) = path {
+            say!("{what}: {}", path.display());
+        }
+    }
+    Ok(())
+}
+
+/// A table of the spectra, thinned to what a terminal shows.
+fn text_of(points: &[Point], periods: usize) -> String {
+    let mut rows = table(&["ζ", "T\n(s)", "Sd\n(m)", "Sv\n(m/s)", "Sa\n(m/s²)", "PSV\n(m/s)", "PSA\n(m/s²)"]);
+    let every = periods.div_ceil(SHOWN);
+    for of_ratio in points.chunks(periods) {
+        for point in of_ratio.iter().step_by(every) {
+            let values = [
+                point.damping_ratio,
+                point.period_s,
+                point.sd_m,
+                point.sv_m_per_s,
+                point.sa_m_per_s2,
+                point.psv_m_per_s,
+                point.psa_m_per_s2,
+            ];
+            rows.add_row(values.map(|value| significant(value, 4)));
+        }
+    }
+    let note =
+        if every > 1 { format!("\nEach {every}th period; --out and --json have all {periods}") } else { String::new() };
+    format!("{rows}{note}")
+}
