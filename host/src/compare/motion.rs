@@ -12,8 +12,9 @@ use damprig_core::integrator::units::Units;
 use damprig_core::io::{Invalid, Reading, SUBSAMPLES, TICK_HZ};
 use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::model::{Initial, SetUp};
+use damprig_motion::watch::MotionWatch;
 
-use crate::prediction::watch::MotionWatch;
+use crate::prediction::watch;
 
 /// Length of a tick, s.
 pub(super) const TICK_S: f64 = 1.0 / TICK_HZ as f64;
@@ -80,7 +81,7 @@ pub(super) fn simulate(
     let step_s = TICK_S / f64::from(parts);
     let mut motion = Joined::<f64>::joined(set_up, Units::metres(step_s), initial)?;
     let mut observer = Sampler {
-        watch: MotionWatch::new(detection, set_up.structure.mass_kg, step_s).with_pulses(),
+        watch: MotionWatch::new(&watch::detection(detection), set_up.structure.mass_kg, step_s).with_pulses(),
         x_m: [0.0; SUBSAMPLES],
         taken: 0,
         part: 0.0,

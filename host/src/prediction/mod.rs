@@ -22,16 +22,15 @@ use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::sampled::{Joined, LARGEST_RATE_PER_STEP};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Invalid, TICK_HZ};
-use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::model::Initial;
 use damprig_core::twin::TwinConfig;
+use damprig_motion::watch::{Detection, WatchedMotion};
 use rayon::prelude::*;
 
 use crate::campaign::transient::two_digits_down;
 use crate::campaign::{AroundPeak, Campaign, CampaignSetUp, Start, SteppedSine};
 use crate::input::{Problem, Refusal};
 use transient::Expected;
-use watch::WatchedMotion;
 pub use watch::contact_s;
 
 /// The largest displacement of a set-up, over several starts of its particle where the start is not known.
@@ -271,7 +270,7 @@ fn motion(campaign: &Campaign, set_up: usize, base_amplitude_m: f64) -> Result<(
     let mut responses = Vec::new();
     for (experiment, own) in campaign.experiments.iter().enumerate() {
         let Some(sine) = own.stepped_sine().filter(|_| own.set_ups.contains(&set_up)) else { continue };
-        let detection = &campaign.rig.board.impacts;
+        let detection = &watch::detection(&campaign.rig.board.impacts);
         let starts = campaign.set_ups[set_up].starts();
         let budget = (most_steps / starts.len() as u64, detection);
         let simulated = |sine: &SteppedSine| -> Result<Simulated, Invalid> {
@@ -378,7 +377,7 @@ fn simulate(
     set_up: &CampaignSetUp,
     experiment: &SteppedSine,
     base_amplitude_m: f64,
-    (most_steps, detection): (u64, &ImpactConfig),
+    (most_steps, detection): (u64, &Detection),
 ) -> Result<Simulated, Invalid> {
     let model = set_up.spec.at(base_amplitude_m);
     let initial = Initial { y_m: set_up.spec.particle_start_m(base_amplitude_m), ..Initial::default() };

@@ -9,8 +9,9 @@ use damprig_core::integrator::sampled::Sampled;
 use damprig_core::io::{Invalid, TICK_HZ};
 use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::model::Initial;
+use damprig_motion::watch::WatchedMotion;
 
-use super::watch::WatchedMotion;
+use super::watch;
 use super::{USABLE, tries};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, FreeVibration, Kind, Playback};
 use crate::input::{Problem, Refusal};
@@ -172,8 +173,10 @@ fn played(set_up: &CampaignSetUp, playback: &Playback, detection: &ImpactConfig)
     let interval_s = 1.0 / playback.sample_rate_hz;
     let parts = parts(set_up, interval_s)?;
     let (share, step_s) = (1.0 / f64::from(parts), interval_s / f64::from(parts));
-    let mut summed =
-        Summed::new(WatchedMotion::new(&set_up.model(), step_s, &at_rest(set_up, 0.0), detection)?, step_s);
+    let mut summed = Summed::new(
+        WatchedMotion::new(&set_up.model(), step_s, &at_rest(set_up, 0.0), &watch::detection(detection))?,
+        step_s,
+    );
     let scale = f64::from(playback.scale_m());
     let counts: Vec<f64> =
         playback.bytes().as_chunks::<2>().0.iter().map(|two| scale * f64::from(i16::from_le_bytes(*two))).collect();
@@ -218,7 +221,8 @@ fn played(set_up: &CampaignSetUp, playback: &Playback, detection: &ImpactConfig)
 fn released(set_up: &CampaignSetUp, free: &FreeVibration, detection: &ImpactConfig) -> Result<Outlook, Invalid> {
     let parts = parts(set_up, STEP_S)?;
     let step_s = STEP_S / f64::from(parts);
-    let mut watched = WatchedMotion::new(&set_up.model(), step_s, &at_rest(set_up, free.start_m), detection)?;
+    let mut watched =
+        WatchedMotion::new(&set_up.model(), step_s, &at_rest(set_up, free.start_m), &watch::detection(detection))?;
     // The release is detected, and the measurement begins, when |x| has fallen this far. A structure that sticks is never
     // released.
     let mut steps_before = 0;
