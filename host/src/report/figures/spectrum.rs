@@ -2,7 +2,7 @@
 
 use crate::report::plot::axis::{Axis, Frame, Scale};
 use crate::report::plot::legend::{self, Entry};
-use crate::report::plot::palette::{INK, colour};
+use crate::report::plot::palette::{GREY, colour};
 use crate::report::plot::traces::Traces;
 use crate::report::plot::{BROAD, FigureError, Picture};
 use crate::spectrum::Point;
@@ -60,8 +60,8 @@ pub fn draw(points: &[Point]) -> Result<Picture, FigureError> {
     }
     let ratios = damping.iter().enumerate();
     let entries = ratios.map(|(n, zeta)| Entry::line(format!("ζ = {zeta}"), colour(n).stroke(2.0))).chain([
-        Entry::line("true values: Sa absolute, Sv and Sd relative", INK.stroke(2.0)),
-        Entry::line("pseudo values ω²·Sd, ω·Sd", INK.stroke(2.0).dashed(PSEUDO)),
+        Entry::line("true values: Sa absolute, Sv and Sd relative", GREY.stroke(2.0)),
+        Entry::line("pseudo values ω²·Sd, ω·Sd", GREY.stroke(2.0).dashed(PSEUDO)),
     ]);
     legend::rows(&mut picture, (LEFT, 18.0), RIGHT, &entries.collect::<Vec<_>>());
     Ok(picture)
