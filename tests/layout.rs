@@ -57,7 +57,7 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 27] = [
+const HOST_LAYERS: [&str; 28] = [
     "host_time",
     "quantity",
     "storage",
