@@ -268,10 +268,14 @@ impl SignalOverview {
         let is_time = matches!(self.places, Places::Time { .. });
         match self.unit.map(|unit| unit.kind) {
             Some(Kind::Acceleration) if is_time => {
-                vec!["record of a case or a playback (record.file)", "damprig identify decay, if it is a free decay"]
+                vec![
+                    "damprig spectrum",
+                    "base motion of a case or a playback (file)",
+                    "damprig identify decay, if it is a free decay",
+                ]
             }
             Some(Kind::Displacement) if is_time => {
-                vec!["damprig identify decay, if it is a free decay", "record of a case or a playback (record.file)"]
+                vec!["damprig identify decay, if it is a free decay", "base motion of a case or a playback (file)"]
             }
             Some(Kind::Velocity) if is_time => vec!["damprig identify decay, if it is a free decay"],
             Some(Kind::Pressure) if is_time => vec!["damprig identify sound"],

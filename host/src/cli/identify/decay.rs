@@ -10,12 +10,13 @@ use crate::cli::outcome::{Failure, Outcome};
 use crate::cli::simulate::picture;
 use crate::identify::backbone::Backbone;
 use crate::identify::decay::{self, Decay, Model};
-use crate::identify::table::{Table, X};
-use crate::identify::{CannotIdentify, FreeVibration, Identification, Sensors, free_vibration};
+use crate::identify::decay_file::DecayFile;
+use crate::identify::{CannotIdentify, Identification, Sensors, free_vibration};
 use crate::report::figures::backbone;
 use crate::report::plot::{FigureError, Picture};
 use crate::report::{backbone_table, branch_table};
 use crate::run_folder::read::folder::find;
+use crate::signal_file::Selector;
 use crate::storage::out_file::OutFile;
 
 /// Natural frequency, damping ratio and Coulomb friction of the structure from a free vibration.
@@ -24,7 +25,8 @@ use crate::storage::out_file::OutFile;
 /// give damping ratio and frequency over the amplitude, and test whether the model holds: what does not fit is the first line of the result.
 #[derive(Debug, ClapArgs)]
 pub(super) struct DecayArgs {
-    /// Run with a free vibration, or CSV file with the columns t_s and x_m (or t_ms, x_mm, x_um)
+    /// Run with a free vibration, or file with a displacement, velocity or acceleration (`damprig inspect`): CSV with the columns t_s and
+    /// x_m, x_mm, a_g …, UFF, MAT and others; FILE#name is one of several signals
     #[arg(value_name = "SOURCE")]
     source: PathBuf,
 
@@ -83,24 +85,26 @@ pub(super) fn run(args: &DecayArgs) -> Outcome {
 }
 
 fn identify(args: &DecayArgs) -> Result<(Decay, Identification), CannotIdentify> {
-    let record = if args.source.is_file() {
-        let table = Table::read(&args.source)?;
-        let t_s = table.times()?;
-        let (taken_from, x_m) = (table.file().into(), table.column(&X)?);
-        FreeVibration { taken_from, x_m, t_s, mass_kg: None, sensors: Sensors::ASSUMED }
+    let model = |sensors| Model { coulomb: !args.viscous, sensors };
+    let (taken_from, decay, remarks, sensors, mass_kg) = if Selector::of(&args.source).path.is_file() {
+        let record = DecayFile::read(&args.source)?;
+        let sensors = args.sensors.applied(Sensors::ASSUMED);
+        let (decay, remarks) = record.identify(model(sensors))?;
+        (record.taken_from, decay, remarks, sensors, None)
     } else {
         let run = find(&args.source).map_err(|e| CannotIdentify(e.to_string()))?;
-        free_vibration(&run, &args.choice.choice())?
+        let record = free_vibration(&run, &args.choice.choice())?;
+        let sensors = args.sensors.applied(record.sensors);
+        let decay = decay::identify(&record.t_s, &record.x_m, model(sensors))
+            .map_err(|error| CannotIdentify(format!("{}: {error}", record.taken_from)))?;
+        (record.taken_from, decay, Vec::new(), sensors, record.mass_kg)
     };
-    let sensors = args.sensors.applied(record.sensors);
-    let model = Model { coulomb: !args.viscous, sensors };
-    let decay = decay::identify(&record.t_s, &record.x_m, model)
-        .map_err(|error| CannotIdentify(format!("{}: {error}", record.taken_from)))?;
-    let mut identified = Identification::new(record.taken_from, decay.estimates(args.mass_kg.or(record.mass_kg)));
+    let mut identified = Identification::new(taken_from, decay.estimates(args.mass_kg.or(mass_kg)));
     identified.lack_of_fit = decay.misfits();
     identified.over_amplitude = decay.backbone.as_ref().map(Backbone::rows).unwrap_or_default();
     identified.contradiction = decay.contradiction();
     identified.remarks = decay.remarks();
+    identified.remarks.extend(remarks);
     if decay.lack_of_fit.is_some() && args.plot_residuals.is_none() {
         identified
             .remarks

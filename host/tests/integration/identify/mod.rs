@@ -5,6 +5,7 @@
 
 mod backbone;
 mod decay;
+mod decay_files;
 mod flights;
 mod misfit;
 mod nonlinear;

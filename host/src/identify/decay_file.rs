@@ -1,0 +1,120 @@
+//! The record of a free vibration in a file: displacement, velocity or acceleration, of any kind of file that `damprig inspect` knows.
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use super::CannotIdentify;
+use super::decay::{Decay, Model, identify};
+use super::table::{Table, X};
+use crate::signal_file::unit::Kind;
+use crate::signal_file::{Selector, Signal};
+
+/// A record of a file.
+#[derive(Clone, Debug)]
+pub struct DecayFile {
+    /// The file, and the signal of it.
+    pub taken_from: String,
+    /// Times of the values, s.
+    t_s: Vec<f64>,
+    /// In SI units.
+    values: Vec<f64>,
+    kind: Kind,
+    /// What was done with the values, for people.
+    remarks: Vec<String>,
+}
+
+impl DecayFile {
+    /// Reads a record.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or has no displacement, velocity or acceleration over time in a known unit; several of them without a
+    /// choice (`FILE#name`).
+    pub fn read(path: &Path) -> Result<Self, CannotIdentify> {
+        let selector = Selector::of(path);
+        let table = selector.which.is_none().then(|| Table::read(path));
+        if let Some(Ok(table)) = &table
+            && table.has(&X)
+        {
+            let (t_s, values) = (table.times()?, table.column(&X)?);
+            let taken_from = table.file().into();
+            return Ok(Self { taken_from, t_s, values, kind: Kind::Displacement, remarks: Vec::new() });
+        }
+        match selector.read() {
+            Ok(signal) => Self::of_signal(path, &signal),
+            // A table that lacks a column, or has no header, is named as one.
+            Err(error) => Err(match table {
+                Some(Ok(table)) => match table.column(&X) {
+                    Err(lacks) => lacks,
+                    Ok(_) => CannotIdentify(error.0),
+                },
+                _ => CannotIdentify(error.0),
+            }),
+        }
+    }
+
+    fn of_signal(path: &Path, signal: &Signal) -> Result<Self, CannotIdentify> {
+        let taken_from = path.display().to_string();
+        let refuse = |why: String| CannotIdentify(format!("{taken_from}: {why}"));
+        let name = &signal.name;
+        let unit = match signal.unit {
+            Some(unit) if matches!(unit.kind, Kind::Displacement | Kind::Velocity | Kind::Acceleration) => unit,
+            Some(unit) => {
+                let other = unit.kind.text();
+                return Err(refuse(format!(
+                    "{name:?} is a {other}: a decay is a displacement, velocity or acceleration\n  multiply a sensor's voltage by its \
+                     sensitivity"
+                )));
+            }
+            None => {
+                return Err(refuse(format!(
+                    "the unit of {name:?} is not known: a decay is a displacement, velocity or acceleration\n  state it in the column's name, \
+                     for example x_mm or a_g"
+                )));
+            }
+        };
+        let (start_s, step_s, values, error) = signal.evenly().map_err(refuse)?;
+        let mut remarks = Vec::new();
+        if error > 0.0 {
+            remarks.push(format!(
+                "the times are uneven: resampled by cubics at {:.1} Hz, with an estimated RMS error of {:.2e} {}",
+                1.0 / step_s,
+                error,
+                signal.unit_text
+            ));
+        }
+        Ok(Self {
+            t_s: (0..values.len()).map(|n| start_s + n as f64 * step_s).collect(),
+            values: values.iter().map(|value| value * unit.si).collect(),
+            kind: unit.kind,
+            remarks,
+            taken_from,
+        })
+    }
+
+    /// Identifies the free vibration. Velocity and acceleration of a viscous decay are decays of the same frequency and damping ratio, ω and
+    /// ω² times as large: they are divided by the fitted ω, which filters nothing and integrates nothing. Dry friction lets the
+    /// acceleration jump, so that it is fitted to displacements only.
+    ///
+    /// # Errors
+    /// As [`identify`].
+    pub fn identify(&self, model: Model) -> Result<(Decay, Vec<String>), CannotIdentify> {
+        let named = |error: CannotIdentify| CannotIdentify(format!("{}: {error}", self.taken_from));
+        let power = match self.kind {
+            Kind::Velocity => 1,
+            Kind::Acceleration => 2,
+            _ => return Ok((identify(&self.t_s, &self.values, model).map_err(named)?, self.remarks.clone())),
+        };
+        let model = Model { coulomb: false, ..model };
+        let as_measured = identify(&self.t_s, &self.values, model).map_err(named)?;
+        let frequency_hz = as_measured.fitted.natural_frequency_hz.value;
+        let factor = (TAU * frequency_hz).powi(power).recip();
+        let x_m: Vec<f64> = self.values.iter().map(|value| factor * value).collect();
+        let mut remarks = self.remarks.clone();
+        remarks.push(format!(
+            "the {} is divided by (2π·{frequency_hz:.5} Hz){}, which gives the displacement's amplitude; friction is not fitted to it",
+            self.kind.text(),
+            if power == 2 { "²" } else { "" }
+        ));
+        Ok((identify(&self.t_s, &x_m, model).map_err(named)?, remarks))
+    }
+}
