@@ -3,7 +3,7 @@
 //! [`identify`] fits the closed form of [`decay_motion`](super::decay_motion) to all samples after the release by least squares:
 //! for white noise this is the estimate of least variance. The logarithmic decrement of the turning points is a check by other
 //! means; it sees viscous and Coulomb damping together. Friction is never negative: where the best fit has a negative one, the motion is
-//! fitted again without friction. [`lack_of_fit`] tests whether the model holds over the whole record.
+//! fitted again without friction. `lack_of_fit` tests whether the model holds over the whole record.
 
 use std::f64::consts::{PI, TAU};
 

@@ -6,7 +6,7 @@
 pub mod backbone;
 pub mod decay;
 pub mod decay_file;
-mod decay_motion;
+pub mod decay_motion;
 mod decay_record;
 pub mod flights;
 mod flights_of_run;

@@ -128,7 +128,7 @@ const UNEVEN: f64 = 0.1;
 /// Allowed deviation of a time from even spacing, as a share of a step.
 const OFF_GRID: f64 = 0.25;
 
-/// The mean step of times that are evenly spaced within [`UNEVEN`] and [`OFF_GRID`].
+/// The mean step of times that are evenly spaced, as far as printed decimals allow.
 #[must_use]
 pub fn even_step(times_s: &[f64]) -> Option<f64> {
     let [first, .., last] = times_s else { return None };
