@@ -5,9 +5,10 @@ use std::path::Path;
 
 use super::CannotIdentify;
 use super::decay::{Decay, Model, identify};
-use super::table::{Table, X};
+use super::table::{TIME, Table, X};
+use crate::input::regular;
 use crate::signal_file::unit::Kind;
-use crate::signal_file::{Selector, Signal};
+use crate::signal_file::{Selector, Signal, is_plain_table};
 
 /// A record of a file.
 #[derive(Clone, Debug)]
@@ -23,6 +24,11 @@ pub struct DecayFile {
     remarks: Vec<String>,
 }
 
+/// Whether a file is a text that states nothing of itself but its columns.
+fn is_text(path: &Path) -> bool {
+    regular::read_input(path).is_ok_and(|bytes| is_plain_table(&bytes))
+}
+
 impl DecayFile {
     /// Reads a record.
     ///
@@ -34,6 +40,7 @@ impl DecayFile {
         let table = selector.which.is_none().then(|| Table::read(path));
         if let Some(Ok(table)) = &table
             && table.has(&X)
+            && table.has(&TIME)
         {
             let (t_s, values) = (table.times()?, table.column(&X)?);
             let taken_from = table.file().into();
@@ -41,12 +48,9 @@ impl DecayFile {
         }
         match selector.read() {
             Ok(signal) => Self::of_signal(path, &signal),
-            // A table that lacks a column, or has no header, is named as one.
+            // What is wrong with a table of t_s and x_m is said of those.
             Err(error) => Err(match table {
-                Some(Ok(table)) => match table.column(&X) {
-                    Err(lacks) => lacks,
-                    Ok(_) => CannotIdentify(error.0),
-                },
+                Some(Err(own)) if is_text(path) => own,
                 _ => CannotIdentify(error.0),
             }),
         }

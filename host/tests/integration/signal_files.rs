@@ -131,7 +131,9 @@ fn strong_motion_records_give_acceleration_velocity_and_displacement() {
         assert_eq!(kinds, [Some(Kind::Acceleration), Some(Kind::Velocity), Some(Kind::Displacement)], "{file}");
         let own = &contents.signals[0];
         let table = only(read(&field.join("csmip").join(csv)).unwrap());
-        assert_eq!((own.values.len(), own.axis.at(100)), (table.values.len(), table.axis.at(100)));
+        assert_eq!(own.values.len(), table.values.len(), "{file}");
+        // Each time of the table is rounded.
+        assert!((own.axis.at(100) - table.axis.at(100)).abs() < 1e-12, "{file}");
         // cm/s² with 3 to 7 decimals, and m/s² with 4 and more.
         assert!(own.values.iter().zip(&table.values).all(|(cm, m)| (cm * 0.01 - m).abs() <= 5.1e-5), "{file}");
     }

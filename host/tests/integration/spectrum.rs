@@ -181,7 +181,7 @@ fn the_command_writes_table_and_figure_and_refuses_what_it_cannot_use() {
     assert!(text("s.csv").starts_with("damping_ratio,period_s,sd_m,sv_m_per_s,sa_m_per_s2,psv_m_per_s,psa_m_per_s2"));
     assert_eq!(text("s.csv").lines().count(), 1 + 2 * 200);
     // Two ratios: displacement, and velocity and acceleration with their pseudo values.
-    assert_eq!(text("s.svg").matches("<polyline points").count(), 2 * 5);
+    assert_eq!(text("s.svg").matches("stroke-width=\"1.8\"").count(), 2 * 5);
     assert!(run(&["named.csv", "--unit", "g", "--json", "--method", "newmark"]).status.success());
     for (arguments, words) in [
         (&files[..], "s.csv exists"),

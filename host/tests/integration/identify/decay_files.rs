@@ -52,12 +52,11 @@ fn accelerations_and_velocities_give_frequency_damping_and_the_displacements_amp
         assert!(output.status.success(), "{file}: {}", String::from_utf8_lossy(&output.stderr));
         let json: Value = serde_json::from_slice(&output.stdout).unwrap();
         let estimates = json["estimates"].as_array().unwrap();
-        let find = |name: &str| {
-            let one =
-                estimates.iter().find(|one| one["quantity"].as_str().is_some_and(|quantity| quantity.contains(name)));
-            one.unwrap_or_else(|| panic!("{file}: no {name}: {estimates:?}"))
+        let find = |key: &str| {
+            let one = estimates.iter().find(|one| one["key"] == key);
+            one.unwrap_or_else(|| panic!("{file}: no {key}: {estimates:?}"))
         };
-        for (name, truth) in [("natural frequency", FREQUENCY_HZ), ("viscous damping ratio", ZETA)] {
+        for (name, truth) in [("structure.natural_frequency_hz", FREQUENCY_HZ), ("structure.damping_ratio", ZETA)] {
             let one = find(name);
             let (value, u) = (one["value"].as_f64().unwrap(), one["standard_uncertainty"].as_f64().unwrap());
             assert!((value - truth).abs() < 4.0 * u && u < 2e-3 * truth, "{file}: {name} {value} ± {u}, truth {truth}");
