@@ -6,6 +6,8 @@ use clap::Args as ClapArgs;
 use serde_json::{Value, json};
 
 use super::outcome::{Failure, Outcome};
+use super::simulate::picture;
+use crate::report::figures;
 use crate::report::numbers::significant;
 use crate::signal_file::overview::{self, Overview, Places, SignalOverview};
 use crate::signal_file::unit::Kind;
@@ -20,24 +22,39 @@ pub struct Args {
     #[arg(value_name = "FILE")]
     file: PathBuf,
 
+    /// Draw the signals, as .svg or .png
+    #[arg(long, value_name = "FILE", value_parser = picture)]
+    plot: Option<PathBuf>,
+
     /// Print JSON
     #[arg(long)]
     json: bool,
+
+    /// Replace an existing picture
+    #[arg(long)]
+    force: bool,
 }
 
 const AFTER_HELP: &str = "\
 Examples:
   damprig inspect decay.csv
-  damprig inspect analyser.uff --json
+  damprig inspect analyser.uff --plot analyser.png
 
 Where a command takes a signal, FILE#3 is the third one of a file, FILE#name the one of that name.";
 
 /// Inspects the file.
 ///
 /// # Errors
-/// A file that cannot be read.
+/// A file that cannot be read, a picture that exists or cannot be written.
 pub fn run(args: &Args) -> Outcome {
+    if let Some(path) = args.plot.as_ref().filter(|path| !args.force && path.symlink_metadata().is_ok()) {
+        let message = format!("--plot: {} exists\n  give another name, or replace it with --force", path.display());
+        return Err(Failure::Input(message));
+    }
     let overview = overview::read(&args.file).map_err(Failure::input)?;
+    if let Some(path) = &args.plot {
+        figures::signals::draw(&overview).and_then(|picture| picture.save(path)).map_err(Failure::failed)?;
+    }
     if args.json {
         say!("{:#}", as_json(&overview));
         return Ok(());
@@ -59,6 +76,7 @@ pub fn run(args: &Args) -> Outcome {
         say!("");
         overview.remarks.iter().for_each(|remark| say!("{remark}"));
     }
+    args.plot.iter().for_each(|path| say!("Figure: {}", path.display()));
     Ok(())
 }
 
@@ -91,7 +109,7 @@ fn lines(number: usize, signal: &SignalOverview) -> Vec<String> {
                 number_text(*last_hz)
             )
         }
-        Places::Number(why) => format!("   {} values{missing}; {why}", signal.count),
+        Places::Unknown(why) => format!("   {} values{missing}; {why}", signal.count),
     });
     lines.push(format!(
         "   from {} to {}, mean {}, RMS about it {} {}",
@@ -117,7 +135,7 @@ fn signal_json(signal: &SignalOverview) -> Value {
             json!({ "first_s": first_s, "last_s": last_s, "step_s": step_s, "is_even": is_even })
         }
         Places::Frequency { first_hz, last_hz } => json!({ "first_hz": first_hz, "last_hz": last_hz }),
-        Places::Number(why) => json!({ "unknown": why }),
+        Places::Unknown(why) => json!({ "unknown": why }),
     };
     json!({
         "name": signal.name,

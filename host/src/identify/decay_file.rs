@@ -8,7 +8,7 @@ use super::decay::{Decay, Model, identify};
 use super::table::{TIME, Table, X};
 use crate::input::regular;
 use crate::signal_file::unit::Kind;
-use crate::signal_file::{Selector, Signal, is_plain_table};
+use crate::signal_file::{EvenSignal, Selector, Signal, is_plain_table};
 
 /// A record of a file.
 #[derive(Clone, Debug)]
@@ -76,13 +76,12 @@ impl DecayFile {
                 )));
             }
         };
-        let (start_s, step_s, values, error) = signal.evenly().map_err(refuse)?;
+        let EvenSignal { start_s, step_s, values, rms_error } = signal.evenly().map_err(refuse)?;
         let mut remarks = Vec::new();
-        if error > 0.0 {
+        if rms_error > 0.0 {
             remarks.push(format!(
-                "the times are uneven: resampled by cubics at {:.1} Hz, with an estimated RMS error of {:.2e} {}",
+                "the times are uneven: resampled by cubics at {:.1} Hz, with an estimated RMS error of {rms_error:.2e} {}",
                 1.0 / step_s,
-                error,
                 signal.unit_text
             ));
         }

@@ -1,5 +1,4 @@
-//! Reads recorded motions: CSV tables, AT2 files of the PEER ground-motion data base, and V2 files of the California Strong Motion
-//! Instrumentation Program.
+//! Reads recorded motions: CSV tables, AT2 files of the PEER ground-motion data base, and the signals of other files ([`signal_file`]).
 //!
 //! [`Spec`] has the properties that a file does not state (quantity, unit, column). Errors name file, line, value and what is
 //! allowed.
@@ -8,11 +7,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::record::{Quantity, Record};
-use super::units::{ToSi, finite, of_column, unit_list};
+use super::units::{ToSi, unit_list};
 use crate::input::key::Unit;
 use crate::input::{Files, near};
 use crate::signal_file::at2::at2;
-use crate::signal_file::unit::Kind;
+use crate::signal_file::number::{finite, is_name};
+use crate::signal_file::unit::{self, Kind, of_column};
 use crate::signal_file::{self, Axis, Selector};
 
 /// Allowed deviation of a time step from the mean one, as a share: times printed with few decimals deviate.
@@ -81,10 +81,14 @@ fn parse(selected: &Selector, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> R
         (Quantity::Acceleration, spec.time_step_s.unwrap_or(at2.step_s), at2.values)
     } else {
         let quantity = spec.quantity.ok_or_else(|| {
-            answer("what the values are is not known: give quantity = \"acceleration\" or \"displacement\"".into())
-        })?;
-        let (step_s, samples) = table(&text, spec, quantity, scale).map_err(answer)?;
-        (quantity, step_s, samples)
+            "what the values are is not known: give quantity = \"acceleration\" or \"displacement\"".to_string()
+        });
+        let read = quantity.and_then(|quantity| Ok((quantity, table(&text, spec, quantity, scale)?)));
+        match read {
+            Ok((quantity, (step_s, samples))) => (quantity, step_s, samples),
+            // Another program's table may state quantity and unit itself, and be written in another way.
+            Err(why) => return of_signal(selected, spec, &bytes).map_err(|_| answer(why)),
+        }
     };
     if samples.len() < 2 {
         return Err(answer(format!("{} samples; a motion has at least 2", samples.len())));
@@ -136,6 +140,13 @@ fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, R
         .unit_si
         .or(signal.unit.map(|unit| unit.si))
         .ok_or_else(|| refuse(format!("the unit of {name:?} is not known: give unit = {}", unit_list(quantity))))?;
+    if spec.time_column.is_some() {
+        return Err(refuse("`time_column` is for a CSV file whose columns are chosen by `column`".into()));
+    }
+    // Of a table it says that values are missing, or that the times are uneven.
+    if let Some(remark) = signal.remark.as_ref().filter(|_| kind == signal_file::TABLE) {
+        return Err(refuse(format!("{name:?}: {remark}")));
+    }
     if signal.imaginary.is_some() {
         return Err(refuse(format!("{name:?} is complex: a record has real values")));
     }
@@ -159,6 +170,14 @@ fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, R
         return Err(refuse(format!("{kind}, {name:?}: {} samples; a motion has at least 2", samples.len())));
     }
     Ok(Record { file: Some(selected.path), quantity, step_s, samples })
+}
+
+/// The kind of a signal that is a record of this quantity.
+fn kind_of(quantity: Quantity) -> Kind {
+    match quantity {
+        Quantity::Acceleration => Kind::Acceleration,
+        Quantity::Displacement => Kind::Displacement,
+    }
 }
 
 /// "did you mean": files beside a missing one.
@@ -203,17 +222,6 @@ pub(crate) fn rows(text: &str) -> Result<Rows, String> {
     let has_header = rows.first().is_some_and(|(_, fields)| fields.iter().all(|field| is_name(field)));
     let header = if has_header { Some(rows.remove(0).1) } else { None };
     Ok(Rows { header, rows })
-}
-
-/// Whether the first row's field looks like a column's name: it does not begin like a number and is not a mistyped one, as
-/// `O.25` or `x0.25`. NaN is refused as a value, it is no name.
-fn is_name(field: &str) -> bool {
-    let begins_as_number = field.starts_with(|c: char| c.is_ascii_digit() || "+-−.,".contains(c));
-    let as_digits = field.replace(['O', 'o'], "0").replace(['l', 'I'], "1");
-    let without_letters = field.trim_matches(char::is_alphabetic);
-    let is_stray = field.len() - without_letters.len() <= 2 && finite(without_letters).is_some();
-    let is_mistyped = field.contains('.') && (finite(&as_digits).is_some() || is_stray);
-    !begins_as_number && !is_mistyped && field.parse::<f64>().is_err()
 }
 
 impl Rows {
@@ -265,7 +273,10 @@ fn table(text: &str, spec: &Spec, quantity: Quantity, scale: f64) -> Result<(f64
             only
         }
     };
-    let of_name = || rows.header.as_ref().and_then(|header| of_column(header.get(value)?, quantity));
+    let of_name = || {
+        let (_, unit) = of_column(rows.header.as_ref()?.get(value)?);
+        unit::Unit::of(&unit).filter(|unit| unit.kind == kind_of(quantity)).map(|unit| unit.si)
+    };
     let unit_si = spec.unit_si.or_else(of_name);
     let unit_si =
         unit_si.ok_or_else(|| format!("the unit of the values is not known: give unit = {}", unit_list(quantity)))?;

@@ -15,13 +15,6 @@ pub(crate) const UNITS: [(&str, Quantity, f64); 7] = [
     ("mm", Quantity::Displacement, 0.001),
 ];
 
-/// SI units per unit that the name of a column ends in: `_m_per_s2`, `_g`, `_mm` …
-pub(super) fn of_column(name: &str, quantity: Quantity) -> Option<f64> {
-    let ends = |unit: &str| name.ends_with(&format!("_{}", unit.replace('/', "_per_")));
-    // A length that ends in `mm` does not end in `_m`.
-    UNITS.iter().find(|(unit, of, _)| *of == quantity && ends(unit)).map(|unit| unit.2)
-}
-
 /// The units of a quantity for a message: `"m" or "cm" …`.
 pub(super) fn unit_list(quantity: Quantity) -> String {
     let of = UNITS.iter().filter(|(_, of, _)| *of == quantity);
@@ -59,9 +52,4 @@ impl ToSi {
             limit.most, limit.symbol
         ))
     }
-}
-
-/// A finite number.
-pub(super) fn finite(text: &str) -> Option<f64> {
-    text.trim().parse::<f64>().ok().filter(|v| v.is_finite())
 }

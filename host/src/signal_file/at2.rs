@@ -3,6 +3,7 @@
 //! The third line has quantity and unit (`ACCELERATION TIME SERIES IN UNITS OF G`), the fourth the number of values and the
 //! time step.
 
+use super::number::finite;
 use super::unit::STANDARD_GRAVITY;
 use super::{Axis, Contents, Signal};
 
@@ -29,10 +30,6 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
     let title = text.lines().nth(1).unwrap_or_default().trim();
     let signal = Signal::new("acceleration", "m/s2", Axis::Time { start_s: 0.0, step_s }, values);
     Ok(Contents { kind: "PEER record (AT2)", signals: vec![signal], remarks: vec![title.into()] })
-}
-
-fn finite(text: &str) -> Option<f64> {
-    text.trim().parse::<f64>().ok().filter(|value| value.is_finite())
 }
 
 /// Parses the text of an AT2 file. `unit_si` is the case's unit, which takes precedence over the header's; g when neither states

@@ -16,7 +16,8 @@ pub(super) fn signals(columns: Vec<Column>, remarks: &mut Vec<String>) -> Vec<Si
     let is_time = |column: &Column| {
         Unit::of(&column.unit_text).is_some_and(|unit| unit.kind == Kind::Time) && column.imaginary.is_none()
     };
-    let (times, others): (Vec<Column>, Vec<Column>) = columns.into_iter().partition(is_time);
+    let columns = columns.into_iter().filter(|column| !column.values.is_empty());
+    let (times, others): (Vec<Column>, Vec<Column>) = columns.partition(is_time);
     for time in &times {
         if !time.values.windows(2).all(|pair| pair[1] > pair[0]) {
             remarks.push(format!("The times {:?} do not always rise: they are not used.", time.name));
@@ -31,7 +32,7 @@ pub(super) fn signals(columns: Vec<Column>, remarks: &mut Vec<String>) -> Vec<Si
                 let si = Unit::of(&time.unit_text).map_or(1.0, |unit| unit.si);
                 Axis::of_times(time.values.iter().map(|t| t * si).collect())
             }
-            None => Axis::Number("the file states no times with a unit for it".into()),
+            None => Axis::Unknown("the file states no times with a unit for it".into()),
         }
     };
     let signal = |column: Column| {

@@ -3,8 +3,9 @@
 
 use std::io::{BufRead, Read};
 
+use super::number::{finite, is_name};
 use super::unit::{Kind, Unit, of_column};
-use super::{Axis, Contents, Signal};
+use super::{Axis, Contents, Signal, TABLE};
 
 /// Bytes from which the dialect of a table is determined.
 pub const SAMPLE_BYTES: usize = 1 << 16;
@@ -22,12 +23,14 @@ pub struct Column {
 }
 
 /// How a table is written.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Dialect {
     delimiter: char,
     has_decimal_comma: bool,
     /// Its columns.
     pub columns: Vec<Column>,
+    /// The column of the times, if the file states one with its unit, and seconds per unit.
+    pub time: Option<(usize, f64)>,
     /// Number of lines before the first row of numbers.
     pub lines_before: usize,
     /// What was recognised, for people.
@@ -38,7 +41,7 @@ impl Dialect {
     /// Recognises the dialect of a text by its beginning.
     ///
     /// # Errors
-    /// No row of numbers, or a first row that is neither names nor numbers.
+    /// No row of numbers, a first row that is neither names nor numbers, or two columns of times.
     pub fn of(sample: &str) -> Result<Self, String> {
         let sample = sample.strip_prefix('\u{feff}').unwrap_or(sample);
         let lines: Vec<(usize, &str)> = sample.lines().enumerate().filter(|(_, line)| !is_skipped(line)).collect();
@@ -60,32 +63,7 @@ impl Dialect {
         let rows_width = widest.min(fields(lines[first].1, delimiter).count());
         let has_decimal_comma =
             lines[first..].iter().flat_map(|(_, line)| split(line, delimiter)).any(|field| field.contains(','));
-        let names = |at: usize| -> Option<Vec<String>> {
-            let fields = names(lines[at].1, delimiter);
-            // A sentence has words too: between blanks their number must be right.
-            let fits = if delimiter == ' ' { fields.len() == rows_width } else { fields.len() >= rows_width };
-            (fits && fields.iter().all(|field| number(field).is_none())).then_some(fields)
-        };
-        if let Some((n, line)) = first.checked_sub(1).map(|at| lines[at])
-            && names(first - 1).is_none()
-            && split(line, delimiter).len() == rows_width
-            && rows_width > 1
-        {
-            let wrong = split(line, delimiter).into_iter().find(|field| number(field).is_none());
-            return Err(format!(
-                "line {}: {:?} is not a finite number; a header has a name in every column",
-                n + 1,
-                wrong.unwrap_or_default()
-            ));
-        }
-        let nearest = (0..first).rev().find_map(|at| names(at).map(|fields| (at, fields)));
-        let (header_at, header, units) = match nearest {
-            Some((at, fields)) => match at.checked_sub(1).and_then(names) {
-                Some(above) if fields.iter().all(|field| is_unit(field)) => (Some(at - 1), Some(above), Some(fields)),
-                _ => (Some(at), Some(fields), None),
-            },
-            None => (None, None, None),
-        };
+        let Head { at: header_at, names: header, units } = Head::of(&lines[..first], delimiter, rows_width)?;
         let width = header.as_ref().map_or(rows_width, |names| names.len().max(rows_width));
         let column = |n: usize| match (&header, &units) {
             (Some(names), Some(units)) => Column {
@@ -112,31 +90,63 @@ impl Dialect {
                 lines[0].1.trim()
             ));
         }
+        let columns: Vec<Column> = (0..width).map(column).collect();
         Ok(Self {
             delimiter,
             has_decimal_comma,
-            columns: (0..width).map(column).collect(),
+            time: time_column(&columns)?,
+            columns,
             lines_before: lines[first].0,
             remarks,
         })
     }
+}
 
-    /// The column of the times, if the file states one with its unit.
-    ///
-    /// # Errors
-    /// There are several.
-    pub fn time_column(&self) -> Result<Option<(usize, f64)>, String> {
-        let unit = |column: &Column| Unit::of(&column.unit_text).filter(|unit| unit.kind == Kind::Time);
-        let found: Vec<(usize, f64)> =
-            self.columns.iter().enumerate().filter_map(|(n, column)| Some((n, unit(column)?.si))).collect();
-        match found[..] {
-            [] => Ok(None),
-            [only] => Ok(Some(only)),
-            [(a, _), (b, _), ..] => Err(format!(
-                "there are two columns of times, {:?} and {:?}: keep one, or give each signal a file of its own",
-                self.columns[a].name, self.columns[b].name
-            )),
+/// The column of the times, and seconds per unit.
+fn time_column(columns: &[Column]) -> Result<Option<(usize, f64)>, String> {
+    let unit = |column: &Column| Unit::of(&column.unit_text).filter(|unit| unit.kind == Kind::Time);
+    let found: Vec<(usize, f64)> =
+        columns.iter().enumerate().filter_map(|(n, column)| Some((n, unit(column)?.si))).collect();
+    match found[..] {
+        [] => Ok(None),
+        [only] => Ok(Some(only)),
+        [(a, _), (b, _), ..] => Err(format!(
+            "there are two columns of times, {:?} and {:?}: keep one, or give each signal a file of its own",
+            columns[a].name, columns[b].name
+        )),
+    }
+}
+
+/// What stands above the first row of numbers.
+#[derive(Default)]
+struct Head {
+    /// Place of the names among the lines.
+    at: Option<usize>,
+    names: Option<Vec<String>>,
+    units: Option<Vec<String>>,
+}
+
+impl Head {
+    /// Finds the nearest line of names, and a line of units between it and the first row.
+    fn of(above: &[(usize, &str)], delimiter: char, rows_width: usize) -> Result<Self, String> {
+        let Some((last, before)) = above.split_last() else { return Ok(Self::default()) };
+        let words = |line: &str| -> Option<Vec<String>> {
+            let words = names(line, delimiter);
+            // A sentence has words too: between blanks their number must be right.
+            let fits = if delimiter == ' ' { words.len() == rows_width } else { words.len() >= rows_width };
+            fits.then_some(words)
+        };
+        let header = |line: &str| words(line).filter(|words| words.iter().all(|word| is_name(word)));
+        let has_units = words(last.1).is_some_and(|words| words.iter().all(|word| is_unit(word)))
+            && before.last().is_some_and(|(_, line)| header(line).is_some());
+        if !has_units && let Some(wrong) = words(last.1).and_then(|words| words.into_iter().find(|word| !is_name(word)))
+        {
+            let line = last.0 + 1;
+            return Err(format!("line {line}: {wrong:?} is not a finite number; a header has a name in every column"));
         }
+        let searched = if has_units { before } else { above };
+        let at = searched.iter().rposition(|(_, line)| header(line).is_some());
+        Ok(Self { at, names: at.and_then(|at| header(above[at].1)), units: words(last.1).filter(|_| has_units) })
     }
 }
 
@@ -199,8 +209,7 @@ fn names(line: &str, delimiter: char) -> Vec<String> {
 }
 
 fn number(field: &str) -> Option<f64> {
-    let value = field.parse::<f64>().ok().or_else(|| field.replacen(',', ".", 1).parse().ok());
-    value.filter(|value: &f64| value.is_finite())
+    finite(field).or_else(|| finite(&field.replacen(',', ".", 1)))
 }
 
 /// Place of the first line that has only numbers and missing values, followed by a line with a number, if by any.
@@ -219,19 +228,14 @@ fn is_unit(field: &str) -> bool {
     field.is_empty() || field == "-" || Unit::of(field).is_some() || field.starts_with(['(', '['])
 }
 
-/// A row: its line from 1. The values are in the caller's list.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Row {
-    /// Its line in the file.
-    pub line: u64,
-}
-
 /// The rows of a table, one after another, in constant memory.
 pub struct Rows<'d, R> {
     text: R,
     bytes: Vec<u8>,
     dialect: &'d Dialect,
     line: u64,
+    /// The column of the times, and the last time.
+    time: Option<(usize, f64)>,
 }
 
 /// Longest line, bytes: a binary file without line ends is no table.
@@ -240,21 +244,22 @@ const MAX_LINE: u64 = 1 << 20;
 impl<'d, R: BufRead> Rows<'d, R> {
     /// The rows of a text from its beginning; passes over the lines before them.
     pub fn new(text: R, dialect: &'d Dialect) -> Self {
-        Self { text, bytes: Vec::new(), dialect, line: 0 }
+        let time = dialect.time.map(|(column, _)| (column, f64::NEG_INFINITY));
+        Self { text, bytes: Vec::new(), dialect, line: 0, time }
     }
 
-    /// Reads the next row into `values`; NaN is a missing value. `None` at the end.
+    /// Reads the next row into `values`; NaN is a missing value. `false` at the end.
     ///
     /// # Errors
-    /// Names line and column of what is no number, and of a row with another number of columns.
-    pub fn next(&mut self, values: &mut Vec<f64>) -> Result<Option<Row>, String> {
+    /// Names line and column of what is no number, of a row with more columns than the first, and of a time that does not rise.
+    pub fn next(&mut self, values: &mut Vec<f64>) -> Result<bool, String> {
         let width = self.dialect.columns.len();
         loop {
             self.bytes.clear();
             let read = self.text.by_ref().take(MAX_LINE).read_until(b'\n', &mut self.bytes);
             let length = read.map_err(|error| format!("after line {}: {error}", self.line))?;
             if length == 0 {
-                return Ok(None);
+                return Ok(false);
             }
             self.line += 1;
             let line = self.line;
@@ -292,7 +297,20 @@ impl<'d, R: BufRead> Rows<'d, R> {
                 return Err(format!("line {line}: {filled} columns where the first row has {width}{help}"));
             }
             values.resize(width, f64::NAN);
-            return Ok(Some(Row { line }));
+            if let Some((column, last)) = &mut self.time {
+                let time = values[*column];
+                if time.is_nan() {
+                    return Err(format!("line {line}: the time is missing"));
+                }
+                if time <= *last {
+                    return Err(format!(
+                        "line {line}: the time {time} is not later than the one before, {last}\n  sort the rows by time and remove \
+                         duplicates"
+                    ));
+                }
+                *last = time;
+            }
+            return Ok(true);
         }
     }
 }
@@ -317,28 +335,14 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
     // A line that the sample cuts is not looked at.
     let sample = if end < text.len() { &text[..text[..end].rfind('\n').unwrap_or(end)] } else { text };
     let dialect = Dialect::of(sample)?;
-    let time = dialect.time_column()?;
-    let width = dialect.columns.len();
+    let (time, width) = (dialect.time, dialect.columns.len());
     let mut columns = vec![Vec::new(); width];
     let mut values = Vec::new();
     let mut rows = Rows::new(text.as_bytes(), &dialect);
-    let mut last = f64::NEG_INFINITY;
-    while let Some(Row { line }) = rows.next(&mut values)? {
-        if let Some((column, _)) = time {
-            let t = values[column];
-            if t.is_nan() {
-                return Err(format!("line {line}: the time is missing"));
-            }
-            if t <= last {
-                return Err(format!(
-                    "line {line}: the time {t} is not later than the one before, {last}\n  sort the rows by time and remove duplicates"
-                ));
-            }
-            last = t;
-        }
+    while rows.next(&mut values)? {
         columns.iter_mut().zip(&values).for_each(|(column, value)| column.push(*value));
     }
-    let mut signals = Vec::new();
+    let (mut signals, mut remarks) = (Vec::new(), dialect.remarks.clone());
     for n in (0..width).filter(|n| time.is_none_or(|(column, _)| column != *n)) {
         let own = &dialect.columns[n];
         let (mut places, mut kept) = (Vec::new(), Vec::new());
@@ -347,10 +351,14 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
             kept.push(*value);
         }
         let missing = columns[n].len() - kept.len();
+        if kept.is_empty() {
+            remarks.push(no_values(&own.name));
+            continue;
+        }
         let axis = if time.is_some() {
             Axis::of_times(places)
         } else {
-            Axis::Number("the file states no times with a unit".into())
+            Axis::Unknown("the file states no times with a unit".into())
         };
         let mut signal = Signal::new(own.name.clone(), own.unit_text.clone(), axis, kept);
         signal.remark = remark(&signal, missing);
@@ -359,7 +367,12 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
     if time.is_some() && signals.is_empty() {
         return Err("it has times and no other column".into());
     }
-    Ok(Contents { kind: "CSV table", signals, remarks: dialect.remarks.clone() })
+    Ok(Contents { kind: TABLE, signals, remarks })
+}
+
+/// A column that is left out.
+pub(super) fn no_values(name: &str) -> String {
+    format!("The column {name:?} has no values.")
 }
 
 fn remark(signal: &Signal, missing: usize) -> Option<String> {
@@ -391,18 +404,33 @@ fn uneven(times_s: &[f64]) -> String {
     }
 }
 
+/// A signal at an even time step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EvenSignal {
+    /// First time, s.
+    pub start_s: f64,
+    /// Time step, s.
+    pub step_s: f64,
+    /// In the unit of the file.
+    pub values: Vec<f64>,
+    /// Estimated RMS error of the resampling, in the unit of the file; 0 where nothing was resampled.
+    pub rms_error: f64,
+}
+
 impl Signal {
-    /// The signal at an even time step: itself, or resampled by cubics where its times jitter; with the estimated error of the
-    /// resampling (RMS, in its unit; 0 for none). The estimate compares each second sample with the cubic through its neighbours,
-    /// whose error is 16 times as large (fourth order in the step).
+    /// The signal at an even time step: itself, or resampled by cubics where its times jitter. The estimate of the error compares each
+    /// second sample with the cubic through its neighbours, whose error is 16 times as large (fourth order in the step).
     ///
     /// # Errors
     /// It is not over time; a gap, with its place; fewer than 5 samples.
-    pub fn evenly(&self) -> Result<(f64, f64, Vec<f64>, f64), String> {
+    pub fn evenly(&self) -> Result<EvenSignal, String> {
         let times_s = match &self.axis {
-            Axis::Time { start_s, step_s } => return Ok((*start_s, *step_s, self.values.clone(), 0.0)),
+            Axis::Time { start_s, step_s } => {
+                let (start_s, step_s) = (*start_s, *step_s);
+                return Ok(EvenSignal { start_s, step_s, values: self.values.clone(), rms_error: 0.0 });
+            }
             Axis::Times(times_s) => times_s,
-            Axis::Number(why) => return Err(format!("{}: {why}", self.name)),
+            Axis::Unknown(why) => return Err(format!("{}: {why}", self.name)),
             _ => return Err(format!("{}: its values are over frequency, not over time", self.name)),
         };
         if times_s.len() < 5 {
@@ -437,7 +465,8 @@ impl Signal {
             let (t, v) = (near.map(|k| times_s[k]), near.map(|k| self.values[k]));
             sum += (cubic(&t, &v, times_s[n]) - self.values[n]).powi(2);
         }
-        Ok((first, step_s, out, (sum / count as f64).sqrt() / 16.0))
+        let rms_error = (sum / count as f64).sqrt() / 16.0;
+        Ok(EvenSignal { start_s: first, step_s, values: out, rms_error })
     }
 }
 

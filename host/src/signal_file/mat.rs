@@ -235,7 +235,12 @@ fn group(
         let before = columns.len();
         array(&full, rows, &values, None, columns, remarks);
         let unit = dataset.attrs()?.into_iter().find_map(|(key, value)| match value {
-            AttrValue::String(value) | AttrValue::AsciiString(value) | AttrValue::StringSized { value, .. }
+            AttrValue::String(value)
+            | AttrValue::AsciiString(value)
+            | AttrValue::VarLenString(value)
+            | AttrValue::VarLenAsciiString(value)
+            | AttrValue::StringSized { value, .. }
+            | AttrValue::AsciiStringSized { value, .. }
                 if key == "unit" || key == "units" =>
             {
                 Some(value)

@@ -5,10 +5,10 @@
 
 pub mod at2;
 mod columns;
-mod cosmos;
+mod csmip;
 mod delimited;
 mod mat;
-mod number;
+pub(crate) mod number;
 pub mod overview;
 mod parquet;
 mod selector;
@@ -21,7 +21,7 @@ use std::io::Read;
 use std::path::Path;
 
 use crate::input::regular;
-pub use delimited::{Dialect, Row, Rows};
+pub use delimited::EvenSignal;
 pub use selector::Selector;
 use unit::{Kind, Unit};
 
@@ -31,6 +31,9 @@ const MAX_BYTES: u64 = 2 << 30;
 /// Kinds of files, for messages.
 pub const KINDS: &str =
     "CSV, UFF/UNV (datasets 58, 58b, 151, 164), PEER AT2, CSMIP V2, WAV, MATLAB 5 and 7.3, HDF5, Parquet";
+
+/// Kind of a table of text.
+pub const TABLE: &str = "CSV table";
 
 /// Kind of a strong-motion record with acceleration, velocity and displacement.
 pub const STRONG_MOTION: &str = "strong-motion record (CSMIP)";
@@ -86,8 +89,8 @@ pub enum Axis {
     },
     /// Frequencies as the file has them, Hz.
     Frequencies(Vec<f64>),
-    /// Something else, or unknown: the values by number.
-    Number(String),
+    /// Something else, or unknown, and why: the values are counted.
+    Unknown(String),
 }
 
 /// Why a file cannot be read: the file, the place in it, what was found, and what is accepted.
@@ -112,7 +115,7 @@ impl Axis {
                 start + n as f64 * step
             }
             Self::Times(places) | Self::Frequencies(places) => places[n],
-            Self::Number(_) => (n + 1) as f64,
+            Self::Unknown(_) => (n + 1) as f64,
         }
     }
 
@@ -172,43 +175,65 @@ pub fn read(path: &Path) -> Result<Contents, SignalError> {
     parse(&bytes).map_err(|why| SignalError(format!("{file}: {why}")))
 }
 
+/// Kind of a file by its content.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Empty,
+    Utf16,
+    Wav,
+    Parquet,
+    Hdf5,
+    Mat,
+    Uff,
+    Csmip,
+    At2,
+    Table,
+    Unknown,
+}
+
+impl Format {
+    /// The kind, by the beginning of a file.
+    fn of(bytes: &[u8]) -> Self {
+        let text = || String::from_utf8_lossy(bytes);
+        match bytes {
+            [] => Self::Empty,
+            [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => Self::Utf16,
+            _ if bytes.starts_with(b"RIFF") || bytes.starts_with(b"RF64") => Self::Wav,
+            _ if bytes.starts_with(b"PAR1") => Self::Parquet,
+            _ if mat::is_hdf5(bytes) => Self::Hdf5,
+            _ if bytes.starts_with(b"MATLAB 5.0") => Self::Mat,
+            _ if uff::is_one(bytes) => Self::Uff,
+            _ if bytes.contains(&0) => Self::Unknown,
+            _ if csmip::is_one(&text()) => Self::Csmip,
+            _ if at2::is_one(&text()) => Self::At2,
+            _ => Self::Table,
+        }
+    }
+}
+
 /// Parses the bytes of a file.
 ///
 /// # Errors
 /// Why they cannot be read, without the file's name.
 pub fn parse(bytes: &[u8]) -> Result<Contents, String> {
-    match bytes {
-        [] => Err("it is empty".into()),
-        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => {
-            Err("it is text in UTF-16: save it as UTF-8 (in Excel: \"CSV UTF-8\")".into())
-        }
-        _ if bytes.starts_with(b"RIFF") || bytes.starts_with(b"RF64") => wav::parse(bytes),
-        _ if bytes.starts_with(b"PAR1") => parquet::parse(bytes),
-        _ if mat::is_hdf5(bytes) => mat::parse_hdf5(bytes),
-        _ if bytes.starts_with(b"MATLAB 5.0") => mat::parse(bytes),
-        _ if uff::is_one(bytes) => uff::parse(bytes),
-        _ if bytes.contains(&0) => Err(format!("this is a binary file of an unknown kind\n  known are {KINDS}")),
-        _ => parse_text(bytes),
+    let text = || String::from_utf8_lossy(bytes);
+    match Format::of(bytes) {
+        Format::Empty => Err("it is empty".into()),
+        Format::Utf16 => Err("it is text in UTF-16: save it as UTF-8 (in Excel: \"CSV UTF-8\")".into()),
+        Format::Wav => wav::parse(bytes),
+        Format::Parquet => parquet::parse(bytes),
+        Format::Hdf5 => mat::parse_hdf5(bytes),
+        Format::Mat => mat::parse(bytes),
+        Format::Uff => uff::parse(bytes),
+        Format::Csmip => csmip::parse(&text()),
+        Format::At2 => at2::parse(&text()),
+        Format::Table => delimited::parse(&text()),
+        Format::Unknown => Err(format!("this is a binary file of an unknown kind\n  known are {KINDS}")),
     }
 }
 
-/// Whether bytes are text of no kind that states units and time step for all: a table, or a PEER record, whose header a case may correct.
+/// Whether bytes are text that may need a case to say what it is: a table, or a PEER record, whose header a case may correct.
 #[must_use]
 pub fn is_plain_table(bytes: &[u8]) -> bool {
-    let marks = [&b"RIFF"[..], b"RF64", b"PAR1", &[0xff, 0xfe], &[0xfe, 0xff]];
-    !bytes.contains(&0)
-        && !marks.iter().any(|mark| bytes.starts_with(mark))
-        && !uff::is_one(bytes)
-        && !cosmos::is_one(&String::from_utf8_lossy(bytes))
-}
-
-fn parse_text(bytes: &[u8]) -> Result<Contents, String> {
-    let text = String::from_utf8_lossy(bytes);
-    if cosmos::is_one(&text) {
-        return cosmos::parse(&text);
-    }
-    if at2::is_one(&text) {
-        return at2::parse(&text);
-    }
-    delimited::parse(&text)
+    matches!(Format::of(bytes), Format::Empty | Format::Table | Format::At2)
 }

@@ -3,9 +3,9 @@
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::Path;
 
-use super::delimited::{Dialect, Row, Rows, SAMPLE_BYTES};
+use super::delimited::{Dialect, Rows, SAMPLE_BYTES, no_values};
 use super::unit::{Kind, Unit};
-use super::{Axis, Signal, SignalError, at2, is_plain_table};
+use super::{Axis, Format, Signal, SignalError, TABLE, UNEVEN};
 use crate::input::regular;
 
 /// Entries of an envelope at most.
@@ -74,8 +74,8 @@ pub enum Places {
         /// Last frequency, Hz.
         last_hz: f64,
     },
-    /// By number; why.
-    Number(String),
+    /// Something else, or unknown, and why: the values are counted.
+    Unknown(String),
 }
 
 /// A part of a signal.
@@ -171,8 +171,7 @@ pub fn read(path: &Path) -> Result<Overview, SignalError> {
     let is_whole = length < sample.len();
     sample.truncate(length);
     let text = String::from_utf8_lossy(&sample);
-    let is_table = length > 0 && is_plain_table(&sample) && !at2::is_one(&text);
-    if !is_table {
+    if Format::of(&sample) != Format::Table {
         let contents = super::read(path)?;
         let signals = contents.signals.into_iter().map(of_signal).collect();
         return Ok(Overview { kind: contents.kind, signals, remarks: contents.remarks });
@@ -197,7 +196,7 @@ fn of_signal(signal: Signal) -> SignalOverview {
         Axis::Time { .. } => Places::Time { first_s: first_at, last_s: last_at, step_s, is_even: true },
         Axis::Times(_) => Places::Time { first_s: first_at, last_s: last_at, step_s, is_even: false },
         Axis::Frequency { .. } | Axis::Frequencies(_) => Places::Frequency { first_hz: first_at, last_hz: last_at },
-        Axis::Number(why) => Places::Number(why.clone()),
+        Axis::Unknown(why) => Places::Unknown(why.clone()),
     };
     let unit = signal.unit;
     SignalOverview {
@@ -210,55 +209,49 @@ fn of_signal(signal: Signal) -> SignalOverview {
 
 /// The overview of a table, row by row.
 fn table(text: impl BufRead, dialect: Dialect) -> Result<Overview, String> {
-    let time = dialect.time_column()?;
+    let time = dialect.time;
     let mut collectors: Vec<Collector> = dialect.columns.iter().map(|_| Collector::default()).collect();
-    let (mut first_s, mut last_s, mut least_s, mut most_s) = (None, f64::NEG_INFINITY, f64::INFINITY, 0.0f64);
+    let (mut first_s, mut last_s, mut min_step_s, mut max_step_s) = (None, 0.0, f64::INFINITY, 0.0f64);
     let mut count: u64 = 0;
     let mut values = Vec::new();
     let mut rows = Rows::new(text, &dialect);
-    while let Some(Row { line }) = rows.next(&mut values)? {
+    while rows.next(&mut values)? {
         count += 1;
-        let at = match time {
-            None => count as f64,
-            Some((column, si)) => {
-                let t_s = values[column] * si;
-                if t_s.is_nan() || t_s <= last_s {
-                    return Err(format!(
-                        "line {line}: the time {} is not later than the one before, {}\n  sort the rows by time and remove duplicates",
-                        values[column],
-                        last_s / si
-                    ));
-                }
-                if first_s.is_some() {
-                    (least_s, most_s) = (least_s.min(t_s - last_s), most_s.max(t_s - last_s));
-                }
-                first_s.get_or_insert(t_s);
-                last_s = t_s;
-                t_s
+        let at = time.map_or(count as f64, |(column, si)| values[column] * si);
+        if time.is_some() {
+            if first_s.is_some() {
+                (min_step_s, max_step_s) = (min_step_s.min(at - last_s), max_step_s.max(at - last_s));
             }
-        };
+            first_s.get_or_insert(at);
+            last_s = at;
+        }
         collectors.iter_mut().zip(&values).for_each(|(collector, value)| collector.push(at, *value));
     }
     let places = match first_s {
         Some(first_s) => {
             let step_s = (last_s - first_s) / (count - 1).max(1) as f64;
-            Places::Time { first_s, last_s, step_s, is_even: most_s - least_s <= 0.2 * step_s }
+            let is_even = (max_step_s - step_s).max(step_s - min_step_s) <= UNEVEN * step_s;
+            Places::Time { first_s, last_s, step_s, is_even }
         }
-        None => Places::Number("the file states no times with a unit".into()),
+        None => Places::Unknown("the file states no times with a unit".into()),
     };
-    let mut signals = Vec::new();
+    let (mut signals, mut remarks) = (Vec::new(), dialect.remarks);
     for (n, collector) in collectors.into_iter().enumerate() {
         if time.is_some_and(|(column, _)| column == n) {
             continue;
         }
         let column = &dialect.columns[n];
+        if collector.count == 0 {
+            remarks.push(no_values(&column.name));
+            continue;
+        }
         let mut own = collector.overview(column.name.clone(), column.unit_text.clone(), places.clone());
         if let Places::Time { is_even: false, .. } = places {
-            own.remark = Some(format!("steps from {least_s:.6} to {most_s:.6} s"));
+            own.remark = Some(format!("steps from {min_step_s:.6} to {max_step_s:.6} s"));
         }
         signals.push(own);
     }
-    Ok(Overview { kind: "CSV table", signals, remarks: dialect.remarks })
+    Ok(Overview { kind: TABLE, signals, remarks })
 }
 
 impl SignalOverview {

@@ -129,7 +129,7 @@ impl Header {
             (17, false) => rising(places()).map(Axis::of_times)?,
             (18, true) => Axis::Frequency { start_hz: self.start, step_hz: self.step },
             (18, false) => Axis::Frequencies(rising(places())?),
-            (other, _) => Axis::Number(format!("its abscissa has the data type {other}, neither time nor frequency")),
+            (other, _) => Axis::Unknown(format!("its abscissa has the data type {other}, neither time nor frequency")),
         };
         if let Some(unit) = self.abscissa.unit.as_deref()
             && Unit::of(unit).is_some_and(|unit| unit.si != 1.0)

@@ -2,24 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::{damprig, folder_with};
+use crate::common::{damprig, field, folder_with};
 use damprig::signal_file::unit::Kind;
-use damprig::signal_file::{Axis, Contents, Selector, Signal, parse, read};
+use damprig::signal_file::{Axis, Contents, EvenSignal, Selector, Signal, parse, read};
 use serde_json::Value;
 use tempfile::TempDir;
 
 fn files() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/files")
-}
-
-/// The folder of measurements that are not part of the project; says so where it is absent.
-fn field() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/field");
-    if !folder.is_dir() {
-        eprintln!("skipped: {} is absent", folder.display());
-        return None;
-    }
-    Some(folder)
 }
 
 fn only(contents: Contents) -> Signal {
@@ -73,13 +63,12 @@ fn universal_files_of_other_programs_give_what_pyuff_reads() {
 
 #[test]
 fn large_universal_files_give_what_pyuff_reads() {
-    let Some(field) = field() else { return };
-    let count = 79292;
+    let (Some(folder), count) = (field("uff"), 79292) else { return };
     for expected in [
         Expected("Sample_UFF58_ascii.uff", count, 5.715039728042096, 845.5341488043879, 0.0, 1.2098855108),
         Expected("Sample_UFF58b_bin.uff", count, 5.715040058740556, 845.5341574322093, 0.0, 1.2098855108),
     ] {
-        check_uff(&field.join("uff"), &expected);
+        check_uff(&folder, &expected);
     }
 }
 
@@ -107,8 +96,8 @@ fn mat_files_give_their_arrays_with_their_times() {
 
 #[test]
 fn an_analysers_mat_file_gives_its_frequency_response_and_coherence() {
-    let Some(field) = field() else { return };
-    let contents = read(&field.join("beam/case1.mat")).unwrap();
+    let Some(file) = field("beam/case1.mat") else { return };
+    let contents = read(&file).unwrap();
     let named = |name: &str| contents.signals.iter().find(|signal| signal.name == name).unwrap();
     let h = named("Hf_chan_2");
     let imaginary = h.imaginary.as_ref().unwrap();
@@ -122,15 +111,15 @@ fn an_analysers_mat_file_gives_its_frequency_response_and_coherence() {
 
 #[test]
 fn strong_motion_records_give_acceleration_velocity_and_displacement() {
-    let Some(field) = field() else { return };
+    let Some(folder) = field("csmip") else { return };
     for (file, csv) in
         [("CHAN14.V2", "melo79-ch14-up.csv"), ("CHAN15.V2", "melo79-ch15.csv"), ("CHAN001.V2", "riodell21-ch01.csv")]
     {
-        let contents = read(&field.join("csmip").join(file)).unwrap();
+        let contents = read(&folder.join(file)).unwrap();
         let kinds: Vec<Option<Kind>> = contents.signals.iter().map(Signal::kind).collect();
         assert_eq!(kinds, [Some(Kind::Acceleration), Some(Kind::Velocity), Some(Kind::Displacement)], "{file}");
         let own = &contents.signals[0];
-        let table = only(read(&field.join("csmip").join(csv)).unwrap());
+        let table = only(read(&folder.join(csv)).unwrap());
         assert_eq!(own.values.len(), table.values.len(), "{file}");
         // Each time of the table is rounded.
         assert!((own.axis.at(100) - table.axis.at(100)).abs() < 1e-12, "{file}");
@@ -167,6 +156,8 @@ fn missing_values_gaps_and_jitter_are_named() {
             .contains("1 values are missing; 1 gaps, the first of 2.000000 s at 0.000000 s")
     );
     assert!(of("t_s,x_m\n0,1\n1,2\n2,3\n7,4\n8,5\n").contains("1 gaps, the first of 5.000000 s at 2.000000 s"));
+    let empty = text("t_s,flag,x_m\n0,,1\n1,,2\n").unwrap();
+    assert!(empty.signals.len() == 1 && empty.remarks == ["The column \"flag\" has no values."], "{empty:?}");
     let jitter = of("t_s,x_m\n0,1\n1,2\n2.2,3\n3,4\n4,5\n");
     assert!(jitter.contains("jitter from 0.800000 to 1.200000 s"), "{jitter}");
 }
@@ -179,7 +170,7 @@ fn jittering_times_are_resampled_within_the_stated_error() {
     let rows: String = times_s.iter().map(|t| format!("{t},{}\n", (omega * t).sin())).collect();
     let signal = only(text(&format!("t_s,x_m\n{rows}")).unwrap());
     assert!(matches!(signal.axis, Axis::Times(_)));
-    let (start_s, even_s, values, stated) = signal.evenly().unwrap();
+    let EvenSignal { start_s, step_s: even_s, values, rms_error: stated } = signal.evenly().unwrap();
     let squares: f64 = (0..400).map(|n| (values[n] - (omega * (start_s + n as f64 * even_s)).sin()).powi(2)).sum();
     let rms = (squares / 400.0).sqrt();
     assert!(stated > 0.0 && rms < 3.0 * stated && rms < 1e-3, "{rms}, stated {stated}");
@@ -296,7 +287,14 @@ fn a_signal_of_another_programs_file_is_the_record_of_a_case() {
     };
     let (table, error) = result("file = \"motion.csv\", quantity = \"acceleration\", unit = \"m/s2\"");
     assert!(!table.is_empty(), "{error}");
-    for record in ["file = \"motion.V2\"", "file = \"motion.V2#1\"", "file = \"motion.V2#acceleration\""] {
+    std::fs::write(
+        folder.path().join("german.csv"),
+        "Zeit (s);a (cm/s2)\n0;100,0\n0,01;200\n0,02;-100\n0,03;-50\n0,04;0\n",
+    )
+    .unwrap();
+    for record in
+        ["file = \"german.csv\"", "file = \"motion.V2\"", "file = \"motion.V2#1\"", "file = \"motion.V2#acceleration\""]
+    {
         let (signal, error) = result(record);
         let numbers = |text: &str| serde_json::from_str::<Value>(text).unwrap()["summary"].clone();
         assert!(!signal.is_empty(), "{record}: {error}");
@@ -321,4 +319,138 @@ fn a_runs_universal_file_can_be_inspected_and_its_signals_read() {
     assert!(kinds.contains(&Some(Kind::Displacement)), "{kinds:?}");
     assert!(contents.signals.iter().any(|signal| signal.imaginary.is_some()), "no frequency response");
     assert!(contents.signals.iter().any(|signal| signal.axis.is_time()), "no time history");
+}
+
+/// A dataset 58 of five values as the format's description has it: data type 2, 4, 5 or 6 (real or complex, single or double precision).
+fn dataset_58(kind: u32, is_even: bool, order: Option<u32>, has_wide_abscissa: bool) -> Vec<u8> {
+    let (is_complex, is_double) = (kind > 4, matches!(kind, 4 | 6));
+    let mut values = Vec::new();
+    for n in 0..5 {
+        let place = (!is_even).then(|| PLACES[n]);
+        values.push((place, VALUES[n], is_complex.then(|| -VALUES[n])));
+    }
+    let abscissa = if is_complex { (18, "Frequency", "Hz") } else { (17, "Time", "s") };
+    let spacing = if is_even { "1  0.00000E+00  1.00000E-01" } else { "0  0.00000E+00  0.00000E+00" };
+    let axis = |(kind, label, unit): (u32, &str, &str)| format!("{kind:>10}    0    0    0 {label:<20} {unit:<20}\n");
+    let header = format!(
+        "id\nNONE\nNONE\nNONE\nNONE\n    1         0    0         0 NONE               1   1 NONE               1   1\n\
+         {kind:>10}         5         {spacing}  0.00000E+00\n{}{}{}{}",
+        axis(abscissa),
+        axis((12, "a", "m/s2")),
+        axis((0, "NONE", "NONE")),
+        axis((0, "NONE", "NONE"))
+    );
+    let Some(order) = order else {
+        // Fields of 13 or 20 characters; negative values touch those before.
+        let field = |value: f64| if is_double { format!("{value:>20.11e}") } else { format!("{value:>13.5e}") };
+        let row = |(place, value, imaginary): &(Option<f64>, f64, Option<f64>)| {
+            let place = place.map_or(String::new(), |place| format!("{place:>13.5e}"));
+            format!("{place}{}{}\n", field(*value), imaginary.map_or(String::new(), field))
+        };
+        let rows: String = values.iter().map(row).collect();
+        return format!("    -1\n    58\n{header}{rows}    -1\n").into_bytes();
+    };
+    let number = |value: f64, is_wide: bool| -> Vec<u8> {
+        match (is_wide, order) {
+            (true, 1) => value.to_le_bytes().to_vec(),
+            (true, _) => value.to_be_bytes().to_vec(),
+            (false, 1) => (value as f32).to_le_bytes().to_vec(),
+            (false, _) => (value as f32).to_be_bytes().to_vec(),
+        }
+    };
+    let mut bytes = Vec::new();
+    for (place, value, imaginary) in values {
+        bytes.extend(place.into_iter().flat_map(|place| number(place, is_double && has_wide_abscissa)));
+        bytes.extend(number(value, is_double));
+        bytes.extend(imaginary.into_iter().flat_map(|imaginary| number(imaginary, is_double)));
+    }
+    let first = format!(
+        "    -1\n    58b     {order}     2          11{:>12}     0     0           0           0\n",
+        bytes.len()
+    );
+    [first.as_bytes(), header.as_bytes(), &bytes, b"\n    -1\n"].concat()
+}
+
+/// Exact in single precision and in five decimals.
+const PLACES: [f64; 5] = [0.0, 0.125, 0.25, 0.5, 1.0];
+const VALUES: [f64; 5] = [1.5, -2.25, 3.0, 4.5, -6.0];
+
+#[test]
+fn every_form_of_dataset_58_gives_the_same_values() {
+    for kind in [2, 4, 5, 6] {
+        for is_even in [true, false] {
+            for order in [None, Some(1), Some(2)] {
+                // The description has abscissas of single precision; some programs write them in double precision.
+                for has_wide_abscissa in [false, true] {
+                    let form = format!("data type {kind}, even {is_even}, order {order:?}, wide {has_wide_abscissa}");
+                    let signal = only(parse(&dataset_58(kind, is_even, order, has_wide_abscissa)).unwrap());
+                    assert_eq!(signal.values, VALUES, "{form}");
+                    let expected: Option<Vec<f64>> = (kind > 4).then(|| VALUES.iter().map(|value| -value).collect());
+                    assert_eq!(signal.imaginary, expected, "{form}");
+                    let at: Vec<f64> = (0..5).map(|n| signal.axis.at(n)).collect();
+                    let places = if is_even {
+                        [0.0, 0.1, 0.2, 0.3, 0.4].map(|at: f64| (at * 10.0).round() * 0.1)
+                    } else {
+                        PLACES
+                    };
+                    assert!(at.iter().zip(places).all(|(a, b)| (a - b).abs() < 1e-12), "{form}: {at:?}");
+                    assert_eq!(signal.axis.is_time(), kind < 5, "{form}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn hdf5_matlab_7_3_and_parquet_give_their_columns_with_their_units() {
+    let contents = read(&files().join("mat/v73.mat")).unwrap();
+    assert_eq!(contents.kind, "MATLAB 7.3 file (HDF5)");
+    let of =
+        |name: &str| contents.signals.iter().find(|signal| signal.name == name).unwrap_or_else(|| panic!("{name}"));
+    let (x, a) = (of("x"), of("run/a"));
+    assert_eq!((x.kind(), x.unit.unwrap().si), (Some(Kind::Displacement), 1e-3));
+    assert_eq!((a.kind(), a.unit.unwrap().si), (Some(Kind::Acceleration), 9.80665));
+    for (signal, of) in [(x, f64::sin as fn(f64) -> f64), (a, f64::cos)] {
+        assert!(matches!(signal.axis, Axis::Time { start_s: 0.0, .. }), "{:?}", signal.axis);
+        assert!(signal.values.iter().enumerate().all(|(n, value)| *value == of(n as f64 * 0.01)), "{}", signal.name);
+    }
+    let folder = folder_with(&crate::common::short());
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let results = read(&folder.path().join("out/results.parquet")).unwrap();
+    let amplitude = results.signals.iter().find(|signal| signal.name == "x_amplitude").expect("the amplitudes");
+    assert_eq!((amplitude.kind(), amplitude.values.len()), (Some(Kind::Displacement), 6));
+    assert!(amplitude.values.iter().all(|value| *value > 0.0));
+    damprig(&folder).args(["runs", "export", "out", "--format", "h5", "--out", "run.h5"]).assert().success();
+    let exported = read(&folder.path().join("run.h5")).unwrap();
+    let same = exported.signals.iter().find(|signal| signal.values == amplitude.values).expect("the same amplitudes");
+    assert_eq!(same.kind(), Some(Kind::Displacement), "{}", same.name);
+}
+
+#[test]
+fn inspect_draws_the_signals_and_keeps_an_existing_picture() {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("two.csv"), "t_s,x_mm,f_N\n0,1,5\n1,2,6\n2,1,7\n").unwrap();
+    let run = |arguments: &[&str]| {
+        damprig(&folder).args(["inspect", "two.csv", "--plot", "two.svg"]).args(arguments).output().unwrap()
+    };
+    assert!(run(&[]).status.success());
+    let svg = std::fs::read_to_string(folder.path().join("two.svg")).unwrap();
+    assert!(svg.contains("#1 x (mm)") && svg.contains("#2 f (N)") && svg.contains("Time (s)"), "{svg}");
+    let again = run(&[]);
+    assert_eq!(again.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&again.stderr).contains("two.svg exists"));
+    assert!(run(&["--force"]).status.success());
+}
+
+#[test]
+fn a_sound_of_a_universal_file_is_evaluated() {
+    let Some(file) = field("uff/Sample_UFF58_ascii.uff") else { return };
+    let folder = TempDir::new().unwrap();
+    let output =
+        damprig(&folder).args(["identify", "sound"]).arg(file).args(["--weighting", "Z", "--json"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let json: Value = serde_json::from_slice(&output.stdout).unwrap();
+    // RMS 0.0143440 Pa about a mean of 7.2e-5 Pa, in dB re 20 µPa.
+    let level = json["estimates"][0]["value"].as_f64().unwrap();
+    assert!((level - 20.0 * (0.014_344_f64 / 20e-6).log10()).abs() < 0.1, "{level}");
 }

@@ -13,6 +13,7 @@ mod extremes;
 pub mod frequency_response;
 pub mod peak_motion;
 pub mod set_ups;
+pub mod signals;
 pub mod simulated_motion;
 pub mod spectrum;
 pub mod study;
