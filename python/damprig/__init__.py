@@ -24,6 +24,8 @@ _PLACES = {
     "VirtualRig": "rig",
     "continuation": "studies",
     "open_run": "runs",
+    "read_signals": "signals",
+    "response_spectrum": "signals",
     "optimise": "studies",
     "simulate": "simulation",
     "study": "studies",

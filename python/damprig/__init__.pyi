@@ -10,6 +10,8 @@ from .rig import Signals as Signals
 from .rig import VirtualRig as VirtualRig
 from .runs import Run as Run
 from .runs import open_run as open_run
+from .signals import read_signals as read_signals
+from .signals import response_spectrum as response_spectrum
 from .simulation import Simulation as Simulation
 from .simulation import simulate as simulate
 from .studies import Study as Study

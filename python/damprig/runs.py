@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 import warnings
 from functools import cached_property
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 
 from . import _damprig
 from .errors import RunFolderWarning
+from .signals import read_signals
 from .tables import Table
 
 __all__ = ["Run", "open_run"]
@@ -84,6 +86,17 @@ class Run:
         for problem in damaged:
             warnings.warn(problem, RunFolderWarning, stacklevel=2)
         return Table(table)
+
+    def signals(self) -> list[dict[str, Any]]:
+        """Time histories and frequency responses of the run, as :func:`damprig.read_signals` gives them (SEP005).
+
+        They are those of ``damprig runs export --format uff``: a history for each signal, set-up, experiment and frequency, and X/Z for
+        each sweep.
+        """
+        with tempfile.TemporaryDirectory() as folder:
+            file = os.path.join(folder, "run.uff")
+            self._reader.write_uff(file)
+            return read_signals(file)
 
 
 def open_run(folder: str | os.PathLike[str], *, verify: bool = True) -> Run:

@@ -10,6 +10,7 @@ mod interrupt;
 mod native_rig;
 mod plain_toml;
 mod run_reader;
+mod signals;
 mod simulation;
 mod source;
 mod studies;
@@ -20,6 +21,8 @@ use pyo3::prelude::*;
 fn _damprig(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(simulation::simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(signals::read_signals, module)?)?;
+    module.add_function(wrap_pyfunction!(signals::response_spectrum, module)?)?;
     module.add_function(wrap_pyfunction!(studies::study_run, module)?)?;
     module.add_function(wrap_pyfunction!(studies::study_missing, module)?)?;
     module.add_function(wrap_pyfunction!(studies::study_rows, module)?)?;

@@ -3,9 +3,12 @@
 use std::path::PathBuf;
 
 use arrow_array::RecordBatch;
+use damprig::report::exports::uff::Uff;
+use damprig::report::exports::{ExportSelection, Exporter, RunTable};
 use damprig::run_folder::read::folder::find;
 use damprig::run_folder::read::verify::{Finding, verify};
 use damprig::run_folder::{ReadError, RunFolder};
+use damprig::storage::out_file::OutFile;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -60,6 +63,20 @@ impl RunReader {
                     Finding::Wrong(text) => (false, text),
                 })
                 .collect())
+        })
+    }
+
+    /// Writes its signals as a universal file.
+    fn write_uff(&self, py: Python<'_>, file: PathBuf) -> PyResult<()> {
+        let selection = ExportSelection {
+            tables: vec![RunTable::Results, RunTable::Samples],
+            set_up: None,
+            from_s: 0.0,
+            to_s: f64::INFINITY,
+        };
+        work(py, || {
+            Uff.export(&self.0, &selection, &OutFile { path: file, force: true })?;
+            Ok(())
         })
     }
 

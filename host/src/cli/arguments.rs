@@ -8,6 +8,8 @@ use super::outcome::Failure;
 use crate::client::devices::{Answer, only, ports, query};
 use crate::client::link::{Address, Speed};
 use crate::settings::read_board;
+use crate::signal_file::unit::Unit;
+use crate::signal_file::{Sensitivity, Stated};
 
 /// The value of `--rig`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,6 +51,25 @@ impl Rig {
                 only(&found).map_err(if boards > 1 { Failure::Input } else { Failure::Failed })
             }
         }
+    }
+}
+
+/// What a file of signals does not state.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub struct StatedArgs {
+    /// Unit of the values, if the file does not state it: m/s2, g, mm/s2, m/s, mm/s, m, mm, V, mV …
+    #[arg(long, value_name = "UNIT")]
+    pub(super) unit: Option<Unit>,
+
+    /// Sensitivity of the sensor, if the values are its voltage: "100 mV/g", "10.2 mV/(m/s2)", "2.5 V/mm"
+    #[arg(long, value_name = "VOLTAGE/UNIT")]
+    pub(super) sensitivity: Option<Sensitivity>,
+}
+
+impl StatedArgs {
+    /// As the readers of signals take it.
+    pub(super) fn stated(self) -> Stated {
+        Stated { unit: self.unit, sensitivity: self.sensitivity }
     }
 }
 

@@ -18,7 +18,7 @@ use crate::signal_file::unit::Kind;
 #[derive(Debug, ClapArgs)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// CSV, UFF/UNV, AT2, CSMIP V2, WAV, MATLAB 5 or 7.3, HDF5 or Parquet file
+    /// CSV, UFF/UNV, AT2, CSMIP V2, COSMOS, WAV, MATLAB 5 or 7.3, HDF5 or Parquet file
     #[arg(value_name = "FILE")]
     file: PathBuf,
 

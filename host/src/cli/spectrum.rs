@@ -6,11 +6,11 @@ use std::str::FromStr;
 use clap::{Args as ClapArgs, ValueEnum};
 use serde::Serialize;
 
-use super::arguments::{positive, table_file};
+use super::arguments::{StatedArgs, positive, table_file};
 use super::outcome::{Failure, Outcome};
 use super::simulate::picture;
 use crate::input::Files;
-use crate::motion_record::{Quantity, Spec, UNITS, Which, read};
+use crate::motion_record::{Quantity, Spec, Which, read};
 use crate::report::figures;
 use crate::report::numbers::significant;
 use crate::report::terminal::table;
@@ -41,9 +41,8 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = MethodArg::Exact)]
     method: MethodArg,
 
-    /// Unit of a CSV file whose column does not end in one (acceleration_g): m/s2, g, cm/s2 or mm/s2
-    #[arg(long, value_name = "UNIT", value_parser = unit)]
-    unit: Option<f64>,
+    #[command(flatten)]
+    stated: StatedArgs,
 
     /// Column of the values, by name or place from 1 [default: the only one beside the time]
     #[arg(long, value_name = "COLUMN")]
@@ -142,16 +141,6 @@ fn damping(text: &str) -> Result<f64, String> {
     }
 }
 
-/// SI units per unit of an acceleration.
-fn unit(text: &str) -> Result<f64, String> {
-    let of_acceleration = || UNITS.iter().filter(|(_, quantity, _)| *quantity == Quantity::Acceleration);
-    let names = || of_acceleration().map(|unit| unit.0).collect::<Vec<_>>().join(", ");
-    of_acceleration()
-        .find(|unit| unit.0 == text)
-        .map(|unit| unit.2)
-        .ok_or_else(|| format!("must be one of {}", names()))
-}
-
 /// What `--json` prints.
 #[derive(Serialize)]
 struct Answer<'a> {
@@ -179,14 +168,17 @@ pub fn run(args: &Args) -> Outcome {
     let which = |column: &String| column.parse().map_or_else(|_| Which::Name(column.clone()), Which::Place);
     let spec = Spec {
         quantity: Some(Quantity::Acceleration),
-        unit_si: args.unit,
+        unit: args.stated.unit,
+        sensitivity: args.stated.sensitivity,
         scale: None,
         time_step_s: args.time_step_s,
         column: args.column.as_ref().map(which),
         time_column: None,
     };
     let record = read(&args.record, &spec, &Files::default()).map_err(|error| {
-        Failure::Input(format!("{error}\n  --unit, --column and --time-step-s state what the file does not"))
+        Failure::Input(format!(
+            "{error}\n  --unit, --sensitivity, --column and --time-step-s state what the file does not"
+        ))
     })?;
     let method = args.method.method();
     let name = args.record.display().to_string();

@@ -8,7 +8,7 @@ use super::decay::{Decay, Model, identify};
 use super::table::{TIME, Table, X};
 use crate::input::regular;
 use crate::signal_file::unit::Kind;
-use crate::signal_file::{EvenSignal, Selector, Signal, is_plain_table};
+use crate::signal_file::{EvenSignal, Selector, Signal, Stated, Unsettled, is_plain_table};
 
 /// A record of a file.
 #[derive(Clone, Debug)]
@@ -35,9 +35,9 @@ impl DecayFile {
     /// # Errors
     /// A file that cannot be read, or has no displacement, velocity or acceleration over time in a known unit; several of them without a
     /// choice (`FILE#name`).
-    pub fn read(path: &Path) -> Result<Self, CannotIdentify> {
+    pub fn read(path: &Path, stated: &Stated) -> Result<Self, CannotIdentify> {
         let selector = Selector::of(path);
-        let table = selector.which.is_none().then(|| Table::read(path));
+        let table = (selector.which.is_none() && *stated == Stated::default()).then(|| Table::read(path));
         if let Some(Ok(table)) = &table
             && table.has(&X)
             && table.has(&TIME)
@@ -47,7 +47,7 @@ impl DecayFile {
             return Ok(Self { taken_from, t_s, values, kind: Kind::Displacement, remarks: Vec::new() });
         }
         match selector.read() {
-            Ok(signal) => Self::of_signal(path, &signal),
+            Ok(signal) => Self::of_signal(path, &signal, stated),
             // What is wrong with a table of t_s and x_m is said of those.
             Err(error) => Err(match table {
                 Some(Err(own)) if is_text(path) => own,
@@ -56,26 +56,24 @@ impl DecayFile {
         }
     }
 
-    fn of_signal(path: &Path, signal: &Signal) -> Result<Self, CannotIdentify> {
+    fn of_signal(path: &Path, signal: &Signal, stated: &Stated) -> Result<Self, CannotIdentify> {
         let taken_from = path.display().to_string();
         let refuse = |why: String| CannotIdentify(format!("{taken_from}: {why}"));
         let name = &signal.name;
-        let unit = match signal.unit {
-            Some(unit) if matches!(unit.kind, Kind::Displacement | Kind::Velocity | Kind::Acceleration) => unit,
-            Some(unit) => {
-                let other = unit.kind.text();
-                return Err(refuse(format!(
-                    "{name:?} is a {other}: a decay is a displacement, velocity or acceleration\n  multiply a sensor's voltage by its \
-                     sensitivity"
-                )));
-            }
-            None => {
-                return Err(refuse(format!(
-                    "the unit of {name:?} is not known: a decay is a displacement, velocity or acceleration\n  state it in the column's name, \
-                     for example x_mm or a_g"
-                )));
-            }
-        };
+        let unit = signal.measured(stated).map_err(|why| match why {
+            Unsettled::Contradiction(why) => refuse(why),
+            Unsettled::SensitivityMissing => refuse(format!(
+                "{name:?} is a voltage: a decay is a displacement, velocity or acceleration\n  state the sensor's with --sensitivity \"100 mV/g\""
+            )),
+            Unsettled::UnitMissing => refuse(format!(
+                "the unit of {name:?} is not known: a decay is a displacement, velocity or acceleration\n  state it with --unit, or in the \
+                 column's name, for example x_mm or a_g"
+            )),
+        })?;
+        if !matches!(unit.kind, Kind::Displacement | Kind::Velocity | Kind::Acceleration) {
+            let other = unit.kind.text();
+            return Err(refuse(format!("{name:?} is a {other}: a decay is a displacement, velocity or acceleration")));
+        }
         let EvenSignal { start_s, step_s, values, rms_error } = signal.evenly().map_err(refuse)?;
         let mut remarks = Vec::new();
         if rms_error > 0.0 {

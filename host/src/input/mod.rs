@@ -10,6 +10,7 @@ pub mod regular;
 pub mod section;
 mod shown;
 mod suggest;
+mod without_panic;
 
 use std::collections::BTreeMap;
 use std::io::{Error, ErrorKind};
@@ -24,6 +25,7 @@ pub use files::{FileDigest, Files};
 pub use section::{Number, Section, Text};
 pub use shown::{shown, shown_in_line};
 pub use suggest::{listed, near, replacement};
+pub(crate) use without_panic::without_panic;
 
 /// Name of the campaign in a run folder, as a hint when a folder is given.
 const CAMPAIGN: &str = "campaign.toml";

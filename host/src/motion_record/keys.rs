@@ -11,9 +11,11 @@ use super::units::{UNITS, unit_list};
 use crate::input::key::DefaultValue::Number;
 use crate::input::key::Need::{Default, Forbidden, Optional, Required};
 use crate::input::key::Range::{Above, NotNegative, NotZero, Positive, Whole};
-use crate::input::key::{Kind, Need, Quantity, Table, key, names, number, tables, word};
+use crate::input::key::{Kind, Need, Quantity, Table, key, number, tables, word};
 use crate::input::section::Given;
 use crate::input::{Problem, Section, Text};
+use crate::signal_file::Sensitivity;
+use crate::signal_file::unit::{Kind as Measured, Unit as Measure};
 
 /// Highest frequency of noise, Hz: the controller's tick of 1000 Hz gives its period 10 samples.
 const HIGHEST_HZ: f64 = damprig_core::io::TICK_HZ as f64 / LEAST_PER_PERIOD;
@@ -31,7 +33,8 @@ tables! {
             key("file", Kind::Text, "CSV, AT2, V2, UFF, MAT, HDF5 or Parquet file, relative to this file; `FILE#3` or `FILE#name` is one of several signals; or `noise`"),
         ];
         QUANTITY: OF_FILE, [word("quantity", &["acceleration", "displacement"], "quantity of the values, where the file does not state it")];
-        UNIT: OF_FILE, [word("unit", names!(UNITS, unit => unit.0), "unit of the values, where neither the file nor the end of the column's name states it")];
+        UNIT: OF_FILE, [word("unit", &UNITS, "unit of the values, where neither the file nor the end of the column's name states it")];
+        SENSITIVITY: OF_FILE, [key("sensitivity", Kind::Text, "of the sensor, if the values are its voltage: \"100 mV/g\", \"10.2 mV/(m/s2)\", \"2.5 V/mm\"")];
         SCALE: OF_FILE, [number("scale", NotZero, "factor on every value")];
         TIME_STEP: OF_FILE, [number("time_step_s", Positive, "time between samples; otherwise the file has a time column")];
         COLUMN: OF_FILE, [key("column", Kind::TextOrPlace, "column of the values; default: the only one beside the time column")];
@@ -144,15 +147,24 @@ fn read_noise(s: &Section) -> Option<Noise> {
 fn keys_of_file(s: &Section) -> (Option<Text>, Spec) {
     let file = s.text_of(&base_record::FILE);
     let quantity = s.word(&base_record::QUANTITY).map(|word| [Recorded::Acceleration, Recorded::Displacement][word]);
-    let unit = s.word(&base_record::UNIT).map(|word| UNITS[word]);
-    if let (Some(quantity), Some((_, of, _))) = (quantity, unit)
-        && quantity != of
+    let unit = s.word(&base_record::UNIT).and_then(|word| Measure::of(UNITS[word]));
+    if let (Some(quantity), Some(unit)) = (quantity, unit)
+        && unit.kind != quantity.kind()
+        && unit.kind != Measured::Voltage
     {
         s.reject(base_record::UNIT.name(), format!("must be {}", unit_list(quantity)), None);
     }
+    let sensitivity = s.text_of(&base_record::SENSITIVITY).and_then(|text| {
+        let read = text.value.parse::<Sensitivity>();
+        if let Err(why) = &read {
+            s.reject(base_record::SENSITIVITY.name(), why.clone(), None);
+        }
+        read.ok()
+    });
     let spec = Spec {
         quantity,
-        unit_si: unit.map(|(.., si)| si),
+        unit,
+        sensitivity,
         scale: s.scalar(&base_record::SCALE),
         time_step_s: s.scalar(&base_record::TIME_STEP),
         column: which(s, &base_record::COLUMN),

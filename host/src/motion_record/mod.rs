@@ -13,4 +13,3 @@ pub use noise::Noise;
 pub use read::{RecordError, Spec, Which, read, resolve};
 pub(crate) use read::{Rows, rows};
 pub use record::{Play, Quantity, Record};
-pub(crate) use units::UNITS;

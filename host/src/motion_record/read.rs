@@ -13,7 +13,7 @@ use crate::input::{Files, near};
 use crate::signal_file::at2::at2;
 use crate::signal_file::number::{finite, is_name};
 use crate::signal_file::unit::{self, Kind, of_column};
-use crate::signal_file::{self, Axis, Selector};
+use crate::signal_file::{self, Axis, Selector, Sensitivity, Stated, Unsettled};
 
 /// Allowed deviation of a time step from the mean one, as a share: times printed with few decimals deviate.
 const UNEVEN: f64 = 0.1;
@@ -35,8 +35,10 @@ pub enum Which {
 pub struct Spec {
     /// Its quantity; an AT2 or V2 file states it.
     pub quantity: Option<Quantity>,
-    /// SI units per unit of the file; an AT2 or V2 file states it, and the name of a column may end in it (`acceleration_g`).
-    pub unit_si: Option<f64>,
+    /// Unit of the values; an AT2 or V2 file states it, and the name of a column may end in it (`acceleration_g`).
+    pub unit: Option<unit::Unit>,
+    /// Sensitivity of the sensor, if the values are its voltage.
+    pub sensitivity: Option<Sensitivity>,
     /// Factor on every value.
     pub scale: Option<f64>,
     /// Time step, s; else there is a column of times.
@@ -64,7 +66,8 @@ pub fn read(path: &Path, spec: &Spec, files: &Files) -> Result<Record, RecordErr
 fn parse(selected: &Selector, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> Result<Record, RecordError> {
     let path = selected.path.as_path();
     let bytes = bytes.map_err(|e| RecordError(format!("cannot read {}: {e}{}", path.display(), beside(path))))?;
-    if selected.which.is_some() || !signal_file::is_plain_table(&bytes) {
+    let is_voltage = spec.sensitivity.is_some() || spec.unit.is_some_and(|unit| unit.kind == Kind::Voltage);
+    if selected.which.is_some() || is_voltage || !signal_file::is_plain_table(&bytes) {
         return of_signal(selected, spec, &bytes);
     }
     let text = String::from_utf8_lossy(&bytes);
@@ -77,15 +80,12 @@ fn parse(selected: &Selector, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> R
         }
         let to_si =
             |unit_si, text: &str, value| ToSi { quantity: Quantity::Acceleration, unit_si, scale }.value(text, value);
-        let at2 = at2(&text, spec.unit_si, to_si).map_err(answer)?;
+        let at2 = at2(&text, spec.unit.map(|unit| unit.si), to_si).map_err(answer)?;
         (Quantity::Acceleration, spec.time_step_s.unwrap_or(at2.step_s), at2.values)
     } else {
-        let quantity = spec.quantity.ok_or_else(|| {
-            "what the values are is not known: give quantity = \"acceleration\" or \"displacement\"".to_string()
-        });
-        let read = quantity.and_then(|quantity| Ok((quantity, table(&text, spec, quantity, scale)?)));
-        match read {
-            Ok((quantity, (step_s, samples))) => (quantity, step_s, samples),
+        let Some(quantity) = spec.quantity else { return of_signal(selected, spec, &bytes) };
+        match table(&text, spec, quantity, scale) {
+            Ok((step_s, samples)) => (quantity, step_s, samples),
             // Another program's table may state quantity and unit itself, and be written in another way.
             Err(why) => return of_signal(selected, spec, &bytes).map_err(|_| answer(why)),
         }
@@ -114,32 +114,32 @@ fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, R
     let selected = Selector { path: selected.path.clone(), which: selected.which.clone().or(by_column).or(usual) };
     let signal = selected.choose(contents).map_err(|error| RecordError(error.0))?;
     let name = &signal.name;
-    let stated = match signal.kind() {
-        Some(Kind::Acceleration) => Some(Quantity::Acceleration),
-        Some(Kind::Displacement) => Some(Quantity::Displacement),
-        Some(other) => {
+    let stated = Stated { unit: spec.unit, sensitivity: spec.sensitivity };
+    let unit = signal.measured(&stated).map_err(|why| match (why, spec.quantity) {
+        (Unsettled::Contradiction(why), _) => refuse(why),
+        (Unsettled::SensitivityMissing, _) => {
+            refuse(format!("{name:?} is a voltage: give the sensor's sensitivity = \"100 mV/g\""))
+        }
+        (Unsettled::UnitMissing, Some(quantity)) => {
+            refuse(format!("the unit of {name:?} is not known: give unit = {}", unit_list(quantity)))
+        }
+        (Unsettled::UnitMissing, None) => refuse(format!(
+            "what the values of {name:?} are is not known: give quantity = \"acceleration\" or \"displacement\""
+        )),
+    })?;
+    let quantity = match unit.kind {
+        Kind::Acceleration => Quantity::Acceleration,
+        Kind::Displacement => Quantity::Displacement,
+        other => {
             return Err(refuse(format!(
                 "{name:?} is a {}: a record is an acceleration or a displacement",
                 other.text()
             )));
         }
-        None => None,
     };
-    let quantity = match (stated, spec.quantity) {
-        (Some(stated), Some(given)) if stated != given => {
-            return Err(refuse(format!("{name:?} has the unit {:?}; leave out `quantity`", signal.unit_text)));
-        }
-        (Some(quantity), _) | (None, Some(quantity)) => quantity,
-        (None, None) => {
-            return Err(refuse(format!(
-                "what the values of {name:?} are is not known: give quantity = \"acceleration\" or \"displacement\""
-            )));
-        }
-    };
-    let unit_si = spec
-        .unit_si
-        .or(signal.unit.map(|unit| unit.si))
-        .ok_or_else(|| refuse(format!("the unit of {name:?} is not known: give unit = {}", unit_list(quantity))))?;
+    if spec.quantity.is_some_and(|given| given != quantity) {
+        return Err(refuse(format!("{name:?} has the unit {:?}; leave out `quantity`", signal.unit_text)));
+    }
     if spec.time_column.is_some() {
         return Err(refuse("`time_column` is for a CSV file whose columns are chosen by `column`".into()));
     }
@@ -161,7 +161,7 @@ fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, R
         }
         (None, _) => return Err(refuse(format!("the time step of {name:?} is not known: give `time_step_s`"))),
     };
-    let to_si = ToSi { quantity, unit_si, scale: spec.scale.unwrap_or(1.0) };
+    let to_si = ToSi { quantity, unit_si: unit.si, scale: spec.scale.unwrap_or(1.0) };
     let value = |(n, value): (usize, &f64)| {
         to_si.value(&value.to_string(), *value).map_err(|why| refuse(format!("value {} of {name:?}: {why}", n + 1)))
     };
@@ -170,14 +170,6 @@ fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, R
         return Err(refuse(format!("{kind}, {name:?}: {} samples; a motion has at least 2", samples.len())));
     }
     Ok(Record { file: Some(selected.path), quantity, step_s, samples })
-}
-
-/// The kind of a signal that is a record of this quantity.
-fn kind_of(quantity: Quantity) -> Kind {
-    match quantity {
-        Quantity::Acceleration => Kind::Acceleration,
-        Quantity::Displacement => Kind::Displacement,
-    }
 }
 
 /// "did you mean": files beside a missing one.
@@ -275,11 +267,12 @@ fn table(text: &str, spec: &Spec, quantity: Quantity, scale: f64) -> Result<(f64
     };
     let of_name = || {
         let (_, unit) = of_column(rows.header.as_ref()?.get(value)?);
-        unit::Unit::of(&unit).filter(|unit| unit.kind == kind_of(quantity)).map(|unit| unit.si)
+        unit::Unit::of(&unit)
     };
-    let unit_si = spec.unit_si.or_else(of_name);
-    let unit_si =
-        unit_si.ok_or_else(|| format!("the unit of the values is not known: give unit = {}", unit_list(quantity)))?;
+    let unit = spec.unit.or_else(of_name).filter(|unit| unit.kind == quantity.kind());
+    let unit_si = unit
+        .map(|unit| unit.si)
+        .ok_or_else(|| format!("the unit of the values is not known: give unit = {}", unit_list(quantity)))?;
     let to_si = ToSi { quantity, unit_si, scale };
     let first_line = rows.rows[0].0;
     let (mut times, mut values) = (Vec::new(), Vec::new());

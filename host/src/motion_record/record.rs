@@ -15,6 +15,8 @@ use std::path::PathBuf;
 
 use damprig_core::integrator::base::BaseSegment;
 
+use crate::signal_file::unit::Kind;
+
 /// Quantity of a record's samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
@@ -22,6 +24,16 @@ pub enum Quantity {
     Displacement,
     /// z″, m/s².
     Acceleration,
+}
+
+impl Quantity {
+    /// The kind of a signal that is a record of it.
+    pub(super) fn kind(self) -> Kind {
+        match self {
+            Self::Acceleration => Kind::Acceleration,
+            Self::Displacement => Kind::Displacement,
+        }
+    }
 }
 
 /// Evenly spaced samples of the base's motion.

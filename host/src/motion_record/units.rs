@@ -2,23 +2,15 @@
 
 use super::record::Quantity;
 use crate::input::key::Unit;
-use crate::signal_file::unit::STANDARD_GRAVITY;
+use crate::signal_file::unit::Unit as Measure;
 
-/// Units: name, quantity, and SI units per unit.
-pub(crate) const UNITS: [(&str, Quantity, f64); 7] = [
-    ("m/s2", Quantity::Acceleration, 1.0),
-    ("g", Quantity::Acceleration, STANDARD_GRAVITY),
-    ("cm/s2", Quantity::Acceleration, 0.01),
-    ("mm/s2", Quantity::Acceleration, 0.001),
-    ("m", Quantity::Displacement, 1.0),
-    ("cm", Quantity::Displacement, 0.01),
-    ("mm", Quantity::Displacement, 0.001),
-];
+/// Units of records. A voltage needs the sensitivity of its sensor.
+pub(crate) const UNITS: [&str; 9] = ["m/s2", "g", "cm/s2", "mm/s2", "m", "cm", "mm", "V", "mV"];
 
 /// The units of a quantity for a message: `"m" or "cm" …`.
 pub(super) fn unit_list(quantity: Quantity) -> String {
-    let of = UNITS.iter().filter(|(_, of, _)| *of == quantity);
-    of.map(|(name, ..)| format!("{name:?}")).collect::<Vec<_>>().join(" or ")
+    let of = UNITS.iter().filter(|name| Measure::of(name).is_some_and(|unit| unit.kind == quantity.kind()));
+    of.map(|name| format!("{name:?}")).collect::<Vec<_>>().join(" or ")
 }
 
 /// From the values of a file to SI units.
@@ -44,8 +36,8 @@ impl ToSi {
             Quantity::Displacement => "_m",
         };
         let Some(limit) = Unit::of(suffix).filter(|limit| si.is_nan() || si.abs() > limit.most) else { return Ok(si) };
-        let unit =
-            UNITS.iter().find(|(_, of, si)| *of == self.quantity && *si == self.unit_si).map_or("", |unit| unit.0);
+        let unit = Measure { kind: self.quantity.kind(), si: self.unit_si };
+        let unit = UNITS.iter().find(|name| Measure::of(name) == Some(unit)).map_or("", |name| *name);
         let scaled = if self.scale == 1.0 { String::new() } else { format!(" times scale = {}", self.scale) };
         Err(format!(
             "{text:?} {unit}{scaled} is not allowed: must be at most {:e} {} in magnitude; is the unit right?",

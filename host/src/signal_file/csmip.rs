@@ -53,34 +53,52 @@ pub(super) fn is_one(text: &str) -> bool {
 pub(super) fn parse(text: &str) -> Result<Contents, String> {
     let mut signals = Vec::new();
     let mut lines = text.lines().enumerate();
-    let title = text.lines().take(8).map(str::trim).filter(|line| !line.is_empty());
-    let remarks = title.skip(4).map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
     while let Some((at, line)) = lines.next() {
         let Some(head) = head(line) else { continue };
-        if head.count < 2 {
-            return Err(format!("line {}: {} points are too few", at + 1, head.count));
-        }
-        let mut values = Vec::new();
-        while values.len() < head.count {
-            let Some((n, line)) = lines.next() else { break };
-            let spaced = head.width.filter(|_| line.is_ascii()).map(|width| separate(line, width));
-            fortran(spaced.as_deref().unwrap_or(line), &mut values).map_err(|why| format!("line {}, {why}", n + 1))?;
-        }
-        if values.len() != head.count {
-            return Err(format!(
-                "line {}: {} points are announced, {} follow: the file is cut short or damaged",
-                at + 1,
-                head.count,
-                values.len()
-            ));
-        }
+        let values = Values { at, count: head.count, width: head.width }.read(&mut lines)?;
         signals.push(Signal::new(head.name, head.unit, Axis::Time { start_s: 0.0, step_s: head.step_s }, values));
     }
-    Ok(Contents { kind: STRONG_MOTION, signals, remarks })
+    Ok(Contents { kind: STRONG_MOTION, signals, remarks: title(text, 4, 8) })
 }
 
-/// Blanks between the values of fixed columns.
-fn separate(line: &str, width: usize) -> String {
-    let bytes = line.as_bytes();
-    bytes.chunks(width.max(1)).map(|part| String::from_utf8_lossy(part).into_owned()).collect::<Vec<_>>().join(" ")
+/// The texts of some lines of the header that are not empty.
+pub(super) fn title(text: &str, from: usize, to: usize) -> Vec<String> {
+    let lines = text.lines().take(to).map(str::trim).filter(|line| !line.is_empty());
+    lines.skip(from).map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
+}
+
+/// Numbers that a line announces.
+pub(super) struct Values {
+    /// The line, from 0.
+    pub at: usize,
+    pub count: usize,
+    /// Characters of a value, if stated.
+    pub width: Option<usize>,
+}
+
+impl Values {
+    /// Reads them from the lines that follow.
+    pub(super) fn read<'a>(&self, lines: &mut impl Iterator<Item = (usize, &'a str)>) -> Result<Vec<f64>, String> {
+        if self.count < 2 {
+            return Err(format!("line {}: {} values are too few", self.at + 1, self.count));
+        }
+        let mut values = Vec::new();
+        while values.len() < self.count {
+            let Some((n, line)) = lines.next() else { break };
+            let width = self.width.filter(|_| line.is_ascii()).unwrap_or(line.len()).max(1);
+            for (field, bytes) in line.as_bytes().chunks(width).enumerate() {
+                fortran(&String::from_utf8_lossy(bytes), field * width, &mut values)
+                    .map_err(|why| format!("line {}, {why}", n + 1))?;
+            }
+        }
+        if values.len() == self.count {
+            return Ok(values);
+        }
+        Err(format!(
+            "line {}: {} values are announced, {} follow: the file is cut short or damaged",
+            self.at + 1,
+            self.count,
+            values.len()
+        ))
+    }
 }

@@ -422,8 +422,11 @@ impl Signal {
     /// second sample with the cubic through its neighbours, whose error is 16 times as large (fourth order in the step).
     ///
     /// # Errors
-    /// It is not over time; a gap, with its place; fewer than 5 samples.
+    /// It is not over time; a missing value or a gap, with its place; fewer than 5 samples.
     pub fn evenly(&self) -> Result<EvenSignal, String> {
+        if let Some(n) = self.values.iter().position(|value| !value.is_finite()) {
+            return Err(format!("{}: value {} is {}, no number", self.name, n + 1, self.values[n]));
+        }
         let times_s = match &self.axis {
             Axis::Time { start_s, step_s } => {
                 let (start_s, step_s) = (*start_s, *step_s);
@@ -456,6 +459,9 @@ impl Signal {
                 at += 1;
             }
             out.push(cubic(&times_s[at - 1..at + 3], &self.values[at - 1..at + 3], t));
+        }
+        if out.iter().any(|value| !value.is_finite()) {
+            return Err(format!("{}: its values are too large to be resampled", self.name));
         }
         let mut sum = 0.0;
         let inner = 3..times_s.len() - 3;

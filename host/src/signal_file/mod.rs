@@ -5,6 +5,7 @@
 
 pub mod at2;
 mod columns;
+mod cosmos;
 mod csmip;
 mod delimited;
 mod mat;
@@ -12,6 +13,7 @@ pub(crate) mod number;
 pub mod overview;
 mod parquet;
 mod selector;
+mod stated;
 mod uff;
 mod uff_dataset_58;
 pub mod unit;
@@ -20,9 +22,10 @@ mod wav;
 use std::io::Read;
 use std::path::Path;
 
-use crate::input::regular;
+use crate::input::{regular, without_panic};
 pub use delimited::EvenSignal;
 pub use selector::Selector;
+pub use stated::{Sensitivity, Stated, Unsettled};
 use unit::{Kind, Unit};
 
 /// Size limit of a file that is read whole: an hour of sound is smaller.
@@ -30,13 +33,13 @@ const MAX_BYTES: u64 = 2 << 30;
 
 /// Kinds of files, for messages.
 pub const KINDS: &str =
-    "CSV, UFF/UNV (datasets 58, 58b, 151, 164), PEER AT2, CSMIP V2, WAV, MATLAB 5 and 7.3, HDF5, Parquet";
+    "CSV, UFF/UNV (datasets 58, 58b, 151, 164), PEER AT2, CSMIP V2, COSMOS V1/V2, WAV, MATLAB 5 and 7.3, HDF5, Parquet";
 
 /// Kind of a table of text.
 pub const TABLE: &str = "CSV table";
 
 /// Kind of a strong-motion record with acceleration, velocity and displacement.
-pub const STRONG_MOTION: &str = "strong-motion record (CSMIP)";
+pub const STRONG_MOTION: &str = "strong-motion record";
 
 /// What a file holds.
 #[derive(Clone, Debug, PartialEq)]
@@ -186,6 +189,7 @@ enum Format {
     Mat,
     Uff,
     Csmip,
+    Cosmos,
     At2,
     Table,
     Unknown,
@@ -205,6 +209,7 @@ impl Format {
             _ if uff::is_one(bytes) => Self::Uff,
             _ if bytes.contains(&0) => Self::Unknown,
             _ if csmip::is_one(&text()) => Self::Csmip,
+            _ if cosmos::is_one(&text()) => Self::Cosmos,
             _ if at2::is_one(&text()) => Self::At2,
             _ => Self::Table,
         }
@@ -217,15 +222,17 @@ impl Format {
 /// Why they cannot be read, without the file's name.
 pub fn parse(bytes: &[u8]) -> Result<Contents, String> {
     let text = || String::from_utf8_lossy(bytes);
+    let damaged = |said: String| Err(format!("it is damaged: {said}\n  copy or export it again"));
     match Format::of(bytes) {
         Format::Empty => Err("it is empty".into()),
         Format::Utf16 => Err("it is text in UTF-16: save it as UTF-8 (in Excel: \"CSV UTF-8\")".into()),
         Format::Wav => wav::parse(bytes),
-        Format::Parquet => parquet::parse(bytes),
-        Format::Hdf5 => mat::parse_hdf5(bytes),
+        Format::Parquet => without_panic(|| parquet::parse(bytes)).unwrap_or_else(damaged),
+        Format::Hdf5 => without_panic(|| mat::parse_hdf5(bytes)).unwrap_or_else(damaged),
         Format::Mat => mat::parse(bytes),
         Format::Uff => uff::parse(bytes),
         Format::Csmip => csmip::parse(&text()),
+        Format::Cosmos => cosmos::parse(&text()),
         Format::At2 => at2::parse(&text()),
         Format::Table => delimited::parse(&text()),
         Format::Unknown => Err(format!("this is a binary file of an unknown kind\n  known are {KINDS}")),

@@ -16,12 +16,13 @@ pub(crate) fn is_name(field: &str) -> bool {
     !begins_as_number && !is_mistyped && field.parse::<f64>().is_err()
 }
 
-/// The numbers of a line in FORTRAN's fixed columns: exponents with D, and values that a sign alone separates.
+/// The numbers of a piece of a line in FORTRAN's fixed columns, which begins at byte `from`: exponents with D, and values that a sign
+/// alone separates.
 ///
 /// # Errors
 /// The text that is no finite number, with its column from 1.
-pub(super) fn fortran(line: &str, out: &mut Vec<f64>) -> Result<(), String> {
-    for word in line.split_ascii_whitespace() {
+pub(super) fn fortran(piece: &str, from: usize, out: &mut Vec<f64>) -> Result<(), String> {
+    for word in piece.split_ascii_whitespace() {
         let mut rest = word;
         while !rest.is_empty() {
             let is_next = |(at, c): &(usize, char)| {
@@ -31,7 +32,7 @@ pub(super) fn fortran(line: &str, out: &mut Vec<f64>) -> Result<(), String> {
             let (one, after) = rest.split_at(end);
             let value = one.replace(['d', 'D'], "e").parse::<f64>().ok().filter(|value| value.is_finite());
             let Some(value) = value else {
-                let column = 1 + line.find(word).unwrap_or_default() + (word.len() - rest.len());
+                let column = 1 + from + piece.find(word).unwrap_or_default() + (word.len() - rest.len());
                 return Err(format!("column {column}: {one:?} is not a finite number"));
             };
             out.push(value);

@@ -190,7 +190,7 @@ pub(super) fn text(bytes: &[u8]) -> Result<Signal, String> {
         let (one, next) = line(bytes, at);
         row += 1;
         let before = numbers.len();
-        if let Err(why) = fortran(&plain(one), &mut numbers) {
+        if let Err(why) = fortran(&plain(one), 0, &mut numbers) {
             // A number that the end of the file cuts is no number.
             if line(bytes, next).0.is_empty() && next >= bytes.len() && numbers.len() < header.count * header.width() {
                 numbers.truncate(numbers.len().max(before));

@@ -1,5 +1,7 @@
 //! Units as files write them.
 
+use std::str::FromStr;
+
 /// Standard gravity by definition, m/s²: the unit g of an acceleration.
 pub const STANDARD_GRAVITY: f64 = 9.806_65;
 
@@ -105,6 +107,14 @@ impl Unit {
             names.iter().find(|(name, _)| *name == wanted).map(|(_, si)| Self { kind: *kind, si: *si })
         };
         UNITS.iter().find_map(find)
+    }
+}
+
+impl FromStr for Unit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::of(text).ok_or_else(|| "must be a unit such as m/s2, g, mm/s2, m/s, mm/s, m, mm, N, V or mV".into())
     }
 }
 

@@ -68,6 +68,7 @@ mod simulate_set;
 mod slips;
 mod slow_disk;
 mod spectrum;
+mod stated_signals;
 mod study;
 mod study_cluster;
 mod study_damage;

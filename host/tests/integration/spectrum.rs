@@ -186,9 +186,9 @@ fn the_command_writes_table_and_figure_and_refuses_what_it_cannot_use() {
     for (arguments, words) in [
         (&files[..], "s.csv exists"),
         (&["named.csv"], "--unit"),
-        (&["named.csv", "--unit", "inch"], "m/s2, g, cm/s2, mm/s2"),
+        (&["named.csv", "--unit", "inch"], "must be a unit such as m/s2, g"),
         (&["absent.csv"], "absent.csv"),
-        (&["cut.V2"], "line 2: 9 points are announced, 1 follow"),
+        (&["cut.V2"], "line 2: 9 values are announced, 1 follow"),
         (&["quake.csv", "--damping", "1"], "from 0 to below 1"),
         (&["quake.csv", "--periods", "2:1:9"], "must be less than"),
         (&["quake.csv", "--periods", "0"], "greater than 0"),

@@ -1,5 +1,5 @@
 //! Fuzz targets of both sides of the link: arbitrary bytes into a board ([`device`]) and into a host ([`host`]), and whole runs
-//! over a link that changes messages ([`crafted_run`]).
+//! over a link that changes messages ([`crafted_run`]); and arbitrary bytes as a measured file ([`file`]).
 //!
 //! The fuzzer runs them (`fuzz/`). `tests/run` replays them without a fuzzer, on the seeds in `fuzz/seeds` and on
 //! mutations of them. [`seeds`] generates seeds.
@@ -10,6 +10,7 @@ pub mod messages;
 pub mod mutation;
 pub mod seeds;
 
+use damprig::signal_file::Axis;
 use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, LONGEST_BODY, Reader};
 use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request, ToDevice};
@@ -137,6 +138,25 @@ pub fn host(data: &[u8]) {
     let length = frame::encode(&message, &mut buffer).expect("fits");
     let read = buffer[..length].iter().filter_map(|&byte| reader.push(byte)).next();
     assert_eq!(read, Some(Ok(message)));
+}
+
+/// Reads bytes as a measured file of any kind: it must not panic, and what it reads has a place for every value.
+///
+/// # Panics
+/// The reader panicked, or read a signal that contradicts itself.
+pub fn file(data: &[u8]) {
+    let Ok(contents) = damprig::signal_file::parse(data) else { return };
+    for signal in &contents.signals {
+        if let Axis::Times(places) | Axis::Frequencies(places) = &signal.axis {
+            assert_eq!(places.len(), signal.values.len(), "{}", signal.name);
+        }
+        if let Some(imaginary) = &signal.imaginary {
+            assert_eq!(imaginary.len(), signal.values.len(), "{}", signal.name);
+        }
+        if let Ok(even) = signal.evenly() {
+            assert!(even.step_s > 0.0 && even.values.iter().all(|value| value.is_finite()), "{}", signal.name);
+        }
+    }
 }
 
 #[cfg(test)]

@@ -37,9 +37,13 @@ fn a_board_neither_panics_nor_stops_answering() {
     replay("device", seeds::device(), 4_000, damprig_fuzzing::device);
 }
 
+fn is_full() -> bool {
+    std::env::var_os("DAMPRIG_FULL").is_some()
+}
+
 /// Number of whole runs: 60, or 2 000 in the full tests.
 fn runs() -> u64 {
-    if std::env::var_os("DAMPRIG_FULL").is_some() { 2_000 } else { 60 }
+    if is_full() { 2_000 } else { 60 }
 }
 
 #[test]
@@ -60,4 +64,10 @@ fn a_run_over_a_link_that_changes_messages_ends_in_an_orderly_way() {
 #[test]
 fn a_host_reads_the_next_clean_frame_after_any_input() {
     replay("host", seeds::host(), 100_000, damprig_fuzzing::host);
+}
+
+#[test]
+fn a_measured_file_of_any_kind_is_read_or_refused() {
+    let mutations = if is_full() { 1_000_000 } else { 20_000 };
+    replay("file", Vec::new(), mutations, damprig_fuzzing::file);
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args as ClapArgs;
 
 use super::{ChoiceArgs, OutArgs, SensorArgs, finish};
-use crate::cli::arguments::{positive, table_file};
+use crate::cli::arguments::{StatedArgs, positive, table_file};
 use crate::cli::outcome::{Failure, Outcome};
 use crate::cli::simulate::picture;
 use crate::identify::backbone::Backbone;
@@ -16,7 +16,7 @@ use crate::report::figures::backbone;
 use crate::report::plot::{FigureError, Picture};
 use crate::report::{backbone_table, branch_table};
 use crate::run_folder::read::folder::find;
-use crate::signal_file::Selector;
+use crate::signal_file::{Selector, Stated};
 use crate::storage::out_file::OutFile;
 
 /// Natural frequency, damping ratio and Coulomb friction of the structure from a free vibration.
@@ -32,6 +32,9 @@ pub(super) struct DecayArgs {
 
     #[command(flatten)]
     choice: ChoiceArgs,
+
+    #[command(flatten)]
+    stated: StatedArgs,
 
     /// Mass of the structure, for the friction force [default: that of the run's set-up]
     #[arg(long, value_name = "KG", value_parser = positive)]
@@ -87,11 +90,14 @@ pub(super) fn run(args: &DecayArgs) -> Outcome {
 fn identify(args: &DecayArgs) -> Result<(Decay, Identification), CannotIdentify> {
     let model = |sensors| Model { coulomb: !args.viscous, sensors };
     let (taken_from, decay, remarks, sensors, mass_kg) = if Selector::of(&args.source).path.is_file() {
-        let record = DecayFile::read(&args.source)?;
+        let record = DecayFile::read(&args.source, &args.stated.stated())?;
         let sensors = args.sensors.applied(Sensors::ASSUMED);
         let (decay, remarks) = record.identify(model(sensors))?;
         (record.taken_from, decay, remarks, sensors, None)
     } else {
+        if args.stated.stated() != Stated::default() {
+            return Err(CannotIdentify("--unit and --sensitivity are for a file; a run has displacements in m".into()));
+        }
         let run = find(&args.source).map_err(|e| CannotIdentify(e.to_string()))?;
         let record = free_vibration(&run, &args.choice.choice())?;
         let sensors = args.sensors.applied(record.sensors);

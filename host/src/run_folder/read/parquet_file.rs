@@ -3,11 +3,8 @@
 //! The `parquet` crate panics on some damaged files, for example where a page header names an encoding without a dictionary.
 //! Here such a panic is an error of the file, without the panic's own message.
 
-use std::cell::Cell;
 use std::collections::HashMap;
-use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::path::Path;
-use std::sync::Once;
 
 use arrow_array::RecordBatch;
 use bytes::Bytes;
@@ -15,7 +12,7 @@ use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder};
 use parquet::file::reader::ChunkReader;
 
-use crate::input::regular;
+use crate::input::{regular, without_panic};
 use crate::run_folder::{ReadError, sealed_parquet};
 use crate::table::with_present_names;
 
@@ -131,42 +128,5 @@ impl Iterator for Batches {
         };
         let batch = batch.map(with_present_names);
         Some(batch.map_err(|e| ReadError(format!("{}: a damaged part: {e}", self.shown))))
-    }
-}
-
-thread_local! {
-    /// Whether a panic of this thread is caught and told as an error.
-    static IS_CAUGHT: Cell<bool> = const { Cell::new(false) };
-}
-
-/// Runs `read`; a panic in it gives its message and is not printed.
-fn without_panic<T>(read: impl FnOnce() -> T) -> Result<T, String> {
-    static QUIET: Once = Once::new();
-    QUIET.call_once(|| {
-        let print = panic::take_hook();
-        panic::set_hook(Box::new(move |panic| {
-            if !IS_CAUGHT.get() {
-                print(panic);
-            }
-        }));
-    });
-    IS_CAUGHT.set(true);
-    // What `read` borrows is dropped or never used again after a panic.
-    let outcome = catch_unwind(AssertUnwindSafe(read));
-    IS_CAUGHT.set(false);
-    outcome.map_err(|panic| {
-        let said = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
-        said.unwrap_or("it cannot be decoded").to_string()
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::without_panic;
-
-    #[test]
-    fn a_panic_becomes_an_error_with_its_words() {
-        assert_eq!(without_panic(|| 3), Ok(3));
-        assert_eq!(without_panic(|| -> u8 { panic!("no {}", "dictionary") }), Err("no dictionary".to_string()));
     }
 }
