@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use damprig::input::Files;
 use damprig::motion_record::{Quantity, Spec, read};
 use damprig::signal_file::unit::Unit;
-use damprig::signal_file::{Axis, Selector, Sensitivity, Signal, read as read_file};
+use damprig::signal_file::{Axis, Selector, Sensitivity, Signal, Stated, read as read_file};
 use damprig::spectrum::{Method, spectra};
 use numpy::{Complex64, IntoPyArray};
 use pyo3::prelude::*;
@@ -87,11 +87,14 @@ pub fn response_spectrum<'py>(
     let stated = |name: &str, why: String| input_error(py, format!("{name}: {why}"));
     let spec = Spec {
         quantity: Some(Quantity::Acceleration),
-        unit: unit.map(str::parse::<Unit>).transpose().map_err(|why| stated("unit", why))?,
-        sensitivity: sensitivity
-            .map(str::parse::<Sensitivity>)
-            .transpose()
-            .map_err(|why| stated("sensitivity", why))?,
+        stated: Stated {
+            unit: unit.map(str::parse::<Unit>).transpose().map_err(|why| stated("unit", why))?,
+            sensitivity: sensitivity
+                .map(str::parse::<Sensitivity>)
+                .transpose()
+                .map_err(|why| stated("sensitivity", why))?,
+            calibration: None,
+        },
         ..Spec::default()
     };
     let points = work(py, || {

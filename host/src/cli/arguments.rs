@@ -9,7 +9,7 @@ use crate::client::devices::{Answer, only, ports, query};
 use crate::client::link::{Address, Speed};
 use crate::settings::read_board;
 use crate::signal_file::unit::Unit;
-use crate::signal_file::{Sensitivity, Stated};
+use crate::signal_file::{Calibration, Selector, Sensitivity, SignalError, Stated};
 
 /// The value of `--rig`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -55,21 +55,39 @@ impl Rig {
 }
 
 /// What a file of signals does not state.
-#[derive(Clone, Copy, Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub struct StatedArgs {
     /// Unit of the values, if the file does not state it: m/s2, g, mm/s2, m/s, mm/s, m, mm, V, mV …
     #[arg(long, value_name = "UNIT")]
-    pub(super) unit: Option<Unit>,
+    unit: Option<Unit>,
 
     /// Sensitivity of the sensor, if the values are its voltage: "100 mV/g", "10.2 mV/(m/s2)", "2.5 V/mm"
     #[arg(long, value_name = "VOLTAGE/UNIT")]
-    pub(super) sensitivity: Option<Sensitivity>,
+    sensitivity: Option<Sensitivity>,
+
+    /// Recording of a calibrator on the same channel and gain, if the values are shares of full scale (WAV) or a voltage
+    #[arg(long, value_name = "FILE", requires = "calibration_rms", conflicts_with_all = ["unit", "sensitivity"])]
+    calibration: Option<PathBuf>,
+
+    /// RMS of the calibrator: "10 m/s2"
+    #[arg(long, value_name = "RMS", requires = "calibration")]
+    calibration_rms: Option<String>,
 }
 
 impl StatedArgs {
+    /// Whether anything is stated.
+    pub(super) fn is_given(&self) -> bool {
+        self.unit.is_some() || self.sensitivity.is_some() || self.calibration.is_some()
+    }
+
     /// As the readers of signals take it.
-    pub(super) fn stated(self) -> Stated {
-        Stated { unit: self.unit, sensitivity: self.sensitivity }
+    ///
+    /// # Errors
+    /// A recording of a calibrator that cannot be used.
+    pub(super) fn stated(&self) -> Result<Stated, SignalError> {
+        let given = self.calibration.as_ref().zip(self.calibration_rms.as_ref());
+        let calibration = given.map(|(file, rms)| Calibration::of(&Selector::of(file), rms)).transpose()?;
+        Ok(Stated { unit: self.unit, sensitivity: self.sensitivity, calibration })
     }
 }
 

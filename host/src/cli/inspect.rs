@@ -1,14 +1,17 @@
 //! `damprig inspect`: what is in a measured file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
 use serde_json::{Value, json};
 
 use super::outcome::{Failure, Outcome};
 use super::simulate::picture;
+use crate::file_keys::FileKind;
+use crate::input::regular;
 use crate::report::figures;
 use crate::report::numbers::significant;
+use crate::run_folder::RunFolder;
 use crate::signal_file::overview::{self, Overview, Places, SignalOverview};
 use crate::signal_file::unit::Kind;
 
@@ -51,6 +54,10 @@ pub fn run(args: &Args) -> Outcome {
         let message = format!("--plot: {} exists\n  give another name, or replace it with --force", path.display());
         return Err(Failure::Input(message));
     }
+    if let Some(own) = own(&args.file) {
+        say!("{}: {own}", args.file.display());
+        return Ok(());
+    }
     let overview = overview::read(&args.file).map_err(Failure::input)?;
     if let Some(path) = &args.plot {
         figures::signals::draw(&overview).and_then(|picture| picture.save(path)).map_err(Failure::failed)?;
@@ -78,6 +85,21 @@ pub fn run(args: &Args) -> Outcome {
     }
     args.plot.iter().for_each(|path| say!("Figure: {}", path.display()));
     Ok(())
+}
+
+/// What a file or folder of damprig itself is, and which command takes it.
+fn own(path: &Path) -> Option<String> {
+    if path.is_dir() {
+        return Some(match RunFolder::open(path) {
+            Ok(_) => format!("a run; `damprig runs show {}` shows it", path.display()),
+            Err(_) => "a folder; name a file in it".into(),
+        });
+    }
+    if path.extension().is_none_or(|extension| extension != "toml") {
+        return None;
+    }
+    let text = regular::read_input(path).ok().and_then(|bytes| String::from_utf8(bytes).ok())?;
+    FileKind::of(&text).map(|kind| kind.title().to_string())
 }
 
 fn lines(number: usize, signal: &SignalOverview) -> Vec<String> {

@@ -149,6 +149,9 @@ struct Answer<'a> {
     method: &'static str,
     time_step_s: f64,
     samples: usize,
+    /// Estimated change by resampling of uneven times, RMS over that of the samples.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    resampling: Option<f64>,
     peak_m_per_s2: f64,
     spectra: &'a [Point],
 }
@@ -168,8 +171,7 @@ pub fn run(args: &Args) -> Outcome {
     let which = |column: &String| column.parse().map_or_else(|_| Which::Name(column.clone()), Which::Place);
     let spec = Spec {
         quantity: Some(Quantity::Acceleration),
-        unit: args.stated.unit,
-        sensitivity: args.stated.sensitivity,
+        stated: args.stated.stated().map_err(Failure::input)?,
         scale: None,
         time_step_s: args.time_step_s,
         column: args.column.as_ref().map(which),
@@ -198,6 +200,7 @@ pub fn run(args: &Args) -> Outcome {
             method: method.text(),
             time_step_s: record.step_s,
             samples: record.samples.len(),
+            resampling: record.resampling,
             peak_m_per_s2: record.peak(),
             spectra: &points,
         };
@@ -211,6 +214,7 @@ pub fn run(args: &Args) -> Outcome {
         significant(record.peak(), 5),
         method.text()
     );
+    record.resampled_text().iter().for_each(|text| say!("{text}"));
     say!("{}", text_of(&points, args.periods.0.len()));
     for (what, path) in [("Table", &args.out), ("Figure", &args.plot)] {
         if let Some(path) = path {

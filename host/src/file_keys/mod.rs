@@ -49,6 +49,20 @@ impl FileKind {
         }
     }
 
+    /// The kind of a text, if it is TOML and every key at its top is one of that kind.
+    #[must_use]
+    pub fn of(text: &str) -> Option<Self> {
+        let top = text.parse::<toml::Table>().ok().filter(|top| !top.is_empty())?;
+        Self::ALL.into_iter().find(|kind| {
+            let tables = kind.tables();
+            top.keys().all(|key| {
+                tables.iter().any(|table| {
+                    table.path == key || (table.path.is_empty() && table.quantities.iter().any(|own| own.name() == key))
+                })
+            })
+        })
+    }
+
     /// Its tables. Tables with the same path and kind complete each other.
     #[must_use]
     pub fn tables(self) -> Vec<Table> {

@@ -14,8 +14,8 @@ use crate::input::key::Range::{Above, NotNegative, NotZero, Positive, Whole};
 use crate::input::key::{Kind, Need, Quantity, Table, key, number, tables, word};
 use crate::input::section::Given;
 use crate::input::{Problem, Section, Text};
-use crate::signal_file::Sensitivity;
 use crate::signal_file::unit::{Kind as Measured, Unit as Measure};
+use crate::signal_file::{Sensitivity, Stated};
 
 /// Highest frequency of noise, Hz: the controller's tick of 1000 Hz gives its period 10 samples.
 const HIGHEST_HZ: f64 = damprig_core::io::TICK_HZ as f64 / LEAST_PER_PERIOD;
@@ -163,8 +163,7 @@ fn keys_of_file(s: &Section) -> (Option<Text>, Spec) {
     });
     let spec = Spec {
         quantity,
-        unit,
-        sensitivity,
+        stated: Stated { unit, sensitivity, calibration: None },
         scale: s.scalar(&base_record::SCALE),
         time_step_s: s.scalar(&base_record::TIME_STEP),
         column: which(s, &base_record::COLUMN),

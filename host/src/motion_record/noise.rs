@@ -77,7 +77,7 @@ impl Noise {
         }
         let scale = peak_m / largest.max(f64::MIN_POSITIVE);
         samples.iter_mut().for_each(|z| *z *= scale);
-        Record { file: None, quantity: Quantity::Displacement, step_s: 1.0 / rate_hz, samples }
+        Record { file: None, quantity: Quantity::Displacement, step_s: 1.0 / rate_hz, samples, resampling: None }
     }
 
     /// Its properties in words.

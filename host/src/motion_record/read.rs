@@ -13,13 +13,16 @@ use crate::input::{Files, near};
 use crate::signal_file::at2::at2;
 use crate::signal_file::number::{finite, is_name};
 use crate::signal_file::unit::{self, Kind, of_column};
-use crate::signal_file::{self, Axis, Selector, Sensitivity, Stated, Unsettled};
+use crate::signal_file::{self, Axis, Selector, Signal, Stated, Unsettled};
 
 /// Allowed deviation of a time step from the mean one, as a share: times printed with few decimals deviate.
 const UNEVEN: f64 = 0.1;
 
 /// Allowed deviation of a time from even spacing, as a share of a step.
 const OFF_GRID: f64 = 0.25;
+
+/// Largest change of a record by resampling, of its RMS.
+const MAX_RESAMPLING: f64 = 0.01;
 
 /// Which column.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,10 +38,8 @@ pub enum Which {
 pub struct Spec {
     /// Its quantity; an AT2 or V2 file states it.
     pub quantity: Option<Quantity>,
-    /// Unit of the values; an AT2 or V2 file states it, and the name of a column may end in it (`acceleration_g`).
-    pub unit: Option<unit::Unit>,
-    /// Sensitivity of the sensor, if the values are its voltage.
-    pub sensitivity: Option<Sensitivity>,
+    /// Unit of the values, which an AT2 or V2 file states, and the name of a column may end in (`acceleration_g`), or the sensor's calibration.
+    pub stated: Stated,
     /// Factor on every value.
     pub scale: Option<f64>,
     /// Time step, s; else there is a column of times.
@@ -66,8 +67,7 @@ pub fn read(path: &Path, spec: &Spec, files: &Files) -> Result<Record, RecordErr
 fn parse(selected: &Selector, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> Result<Record, RecordError> {
     let path = selected.path.as_path();
     let bytes = bytes.map_err(|e| RecordError(format!("cannot read {}: {e}{}", path.display(), beside(path))))?;
-    let is_voltage = spec.sensitivity.is_some() || spec.unit.is_some_and(|unit| unit.kind == Kind::Voltage);
-    if selected.which.is_some() || is_voltage || !signal_file::is_plain_table(&bytes) {
+    if selected.which.is_some() || spec.stated.is_of_sensor() || !signal_file::is_plain_table(&bytes) {
         return of_signal(selected, spec, &bytes);
     }
     let text = String::from_utf8_lossy(&bytes);
@@ -80,7 +80,7 @@ fn parse(selected: &Selector, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> R
         }
         let to_si =
             |unit_si, text: &str, value| ToSi { quantity: Quantity::Acceleration, unit_si, scale }.value(text, value);
-        let at2 = at2(&text, spec.unit.map(|unit| unit.si), to_si).map_err(answer)?;
+        let at2 = at2(&text, spec.stated.unit.map(|unit| unit.si), to_si).map_err(answer)?;
         (Quantity::Acceleration, spec.time_step_s.unwrap_or(at2.step_s), at2.values)
     } else {
         let Some(quantity) = spec.quantity else { return of_signal(selected, spec, &bytes) };
@@ -96,7 +96,7 @@ fn parse(selected: &Selector, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> R
     if let Some(refusal) = Unit::of("time_step_s").and_then(|unit| unit.refusal(step_s)) {
         return Err(answer(format!("a time step of {step_s:e} s is not allowed: {refusal}")));
     }
-    Ok(Record { file: Some(path.to_path_buf()), quantity, step_s, samples })
+    Ok(Record { file: Some(path.to_path_buf()), quantity, step_s, samples, resampling: None })
 }
 
 /// The record of a signal of another program's file, which states quantity, unit and time step itself.
@@ -114,8 +114,7 @@ fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, R
     let selected = Selector { path: selected.path.clone(), which: selected.which.clone().or(by_column).or(usual) };
     let signal = selected.choose(contents).map_err(|error| RecordError(error.0))?;
     let name = &signal.name;
-    let stated = Stated { unit: spec.unit, sensitivity: spec.sensitivity };
-    let unit = signal.measured(&stated).map_err(|why| match (why, spec.quantity) {
+    let unit = signal.measured(&spec.stated).map_err(|why| match (why, spec.quantity) {
         (Unsettled::Contradiction(why), _) => refuse(why),
         (Unsettled::SensitivityMissing, _) => {
             refuse(format!("{name:?} is a voltage: give the sensor's sensitivity = \"100 mV/g\""))
@@ -143,33 +142,34 @@ fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, R
     if spec.time_column.is_some() {
         return Err(refuse("`time_column` is for a CSV file whose columns are chosen by `column`".into()));
     }
-    // Of a table it says that values are missing, or that the times are uneven.
-    if let Some(remark) = signal.remark.as_ref().filter(|_| kind == signal_file::TABLE) {
-        return Err(refuse(format!("{name:?}: {remark}")));
-    }
     if signal.imaginary.is_some() {
         return Err(refuse(format!("{name:?} is complex: a record has real values")));
     }
-    let step_s = match (spec.time_step_s, &signal.axis) {
-        (Some(step_s), _) => step_s,
-        (None, Axis::Time { step_s, .. }) => *step_s,
-        (None, Axis::Times(_)) => {
-            let why = signal.remark.as_deref().unwrap_or("uneven");
-            return Err(refuse(format!(
-                "the times of {name:?} are not even: {why}; resample it, or give `time_step_s`"
-            )));
-        }
-        (None, _) => return Err(refuse(format!("the time step of {name:?} is not known: give `time_step_s`"))),
-    };
+    let given = spec.time_step_s.map(|step_s| Signal { axis: Axis::Time { start_s: 0.0, step_s }, ..signal.clone() });
+    let even = given.as_ref().unwrap_or(&signal).evenly().map_err(|why| match signal.axis {
+        Axis::Unknown(_) => refuse(format!("the time step of {name:?} is not known: give `time_step_s`")),
+        _ => refuse(why),
+    })?;
+    let rms = (even.values.iter().map(|value| value * value).sum::<f64>() / even.values.len() as f64).sqrt();
+    if even.rms_error > MAX_RESAMPLING * rms {
+        return Err(refuse(format!(
+            "{name:?}: {}; to resample it would change it by {:.1} % (RMS, estimated), at most {} % are allowed: record at a higher rate, or \
+             give `time_step_s`",
+            signal.remark.as_deref().unwrap_or("the times are uneven"),
+            100.0 * even.rms_error / rms,
+            100.0 * MAX_RESAMPLING
+        )));
+    }
     let to_si = ToSi { quantity, unit_si: unit.si, scale: spec.scale.unwrap_or(1.0) };
     let value = |(n, value): (usize, &f64)| {
         to_si.value(&value.to_string(), *value).map_err(|why| refuse(format!("value {} of {name:?}: {why}", n + 1)))
     };
-    let samples = signal.values.iter().enumerate().map(value).collect::<Result<Vec<f64>, _>>()?;
+    let samples = even.values.iter().enumerate().map(value).collect::<Result<Vec<f64>, _>>()?;
     if samples.len() < 2 {
         return Err(refuse(format!("{kind}, {name:?}: {} samples; a motion has at least 2", samples.len())));
     }
-    Ok(Record { file: Some(selected.path), quantity, step_s, samples })
+    let resampling = (even.rms_error > 0.0).then(|| even.rms_error / rms);
+    Ok(Record { file: Some(selected.path), quantity, step_s: even.step_s, samples, resampling })
 }
 
 /// "did you mean": files beside a missing one.
@@ -269,7 +269,7 @@ fn table(text: &str, spec: &Spec, quantity: Quantity, scale: f64) -> Result<(f64
         let (_, unit) = of_column(rows.header.as_ref()?.get(value)?);
         unit::Unit::of(&unit)
     };
-    let unit = spec.unit.or_else(of_name).filter(|unit| unit.kind == quantity.kind());
+    let unit = spec.stated.unit.or_else(of_name).filter(|unit| unit.kind == quantity.kind());
     let unit_si = unit
         .map(|unit| unit.si)
         .ok_or_else(|| format!("the unit of the values is not known: give unit = {}", unit_list(quantity)))?;

@@ -47,9 +47,23 @@ pub struct Record {
     pub step_s: f64,
     /// In SI units; at least two.
     pub samples: Vec<f64>,
+    /// Estimated change by resampling, RMS over that of the samples; none if the times of the file were even.
+    pub resampling: Option<f64>,
 }
 
 impl Record {
+    /// What was done to the samples of the file, for people.
+    #[must_use]
+    pub fn resampled_text(&self) -> Option<String> {
+        self.resampling.map(|share| {
+            format!(
+                "its times jitter: resampled by cubics at {:.5} Hz, which changes it by {:.2e} of its RMS (estimated)",
+                1.0 / self.step_s,
+                share
+            )
+        })
+    }
+
     /// Time from the first sample to the last, s.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
@@ -140,7 +154,7 @@ mod tests {
     use super::*;
 
     fn record(quantity: Quantity, samples: &[f64]) -> Record {
-        Record { file: None, quantity, step_s: 0.1, samples: samples.to_vec() }
+        Record { file: None, quantity, step_s: 0.1, samples: samples.to_vec(), resampling: None }
     }
 
     #[test]

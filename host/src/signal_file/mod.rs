@@ -14,6 +14,7 @@ pub mod overview;
 mod parquet;
 mod selector;
 mod stated;
+mod tone;
 mod uff;
 mod uff_dataset_58;
 pub mod unit;
@@ -25,7 +26,8 @@ use std::path::Path;
 use crate::input::{regular, without_panic};
 pub use delimited::EvenSignal;
 pub use selector::Selector;
-pub use stated::{Sensitivity, Stated, Unsettled};
+pub use stated::{Calibration, Sensitivity, Stated, Unsettled};
+pub use tone::Tone;
 use unit::{Kind, Unit};
 
 /// Size limit of a file that is read whole: an hour of sound is smaller.

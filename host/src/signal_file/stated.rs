@@ -1,9 +1,10 @@
-//! What a user states of a signal where its file does not: the unit, and the sensitivity of the sensor behind a voltage.
+//! What a user states of a signal where its file does not: the unit, the sensitivity of the sensor behind a voltage, or a calibrator's tone.
 
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
-use super::Signal;
 use super::unit::{Kind, Unit};
+use super::{Selector, Signal, SignalError, Tone};
 
 /// Volts of a sensor per unit of what it measures: `100 mV/g`, `10.2 mV/(m/s2)`, `2.5 V/mm`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,13 +36,66 @@ impl FromStr for Sensitivity {
     }
 }
 
+/// What a calibrator's tone, recorded on the same channel, says of a signal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Calibration {
+    /// What one unit of the recording is.
+    pub unit: Unit,
+    /// The unit of the recording, as its file writes it; empty for shares of full scale.
+    pub unit_text: String,
+    /// Frequency of the tone, Hz.
+    pub frequency_hz: f64,
+}
+
+/// Frequencies of a vibration calibrator, Hz: 79.6 Hz and 159.2 Hz are usual.
+const FREQUENCIES_HZ: RangeInclusive<f64> = 5.0..=10_000.0;
+
+impl Calibration {
+    /// Of the recording of a calibrator with this RMS, for example `10 m/s2`.
+    ///
+    /// # Errors
+    /// A recording that cannot be read or is of no steady tone; an RMS without a known unit.
+    pub fn of(recording: &Selector, rms: &str) -> Result<Self, SignalError> {
+        let parsed = rms.trim().split_once(' ').and_then(|(value, unit)| {
+            let value = value.parse::<f64>().ok().filter(|value| value.is_finite() && *value > 0.0)?;
+            Unit::of(unit).filter(|unit| unit.kind != Kind::Voltage).map(|unit| (value, unit))
+        });
+        let (value, unit) = parsed.ok_or_else(|| {
+            SignalError(format!("{rms:?} is no RMS of a calibrator: write it with its unit, \"10 m/s2\" or \"1 g\""))
+        })?;
+        let refuse = |why: String| SignalError(format!("{}: {why}", recording.path.display()));
+        let signal = recording.read()?;
+        if signal.unit.is_some_and(|unit| unit.kind != Kind::Voltage) {
+            return Err(refuse(format!(
+                "its values have the unit {:?} already: it calibrates nothing",
+                signal.unit_text
+            )));
+        }
+        let even = signal.evenly().map_err(refuse)?;
+        let tone = Tone::find(&even.values, 1.0 / even.step_s, &FREQUENCIES_HZ).map_err(refuse)?;
+        let unit = Unit { kind: unit.kind, si: unit.si * value / tone.rms };
+        Ok(Self { unit, unit_text: signal.unit_text, frequency_hz: tone.frequency_hz })
+    }
+}
+
 /// What is stated of a signal beside its file.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Stated {
     /// Unit of the values, if the file does not state it.
     pub unit: Option<Unit>,
     /// Sensitivity of the sensor, if the values are its voltage.
     pub sensitivity: Option<Sensitivity>,
+    /// A calibrator's tone, in place of both.
+    pub calibration: Option<Calibration>,
+}
+
+impl Stated {
+    /// Whether the values are those of a sensor whose sensitivity is not in the file.
+    pub(crate) fn is_of_sensor(&self) -> bool {
+        self.sensitivity.is_some()
+            || self.calibration.is_some()
+            || self.unit.is_some_and(|unit| unit.kind == Kind::Voltage)
+    }
 }
 
 /// Why what a signal measures is not known, or what is stated contradicts the file.
@@ -61,6 +115,16 @@ impl Signal {
     /// # Errors
     /// What is missing, or contradicts the file.
     pub fn measured(&self, stated: &Stated) -> Result<Unit, Unsettled> {
+        if let Some(calibration) = &stated.calibration {
+            return if self.unit_text == calibration.unit_text {
+                Ok(calibration.unit)
+            } else {
+                Err(Unsettled::Contradiction(format!(
+                    "{:?} has the unit {:?}, the calibration {:?}: record both on the same channel",
+                    self.name, self.unit_text, calibration.unit_text
+                )))
+            };
+        }
         let unit = match (self.unit, stated.unit) {
             (Some(of_file), Some(given)) if of_file != given => {
                 return Err(Unsettled::Contradiction(format!(

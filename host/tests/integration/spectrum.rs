@@ -9,7 +9,7 @@ use damprig::spectrum::{Method, Point, periods, spectra};
 use crate::common::{damprig, field, folder_with};
 
 fn record(step_s: f64, samples: Vec<f64>) -> Record {
-    Record { file: None, quantity: Quantity::Acceleration, step_s, samples }
+    Record { file: None, quantity: Quantity::Acceleration, step_s, samples, resampling: None }
 }
 
 fn one(record: &Record, zeta: f64, period_s: f64, method: Method) -> Point {

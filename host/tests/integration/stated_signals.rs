@@ -66,6 +66,63 @@ fn a_decay_in_millivolts_with_a_sensitivity_is_that_of_the_same_acceleration() {
     }
 }
 
+fn wav(folder: &TempDir, name: &str, count: u32, rate_hz: u32, sample: impl Fn(f64) -> f64) {
+    let format = hound::WavSpec {
+        channels: 1,
+        sample_rate: rate_hz,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut writer = hound::WavWriter::create(folder.path().join(name), format).unwrap();
+    for n in 0..count {
+        writer.write_sample(sample(f64::from(n) / f64::from(rate_hz)) as f32).unwrap();
+    }
+    writer.finalize().unwrap();
+}
+
+#[test]
+fn a_calibrators_tone_gives_the_unit_of_a_recording() {
+    let folder = folder_with("");
+    // A calibrator of 10 m/s² RMS at 159.2 Hz gives 0.05 of full scale.
+    wav(&folder, "tone.wav", 12_000, 4000, |t| 0.05 * 2f64.sqrt() * (TAU * 159.2 * t).sin());
+    wav(&folder, "hum.wav", 12_000, 4000, |t| 0.05 * (TAU * 2.0 * t).sin());
+    wav(&folder, "sine.wav", 8000, 4000, |t| 0.02 * (TAU * t).sin());
+    std::fs::write(folder.path().join("g.csv"), "t_s,a_g\n0,1\n0.01,2\n0.02,1\n0.03,0\n0.04,1\n0.05,1\n").unwrap();
+    let spectrum = ["spectrum", "sine.wav", "--periods", "1", "--json", "--calibration"];
+    let (code, json, error) = run(&folder, &[&spectrum[..], &["tone.wav", "--calibration-rms", "10 m/s2"]].concat());
+    assert_eq!(code, Some(0), "{error}");
+    let json: Value = serde_json::from_str(&json).unwrap();
+    // 0.02 of full scale; the window's leakage at the ends of the tone is less than 1e-4.
+    assert!((json["peak_m_per_s2"].as_f64().unwrap() / 4.0 - 1.0).abs() < 1e-4, "{json}");
+    for (arguments, words) in [
+        (&["hum.wav", "--calibration-rms", "10 m/s2"][..], "2.0 Hz is not that of a calibrator"),
+        (&["sine.wav", "--calibration-rms", "10"], "write it with its unit"),
+        (&["tone.wav", "--calibration-rms", "0 g"], "write it with its unit"),
+        (&["g.csv", "--calibration-rms", "10 m/s2"], "calibrates nothing"),
+        (&["absent.wav", "--calibration-rms", "10 m/s2"], "absent.wav"),
+        (&["tone.wav"], "--calibration-rms"),
+        (&["tone.wav", "--calibration-rms", "10 m/s2", "--unit", "g"], "cannot be used with"),
+        (&["tone.wav", "--calibration-rms", "94 Pa"], "is a pressure"),
+    ] {
+        let (code, _, error) = run(&folder, &[&spectrum[..], arguments].concat());
+        assert_eq!(code, Some(2), "{arguments:?}");
+        assert!(error.contains(words), "{arguments:?}: {error}");
+    }
+    let of_g = ["spectrum", "g.csv", "--calibration", "tone.wav", "--calibration-rms", "10 m/s2"];
+    let (_, _, error) = run(&folder, &of_g);
+    assert!(error.contains("record both on the same channel"), "{error}");
+}
+
+#[test]
+fn a_file_of_damprig_itself_is_named_with_its_command() {
+    let folder = folder_with(&crate::common::short());
+    let (code, said, error) = run(&folder, &["inspect", "test.toml"]);
+    assert_eq!(code, Some(0), "{error}");
+    assert!(said.contains("Campaign of damprig") && said.contains("damprig run"), "{said}");
+    let (_, said, _) = run(&folder, &["inspect", "."]);
+    assert!(said.contains("a folder; name a file in it"), "{said}");
+}
+
 #[test]
 fn a_record_in_millivolts_with_a_sensitivity_is_the_record_in_its_unit() {
     let folder = folder_with("");
@@ -161,4 +218,43 @@ fn a_damaged_cosmos_file_is_refused_with_the_line() {
     let counts = parse(whole.replace("units=cm/sec2(04)", "units=counts (50)").as_bytes()).unwrap();
     assert_eq!(counts.signals[0].unit, None);
     assert!(counts.signals[0].remark.as_ref().unwrap().contains("counts"), "{:?}", counts.signals[0].remark);
+}
+
+#[test]
+fn a_record_whose_times_jitter_is_resampled_with_a_stated_error() {
+    let folder = folder_with("");
+    // A sine of 1 Hz at 100 Hz whose times jitter by up to 2 ms; the same at 3 Hz and 10 Hz is too coarse.
+    let write = |name: &str, frequency_hz: f64, rate_hz: f64, gap: bool| {
+        let mut random = fastrand::Rng::with_seed(20_261_125);
+        let rows: String = (0..400)
+            .filter(|n| !gap || !(150..160).contains(n))
+            .map(|n| {
+                let t = (f64::from(n) + 0.2 * random.f64()) / rate_hz;
+                format!("{t:.6},{:.9}\n", (TAU * frequency_hz * t).sin())
+            })
+            .collect();
+        std::fs::write(folder.path().join(name), format!("t_s,a_m_per_s2\n{rows}")).unwrap();
+    };
+    write("jitter.csv", 1.0, 100.0, false);
+    write("coarse.csv", 3.0, 10.0, false);
+    write("gap.csv", 1.0, 100.0, true);
+    let (code, said, error) = run(&folder, &["spectrum", "jitter.csv", "--damping", "0.05", "--periods", "1"]);
+    assert_eq!(code, Some(0), "{error}");
+    assert!(said.contains("its times jitter: resampled by cubics"), "{said}");
+    let (_, json, _) = run(&folder, &["spectrum", "jitter.csv", "--periods", "1", "--json"]);
+    let json: Value = serde_json::from_str(&json).unwrap();
+    // Four periods of resonance from rest: 1/(2ζω²)·(1 − exp(−8πζ)), to 1 % for the phase of the damped motion.
+    let expected = (1.0 - (-4.0 * TAU * 0.05f64).exp()) / (0.1 * TAU * TAU);
+    let found = json["spectra"][0]["sd_m"].as_f64().unwrap();
+    assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
+    for (file, words) in [
+        ("coarse.csv", "line 12: a step of"),
+        ("coarse.csv#1", "at most 1 % are allowed"),
+        ("gap.csv", "line 152: a step of"),
+        ("gap.csv#a", "gaps, the first of"),
+    ] {
+        let (code, _, error) = run(&folder, &["spectrum", file]);
+        assert_eq!(code, Some(2), "{file}");
+        assert!(error.contains(words), "{file}: {error}");
+    }
 }

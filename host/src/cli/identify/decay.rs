@@ -16,7 +16,7 @@ use crate::report::figures::backbone;
 use crate::report::plot::{FigureError, Picture};
 use crate::report::{backbone_table, branch_table};
 use crate::run_folder::read::folder::find;
-use crate::signal_file::{Selector, Stated};
+use crate::signal_file::Selector;
 use crate::storage::out_file::OutFile;
 
 /// Natural frequency, damping ratio and Coulomb friction of the structure from a free vibration.
@@ -90,13 +90,14 @@ pub(super) fn run(args: &DecayArgs) -> Outcome {
 fn identify(args: &DecayArgs) -> Result<(Decay, Identification), CannotIdentify> {
     let model = |sensors| Model { coulomb: !args.viscous, sensors };
     let (taken_from, decay, remarks, sensors, mass_kg) = if Selector::of(&args.source).path.is_file() {
-        let record = DecayFile::read(&args.source, &args.stated.stated())?;
+        let record = DecayFile::read(&args.source, &args.stated.stated().map_err(|error| CannotIdentify(error.0))?)?;
         let sensors = args.sensors.applied(Sensors::ASSUMED);
         let (decay, remarks) = record.identify(model(sensors))?;
         (record.taken_from, decay, remarks, sensors, None)
     } else {
-        if args.stated.stated() != Stated::default() {
-            return Err(CannotIdentify("--unit and --sensitivity are for a file; a run has displacements in m".into()));
+        if args.stated.is_given() {
+            let text = "--unit, --sensitivity and --calibration are for a file; a run has displacements in m";
+            return Err(CannotIdentify(text.into()));
         }
         let run = find(&args.source).map_err(|e| CannotIdentify(e.to_string()))?;
         let record = free_vibration(&run, &args.choice.choice())?;

@@ -6,7 +6,7 @@ use clap::Args as ClapArgs;
 
 use super::OutArgs;
 use crate::cli::arguments::{not_negative, positive};
-use crate::identify::sound::calibration::tone;
+use crate::identify::sound::calibration::calibrated;
 use crate::identify::sound::recording::Recording;
 use crate::identify::sound::weighting::Weighting;
 use crate::identify::sound::{Evaluation, estimates, levels, remarks};
@@ -100,12 +100,11 @@ fn calibration(args: &SoundArgs, recording: &Recording) -> Result<(f64, Option<S
         }
         (Some(path), _) => {
             let level_db = args.calibration_level_db.unwrap_or(94.0);
-            let found = tone(&Recording::read(path, args.channel)?, level_db)?;
+            let (frequency_hz, pascal_per_unit) = calibrated(&Recording::read(path, args.channel)?, level_db)?;
             let words = format!(
-                "calibrated by a tone of {:.1} Hz with {level_db} dB: full scale is {:.3} Pa",
-                found.frequency_hz, found.pascal_per_unit
+                "calibrated by a tone of {frequency_hz:.1} Hz with {level_db} dB: full scale is {pascal_per_unit:.3} Pa"
             );
-            Ok((found.pascal_per_unit, Some(words)))
+            Ok((pascal_per_unit, Some(words)))
         }
         (None, Some(pascal_per_unit)) => Ok((pascal_per_unit, None)),
     }

@@ -6,7 +6,7 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::Wall;
 use damprig_particles::Damper;
 
-use crate::motion_record::Quantity;
+use crate::motion_record::{Quantity, Record};
 use crate::report::describe;
 use crate::report::numbers::{about, millimetres, significant};
 use crate::simulation::collector::MAX_ACCUMULATIONS_WITHOUT_IMPACTS;
@@ -265,6 +265,9 @@ pub fn summary(case: &Case, result: &SimulationResult) -> String {
             "last 10 cycles",
             format!("mean of the largest |x|: {}{}; {text}", millimetres(mean), over(mean, "X")),
         ));
+    }
+    if let Some(text) = case.record.as_ref().and_then(Record::resampled_text) {
+        lines.push(("record", text));
     }
     if let (Some(record), Some(jump)) = (&case.record, s.record_start_jump_m_per_s) {
         let (jump, step_s) = (significant(jump, 3), significant(record.step_s, 4));

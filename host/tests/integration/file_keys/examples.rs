@@ -82,6 +82,13 @@ column = "z_mm"
 time_step_s = 0.01
 
 [[experiment]]
+name = "voltage"
+kind = "playback"
+file = "voltage.csv"
+unit = "V"
+sensitivity = "1 V/mm"
+
+[[experiment]]
 kind = "impulse"
 shape = "rectangle"
 amplitude_m = 0.002
@@ -102,7 +109,7 @@ measure_s = 2
 cycles = 4
 "#;
 
-pub const MORE_CASES: [&str; 10] = [
+pub const MORE_CASES: [&str; 11] = [
     r#"
 structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
 run = { duration_s = 1 }
@@ -137,6 +144,11 @@ run = {}
     r#"
 structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
 base = { kind = "record", file = "record.csv", quantity = "displacement", unit = "mm", column = "z_mm", time_step_s = 0.01 }
+run = { duration_s = 1 }
+"#,
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+base = { kind = "record", file = "voltage.csv", unit = "V", sensitivity = "1 V/mm" }
 run = { duration_s = 1 }
 "#,
     r#"
