@@ -1,7 +1,6 @@
 //! The text of a new study: a case over some of its keys, with comments.
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::Wall;
 
 use crate::simulation::Case;
 use crate::study::bifurcation::SweepAxis;
@@ -19,7 +18,7 @@ pub fn usual_axes(case: &Case) -> Vec<SweepAxis> {
             let ratio = particle.clearance_m / reference_m;
             axes.push(axis("particle.clearance_ratio", round(0.5 * ratio), round(2.0 * ratio), 41));
         }
-        if matches!(particle.wall, Wall::Restitution { .. }) {
+        if !particle.wall.is_soft() {
             axes.push(axis("particle.wall.coefficient", 0.1, 0.9, 33));
         }
     }

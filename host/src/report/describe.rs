@@ -16,13 +16,7 @@ use crate::simulation::Case;
 pub fn set_up(set_up: &CampaignSetUp) -> String {
     let clearance = set_up.clearance_ratio().map(|r| format!("d/Z = {}", trimmed(r, 2)));
     let model = set_up.model();
-    let wall = model.particle.map(|particle| match particle.wall {
-        Wall::Restitution { coefficient } => format!("e = {}", trimmed(coefficient, 3)),
-        Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
-            let (k1, c1) = (significant(stiffness_n_per_m, 4), significant(damping_n_s_per_m, 3));
-            format!("k1 = {k1} N/m, c1 = {c1} N·s/m")
-        }
-    });
+    let wall = model.particle.map(|particle| wall(&particle.wall));
     let tuned = model.tmd.map(|tmd| {
         let own = (tmd.stiffness_n_per_m / tmd.mass_kg).sqrt();
         let gamma = own / model.structure.angular_frequency_rad_per_s();
@@ -37,6 +31,25 @@ pub fn set_up(set_up: &CampaignSetUp) -> String {
         None => format!("Z = {} mm", trimmed(set_up.base_amplitude_m * 1e3, 3)),
     });
     [clearance, wall, tuned, friction, unmodelled, amplitude].into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+/// A wall: `e = 0.47`, `e = 0.6 (v/0.5 m/s)^−0.25, at most 0.9`, `k1 = 4000 N/m, c1 = 14.6 N·s/m`.
+#[must_use]
+pub fn wall(wall: &Wall) -> String {
+    match *wall {
+        Wall::Restitution { coefficient } => format!("e = {}", significant(coefficient, 4)),
+        Wall::SpeedRestitution(law) => format!(
+            "e = {} (v/{} m/s)^−{}, at most {}",
+            significant(law.coefficient, 4),
+            significant(law.reference_speed_m_per_s, 4),
+            significant(law.exponent, 4),
+            significant(law.maximum, 4)
+        ),
+        Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
+            let (k1, c1) = (significant(stiffness_n_per_m, 5), significant(damping_n_s_per_m, 5));
+            format!("k1 = {k1} N/m, c1 = {c1} N·s/m")
+        }
+    }
 }
 
 /// What a person must do before a set-up is measured: `Mount set-up "spid": d/Z = 10, … Put the particle at the wall.`

@@ -13,12 +13,8 @@ fn number(value: f64) -> String {
 }
 
 fn voigt(wall: Wall) -> Option<(f64, f64, Release)> {
-    match wall {
-        Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release } => {
-            Some((stiffness_n_per_m, damping_n_s_per_m, release))
-        }
-        Wall::Restitution { .. } => None,
-    }
+    let (stiffness_n_per_m, damping_n_s_per_m) = wall.spring_and_dashpot()?;
+    Some((stiffness_n_per_m, damping_n_s_per_m, wall.release()?))
 }
 
 /// Every parameter with its unit. Those that no set-up has are left out of the table.
@@ -48,10 +44,10 @@ const PARAMETERS: &[(&str, Value)] = &[
     ("g, gravity (m/s²)", |_, m| {
         m.particle.filter(|p| p.friction_coefficient > 0.0).map(|_| number(m.gravity_m_per_s2))
     }),
-    ("e, restitution", |_, m| match m.particle?.wall {
-        Wall::Restitution { coefficient } => Some(number(coefficient)),
-        Wall::Voigt { .. } => None,
-    }),
+    ("e, restitution", |_, m| Some(number(m.particle?.wall.restitution()?.coefficient))),
+    ("reference speed of e (m/s)", |_, m| Some(number(m.particle?.wall.falling()?.reference_speed_m_per_s))),
+    ("exponent of e over speed", |_, m| Some(number(m.particle?.wall.falling()?.exponent))),
+    ("largest e", |_, m| Some(number(m.particle?.wall.falling()?.maximum))),
     ("k1, wall's stiffness (N/m)", |_, m| Some(number(voigt(m.particle?.wall)?.0))),
     ("c1, wall's damping (N·s/m)", |_, m| Some(number(voigt(m.particle?.wall)?.1))),
     ("contact ends at", |_, m| {

@@ -5,7 +5,7 @@ use damprig_core::model::{DampingLaw, GRAVITY_M_PER_S2, Material, Tuning};
 
 use crate::input::key::DefaultValue::{From, Number, Word};
 use crate::input::key::Need::{Default, Forbidden, If, Optional, Required, RequiredUnless};
-use crate::input::key::Range::{Any, Between, NotNegative, Positive};
+use crate::input::key::Range::{Any, Between, Inside, NotNegative, Positive};
 use crate::input::key::{Key, Kind, Quantity, Table, key, names, number, tables, word};
 
 const LAW_NAMES: &[&str] = names!(DampingLaw::ALL, law => law.name());
@@ -80,7 +80,18 @@ tables! {
     "A hard wall: an impact takes no time."
     wall_restitution("particle.wall", "restitution") {
         COEFFICIENT: Required, [
-            number("coefficient", Between(0.0, 1.0), "e, the coefficient of restitution").usual(0.05, 0.98),
+            number("coefficient", Between(0.0, 1.0), "e, the coefficient of restitution; with an exponent, that at the reference speed")
+                .usual(0.05, 0.98),
+        ];
+        EXPONENT: Optional, [
+            number("exponent", Between(0.0, 1.0), "p of e(v) = min(coefficient·(v/reference speed)^(−p), maximum), with the approach speed v; without it e is the same at every speed")
+                .usual(0.0, 0.5),
+        ];
+        REFERENCE_SPEED: If(&EXPONENT, "exponent", &Required, &Forbidden), [
+            number("reference_speed_m_per_s", Positive, "approach speed at which e is the coefficient").usual(0.01, 10.0),
+        ];
+        MAXIMUM: If(&EXPONENT, "exponent", &Required, &Forbidden), [
+            number("maximum", Inside(0.0, 1.0), "largest e, that of slow impacts").usual(0.3, 0.98),
         ];
     }
 

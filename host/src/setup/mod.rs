@@ -8,7 +8,7 @@ pub mod set_up_file;
 mod spec;
 
 use damprig_core::integrator::sampled::Sampled;
-use damprig_core::model::{DampingLaw, Material, Release, SetUp, Structure, Tmd, Tuning, Wall};
+use damprig_core::model::{DampingLaw, Material, Release, Restitution, SetUp, Structure, Tmd, Tuning, Wall};
 use toml::de::DeTable;
 
 use crate::input::Section;
@@ -219,11 +219,27 @@ fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude
 
 fn read_wall(s: &Section, structure: Option<&Structure>, particle_mass_kg: Option<f64>) -> Option<Wall> {
     let wall = match s.variant(&[wall_restitution::TABLE, wall_voigt::TABLE])? {
-        0 => s.scalar(&wall_restitution::COEFFICIENT).map(|coefficient| Wall::Restitution { coefficient }),
+        0 => read_hard(s),
         _ => read_voigt(s, structure, particle_mass_kg),
     };
     s.finish();
     wall
+}
+
+fn read_hard(s: &Section) -> Option<Wall> {
+    let coefficient = s.scalar(&wall_restitution::COEFFICIENT);
+    let exponent = s.scalar(&wall_restitution::EXPONENT);
+    let reference_speed = s.scalar(&wall_restitution::REFERENCE_SPEED);
+    let maximum = s.scalar(&wall_restitution::MAXIMUM);
+    if !s.is_given(&wall_restitution::EXPONENT) {
+        return Some(Wall::Restitution { coefficient: coefficient? });
+    }
+    Some(Wall::SpeedRestitution(Restitution {
+        coefficient: coefficient?,
+        reference_speed_m_per_s: reference_speed?,
+        exponent: exponent?,
+        maximum: maximum?,
+    }))
 }
 
 /// k1 stated, by its material's name, or from storage modulus and shape factor; c1 stated, or from the loss factor by a law.

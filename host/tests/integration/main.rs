@@ -75,4 +75,5 @@ mod study_damage;
 mod study_work;
 mod transients;
 mod unusual;
+mod walls;
 mod written_by_0_1_0;

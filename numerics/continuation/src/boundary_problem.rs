@@ -150,8 +150,9 @@ impl BoundaryProblem<'_> {
             let sign = T::of(if is_last { twist } else { 1.0 });
             let reached = self.reach(n, &unknowns[own..own + STATE], unknowns[own + STATE], &settings);
             let next = self.sequence.next(n);
-            let reset = equations.reset(segment.end, next);
-            let resets: Vec<_> = along.iter().map(|along| along.reset(segment.end, next)).collect();
+            let reset = equations.reset(segment.end, next, &reached.end);
+            let end = reached.end.map(Dual::constant);
+            let resets: Vec<_> = along.iter().map(|along| along.reset(segment.end, next, &end)).collect();
             for k in 0..STATE {
                 let changes: Vec<Vector<T>> = resets.iter().map(|reset| reset[k].map(|entry| entry.slope)).collect();
                 let image = reached.row(&reset[k], &changes);
@@ -261,8 +262,8 @@ impl BoundaryProblem<'_> {
             let start = complete(&unknowns[own..own + STATE]);
             let a = equations.matrix(&segment.phase);
             let guard = equations.guard(&segment.phase, segment.end);
-            let reset = equations.reset(segment.end, self.sequence.next(n));
-            product = Passage::new(&a, &start, unknowns[own + STATE], &guard, &reset).matrix * product;
+            let reset = |end: &Vector<f64>| equations.reset(segment.end, self.sequence.next(n), end);
+            product = Passage::new(&a, &start, unknowns[own + STATE], &guard, reset).matrix * product;
         }
         product
     }

@@ -14,6 +14,8 @@ pub trait Real:
     fn sin_cos(self) -> (Self, Self);
     /// Square root of a positive number.
     fn sqrt(self) -> Self;
+    /// A positive number to a constant power.
+    fn power(self, exponent: f64) -> Self;
 }
 
 impl Real for f64 {
@@ -31,6 +33,10 @@ impl Real for f64 {
 
     fn sqrt(self) -> Self {
         libm::sqrt(self)
+    }
+
+    fn power(self, exponent: f64) -> Self {
+        libm::pow(self, exponent)
     }
 }
 
@@ -108,6 +114,13 @@ impl<T: Real> Real for Dual<T> {
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();
         Self { value: root, slope: self.slope / (root + root) }
+    }
+
+    fn power(self, exponent: f64) -> Self {
+        Self {
+            value: self.value.power(exponent),
+            slope: self.slope * T::of(exponent) * self.value.power(exponent - 1.0),
+        }
     }
 }
 

@@ -23,16 +23,17 @@ pub(crate) struct Passage {
 
 impl Passage {
     /// A segment from the completed state `start` in the mode with the matrix `a`, to the event at which the row `guard` is
-    /// zero, and the rows of the state after it.
+    /// zero. `reset` gives the rows of the state after it from the completed state before it.
     pub fn new(
         a: &Square<f64>,
         start: &Vector<f64>,
         duration: f64,
         guard: &Vector<f64>,
-        reset: &[Vector<f64>; STATE],
+        reset: impl FnOnce(&Vector<f64>) -> [Vector<f64>; STATE],
     ) -> Self {
         let flow = exponential(a, duration);
         let end = times(&flow, start);
+        let reset = reset(&end);
         let rate = times(a, &end);
         let by_state = by_state(&flow, start);
         let speed = dot(guard, &rate);

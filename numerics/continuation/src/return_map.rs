@@ -125,7 +125,7 @@ impl ReturnMap {
             let end_s = pieces.get(n + 1).map_or(self.end_s, |next| next.start_s);
             let duration = (end_s - piece.start_s) / system.time_s;
             let Some(next) = pieces.get(n + 1) else {
-                passages.push(Passage::new(&a, &from, duration, &turn, &equations.regain(&piece.phase)));
+                passages.push(Passage::new(&a, &from, duration, &turn, |_| equations.regain(&piece.phase)));
                 break;
             };
             let end = state(&piece.end, end_s);
@@ -135,7 +135,7 @@ impl ReturnMap {
             }
             let after = next.after_chatter.as_ref().map_or(&next.phase, |(flying, _)| flying);
             let guard = equations.guard(&piece.phase, event);
-            passages.push(Passage::new(&a, &from, duration, &guard, &equations.reset(event, after)));
+            passages.push(Passage::new(&a, &from, duration, &guard, |end| equations.reset(event, after, end)));
             if let Some((flying, before)) = &next.after_chatter {
                 let before = complete(&state(before, end_s));
                 passages.push(Passage::new(
@@ -143,7 +143,7 @@ impl ReturnMap {
                     &before,
                     0.0,
                     &turn,
-                    &equations.rest(&next.phase),
+                    |_| equations.rest(&next.phase),
                 ));
             }
         }

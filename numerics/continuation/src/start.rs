@@ -6,7 +6,7 @@ use damprig_core::analysis::section::{Section, period};
 use damprig_core::integrator::exact::{Accumulation, Arc, Exact, ExactState, Excitation, Impact, Observer, Touch};
 use damprig_core::integrator::modes::{Contact, Grip, Mode, Sign};
 use damprig_core::io::Invalid;
-use damprig_core::model::{Initial, Release, SetUp, Wall};
+use damprig_core::model::{Initial, Release, SetUp};
 
 use crate::boundary_problem::UNKNOWNS;
 use crate::flow::{STATE, complete, dot};
@@ -109,10 +109,7 @@ impl Pieces {
             pieces: Vec::new(),
             clearance_m: particle.map_or(0.0, |p| p.clearance_m),
             has_friction: particle.is_some_and(|p| p.friction_coefficient * set_up.gravity_m_per_s2 > 0.0),
-            soft: particle.and_then(|p| match p.wall {
-                Wall::Voigt { release, .. } => Some(release),
-                Wall::Restitution { .. } => None,
-            }),
+            soft: particle.and_then(|p| p.wall.release()),
             mode: None,
             impact: None,
             chatter: None,

@@ -26,6 +26,23 @@ pub struct System {
     pub(crate) has_particle: bool,
     pub(crate) has_tmd: bool,
     pub(crate) soft: Option<Release>,
+    falling: Option<Falling>,
+}
+
+/// Restitution that falls with the speed of the impact, without units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Falling {
+    reference: f64,
+    exponent: f64,
+    maximum: f64,
+}
+
+impl Falling {
+    fn of(wall: &Wall, velocity_m_per_s: f64) -> Option<Self> {
+        let law = wall.falling()?;
+        let (exponent, maximum) = (law.exponent, law.maximum);
+        Some(Self { reference: law.reference_speed_m_per_s / velocity_m_per_s, exponent, maximum })
+    }
 }
 
 impl System {
@@ -55,10 +72,8 @@ impl System {
             length_m: amplitude_m,
             has_particle: set_up.particle.is_some(),
             has_tmd: set_up.tmd.is_some(),
-            soft: set_up.particle.and_then(|p| match p.wall {
-                Wall::Voigt { release, .. } => Some(release),
-                Wall::Restitution { .. } => None,
-            }),
+            soft: set_up.particle.and_then(|p| p.wall.release()),
+            falling: set_up.particle.and_then(|p| Falling::of(&p.wall, amplitude_m * turning)),
         })
     }
 
@@ -133,6 +148,7 @@ impl System {
             }
             match &mut particle.wall {
                 Wall::Restitution { coefficient } => *coefficient = v.restitution,
+                Wall::SpeedRestitution(law) => law.coefficient = v.restitution,
                 Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
                     (*stiffness_n_per_m, *damping_n_s_per_m) = (v.link_stiffness, v.link_damping);
                 }
@@ -171,10 +187,7 @@ impl System {
             (_, Some(tmd)) => (tmd.stiffness_n_per_m, tmd.damping_n_s_per_m),
             _ => (0.0, 0.0),
         };
-        let restitution = match particle.map(|p| p.wall) {
-            Some(Wall::Restitution { coefficient }) => coefficient,
-            _ => 0.0,
-        };
+        let restitution = particle.and_then(|p| p.wall.restitution()).map_or(0.0, |law| law.coefficient);
         let mass = particle.map(|p| p.mass_kg).or(tmd.map(|tmd| tmd.mass_kg)).unwrap_or(structure.mass_kg);
         let friction = particle.map_or(0.0, |p| p.friction_coefficient) * gravity_m_per_s2;
         let mut values = Values {
@@ -217,6 +230,7 @@ impl System {
             clearance: v.clearance / length,
             friction_acceleration: v.friction_acceleration * square / length,
             restitution: v.restitution,
+            falling: self.falling,
             link_stiffness: v.link_stiffness * square * per_mass,
             link_damping: v.link_damping * time * per_mass,
             damper_force: v.damper_force * force,
@@ -251,6 +265,7 @@ pub(crate) struct Equations<T> {
     clearance: T,
     friction_acceleration: T,
     restitution: T,
+    falling: Option<Falling>,
     link_stiffness: T,
     link_damping: T,
     damper_force: T,
@@ -409,8 +424,19 @@ impl<T: Real> Equations<T> {
         row
     }
 
-    /// The state after the event `guard` at which `next` begins, from the completed state before it.
-    pub(crate) fn reset(&self, guard: Guard, next: &Phase) -> [Vector<T>; STATE] {
+    /// e of an impact with y′ − x′ = `slide`, and the share of it that falls: the exponent, 0 where e is constant or at its
+    /// maximum.
+    fn restitution(&self, slide: T) -> (T, T) {
+        let constant = (self.restitution, T::of(0.0));
+        let Some(law) = self.falling else { return constant };
+        let speed = if slide.value() < 0.0 { -slide } else { slide };
+        let e = self.restitution * (speed / T::of(law.reference)).power(-law.exponent);
+        if e.value() < law.maximum { (e, T::of(law.exponent)) } else { (T::of(law.maximum), T::of(0.0)) }
+    }
+
+    /// The state after the event `guard` at which `next` begins, from the completed state `before` it.
+    /// The rows are linear about that state: they give its image and the derivative there.
+    pub(crate) fn reset(&self, guard: Guard, next: &Phase, before: &Vector<T>) -> [Vector<T>; STATE] {
         let (zero, one) = (T::of(0.0), T::of(1.0));
         let mut rows = [[zero; N]; STATE];
         for (n, row) in rows.iter_mut().enumerate() {
@@ -421,8 +447,12 @@ impl<T: Real> Equations<T> {
         }
         match guard {
             Guard::Wall(_) if self.soft.is_none() => {
-                rows[V][SLIDE] = (one + self.restitution) * self.mass / (one + self.mass);
-                rows[SLIDE][SLIDE] = -self.restitution;
+                // e(|s|) s of s = y′ − x′ has the derivative e (1 − p), with the exponent p.
+                let (e, falls) = self.restitution(before[SLIDE]);
+                let (steep, rest) = (e * (one - falls), e * falls * before[SLIDE]);
+                let share = self.mass / (one + self.mass);
+                (rows[V][SLIDE], rows[V][ONE]) = ((one + steep) * share, rest * share);
+                (rows[SLIDE][SLIDE], rows[SLIDE][ONE]) = (-steep, -rest);
             }
             Guard::SlideStops(_) | Guard::HoldBreaks(_) => rows[SLIDE] = [zero; N],
             _ => {}
@@ -451,7 +481,7 @@ impl<T: Real> Equations<T> {
     /// impacts are ever slower, so that a shift of the end has no effect.
     pub(crate) fn rest(&self, next: &Phase) -> [Vector<T>; STATE] {
         let share = self.mass / (T::of(1.0) + self.mass);
-        let mut rows = self.reset(Guard::Turn(0), next);
+        let mut rows = self.reset(Guard::Turn(0), next, &[T::of(0.0); N]);
         (rows[X][OFFSET], rows[V][SLIDE]) = (share, share);
         rows[V][OFFSET] = -(share * self.damping / (T::of(1.0) + self.mass));
         (rows[OFFSET], rows[SLIDE]) = ([T::of(0.0); N], [T::of(0.0); N]);
@@ -461,7 +491,7 @@ impl<T: Real> Equations<T> {
     /// The state soon after a small disturbance in a mode: where friction holds bodies together, it does so again, with their
     /// momentum.
     pub(crate) fn regain(&self, phase: &Phase) -> [Vector<T>; STATE] {
-        let mut rows = self.reset(Guard::Turn(0), phase);
+        let mut rows = self.reset(Guard::Turn(0), phase, &[T::of(0.0); N]);
         if Self::is_held(phase) && phase.grip != Grip::Stuck {
             rows[V][SLIDE] = self.mass / (T::of(1.0) + self.mass);
         }

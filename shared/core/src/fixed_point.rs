@@ -142,4 +142,8 @@ impl Scalar for Fixed {
     fn sqrt(self) -> Self {
         if self.0 <= I16F48::ZERO { Self::ZERO } else { Self(narrow::root(self.0)) }
     }
+
+    fn power(self, exponent: Self) -> Self {
+        Self::from_f64(libm::pow(self.to_f64(), exponent.to_f64()))
+    }
 }

@@ -7,6 +7,7 @@
 
 mod soft_wall;
 mod tuning;
+mod wall;
 
 use crate::io::{Invalid, finite, not_negative, positive, require};
 use core::f64::consts::PI;
@@ -15,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 pub use soft_wall::{DampingLaw, Material};
 pub use tuning::Tuning;
+pub use wall::{ImpactLaw, Release, Restitution, Wall};
 
 /// Standard gravity in the rig's defaults, m/s².
 pub const GRAVITY_M_PER_S2: f64 = 9.81;
@@ -54,35 +56,6 @@ impl Structure {
     pub fn damping_ratio(&self) -> f64 {
         self.damping_n_s_per_m / (2.0 * libm::sqrt(self.stiffness_n_per_m * self.mass_kg))
     }
-}
-
-/// The walls at both ends of the particle's cavity.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub enum Wall {
-    /// A hard wall: an instantaneous impact conserves momentum and multiplies the relative speed by the coefficient.
-    Restitution {
-        /// e, 0 (the particle does not bounce) to 1 (no energy is lost).
-        coefficient: f64,
-    },
-    /// A soft wall: a spring and a dashpot in parallel that the particle presses into.
-    Voigt {
-        /// k1, N/m; greater than 0.
-        stiffness_n_per_m: f64,
-        /// c1, N·s/m; 0 or greater.
-        damping_n_s_per_m: f64,
-        /// Condition that ends the contact.
-        release: Release,
-    },
-}
-
-/// Condition at which a particle leaves a soft wall.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub enum Release {
-    /// The penetration has returned to zero; the wall may pull until then.
-    ZeroPenetration,
-    /// The contact force would become tensile; a new contact requires the particle to have been back inside the
-    /// clearance.
-    ZeroForce,
 }
 
 /// A single particle that slides between two walls fixed to the structure.
@@ -165,7 +138,7 @@ impl SetUp {
     /// Whether a particle with soft walls is mounted.
     #[must_use]
     pub fn has_soft_walls(&self) -> bool {
-        self.particle.is_some_and(|particle| matches!(particle.wall, Wall::Voigt { .. }))
+        self.particle.is_some_and(|particle| particle.wall.is_soft())
     }
 
     /// Checks that every value is physical.
@@ -181,18 +154,7 @@ impl SetUp {
             positive("particle.mass_kg", particle.mass_kg)?;
             positive("particle.clearance_m", particle.clearance_m)?;
             not_negative("particle.friction_coefficient", particle.friction_coefficient)?;
-            match particle.wall {
-                Wall::Restitution { coefficient } => require(
-                    (0.0..=1.0).contains(&coefficient),
-                    "particle.wall.coefficient",
-                    coefficient,
-                    "from 0 to 1",
-                )?,
-                Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
-                    positive("particle.wall.stiffness_n_per_m", stiffness_n_per_m)?;
-                    not_negative("particle.wall.damping_n_s_per_m", damping_n_s_per_m)?;
-                }
-            }
+            particle.wall.validate()?;
         }
         if let Some(damper) = &self.friction_damper {
             not_negative("friction_damper.force_n", damper.force_n)?;

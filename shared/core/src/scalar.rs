@@ -1,7 +1,7 @@
 //! The real number type of the calculations: `f64` on a computer and `f32` on the controller, from one source.
 //!
-//! The trait holds only operations that IEEE 754 defines to the last bit (`+ − × ÷`, comparison, `|·|`) and a square
-//! root made of them, so code written against it gives the same bits on every machine. Other functions (sine,
+//! The trait holds only operations that IEEE 754 defines to the last bit (`+ − × ÷`, comparison, `|·|`), and a square
+//! root and a power made of them, so code written against it gives the same bits on every machine. Other functions (sine,
 //! exponential) are called by path from [`libm`] or [`crate::sine`] where they are needed. `num_traits::Float` is not
 //! used: built for a host it forwards to the system's functions, whose last bits differ.
 
@@ -46,6 +46,10 @@ pub trait Scalar:
     #[must_use]
     fn sqrt(self) -> Self;
 
+    /// `self` to the power of `exponent`, of a `self` that is not negative.
+    #[must_use]
+    fn power(self, exponent: Self) -> Self;
+
     /// `|self|`
     #[must_use]
     fn abs(self) -> Self {
@@ -89,6 +93,10 @@ impl Scalar for f64 {
     fn sqrt(self) -> Self {
         libm::sqrt(self)
     }
+
+    fn power(self, exponent: Self) -> Self {
+        libm::pow(self, exponent)
+    }
 }
 
 impl Scalar for f32 {
@@ -131,6 +139,10 @@ impl Scalar for f32 {
             root = 0.5 * (root + self / root);
         }
         root
+    }
+
+    fn power(self, exponent: Self) -> Self {
+        libm::powf(self, exponent)
     }
 
     /// A single instruction on the controller.

@@ -20,7 +20,7 @@ mod usable;
 pub use estimate::{Flights, identify};
 pub use usable::LeftOut;
 
-use damprig_core::model::{SetUp, Wall};
+use damprig_core::model::SetUp;
 
 use super::{CannotIdentify, Sensors};
 
@@ -83,7 +83,7 @@ impl Known {
         let Some(particle) = set_up.particle else {
             return refuse("has no particle\n  choose a set-up with an impact damper");
         };
-        if matches!(particle.wall, Wall::Voigt { .. }) {
+        if particle.wall.is_soft() {
             return refuse(
                 "has soft walls, which have no coefficient of restitution\n  `damprig identify wall` gives k1 and η",
             );

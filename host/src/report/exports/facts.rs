@@ -5,7 +5,7 @@ use damprig_core::model::SetUp;
 use crate::host_time::plain;
 use crate::run_folder::RunFolder;
 use crate::run_folder::schema::manifest::SetUpRecord;
-use crate::run_folder::schema::set_up_parameters::PARAMETERS;
+use crate::run_folder::schema::set_up_parameters::{PARAMETERS, RARE_PARAMETERS};
 
 /// A fact of the whole run.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,11 +46,13 @@ pub(super) fn of_run(run: &RunFolder) -> Vec<(&'static str, Fact)> {
 
 /// The parameters of the set-ups: a column for each, NaN where a set-up does not have it.
 pub(super) fn set_up_columns(set_ups: &[SetUpRecord]) -> Vec<(&'static str, Vec<f64>)> {
-    let of = |value: &fn(&SetUp) -> Option<f64>| {
+    let of = |value: &fn(&SetUp) -> Option<f64>| -> Vec<f64> {
         set_ups.iter().map(|s| s.model().as_ref().and_then(value).unwrap_or(f64::NAN)).collect()
     };
     let unmodelled = set_ups.iter().map(|s| f64::from(u8::from(s.has_unmodelled_damper))).collect();
     let force_n = set_ups.iter().map(|s| s.force_amplitude_n().unwrap_or(f64::NAN)).collect();
     let more = [("has_unmodelled_damper", unmodelled), ("force_amplitude_n", force_n)];
-    PARAMETERS.iter().map(|(name, value)| (*name, of(value))).chain(more).collect()
+    let has = |values: &Vec<f64>| values.iter().any(|value| !value.is_nan());
+    let rare = RARE_PARAMETERS.iter().map(|(name, value)| (*name, of(value))).filter(|(_, values)| has(values));
+    PARAMETERS.iter().map(|(name, value)| (*name, of(value))).chain(more).chain(rare).collect()
 }

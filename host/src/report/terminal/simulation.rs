@@ -3,7 +3,6 @@
 use std::f64::consts::TAU;
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::Wall;
 use damprig_particles::Damper;
 
 use crate::motion_record::{Quantity, Record};
@@ -81,16 +80,7 @@ fn set_up(case: &Case) -> Vec<(&'static str, String)> {
         reference.map_or(String::new(), |(by_m, name)| format!(" (d/{name} = {})", significant(length_m / by_m, 4)))
     };
     if let Some(p) = &case.set_up.particle {
-        let wall = match p.wall {
-            Wall::Restitution { coefficient } => format!("e = {}", significant(coefficient, 4)),
-            Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
-                format!(
-                    "k1 = {} N/m, c1 = {} N·s/m",
-                    significant(stiffness_n_per_m, 5),
-                    significant(damping_n_s_per_m, 5)
-                )
-            }
-        };
+        let wall = describe::wall(&p.wall);
         let ratio = significant(p.mass_kg / structure.mass_kg, 4);
         let friction = match p.friction_coefficient {
             0.0 => String::new(),

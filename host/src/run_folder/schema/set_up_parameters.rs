@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use damprig_core::model::{SetUp, Wall};
+use damprig_core::model::SetUp;
 
 /// A parameter of a set-up: its name with the unit, and its value; `None` where the set-up does not have it.
 pub type Parameter = (&'static str, fn(&SetUp) -> Option<f64>);
@@ -18,18 +18,9 @@ pub const PARAMETERS: &[Parameter] = &[
     ("particle_mass_kg", |s| s.particle.map(|p| p.mass_kg)),
     ("clearance_m", |s| s.particle.map(|p| p.clearance_m)),
     ("internal_friction", |s| s.particle.map(|p| p.friction_coefficient)),
-    ("restitution", |s| match s.particle?.wall {
-        Wall::Restitution { coefficient } => Some(coefficient),
-        Wall::Voigt { .. } => None,
-    }),
-    ("wall_stiffness_n_per_m", |s| match s.particle?.wall {
-        Wall::Voigt { stiffness_n_per_m, .. } => Some(stiffness_n_per_m),
-        Wall::Restitution { .. } => None,
-    }),
-    ("wall_damping_n_s_per_m", |s| match s.particle?.wall {
-        Wall::Voigt { damping_n_s_per_m, .. } => Some(damping_n_s_per_m),
-        Wall::Restitution { .. } => None,
-    }),
+    ("restitution", |s| Some(s.particle?.wall.restitution()?.coefficient)),
+    ("wall_stiffness_n_per_m", |s| Some(s.particle?.wall.spring_and_dashpot()?.0)),
+    ("wall_damping_n_s_per_m", |s| Some(s.particle?.wall.spring_and_dashpot()?.1)),
     ("friction_force_n", |s| s.friction_damper.map(|d| d.force_n)),
     ("tuned_mass_kg", |s| s.tmd.map(|t| t.mass_kg)),
     ("tuned_stiffness_n_per_m", |s| s.tmd.map(|t| t.stiffness_n_per_m)),
@@ -37,8 +28,16 @@ pub const PARAMETERS: &[Parameter] = &[
     ("mass_ratio", |s| Some(s.particle.map(|p| p.mass_kg).or(s.tmd.map(|t| t.mass_kg))? / s.structure.mass_kg)),
 ];
 
+/// Parameters that few set-ups have: an export has them where one of its set-ups does.
+pub const RARE_PARAMETERS: &[Parameter] = &[
+    ("restitution_reference_speed_m_per_s", |s| Some(s.particle?.wall.falling()?.reference_speed_m_per_s)),
+    ("restitution_exponent", |s| Some(s.particle?.wall.falling()?.exponent)),
+    ("restitution_maximum", |s| Some(s.particle?.wall.falling()?.maximum)),
+];
+
 /// The parameters that a set-up has, by name.
 #[must_use]
 pub fn parameters(set_up: &SetUp) -> serde_json::Map<String, serde_json::Value> {
-    PARAMETERS.iter().filter_map(|(name, value)| Some((name.to_string(), value(set_up)?.into()))).collect()
+    let all = PARAMETERS.iter().chain(RARE_PARAMETERS);
+    all.filter_map(|(name, value)| Some((name.to_string(), value(set_up)?.into()))).collect()
 }

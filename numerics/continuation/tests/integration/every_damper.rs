@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use damprig_continuation::{Branch, Orbit, Parameter, ReturnMap, System, Task, Ties};
 use damprig_core::integrator::exact::{Exact, Excitation};
 use damprig_core::integrator::modes::Grip;
-use damprig_core::model::{FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
+use damprig_core::model::{FrictionDamper, Initial, Particle, Release, Restitution, SetUp, Structure, Tmd, Wall};
 use nalgebra::{Complex, DMatrix};
 
 use crate::common::{NATURAL, impact_damper, sine, task, text};
@@ -21,6 +21,8 @@ fn structure(damping_ratio: f64) -> SetUp {
 /// Set-up, excitation and task of each damper.
 fn systems() -> Vec<(&'static str, SetUp, Excitation, Task)> {
     let hard = Wall::Restitution { coefficient: 0.5 };
+    let law = Restitution { coefficient: 0.5, reference_speed_m_per_s: 40.0, exponent: 0.25, maximum: 0.9 };
+    let falling = Wall::SpeedRestitution(law);
     let soft = |release| Wall::Voigt { stiffness_n_per_m: 3_000.0, damping_n_s_per_m: 4.0, release };
     let k = structure(0.01).structure.stiffness_n_per_m;
     let damper = |ratio: f64| Some(FrictionDamper { force_n: ratio * k });
@@ -33,6 +35,18 @@ fn systems() -> Vec<(&'static str, SetUp, Excitation, Task)> {
             SetUp { tmd: Some(tmd), ..structure(0.01) },
             sine(1.0),
             task(Parameter::Frequency, (2.0, 3.0), 2.5),
+        ),
+        (
+            "falling restitution",
+            SetUp { particle: particle(10.0, 0.0, falling), ..structure(0.01) },
+            sine(1.0),
+            task(Parameter::Restitution, (0.3, 0.8), 0.5),
+        ),
+        (
+            "falling restitution, friction",
+            SetUp { particle: particle(10.0, 1.0, falling), ..structure(0.01) },
+            sine(1.0),
+            task(Parameter::Clearance, (5.0, 20.0), 10.0),
         ),
         (
             "internal friction",

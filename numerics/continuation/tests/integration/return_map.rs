@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use damprig_continuation::ReturnMap;
 use damprig_core::integrator::exact::{Accumulation, Exact, ExactState, Excitation, Impact, Observer};
-use damprig_core::model::{FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
+use damprig_core::model::{FrictionDamper, Initial, Particle, Release, Restitution, SetUp, Structure, Tmd, Wall};
 use nalgebra::DMatrix;
 
 use crate::common::{NATURAL, impact_damper, sine};
@@ -131,6 +131,12 @@ fn hard(draw: Draw<'_>) -> Wall {
     Wall::Restitution { coefficient: draw(0.1, 0.9) }
 }
 
+/// Restitution that falls with the speed of the impact, whose speeds are tens of m/s here.
+fn falling(draw: Draw<'_>, maximum: f64) -> Wall {
+    let (coefficient, reference_speed_m_per_s) = (draw(0.3, 1.0) * maximum, draw(5.0, 60.0));
+    Wall::SpeedRestitution(Restitution { coefficient, reference_speed_m_per_s, exponent: draw(0.05, 1.0), maximum })
+}
+
 fn soft(draw: Draw<'_>, release: Release) -> Wall {
     Wall::Voigt { stiffness_n_per_m: draw(500.0, 2e4), damping_n_s_per_m: draw(0.5, 10.0), release }
 }
@@ -141,6 +147,10 @@ fn the_derivative_is_that_of_the_differences_for_every_damper() {
     let damper = |force: f64| Some(FrictionDamper { force_n: force * k });
     let free = |draw: Draw<'_>| {
         let wall = hard(draw);
+        (SetUp { particle: particle(draw(1.0, 15.0), 0.0, wall), ..structure(draw(0.01, 0.1)) }, draw(0.7, 1.3))
+    };
+    let slower = |draw: Draw<'_>| {
+        let wall = falling(draw, 0.9);
         (SetUp { particle: particle(draw(1.0, 15.0), 0.0, wall), ..structure(draw(0.01, 0.1)) }, draw(0.7, 1.3))
     };
     let slides = |draw: Draw<'_>| {
@@ -173,6 +183,7 @@ fn the_derivative_is_that_of_the_differences_for_every_damper() {
     };
     for (name, least, (compared, _)) in [
         ("particle", 20, compare("particle", 1, free)),
+        ("falling restitution", 20, compare("falling restitution", 11, slower)),
         ("particle with friction", 20, compare("particle with friction", 2, slides)),
         ("soft walls, zero force", 20, compare("soft walls, zero force", 3, zero_force)),
         ("soft walls, zero penetration", 20, compare("soft walls, zero penetration", 4, zero_penetration)),
@@ -191,6 +202,10 @@ fn the_derivative_is_that_of_the_differences_where_impacts_accumulate() {
         let wall = Wall::Restitution { coefficient: draw(0.05, 0.5) };
         (SetUp { particle: particle(draw(0.1, 0.8), 0.0, wall), ..structure(draw(0.02, 0.1)) }, draw(0.5, 1.5))
     });
+    let (_, falls) = compare("chatter of falling restitution", 12, |draw| {
+        let wall = falling(draw, 0.5);
+        (SetUp { particle: particle(draw(0.1, 0.8), 0.0, wall), ..structure(draw(0.02, 0.1)) }, draw(0.5, 1.5))
+    });
     let (_, with_friction) = compare("chatter with friction", 9, |draw| {
         let wall = Wall::Restitution { coefficient: draw(0.05, 0.5) };
         let friction = draw(0.05, 1.0);
@@ -203,6 +218,7 @@ fn the_derivative_is_that_of_the_differences_where_impacts_accumulate() {
         let particle = particle(draw(0.1, 0.8), 0.0, wall);
         (SetUp { particle, friction_damper, ..structure(draw(0.02, 0.1)) }, draw(0.5, 1.5))
     });
+    assert!(falls >= 10, "{falls}");
     assert!(alone >= 10 && with_friction >= 10 && with_damper >= 10, "{alone} {with_friction} {with_damper}");
 }
 

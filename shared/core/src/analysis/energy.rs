@@ -11,7 +11,7 @@
 use crate::integrator::exact::response::integral;
 use crate::integrator::exact::{Accumulation, Arc, ExactState, Impact, Observer, series};
 use crate::integrator::modes::{Contact, Grip};
-use crate::model::{SetUp, Wall};
+use crate::model::{ImpactLaw, SetUp};
 use serde::Serialize;
 
 /// Energy by mechanism since the start of the observation, J.
@@ -55,7 +55,7 @@ pub struct EnergyMeter {
     link_stiffness: f64,
     link_damping: f64,
     friction_n: f64,
-    restitution: Option<f64>,
+    restitution: Option<ImpactLaw<f64>>,
     /// All but its residual.
     balance: Balance,
     /// Magnitude of the energy that unexplained jumps of the state would transfer: rounding only in a correct motion.
@@ -78,12 +78,8 @@ impl EnergyMeter {
         if let Some(particle) = set_up.particle {
             second_mass_kg = particle.mass_kg;
             friction_n = particle.friction_coefficient * particle.mass_kg * set_up.gravity_m_per_s2;
-            match particle.wall {
-                Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
-                    (link_stiffness, link_damping) = (stiffness_n_per_m, damping_n_s_per_m);
-                }
-                Wall::Restitution { coefficient } => restitution = Some(coefficient),
-            }
+            restitution = particle.wall.restitution().map(|law| law.law(1.0));
+            (link_stiffness, link_damping) = particle.wall.spring_and_dashpot().unwrap_or_default();
         } else if let Some(tmd) = set_up.tmd {
             second_mass_kg = tmd.mass_kg;
             (link_stiffness, link_damping) = (tmd.stiffness_n_per_m, tmd.damping_n_s_per_m);
@@ -219,7 +215,7 @@ impl Observer for EnergyMeter {
     fn impact(&mut self, impact: &Impact) {
         self.continue_from(&impact.before);
         match self.restitution {
-            Some(restitution) => self.impact_of(restitution, &impact.after),
+            Some(law) => self.impact_of(law.at(impact.approach_speed_m_per_s), &impact.after),
             None => self.continue_from(&impact.after),
         }
     }

@@ -26,7 +26,7 @@ pub struct SymmetricOrbit {
 impl SymmetricOrbit {
     /// The orbit with the faster particle, of `set_up` on a base that moves as `amplitude_m` sin Ωt.
     ///
-    /// `None` without a particle between hard walls, with friction of any kind or a tuned mass, for a base at rest, or
+    /// `None` without a particle between hard walls of constant restitution, with friction of any kind or a tuned mass, for a base at rest, or
     /// where no such orbit exists (A/d too small).
     #[must_use]
     pub fn new(set_up: &SetUp, amplitude_m: f64, angular_frequency_rad_per_s: f64) -> Option<Self> {

@@ -9,7 +9,7 @@
 //! `M x″ + c (x′ − z′) + k (x − z) = f_damper + f_particle`, and `m y″ = −f_particle`.
 
 use super::units::Units;
-use crate::model::{SetUp, Wall};
+use crate::model::{ImpactLaw, Restitution, SetUp};
 use crate::scalar::Scalar;
 
 /// +1, 0 or −1: a direction, or a side of the cavity.
@@ -61,8 +61,8 @@ pub struct Coefficients<S> {
     pub particle_mass: S,
     /// d, m; 0 without a particle.
     pub clearance: S,
-    /// e of a hard wall.
-    pub restitution: S,
+    /// The law of impact of a hard wall.
+    pub restitution: ImpactLaw<S>,
     /// μi·g, m/s²: the largest acceleration of the particle by internal friction.
     pub friction_acceleration: S,
 }
@@ -72,10 +72,6 @@ impl<S: Scalar> Coefficients<S> {
     #[must_use]
     pub fn new(set_up: &SetUp) -> Self {
         let particle = set_up.particle;
-        let restitution = match particle.map(|p| p.wall) {
-            Some(Wall::Restitution { coefficient }) => coefficient,
-            _ => 0.0,
-        };
         Self {
             mass: S::from_f64(set_up.structure.mass_kg),
             damping: S::from_f64(set_up.structure.damping_n_s_per_m),
@@ -83,7 +79,7 @@ impl<S: Scalar> Coefficients<S> {
             damper_force: S::from_f64(set_up.friction_damper.map_or(0.0, |d| d.force_n)),
             particle_mass: S::from_f64(particle.map_or(0.0, |p| p.mass_kg)),
             clearance: S::from_f64(particle.map_or(0.0, |p| p.clearance_m)),
-            restitution: S::from_f64(restitution),
+            restitution: impact_law(set_up, 1.0),
             friction_acceleration: S::from_f64(
                 particle.map_or(0.0, |p| p.friction_coefficient * set_up.gravity_m_per_s2),
             ),
@@ -106,6 +102,7 @@ impl<S: Scalar> Coefficients<S> {
             damper_force: S::from_f64(set_up.friction_damper.map_or(0.0, |d| d.force_n) / mass / acceleration),
             particle_mass: S::from_f64(particle.map_or(0.0, |p| p.mass_kg) / mass),
             clearance: S::from_f64(particle.map_or(0.0, |p| p.clearance_m) / length_m),
+            restitution: impact_law(set_up, length_m / step_s),
             friction_acceleration: S::from_f64(friction / acceleration),
             ..Self::new(set_up)
         }
@@ -170,6 +167,12 @@ impl<S: Scalar> Coefficients<S> {
         let pushed = if joint_force == S::ZERO { S::ZERO } else { -joint_force / self.particle_mass };
         ((side <= 0).then_some(pushed - g), (side >= 0).then_some(pushed + g))
     }
+}
+
+/// The law of impact in a unit of velocity of this many m/s.
+fn impact_law<S: Scalar>(set_up: &SetUp, velocity_m_per_s: f64) -> ImpactLaw<S> {
+    let hard = set_up.particle.and_then(|p| p.wall.restitution());
+    hard.unwrap_or(Restitution::constant(0.0)).law(velocity_m_per_s)
 }
 
 /// `value` with the sign of `direction`, or zero.

@@ -398,7 +398,8 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         let approach = self.state.slide;
         let ground_velocity = self.ground(base).velocity();
         let before = if mode.grip == Grip::Stuck { ground_velocity } else { self.state.v };
-        let (v, slide) = modes::impact(&self.c, self.c.restitution, before, approach);
+        let restitution = self.c.restitution.at(approach.abs());
+        let (v, slide) = modes::impact(&self.c, restitution, before, approach);
         self.state.v = v;
         self.state.slide = slide;
         self.mode = Some(self.resolve(base, v - ground_velocity));
@@ -411,7 +412,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         }
         observer.impact(&Impact { at, side, approach: approach.abs(), kick: self.state.v - before });
         // Without restitution a single impact ends the bouncing.
-        if rests && self.c.restitution > S::ZERO {
+        if rests && restitution > S::ZERO {
             observer.accumulation(at, side);
         }
     }

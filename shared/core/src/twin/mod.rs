@@ -25,7 +25,7 @@ use crate::integrator::sampled::{Impact, Observer, Sampled};
 use crate::integrator::units::Units;
 use crate::io::{Invalid, SUBSAMPLES, TICK_HZ, positive, require};
 use crate::measure::impacts::ImpactRecord;
-use crate::model::{Initial, SetUp, Structure, Wall};
+use crate::model::{ImpactLaw, Initial, Restitution, SetUp, Structure};
 use crate::scalar::Scalar;
 use heapless::{Deque, Vec};
 use matching::{Matcher, MatcherConfig};
@@ -44,6 +44,9 @@ pub const DETECTIONS_WAITING: usize = 8;
 /// Time by which the twin must have passed a measured impact before it is corrected by it, ticks. By then the twin has
 /// met the wall itself, unless its error is as large as that.
 const LEARNT_AFTER: f32 = 2.0;
+
+/// Steps that find the approach speed of an impact where restitution depends on it.
+const APPROACH_STEPS: u8 = 8;
 
 /// Most integrator steps per tick; a structure above 31 Hz needs more.
 const MOST_STEPS: u8 = 2;
@@ -139,10 +142,13 @@ pub struct TwinPlan {
     /// Gains on x (1) and v (1/step).
     gains: (f32, f32),
     residual_gain: f32,
-    restitution: f32,
+    /// e over the approach speed in m/s.
+    restitution: ImpactLaw<f32>,
     step_s: f32,
-    /// Approach speed per measured impulse, m/s per N·s.
+    /// Approach speed per measured impulse at the coefficient of restitution, m/s per N·s.
     approach_per_impulse: f32,
+    /// Sum of approach and leaving speed per measured impulse, m/s per N·s.
+    closing_per_impulse: f32,
     /// Impulse per change of the structure's velocity in m per step, N·s.
     impulse_per_kick: f32,
     matching: MatcherConfig,
@@ -177,25 +183,43 @@ impl TwinPlan {
         // Error dynamics x″ + 2ζω x′ + ω² x with ζ = 0.7. The structure's own stiffness only adds to them.
         let omega = 2.0 * core::f64::consts::PI * f64::from(config.follow_hz);
         let gains = ((1.4 * omega * tick_s) as f32, (omega * omega * tick_s * step_s) as f32);
-        let (mut restitution, mut approach_per_impulse) = (0.0, 0.0);
+        let (mut restitution, mut approach_per_impulse) = (Restitution::constant(0.0), 0.0);
         if let Some(particle) = &set_up.particle
-            && let Wall::Restitution { coefficient } = particle.wall
+            && let Some(law) = particle.wall.restitution()
         {
             let ratio = particle.mass_kg / set_up.structure.mass_kg;
-            restitution = coefficient as f32;
-            approach_per_impulse = ((1.0 + ratio) / (particle.mass_kg * (1.0 + coefficient))) as f32;
+            restitution = law;
+            approach_per_impulse = ((1.0 + ratio) / (particle.mass_kg * (1.0 + law.coefficient))) as f32;
         }
         Ok(Self {
             motion,
             steps,
             gains,
             residual_gain: 1.0 / (config.residual_s / tick_s as f32).max(1.0),
-            restitution,
+            restitution: restitution.law(1.0),
+            closing_per_impulse: approach_per_impulse * (1.0 + restitution.coefficient as f32),
             step_s: step_s as f32,
             approach_per_impulse,
             impulse_per_kick: (set_up.structure.mass_kg / step_s) as f32,
             matching: config.matching,
         })
+    }
+}
+
+impl TwinPlan {
+    /// The speed with which the particle leaves a wall after an impact of this impulse, m per step.
+    fn leaving(&self, impulse_n_s: f32) -> f32 {
+        if self.restitution.is_constant() {
+            return self.restitution.maximum() * self.approach_per_impulse * self.step_s * impulse_n_s;
+        }
+        // The approach speed w is where w (1 + e(w)) is the closing speed. As e falls with at most the first power of w, each step
+        // at least halves the error, which is below half the closing speed at the start.
+        let closing = self.closing_per_impulse * Scalar::max(impulse_n_s, 0.0);
+        let mut approach = closing;
+        for _ in 0..APPROACH_STEPS {
+            approach = closing / (1.0 + self.restitution.at(approach));
+        }
+        (closing - approach) * self.step_s
     }
 }
 
@@ -358,12 +382,11 @@ impl Twin {
         let side = f32::from(record.side);
         let per_tick = f32::from(self.plan.steps);
         let since = since * per_tick;
-        let leaves = self.plan.restitution * self.plan.approach_per_impulse * self.plan.step_s;
-        let leaving = leaves * record.impulse_n_s;
+        let leaving = self.plan.leaving(record.impulse_n_s);
         let (c, state) = (self.plan.motion.coefficients(), self.plan.motion.state());
         let per_impulse = side / self.plan.impulse_per_kick;
         // The twin's leaving speed and time since the impact. The speed is zero if the twin has not met the wall.
-        let (expected_leaving, expected_since) = (leaves * expected.impulse_n_s, since - expected.late * per_tick);
+        let (expected_leaving, expected_since) = (self.plan.leaving(expected.impulse_n_s), since - expected.late * per_tick);
         let (offset, slide) = if expected.count == 1 {
             let moved = leaving * since - expected_leaving * expected_since;
             (state.offset - side * moved, state.slide - side * (leaving - expected_leaving))

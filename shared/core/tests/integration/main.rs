@@ -12,3 +12,4 @@ mod safety;
 mod sampled;
 mod scalars;
 mod second_method;
+mod walls;

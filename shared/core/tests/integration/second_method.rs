@@ -73,7 +73,7 @@ fn run(equations: &Equations, initial: &Initial, end_s: f64) -> Option<Phase> {
     let mut s = [initial.x_m, initial.v_m_per_s, initial.y_m, initial.u_m_per_s];
     let hard = equations.set_up.particle.and_then(|p| match p.wall {
         Wall::Restitution { coefficient } => Some((p.clearance_m, p.mass_kg, coefficient)),
-        Wall::Voigt { .. } => None,
+        _ => None,
     });
     let step = 0.002;
     let (mut t, mut impacts) = (0.0, 0);

@@ -6,7 +6,7 @@ use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::ForceScale;
 use damprig_core::measure::impacts::{ImpactConfig, ImpactMeter};
-use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Initial, Particle, Restitution, SetUp, Structure, Wall};
 use damprig_core::twin::{Twin, TwinConfig, TwinSignals};
 use damprig_simulator::plant::walls::{WallSensors, Walls};
 use std::f64::consts::PI;
@@ -116,6 +116,33 @@ fn a_twin_with_the_true_model_follows_the_motion_and_its_impacts() {
     // At either end of the count an impact may be between its prediction and the end of its pulse.
     assert!((signals.predicted - before.0).abs_diff(signals.detected - before.1) <= 1, "{signals:?}");
     assert!(!signals.alarm);
+}
+
+/// The twin takes the particle's rebound from the measured impulse by the law of the wall. A twin with the coefficient at another
+/// speed does not follow as closely.
+#[test]
+fn a_twin_follows_a_wall_whose_restitution_falls_with_the_speed() {
+    let law = Restitution { coefficient: 0.9, reference_speed_m_per_s: 0.05, exponent: 0.3, maximum: 0.95 };
+    let with = |wall| {
+        let mut set_up = set_up(15e-3, 0.5, 0.0038);
+        set_up.particle.as_mut().expect("it has one").wall = wall;
+        set_up
+    };
+    let truth = with(Wall::SpeedRestitution(law));
+    let follow = |twin: &SetUp| {
+        let mut bench = Bench::new(&truth, twin, 1.5e-3, &Initial::default());
+        bench.run(30);
+        let before = bench.twin_counts();
+        let signals = bench.run(60);
+        println!("{signals:?}");
+        assert!(signals.detected - before.1 > 100, "{signals:?}");
+        (signals.residual_rms_m, signals.missing - before.2)
+    };
+    let (residual_rms_m, missing) = follow(&truth);
+    // As with a constant coefficient.
+    assert!(residual_rms_m < 8e-6 && missing == 0, "{residual_rms_m} {missing}");
+    let (other_m, _) = follow(&with(Wall::Restitution { coefficient: law.coefficient }));
+    assert!(other_m > 3.0 * residual_rms_m, "{other_m} {residual_rms_m}");
 }
 
 impl Bench {

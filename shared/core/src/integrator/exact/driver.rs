@@ -9,7 +9,7 @@ use super::observe::Observer;
 use super::time::Time;
 use crate::integrator::modes::{Coefficients, Contact, Grip, Mode};
 use crate::io::{Invalid, require};
-use crate::model::{Initial, SetUp, Wall};
+use crate::model::{Initial, SetUp};
 
 /// Number of events at one instant after which a sliver of time is taken without guards; see [`Exact::unresolved`].
 const MOST_EVENTS_AT_ONCE: u32 = 64;
@@ -25,10 +25,7 @@ impl Exact {
     pub fn new(set_up: &SetUp, excitation: &Excitation, initial: &Initial) -> Result<Self, Invalid> {
         Self::validate(set_up, excitation, initial)?;
         let c = Coefficients::new(set_up);
-        let soft = set_up.particle.and_then(|p| match p.wall {
-            Wall::Voigt { release, .. } => Some(release),
-            Wall::Restitution { .. } => None,
-        });
+        let soft = set_up.particle.and_then(|p| p.wall.release());
         let flows = Flows::new(set_up, excitation);
         let mode = Mode { grip: Grip::Absent, contact: Contact::Absent };
         let leg = Leg {

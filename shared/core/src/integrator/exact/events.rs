@@ -14,6 +14,9 @@ const LEFT_OUT: f64 = f64::EPSILON;
 /// Impacts are summed instead of listed only when slower than this fraction of the fastest impact of the run.
 const SLOW: f64 = 1e-4;
 
+/// Flights of a summed chatter, of impacts whose e has not reached its maximum, whose durations are added up one by one.
+const MOST_UNEVEN_FLIGHTS: u32 = 1_000;
+
 /// Largest relative change of the pressing acceleration until the chatter ends.
 const PRESSING_CHANGE: f64 = 0.125;
 
@@ -92,7 +95,7 @@ impl Exact {
 
     fn hit<O: Observer>(&mut self, side: Sign, approach: f64, slip: f64, observer: &mut O) {
         let before = self.state;
-        let (v, slide) = modes::impact(&self.c, self.c.restitution, before.v_m_per_s, before.slide_m_per_s);
+        let (v, slide) = modes::impact(&self.c, self.c.restitution.at(approach), before.v_m_per_s, before.slide_m_per_s);
         self.state.v_m_per_s = v;
         self.state.slide_m_per_s = slide;
         let time_s = self.time.seconds();
@@ -125,7 +128,9 @@ impl Exact {
     /// Ends a chatter when the remaining impacts can be summed; see the module documentation of `exact`.
     fn settle<O: Observer>(&mut self, side: Sign, slip: f64, observer: &mut O) {
         let h = self.leg.step_s;
-        let e = self.c.restitution;
+        // The remaining impacts are slower, so that none has a larger e.
+        let law = self.c.restitution;
+        let e = law.maximum();
         let lift = self.state.slide_m_per_s.abs() * h;
         let pressing_out = self.pressing(side, slip) * h * h;
         let (mass, light) = (self.c.mass, self.c.particle_mass);
@@ -147,7 +152,8 @@ impl Exact {
         let hop = 2.0 / 3.0 * lift * lift * lift / (pressing * pressing);
         let kick = self.c.stiffness * h * h * light / (together * together) * hop / (1.0 - e * e * e);
         let sure = lasts <= 1.0 && jerk * lasts <= PRESSING_CHANGE * pressing;
-        let left_out = if both_ways > 0.0 { kick } else { kick * (jerk * lasts / pressing + lasts) };
+        let is_even = both_ways == 0.0 && law.at(self.state.slide_m_per_s.abs()) == e;
+        let left_out = if is_even { kick * (jerk * lasts / pressing + lasts) } else { kick };
         // With a friction damper the impulses may make the structure stick and slip. The error in its position is of
         // the order of the height.
         let damper_matters = self.c.damper_force > 0.0 && {
@@ -163,9 +169,9 @@ impl Exact {
         }
         let before = self.state;
         let (v, _) = modes::impact(&self.c, 0.0, before.v_m_per_s, before.slide_m_per_s);
-        let correction = if summed && both_ways == 0.0 && !damper_matters { signed(side, kick / h) } else { 0.0 };
+        let correction = if summed && is_even && !damper_matters { signed(side, kick / h) } else { 0.0 };
         let slip = slip + (v - correction - before.v_m_per_s);
-        let tail_s = if lasts > 1.0 { 0.0 } else { h * self.tail(side, lift, (pressing_out, pressing), returned) };
+        let tail_s = if lasts > 1.0 { 0.0 } else { h * self.tail(side, lift, (pressing_out, pressing)) };
         self.state.v_m_per_s = v - correction;
         self.state.slide_m_per_s = 0.0;
         self.fresh.gap = 0;
@@ -183,10 +189,21 @@ impl Exact {
     }
 
     /// Duration of the remaining accumulating impacts, in arcs. The particle leaves with `lift` (speed × arc, m), is
-    /// pressed back with these accelerations (× arc², m) on its way out and back, and returns with the fraction
-    /// `returned` of its speed.
-    fn tail(&self, side: Sign, lift: f64, (out, back): (f64, f64), returned: f64) -> f64 {
-        let even = lift * (1.0 / out + 1.0 / libm::sqrt(out * back)) / (1.0 - returned);
+    /// pressed back with these accelerations (× arc², m) on its way out and back.
+    fn tail(&self, side: Sign, lift: f64, (out, back): (f64, f64)) -> f64 {
+        let law = self.c.restitution;
+        let (flight, slowed) = (1.0 / out + 1.0 / libm::sqrt(out * back), libm::sqrt(back / out));
+        let (mut speed, mut first) = (lift, 0.0);
+        // Flights until e has reached its maximum; from there they are shortened by the same factor each.
+        for _ in 0..MOST_UNEVEN_FLIGHTS {
+            let e = law.at(speed * slowed / self.leg.step_s);
+            if e == law.maximum() {
+                break;
+            }
+            first += speed * flight;
+            speed *= e * slowed;
+        }
+        let even = first + speed * flight / (1.0 - law.maximum() * slowed);
         if self.leg.path != Path::Alone {
             return even;
         }

@@ -6,7 +6,7 @@
 
 use super::excitation::{Excitation, Wave};
 use super::series::{Series, TERMS, mean_product};
-use crate::model::{SetUp, Structure, Wall};
+use crate::model::{SetUp, Structure};
 
 /// Length of a full arc times the fastest rate of its mode, rad.
 pub const LARGEST_ARC_RAD: f64 = 0.8;
@@ -347,11 +347,9 @@ impl Flows {
         };
         let mass = structure.mass_kg;
         let alone = Oscillator::new(rates(mass), turning).with_means();
-        let soft = set_up.particle.and_then(|p| match p.wall {
-            Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
-                Some((p.mass_kg, stiffness_n_per_m, damping_n_s_per_m))
-            }
-            Wall::Restitution { .. } => None,
+        let soft = set_up.particle.and_then(|p| {
+            let (stiffness, damping) = p.wall.spring_and_dashpot()?;
+            Some((p.mass_kg, stiffness, damping))
         });
         let joined = soft.or(set_up.tmd.map(|t| (t.mass_kg, t.stiffness_n_per_m, t.damping_n_s_per_m)));
         let link = joined.map_or(Link::default(), |(second, stiffness, damping)| Link {

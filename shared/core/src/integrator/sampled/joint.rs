@@ -11,7 +11,7 @@ use crate::integrator::modes::{Coefficients, Contact, Grip, Mode, Sign, sign, si
 use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial};
 use crate::integrator::units::Units;
 use crate::io::{Invalid, require};
-use crate::model::{Initial, Release, SetUp, Wall};
+use crate::model::{Initial, Release, SetUp};
 use crate::scalar::Scalar;
 
 /// The largest (fastest rate × flight) in which a joint acts: the neglected terms of such a flight are below 0.05⁷/7! =
@@ -93,11 +93,9 @@ impl<S: Scalar> Joint<S> for Option<Link<S>> {
 impl<S: Scalar> Link<S> {
     /// The joint of a validated set-up; `None` without one.
     fn new(set_up: &SetUp, c: &Coefficients<S>, units: &Units) -> Result<Option<Self>, Invalid> {
-        let soft = set_up.particle.and_then(|p| match p.wall {
-            Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release } => {
-                Some((p.mass_kg, stiffness_n_per_m, damping_n_s_per_m, Some(release)))
-            }
-            Wall::Restitution { .. } => None,
+        let soft = set_up.particle.and_then(|p| {
+            let (stiffness, damping) = p.wall.spring_and_dashpot()?;
+            Some((p.mass_kg, stiffness, damping, p.wall.release()))
         });
         let tuned = set_up.tmd.map(|t| (t.mass_kg, t.stiffness_n_per_m, t.damping_n_s_per_m, None));
         let Some((second_kg, k1, c1, release)) = soft.or(tuned) else { return Ok(None) };

@@ -1,0 +1,181 @@
+//! A wall of the particle's cavity: hard, with a law of impact, or soft, with a spring and a dashpot.
+
+use crate::io::{Invalid, not_negative, positive, require};
+use crate::scalar::Scalar;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// The walls at both ends of the particle's cavity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub enum Wall {
+    /// A hard wall: an instantaneous impact conserves momentum and multiplies the relative speed by the coefficient.
+    Restitution {
+        /// e, 0 (the particle does not bounce) to 1 (no energy is lost).
+        coefficient: f64,
+    },
+    /// A soft wall: a spring and a dashpot in parallel that the particle presses into.
+    Voigt {
+        /// k1, N/m; greater than 0.
+        stiffness_n_per_m: f64,
+        /// c1, N·s/m; 0 or greater.
+        damping_n_s_per_m: f64,
+        /// Condition that ends the contact.
+        release: Release,
+    },
+    /// A hard wall whose coefficient of restitution falls with the speed of the impact.
+    SpeedRestitution(Restitution),
+}
+
+/// Condition at which a particle leaves a soft wall.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Release {
+    /// The penetration has returned to zero; the wall may pull until then.
+    ZeroPenetration,
+    /// The contact force would become tensile; a new contact requires the particle to have been back inside the
+    /// clearance.
+    ZeroForce,
+}
+
+/// Coefficient of restitution over the approach speed v: e(v) = min(coefficient·(v/reference speed)^(−exponent), maximum).
+///
+/// Real impacts lose more of their energy the faster they are: for impacts with plastic deformation the exponent is about
+/// 1/4 (Johnson, *Contact Mechanics*, 1985, section 11.5). As the exponent is at most 1, the rebound speed v·e(v) never
+/// falls as v rises.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct Restitution {
+    /// e at the reference speed, 0 to 1.
+    pub coefficient: f64,
+    /// Approach speed at which e is the coefficient, m/s; greater than 0.
+    pub reference_speed_m_per_s: f64,
+    /// Exponent, 0 (e does not depend on the speed) to 1.
+    pub exponent: f64,
+    /// Largest e, that of slow impacts: 0 to 1; less than 1 unless the exponent is 0, so that every chatter ends.
+    pub maximum: f64,
+}
+
+impl Restitution {
+    /// The same coefficient at every speed.
+    #[must_use]
+    pub const fn constant(coefficient: f64) -> Self {
+        Self { coefficient, reference_speed_m_per_s: 1.0, exponent: 0.0, maximum: 1.0 }
+    }
+
+    /// e of an impact with this approach speed, m/s; greater than 0.
+    #[must_use]
+    pub fn at(&self, speed_m_per_s: f64) -> f64 {
+        self.law(1.0).at(speed_m_per_s)
+    }
+
+    /// The law in the scalar of a calculation whose unit of velocity is this many m/s.
+    #[must_use]
+    pub fn law<S: Scalar>(&self, velocity_m_per_s: f64) -> ImpactLaw<S> {
+        let is_constant = self.exponent == 0.0 || self.coefficient == 0.0;
+        ImpactLaw {
+            coefficient: S::from_f64(if is_constant { self.coefficient.min(self.maximum) } else { self.coefficient }),
+            reference: S::from_f64(self.reference_speed_m_per_s / velocity_m_per_s),
+            exponent: S::from_f64(if is_constant { 0.0 } else { self.exponent }),
+            maximum: S::from_f64(if is_constant { self.coefficient.min(self.maximum) } else { self.maximum }),
+        }
+    }
+
+    fn validate(&self) -> Result<(), Invalid> {
+        let share = 0.0..=1.0;
+        require(share.contains(&self.coefficient), "particle.wall.coefficient", self.coefficient, "from 0 to 1")?;
+        positive("particle.wall.reference_speed_m_per_s", self.reference_speed_m_per_s)?;
+        require(share.contains(&self.exponent), "particle.wall.exponent", self.exponent, "from 0 to 1")?;
+        let (most, allowed) = (self.maximum, "from 0 to less than 1, or up to 1 where the exponent is 0");
+        let below_one = self.exponent == 0.0 || most < 1.0;
+        require(share.contains(&most) && below_one, "particle.wall.maximum", most, allowed)
+    }
+}
+
+/// [`Restitution`] in the scalar and the unit of velocity of a calculation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImpactLaw<S> {
+    coefficient: S,
+    reference: S,
+    /// 0 for a constant coefficient.
+    exponent: S,
+    /// Largest e; the coefficient where it is constant.
+    maximum: S,
+}
+
+impl<S: Scalar> ImpactLaw<S> {
+    /// e of an impact with this approach speed; greater than 0.
+    #[inline]
+    #[must_use]
+    pub fn at(&self, speed: S) -> S {
+        if self.exponent == S::ZERO { self.coefficient } else { self.falling(speed) }
+    }
+
+    /// A call of its own: the common constant coefficient stays inline.
+    fn falling(&self, speed: S) -> S {
+        (self.coefficient * (speed / self.reference).power(-self.exponent)).min(self.maximum)
+    }
+
+    /// e of slow impacts: no impact has a larger one.
+    #[must_use]
+    pub fn maximum(&self) -> S {
+        self.maximum
+    }
+
+    /// Whether e is the same at every speed.
+    #[must_use]
+    pub fn is_constant(&self) -> bool {
+        self.exponent == S::ZERO
+    }
+}
+
+impl Wall {
+    /// The law of impact of a hard wall; `None` of a soft one.
+    #[must_use]
+    pub fn restitution(&self) -> Option<Restitution> {
+        match *self {
+            Self::Restitution { coefficient } => Some(Restitution::constant(coefficient)),
+            Self::SpeedRestitution(law) => Some(law),
+            Self::Voigt { .. } => None,
+        }
+    }
+
+    /// The law of impact of a hard wall whose e falls with the speed.
+    #[must_use]
+    pub fn falling(&self) -> Option<Restitution> {
+        self.restitution().filter(|law| law.exponent > 0.0)
+    }
+
+    /// Whether it is a spring and a dashpot.
+    #[must_use]
+    pub fn is_soft(&self) -> bool {
+        matches!(self, Self::Voigt { .. })
+    }
+
+    /// When a soft wall releases the particle; `None` of a hard one.
+    #[must_use]
+    pub fn release(&self) -> Option<Release> {
+        match *self {
+            Self::Voigt { release, .. } => Some(release),
+            _ => None,
+        }
+    }
+
+    /// k1, N/m, and c1, N·s/m, of a soft wall; `None` of a hard one.
+    #[must_use]
+    pub fn spring_and_dashpot(&self) -> Option<(f64, f64)> {
+        match *self {
+            Self::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => Some((stiffness_n_per_m, damping_n_s_per_m)),
+            _ => None,
+        }
+    }
+
+    /// Checks that every value is physical.
+    pub(super) fn validate(&self) -> Result<(), Invalid> {
+        match *self {
+            Self::Restitution { coefficient } => Restitution::constant(coefficient).validate(),
+            Self::SpeedRestitution(law) => law.validate(),
+            Self::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
+                positive("particle.wall.stiffness_n_per_m", stiffness_n_per_m)?;
+                not_negative("particle.wall.damping_n_s_per_m", damping_n_s_per_m)
+            }
+        }
+    }
+}
