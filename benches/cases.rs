@@ -7,7 +7,7 @@ use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::exact::{Exact, Excitation, Impact, Observer, Work};
 use damprig_core::integrator::sampled::Sampled;
 use damprig_core::integrator::units::Units;
-use damprig_core::model::{FrictionDamper, Initial, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Initial, Particle, SetUp, Structure, Wall};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -41,6 +41,7 @@ impl Setting {
             clearance_m: self.clearance_m,
             friction_coefficient: 0.0,
             wall: Wall::Restitution { coefficient: self.restitution },
+            cavity: Cavity::default(),
         };
         SetUp { particle: Some(particle), ..SetUp::bare(structure) }
     }

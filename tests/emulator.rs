@@ -9,7 +9,7 @@ use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::control::transient::playback::RecordId;
 use damprig_core::control::transient::{FreeVibration, Playback};
 use damprig_core::measure::steadiness::SteadyLimits;
-use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Particle, SetUp, Structure, Wall};
 use damprig_core::twin::TwinConfig;
 use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, Reader};
@@ -80,6 +80,7 @@ fn hybrid() -> PlantConfig {
         clearance_m: 0.0075,
         friction_coefficient: 0.08,
         wall: Wall::Restitution { coefficient: 0.47 },
+        cavity: Cavity::default(),
     });
     set_up.friction_damper = Some(FrictionDamper { force_n: 0.2 });
     PlantConfig {

@@ -14,7 +14,7 @@ use damprig_core::control::safety::ExperimentLimits;
 use damprig_core::control::stepped_sine::{DriveMode, MOST_POINTS, Start, SteppedSine};
 use damprig_core::io::{Actuators, SUBSAMPLES, Sensors, SlowBlock};
 use damprig_core::measure::steadiness::SteadyLimits;
-use damprig_core::model::{Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
 use damprig_core::rig::{Rejected, Rig, State};
 use damprig_core::settings::Settings;
 use damprig_core::twin::{Twin, TwinConfig};
@@ -283,6 +283,7 @@ fn worst_of_a_chatter(counter: &InstructionCounter) -> u32 {
         clearance_m: 1e-3,
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient: 0.9 },
+        cavity: Cavity::default(),
     };
     let set_up = SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 15.0, 0.3)) };
     let mut twin = Twin::new(&TwinConfig::new(set_up)).expect("the set-up is physical");
@@ -322,6 +323,7 @@ fn set_up() -> SetUp {
         clearance_m: 7.5e-3,
         friction_coefficient: 0.08,
         wall: Wall::Restitution { coefficient: 0.47 },
+        cavity: Cavity::default(),
     };
     SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)) }
 }

@@ -1,7 +1,7 @@
 //! A set-up as written: quantities relative to the base amplitude are resolved once Z is known.
 
 use damprig_core::control::friction_spring::SpringConfig;
-use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Tmd, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Particle, SetUp, Structure, Tmd, Wall};
 
 /// A quantity in its own unit, or relative to the base amplitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -124,6 +124,7 @@ impl SetUpSpec {
                 clearance_m: p.clearance_m(base_amplitude_m),
                 friction_coefficient: p.friction_coefficient,
                 wall: p.wall,
+                cavity: Cavity::default(),
             }),
             friction_damper: self.friction.map(|friction| FrictionDamper {
                 force_n: match friction {

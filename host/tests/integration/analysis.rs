@@ -10,7 +10,7 @@ use damprig::simulation::Case;
 use damprig::simulation::analysis::{Analysis, PeriodicOrbit, Stability};
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation, Impact, Observer};
-use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Particle, SetUp, Structure, Wall};
 use nalgebra::{Complex, Matrix4, Vector4};
 
 fn case(name: &str) -> std::path::PathBuf {
@@ -64,6 +64,7 @@ fn damper(clearance_m: f64, coefficient: f64) -> SetUp {
         clearance_m,
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient },
+        cavity: Cavity::default(),
     };
     SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.0, 2.5, ZETA)) }
 }

@@ -10,8 +10,7 @@ use tempfile::TempDir;
 use crate::common::damprig;
 
 const STRUCTURE: &str = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }\n";
-const DRIVE: &str =
-    "base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }\nrun = { duration_s = 8 }\n";
+const DRIVE: &str = "base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }\nrun = { duration_s = 8 }\n";
 const FALLING: &str = "wall = { kind = \"restitution\", coefficient = 0.6, exponent = 0.25, reference_speed_m_per_s = 0.5, maximum = 0.9 }";
 
 fn case(particle: &str) -> String {

@@ -6,12 +6,13 @@ use std::time::Instant;
 use damprig_continuation::{Parameter, SpecialKind, Steps, System, Task, Ties};
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let turning = std::f64::consts::TAU * 2.5;
     let wall = Wall::Restitution { coefficient: 0.5 };
-    let particle = Particle { mass_kg: 0.1, clearance_m: 10.0, friction_coefficient: 0.0, wall };
+    let particle =
+        Particle { mass_kg: 0.1, clearance_m: 10.0, friction_coefficient: 0.0, wall, cavity: Cavity::default() };
     let set_up = SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.0, 2.5, 0.0038)) };
     let excitation = Excitation::Sine { amplitude_m: 1.0, angular_frequency_rad_per_s: turning, phase_rad: 0.0 };
     let known = SymmetricOrbit::new(&set_up, 1.0, turning).ok_or("no symmetric orbit")?;

@@ -146,8 +146,8 @@ impl System {
     fn inside(&self, parameter: Parameter, value: f64, initial: Initial) -> Initial {
         let (set_up, _) = self.at(&[(parameter, value)]);
         let Some(particle) = set_up.particle else { return initial };
-        let most = particle.clearance_m * (1.0 - 1e-9);
-        Initial { y_m: initial.x_m + (initial.y_m - initial.x_m).clamp(-most, most), ..initial }
+        let (most, middle) = (particle.clearance_m * (1.0 - 1e-9), initial.x_m + particle.cavity.offset_m);
+        Initial { y_m: middle + (initial.y_m - middle).clamp(-most, most), ..initial }
     }
 
     /// Simulates the first orbit and follows it in both directions.

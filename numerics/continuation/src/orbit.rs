@@ -66,14 +66,14 @@ impl BoundaryProblem<'_> {
         let periods = self.sequence.periods;
         let mut cycle_peaks = vec![0.0_f64; periods as usize];
         let first = unknowns[PHASE];
-        let mut peak_offset = 0.0_f64;
+        let (mut peak_offset, middle) = (0.0_f64, self.system.middle_m() / length);
         let (mut impacts, mut fastest) = (0, 0.0_f64);
         for (n, segment) in self.sequence.segments.iter().enumerate() {
             let (step, states, a) = self.samples(n, unknowns, &settings, SAMPLE_RAD);
             let mut see = |state: &Vector<f64>| {
                 let cycle = ((state[PHASE] - first) / TAU).floor().clamp(0.0, f64::from(periods - 1)) as usize;
                 cycle_peaks[cycle] = cycle_peaks[cycle].max(state[X].abs());
-                peak_offset = peak_offset.max(state[OFFSET].abs());
+                peak_offset = peak_offset.max((state[OFFSET] + middle).abs());
             };
             for (k, state) in states.iter().enumerate() {
                 see(state);
@@ -105,7 +105,7 @@ impl BoundaryProblem<'_> {
             start: ExactState {
                 x_m: unknowns[X] * length,
                 v_m_per_s: unknowns[V] * speed,
-                offset_m: unknowns[OFFSET] * length,
+                offset_m: unknowns[OFFSET] * length + self.system.middle_m(),
                 slide_m_per_s: unknowns[SLIDE] * speed,
             },
             start_phase_rad: first.rem_euclid(TAU),
@@ -129,7 +129,7 @@ impl BoundaryProblem<'_> {
     /// Whether the second half of the orbit mirrors the first: x(t + T/2) = −x(t), compared at the middle of the longest segment.
     pub(crate) fn is_symmetric(&self, unknowns: &[f64], values: &[f64]) -> bool {
         // The drive changes its sign over half an orbit only if that is an odd number of half turns.
-        if self.sequence.periods.is_multiple_of(2) {
+        if self.sequence.periods.is_multiple_of(2) || !self.system.is_symmetric() {
             return false;
         }
         let equations = self.system.equations(&self.settings(values));

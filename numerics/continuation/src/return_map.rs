@@ -60,7 +60,7 @@ impl ReturnMap {
             _ => 0.0,
         };
         let end_s = f64::from(periods) * TAU * system.time_s;
-        Ok(Self { motion: Exact::new(set_up, excitation, &Initial::default())?, system, phase_rad, end_s })
+        Ok(Self { motion: Exact::new(set_up, excitation, &set_up.neutral())?, system, phase_rad, end_s })
     }
 
     /// The image of a state.
@@ -130,7 +130,7 @@ impl ReturnMap {
             };
             let end = state(&piece.end, end_s);
             let event = system.event(piece, next, &end, &[]).map_err(|_| UnresolvedEvent)?;
-            if matches!(event, Guard::Wall(_)) && system.soft.is_none() {
+            if matches!(event, Guard::Wall(side) if system.is_hard(side)) {
                 hits.push(passages.len());
             }
             let after = next.after_chatter.as_ref().map_or(&next.phase, |(flying, _)| flying);
@@ -138,13 +138,9 @@ impl ReturnMap {
             passages.push(Passage::new(&a, &from, duration, &guard, |end| equations.reset(event, after, end)));
             if let Some((flying, before)) = &next.after_chatter {
                 let before = complete(&state(before, end_s));
-                passages.push(Passage::new(
-                    &equations.matrix(flying),
-                    &before,
-                    0.0,
-                    &turn,
-                    |_| equations.rest(&next.phase),
-                ));
+                passages.push(Passage::new(&equations.matrix(flying), &before, 0.0, &turn, |_| {
+                    equations.rest(&next.phase)
+                }));
             }
         }
         let regain = equations.regain(&first.phase);

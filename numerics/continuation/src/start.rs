@@ -6,7 +6,7 @@ use damprig_core::analysis::section::{Section, period};
 use damprig_core::integrator::exact::{Accumulation, Arc, Exact, ExactState, Excitation, Impact, Observer, Touch};
 use damprig_core::integrator::modes::{Contact, Grip, Mode, Sign};
 use damprig_core::io::Invalid;
-use damprig_core::model::{Initial, Release, SetUp};
+use damprig_core::model::{Initial, SetUp};
 
 use crate::boundary_problem::UNKNOWNS;
 use crate::flow::{STATE, complete, dot};
@@ -93,9 +93,10 @@ pub(crate) struct Piece {
 /// Joins the arcs of a motion into pieces.
 pub(crate) struct Pieces {
     pub pieces: Vec<Piece>,
-    clearance_m: f64,
+    /// y − x at the walls, m.
+    ends_m: [f64; 2],
     has_friction: bool,
-    soft: Option<Release>,
+    is_soft: [bool; 2],
     mode: Option<Mode>,
     impact: Option<Sign>,
     chatter: Option<(Phase, ExactState)>,
@@ -107,13 +108,19 @@ impl Pieces {
         let particle = set_up.particle;
         Self {
             pieces: Vec::new(),
-            clearance_m: particle.map_or(0.0, |p| p.clearance_m),
-            has_friction: particle.is_some_and(|p| p.friction_coefficient * set_up.gravity_m_per_s2 > 0.0),
-            soft: particle.and_then(|p| p.wall.release()),
+            ends_m: particle.map_or([0.0; 2], |p| p.ends_m()),
+            has_friction: set_up.internal_friction_m_per_s2() > 0.0,
+            is_soft: particle.map_or([false; 2], |p| p.walls().map(|wall| wall.is_soft())),
             mode: None,
             impact: None,
             chatter: None,
         }
+    }
+
+    /// Whether y − x is between the walls, but for rounding.
+    fn is_inside(&self, offset_m: f64) -> bool {
+        let [low, high] = self.ends_m;
+        (offset_m - 0.5 * (low + high)).abs() <= 0.5 * (high - low) * INSIDE
     }
 
     fn phase(&self, mode: Mode, touch: Touch) -> Phase {
@@ -125,15 +132,14 @@ impl Pieces {
     }
 
     fn touch(&self, arc: &Arc<'_>) -> Touch {
-        if self.soft.is_none() {
-            return Touch::Clear;
-        }
-        let rest = arc.link_rest_m().unwrap_or(0.0);
         let middle = arc.state(0.5 * arc.length_s).offset_m;
-        if rest != 0.0 {
-            Touch::Pressing(if rest > 0.0 { 1 } else { -1 })
-        } else if middle.abs() > self.clearance_m {
-            Touch::Leaving(if middle > 0.0 { 1 } else { -1 })
+        let [low, high] = self.ends_m;
+        if arc.pressed_side() != 0 {
+            Touch::Pressing(arc.pressed_side())
+        } else if self.is_soft[0] && middle < low {
+            Touch::Leaving(-1)
+        } else if self.is_soft[1] && middle > high {
+            Touch::Leaving(1)
         } else {
             Touch::Clear
         }
@@ -158,7 +164,7 @@ impl Observer for Pieces {
     }
 
     fn impact(&mut self, impact: &Impact) {
-        if self.soft.is_none() {
+        if !self.is_soft[usize::from(impact.side > 0)] {
             self.impact = Some(impact.side);
         }
     }
@@ -231,8 +237,7 @@ impl System {
         }
         // From a piece whose start is an event inside the cavity, where a run may start, to its repetition.
         let is_inside = |piece: &Piece| {
-            !matches!(piece.phase.touch, Touch::Leaving(_))
-                && (piece.start.offset_m.abs() <= seen.clearance_m * INSIDE || self.has_tmd)
+            !matches!(piece.phase.touch, Touch::Leaving(_)) && (seen.is_inside(piece.start.offset_m) || self.has_tmd)
         };
         let from = (1..pieces.len()).find(|n| is_inside(&pieces[*n])).ok_or(NoStart::NoConvergence)?;
         let first = &pieces[from];
@@ -295,7 +300,7 @@ impl System {
         [
             state.x_m / length,
             state.v_m_per_s / speed,
-            joined * state.offset_m / length,
+            joined * (state.offset_m - self.middle_m()) / length,
             joined * state.slide_m_per_s / speed,
             phase,
         ]

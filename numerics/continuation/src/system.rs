@@ -1,6 +1,6 @@
 //! The mechanical system, its drive and its parameters, and its equations of motion in each mode.
 //!
-//! Lengths are in units of a typical displacement, times in units of 1/Ω at the start, masses in units of M.
+//! y − x is measured from the middle of the cavity. Lengths are in units of a typical displacement, times in units of 1/Ω at the start, masses in units of M.
 
 use damprig_core::integrator::exact::{Excitation, Touch};
 use damprig_core::integrator::modes::{Contact, Grip, Sign};
@@ -25,8 +25,6 @@ pub struct System {
     pub(crate) length_m: f64,
     pub(crate) has_particle: bool,
     pub(crate) has_tmd: bool,
-    pub(crate) soft: Option<Release>,
-    falling: Option<Falling>,
 }
 
 /// Restitution that falls with the speed of the impact, without units.
@@ -72,13 +70,31 @@ impl System {
             length_m: amplitude_m,
             has_particle: set_up.particle.is_some(),
             has_tmd: set_up.tmd.is_some(),
-            soft: set_up.particle.and_then(|p| p.wall.release()),
-            falling: set_up.particle.and_then(|p| Falling::of(&p.wall, amplitude_m * turning)),
         })
     }
 
     pub(crate) fn set_up(&self) -> &SetUp {
         &self.set_up
+    }
+
+    /// y − x in the middle of the cavity, m.
+    pub(crate) fn middle_m(&self) -> f64 {
+        self.set_up.particle.map_or(0.0, |p| p.cavity.offset_m)
+    }
+
+    /// Whether the mirror image of a motion, half a period later, is a motion too.
+    pub(crate) fn is_symmetric(&self) -> bool {
+        self.set_up.particle.is_none_or(|p| p.is_symmetric())
+    }
+
+    /// Whether the wall of `side` is hard.
+    pub(crate) fn is_hard(&self, side: Sign) -> bool {
+        self.set_up.particle.is_some_and(|p| !p.walls()[of(side)].is_soft())
+    }
+
+    /// The part of g that presses the particle on its floor, m/s².
+    fn level_gravity(&self) -> f64 {
+        self.set_up.gravity_m_per_s2 * self.set_up.particle.map_or(1.0, |p| p.cavity.level())
     }
 
     /// Whether the system has this parameter.
@@ -91,10 +107,13 @@ impl System {
             Parameter::BaseAmplitude => moves_base,
             Parameter::ForceAmplitude => !moves_base,
             Parameter::Mass | Parameter::MassRatio => self.has_particle || self.has_tmd,
-            Parameter::Clearance | Parameter::InternalFriction => self.has_particle,
+            Parameter::Clearance => self.has_particle,
+            Parameter::InternalFriction => self.has_particle && self.level_gravity() > 0.0,
             Parameter::ClearanceRatio => self.has_particle && moves_base,
-            Parameter::Restitution => self.has_particle && self.soft.is_none(),
-            Parameter::LinkStiffness | Parameter::LinkDamping => self.soft.is_some() || self.has_tmd,
+            Parameter::Restitution => self.is_hard(-1),
+            Parameter::LinkStiffness | Parameter::LinkDamping => {
+                self.has_tmd || (self.has_particle && !self.is_hard(-1))
+            }
             Parameter::DamperForce => has_damper,
             Parameter::DamperForceRatio => has_damper && moves_base,
             Parameter::LinkFrequencyRatio | Parameter::LinkDampingRatio => self.has_tmd,
@@ -170,7 +189,7 @@ impl System {
     }
 
     fn values<T: Real>(&self, settings: &[(Parameter, T)]) -> Values<T> {
-        let SetUp { structure, particle, friction_damper, tmd, gravity_m_per_s2, .. } = &self.set_up;
+        let SetUp { structure, particle, friction_damper, tmd, .. } = &self.set_up;
         let (base_amplitude, force_amplitude, turning) = match self.excitation {
             Excitation::ForceSine { amplitude_n, angular_frequency_rad_per_s, .. } => {
                 (0.0, amplitude_n, angular_frequency_rad_per_s)
@@ -189,14 +208,13 @@ impl System {
         };
         let restitution = particle.and_then(|p| p.wall.restitution()).map_or(0.0, |law| law.coefficient);
         let mass = particle.map(|p| p.mass_kg).or(tmd.map(|tmd| tmd.mass_kg)).unwrap_or(structure.mass_kg);
-        let friction = particle.map_or(0.0, |p| p.friction_coefficient) * gravity_m_per_s2;
         let mut values = Values {
             structure_mass: T::of(structure.mass_kg),
             damping: T::of(structure.damping_n_s_per_m),
             stiffness: T::of(structure.stiffness_n_per_m),
             mass: T::of(mass),
             clearance: T::of(particle.map_or(0.0, |p| p.clearance_m)),
-            friction_acceleration: T::of(friction),
+            friction_acceleration: T::of(self.set_up.internal_friction_m_per_s2()),
             restitution: T::of(restitution),
             link_stiffness: T::of(link.0),
             link_damping: T::of(link.1),
@@ -204,7 +222,7 @@ impl System {
             base_amplitude: T::of(base_amplitude),
             force_amplitude: T::of(force_amplitude),
             turning: T::of(turning),
-            gravity: T::of(*gravity_m_per_s2),
+            gravity: T::of(self.level_gravity()),
             clearance_ratio: self.ties.clearance_ratio.map(T::of),
             damper_force_ratio: self.ties.damper_force_ratio.map(T::of),
             link_frequency_ratio: self.ties.link_frequency_ratio.map(T::of),
@@ -223,23 +241,37 @@ impl System {
         let per_mass = T::of(1.0) / v.structure_mass;
         let square = time * time;
         let force = per_mass * square / length;
+        let negative = WallLaw {
+            restitution: v.restitution,
+            falling: self.set_up.particle.and_then(|p| Falling::of(&p.wall, self.length_m / self.time_s)),
+            stiffness: v.link_stiffness * square * per_mass,
+            damping: v.link_damping * time * per_mass,
+            release: self.set_up.particle.and_then(|p| p.wall.release()),
+        };
+        let positive = self.set_up.particle.and_then(|p| p.cavity.positive_wall).map_or(negative, |wall| {
+            let (stiffness, damping) = wall.spring_and_dashpot().unwrap_or_default();
+            WallLaw {
+                restitution: T::of(wall.restitution().map_or(0.0, |law| law.coefficient)),
+                falling: Falling::of(&wall, self.length_m / self.time_s),
+                stiffness: T::of(stiffness) * square * per_mass,
+                damping: T::of(damping) * time * per_mass,
+                release: wall.release(),
+            }
+        });
         Equations {
             stiffness: v.stiffness * square * per_mass,
             damping: v.damping * time * per_mass,
             mass: v.mass * per_mass,
             clearance: v.clearance / length,
             friction_acceleration: v.friction_acceleration * square / length,
-            restitution: v.restitution,
-            falling: self.falling,
-            link_stiffness: v.link_stiffness * square * per_mass,
-            link_damping: v.link_damping * time * per_mass,
+            weight: T::of(self.set_up.weight_m_per_s2()) * square / length,
+            walls: [negative, positive],
             damper_force: v.damper_force * force,
             base_amplitude: v.base_amplitude / length,
             force_amplitude: v.force_amplitude * force,
             turning: v.turning * time,
             has_second_mass: self.has_particle || self.has_tmd,
             has_tmd: self.has_tmd,
-            soft: self.soft,
         }
     }
 
@@ -264,17 +296,31 @@ pub(crate) struct Equations<T> {
     mass: T,
     clearance: T,
     friction_acceleration: T,
-    restitution: T,
-    falling: Option<Falling>,
-    link_stiffness: T,
-    link_damping: T,
+    /// Acceleration of a free particle by its weight, along −y.
+    weight: T,
+    walls: [WallLaw<T>; 2],
     damper_force: T,
     base_amplitude: T,
     force_amplitude: T,
     pub(crate) turning: T,
     has_second_mass: bool,
     has_tmd: bool,
-    soft: Option<Release>,
+}
+
+/// A wall, without units; with a tuned mass the first one has its spring and dashpot.
+#[derive(Clone, Copy, Debug)]
+struct WallLaw<T> {
+    restitution: T,
+    falling: Option<Falling>,
+    stiffness: T,
+    damping: T,
+    /// When a soft wall releases the particle; `None` of a hard one.
+    release: Option<Release>,
+}
+
+/// Place of a side among two walls.
+fn of(side: Sign) -> usize {
+    usize::from(side > 0)
 }
 
 impl<T: Real> Equations<T> {
@@ -289,14 +335,15 @@ impl<T: Real> Equations<T> {
     /// Force between structure and second mass by spring and dashpot, on the structure, as a row.
     fn joint(&self, phase: &Phase) -> Vector<T> {
         let mut row = [T::of(0.0); N];
-        let rest = match phase.touch {
-            _ if self.has_tmd => T::of(0.0),
-            Touch::Pressing(side) => Self::signed(side, self.clearance),
+        let (side, rest) = match phase.touch {
+            _ if self.has_tmd => (-1, T::of(0.0)),
+            Touch::Pressing(side) => (side, Self::signed(side, self.clearance)),
             Touch::Clear | Touch::Leaving(_) => return row,
         };
-        row[OFFSET] = self.link_stiffness;
-        row[SLIDE] = self.link_damping;
-        row[ONE] = -(self.link_stiffness * rest);
+        let WallLaw { stiffness, damping, .. } = self.walls[of(side)];
+        row[OFFSET] = stiffness;
+        row[SLIDE] = damping;
+        row[ONE] = -(stiffness * rest);
         row
     }
 
@@ -308,11 +355,12 @@ impl<T: Real> Equations<T> {
         if Self::is_held(phase) { T::of(1.0) + self.mass } else { T::of(1.0) }
     }
 
-    /// Force of the sliding particle's friction on the structure.
+    /// Force of the sliding particle's friction on the structure, or of a held particle's weight.
     fn drag(&self, phase: &Phase) -> T {
         match phase.contact {
             Contact::Free(direction) => Self::signed(direction, self.mass * self.friction_acceleration),
-            Contact::Absent | Contact::Held(_) => T::of(0.0),
+            Contact::Held(_) => -(self.mass * self.weight),
+            Contact::Absent => T::of(0.0),
         }
     }
 
@@ -364,7 +412,8 @@ impl<T: Real> Equations<T> {
                 a[SLIDE][n] = -a[V][n] - joint[n] / self.mass;
             }
             if let Contact::Free(direction) = phase.contact {
-                a[SLIDE][ONE] = a[SLIDE][ONE] - Self::signed(direction, self.friction_acceleration);
+                let friction = Self::signed(direction, self.friction_acceleration);
+                a[SLIDE][ONE] = a[SLIDE][ONE] - friction - self.weight;
             }
         }
         a
@@ -386,7 +435,7 @@ impl<T: Real> Equations<T> {
             Guard::LetGo(side) => {
                 row[OFFSET] = Self::signed(side, one);
                 row[ONE] = -self.clearance;
-                if self.soft == Some(Release::ZeroForce) {
+                if self.walls[of(side)].release == Some(Release::ZeroForce) {
                     row = self.joint(phase).map(|entry| Self::signed(side, entry));
                 }
             }
@@ -402,7 +451,7 @@ impl<T: Real> Equations<T> {
                 for n in 0..N {
                     row[n] = Self::signed(direction, acceleration[n] + joint[n] / self.mass);
                 }
-                row[ONE] = row[ONE] + self.friction_acceleration;
+                row[ONE] = row[ONE] + Self::signed(direction, self.weight) + self.friction_acceleration;
             }
             Guard::GripBreaks(direction) => {
                 // The damper must supply M z″ − the other forces.
@@ -424,13 +473,14 @@ impl<T: Real> Equations<T> {
         row
     }
 
-    /// e of an impact with y′ − x′ = `slide`, and the share of it that falls: the exponent, 0 where e is constant or at its
-    /// maximum.
-    fn restitution(&self, slide: T) -> (T, T) {
-        let constant = (self.restitution, T::of(0.0));
-        let Some(law) = self.falling else { return constant };
+    /// e of an impact on the wall of `side` with y′ − x′ = `slide`, and the share of it that falls: the exponent, 0 where e is
+    /// constant or at its maximum.
+    fn restitution(&self, side: Sign, slide: T) -> (T, T) {
+        let wall = &self.walls[of(side)];
+        let constant = (wall.restitution, T::of(0.0));
+        let Some(law) = wall.falling else { return constant };
         let speed = if slide.value() < 0.0 { -slide } else { slide };
-        let e = self.restitution * (speed / T::of(law.reference)).power(-law.exponent);
+        let e = wall.restitution * (speed / T::of(law.reference)).power(-law.exponent);
         if e.value() < law.maximum { (e, T::of(law.exponent)) } else { (T::of(law.maximum), T::of(0.0)) }
     }
 
@@ -446,9 +496,9 @@ impl<T: Real> Equations<T> {
             (rows[OFFSET], rows[SLIDE]) = ([zero; N], [zero; N]);
         }
         match guard {
-            Guard::Wall(_) if self.soft.is_none() => {
+            Guard::Wall(side) if self.walls[of(side)].release.is_none() => {
                 // e(|s|) s of s = y′ − x′ has the derivative e (1 − p), with the exponent p.
-                let (e, falls) = self.restitution(before[SLIDE]);
+                let (e, falls) = self.restitution(side, before[SLIDE]);
                 let (steep, rest) = (e * (one - falls), e * falls * before[SLIDE]);
                 let share = self.mass / (one + self.mass);
                 (rows[V][SLIDE], rows[V][ONE]) = ((one + steep) * share, rest * share);
@@ -459,7 +509,7 @@ impl<T: Real> Equations<T> {
         }
         let wall = match (guard, next.contact) {
             (Guard::Wall(side) | Guard::Inside(side), _) | (_, Contact::Held(side)) if side != 0 => side,
-            (Guard::LetGo(side), _) if self.soft == Some(Release::ZeroPenetration) => side,
+            (Guard::LetGo(side), _) if self.walls[of(side)].release == Some(Release::ZeroPenetration) => side,
             _ => 0,
         };
         if wall != 0 {

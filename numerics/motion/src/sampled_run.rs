@@ -8,7 +8,7 @@ use damprig_core::integrator::polynomial::{Polynomial, derivative, derivative_in
 use damprig_core::integrator::sampled::{self, Flight, Joined};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::Invalid;
-use damprig_core::model::{Initial, SetUp, Wall};
+use damprig_core::model::{Initial, SetUp};
 
 use super::{AccumulationRecord, ImpactRecord, MotionState, Phase, Piece, Viewer};
 
@@ -37,7 +37,8 @@ impl SampledRun {
             reached_s: 0.0,
             state: ExactState::default(),
             mode: Mode { grip: Grip::Absent, contact: Contact::Absent },
-            wall: SoftWall::of(set_up, step_s),
+            walls: [-1, 1].map(|side| SoftWall::of(set_up, side, step_s)),
+            pressing: None,
             response: Response::new(wanted),
         };
         Ok(Self { motion, at })
@@ -75,49 +76,45 @@ impl SampledRun {
     }
 }
 
-/// The soft wall of a set-up.
+/// A soft wall.
 #[derive(Clone, Copy, Debug)]
 struct SoftWall {
-    clearance_m: f64,
+    side: Sign,
+    /// Distance from y = x towards its side, m.
+    end_m: f64,
     stiffness_n_per_m: f64,
     /// c1 over the time step, N/m.
     damping_n_per_m: f64,
-    /// Side of the present contact.
-    pressing: Option<Sign>,
 }
 
 impl SoftWall {
-    fn of(set_up: &SetUp, step_s: f64) -> Option<Self> {
-        let particle = set_up.particle?;
-        let Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } = particle.wall else { return None };
-        Some(Self {
-            clearance_m: particle.clearance_m,
-            stiffness_n_per_m,
-            damping_n_per_m: damping_n_s_per_m / step_s,
-            pressing: None,
-        })
+    fn of(set_up: &SetUp, side: Sign, step_s: f64) -> Option<Self> {
+        let (particle, place) = (set_up.particle?, usize::from(side > 0));
+        let (stiffness_n_per_m, damping_n_s_per_m) = particle.walls()[place].spring_and_dashpot()?;
+        let end_m = signed(side, particle.ends_m()[place]);
+        Some(Self { side, end_m, stiffness_n_per_m, damping_n_per_m: damping_n_s_per_m / step_s })
     }
 
-    /// The largest force of a flight in contact, N; `None` without contact.
-    fn largest_force_n(&self, flight: &Flight<f64>, length: f64) -> Option<f64> {
-        let side = self.pressing?;
+    /// The largest force of a flight in contact, N.
+    fn largest_force_n(&self, flight: &Flight<f64>, length: f64) -> f64 {
+        let side = self.side;
         let mut force = derivative(&flight.offset).map(|rate| signed(side, self.damping_n_per_m * rate));
         for (f, w) in force.iter_mut().zip(&flight.offset) {
             *f += signed(side, self.stiffness_n_per_m * w);
         }
-        force[0] -= self.stiffness_n_per_m * self.clearance_m;
+        force[0] -= self.stiffness_n_per_m * self.end_m;
         let value = |p: &Polynomial<f64>, at: f64| p[0] + increment(p, at);
         let rate = derivative(&force);
         let ends = value(&force, 0.0).max(value(&force, length));
         if !(rate[0] > 0.0 && value(&rate, length) < 0.0) {
-            return Some(ends);
+            return ends;
         }
         let (mut low, mut high) = (0.0, length);
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
             if value(&rate, middle) > 0.0 { low = middle } else { high = middle }
         }
-        Some(ends.max(value(&force, low)))
+        ends.max(value(&force, low))
     }
 }
 
@@ -129,11 +126,19 @@ struct Reached {
     reached_s: f64,
     state: ExactState,
     mode: Mode,
-    wall: Option<SoftWall>,
+    /// The soft walls at the negative and the positive side.
+    walls: [Option<SoftWall>; 2],
+    /// Side of the present contact with one of them.
+    pressing: Option<Sign>,
     response: Response,
 }
 
 impl Reached {
+    /// The soft wall of the present contact.
+    fn pressed(&self) -> Option<&SoftWall> {
+        self.walls[usize::from(self.pressing? > 0)].as_ref()
+    }
+
     /// The time `after` steps from the start of the present one, s.
     fn time_s(&self, after: f64) -> f64 {
         (self.step as f64 + after) * self.step_s
@@ -163,7 +168,7 @@ impl sampled::Observer<f64> for SampledObserver<'_> {
         if length_s <= 0.0 {
             return;
         }
-        let pressed_n = at.wall.and_then(|wall| wall.largest_force_n(flight, length_s / at.step_s));
+        let pressed_n = at.pressed().map(|wall| wall.largest_force_n(flight, length_s / at.step_s));
         if let Some(pressed_n) = pressed_n {
             at.response.take_force(|least_n| least_n.max(pressed_n));
         }
@@ -195,17 +200,13 @@ impl sampled::Observer<f64> for SampledObserver<'_> {
     }
 
     fn contact_start(&mut self, _: f64, side: Sign) {
-        if let Some(wall) = &mut self.at.wall {
-            wall.pressing = Some(side);
-        }
+        self.at.pressing = Some(side);
     }
 
     fn contact_end(&mut self, after: f64, _: Sign, separation: f64) {
         let at = &mut *self.at;
-        if let Some(wall) = &mut at.wall {
-            wall.pressing = None;
-            at.response.take_contact_end(at.time_s(after), separation / at.step_s);
-        }
+        at.pressing = None;
+        at.response.take_contact_end(at.time_s(after), separation / at.step_s);
     }
 }
 

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::exact::{Exact, Excitation};
 use damprig_core::io::Invalid;
-use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Initial, Particle, SetUp, Structure, Wall};
 
 /// Mean of the cycle maxima of |x| over the last 50 of 200 cycles, divided by Z.
 fn amplitude_ratio(clearance_over_z: f64, restitution: f64) -> Result<f64, Invalid> {
@@ -17,6 +17,7 @@ fn amplitude_ratio(clearance_over_z: f64, restitution: f64) -> Result<f64, Inval
         clearance_m: clearance_over_z,
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient: restitution },
+        cavity: Cavity::default(),
     };
     let set_up = SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)) };
     let turning = TAU * 2.5;

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use damprig_core::integrator::exact::{Exact, Excitation, Impact, Observer};
 use damprig_core::io::Invalid;
-use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Initial, Particle, SetUp, Structure, Wall};
 
 struct Impulses {
     mass_kg: f64,
@@ -38,6 +38,7 @@ fn main() -> Result<(), Invalid> {
         clearance_m: 15e-3,
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient: 0.47 },
+        cavity: Cavity::default(),
     };
     let set_up = SetUp { particle: Some(particle), ..SetUp::bare(structure) };
     let base = Excitation::Sine { amplitude_m: 1.5e-3, angular_frequency_rad_per_s: TAU * 2.5, phase_rad: 0.0 };

@@ -5,6 +5,7 @@
 //! walls from material data are in [`soft_wall`](DampingLaw), tuning rules in [`Tuning`]. Motions, including that of
 //! the base, are in [`crate::integrator`].
 
+mod cavity;
 mod soft_wall;
 mod tuning;
 mod wall;
@@ -14,6 +15,7 @@ use core::f64::consts::PI;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
+pub use cavity::Cavity;
 pub use soft_wall::{DampingLaw, Material};
 pub use tuning::Tuning;
 pub use wall::{ImpactLaw, Release, Restitution, Wall};
@@ -63,12 +65,36 @@ impl Structure {
 pub struct Particle {
     /// m, kg; greater than 0.
     pub mass_kg: f64,
-    /// d, m: half the free travel, so the particle moves within |y − x| ≤ d; greater than 0.
+    /// d, m: half the free travel, so the particle moves within |y − x| ≤ d, from the middle of its cavity; greater than 0.
     pub clearance_m: f64,
     /// μi of the dry friction between particle and structure; 0 or greater.
     pub friction_coefficient: f64,
-    /// Both walls.
+    /// Both walls; of a [`Cavity`] with a wall of its own at the positive side, that at the negative side.
     pub wall: Wall,
+    /// How the cavity differs from one with equal walls at ±d on a level structure.
+    #[serde(default)]
+    pub cavity: Cavity,
+}
+
+impl Particle {
+    /// The walls at y − x = offset − d and offset + d.
+    #[must_use]
+    pub fn walls(&self) -> [Wall; 2] {
+        [self.wall, self.cavity.positive_wall.unwrap_or(self.wall)]
+    }
+
+    /// y − x at the walls, m.
+    #[must_use]
+    pub fn ends_m(&self) -> [f64; 2] {
+        [self.cavity.offset_m - self.clearance_m, self.cavity.offset_m + self.clearance_m]
+    }
+
+    /// Whether the mirror image of a motion is a motion too: equal walls, and no weight along the motion.
+    #[must_use]
+    pub fn is_symmetric(&self) -> bool {
+        let [negative, positive] = self.walls();
+        negative == positive && self.cavity.inclination_deg == 0.0
+    }
 }
 
 /// A dry friction damper between the structure and the moving base: a set-valued Coulomb force on x′ − z′.
@@ -100,7 +126,7 @@ pub struct SetUp {
     pub friction_damper: Option<FrictionDamper>,
     /// The tuned mass damper, if mounted (instead of a particle).
     pub tmd: Option<Tmd>,
-    /// g in the internal friction force μi·m·g, m/s²; 0 or greater.
+    /// g in the particle's weight, and so in the internal friction force μi·m·g, m/s²; 0 or greater.
     pub gravity_m_per_s2: f64,
     /// The drive is a force P on the structure, over a base at rest: M x″ + c x′ + k x = P + forces, with the friction damper
     /// acting on x′. What is otherwise the base's motion then stands for P/k, the static deflection.
@@ -138,7 +164,28 @@ impl SetUp {
     /// Whether a particle with soft walls is mounted.
     #[must_use]
     pub fn has_soft_walls(&self) -> bool {
-        self.particle.is_some_and(|particle| particle.wall.is_soft())
+        self.particle.is_some_and(|particle| particle.walls().iter().any(Wall::is_soft))
+    }
+
+    /// The part of the weight along the motion that acts on the particle, per mass, m/s²: positive pulls it towards −y. 0 without
+    /// a particle.
+    #[must_use]
+    pub fn weight_m_per_s2(&self) -> f64 {
+        self.particle.map_or(0.0, |particle| self.gravity_m_per_s2 * particle.cavity.rise())
+    }
+
+    /// The largest acceleration of the particle by internal friction, μi·g·cos of the inclination, m/s². 0 without a particle.
+    #[must_use]
+    pub fn internal_friction_m_per_s2(&self) -> f64 {
+        let friction =
+            |particle: Particle| particle.friction_coefficient * self.gravity_m_per_s2 * particle.cavity.level();
+        self.particle.map_or(0.0, friction)
+    }
+
+    /// Everything at rest, with the particle in the middle of its cavity.
+    #[must_use]
+    pub fn neutral(&self) -> Initial {
+        Initial { y_m: self.particle.map_or(0.0, |particle| particle.cavity.offset_m), ..Initial::default() }
     }
 
     /// Checks that every value is physical.
@@ -155,6 +202,7 @@ impl SetUp {
             positive("particle.clearance_m", particle.clearance_m)?;
             not_negative("particle.friction_coefficient", particle.friction_coefficient)?;
             particle.wall.validate()?;
+            particle.cavity.validate()?;
         }
         if let Some(damper) = &self.friction_damper {
             not_negative("friction_damper.force_n", damper.force_n)?;
@@ -184,12 +232,14 @@ impl SetUp {
         finite("initial.u_m_per_s", initial.u_m_per_s)?;
         if let Some(particle) = &self.particle {
             // A start "at the wall" is written as y = x ± d and may miss the wall by a rounding.
-            let room = particle.clearance_m * (1.0 + 1e-12) + 4.0 * f64::EPSILON * initial.x_m.abs();
+            let offset_m = particle.cavity.offset_m;
+            let rounding_m = 4.0 * f64::EPSILON * (initial.x_m.abs() + offset_m.abs());
+            let room = particle.clearance_m * (1.0 + 1e-12) + rounding_m;
             require(
-                (initial.y_m - initial.x_m).abs() <= room,
+                (initial.y_m - initial.x_m - offset_m).abs() <= room,
                 "initial.y_m",
                 initial.y_m,
-                "within particle.clearance_m of initial.x_m (the particle starts inside its cavity)",
+                "within particle.clearance_m of initial.x_m, plus the offset of the cavity (the particle starts inside its cavity)",
             )?;
         }
         Ok(())

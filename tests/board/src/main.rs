@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use damprig_board::{Board, Config, Image, Time, link};
-use damprig_core::model::{Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
 use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::walls::WallSensors;
 use damprig_simulator::plant::{Base, PlantConfig, Shaker};
@@ -53,6 +53,7 @@ impl Arguments {
             clearance_m: self.clearance_m,
             friction_coefficient: 0.08,
             wall: Wall::Restitution { coefficient: self.restitution },
+            cavity: Cavity::default(),
         });
         let set_up = SetUp { particle, ..SetUp::bare(structure) };
         PlantConfig {

@@ -10,7 +10,7 @@ use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target}
 use damprig_core::control::safety::ExperimentLimits;
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::steadiness::SteadyLimits;
-use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Particle, SetUp, Structure, Wall};
 use damprig_core::twin::TwinConfig;
 use damprig_protocol::frame::LONGEST_BODY;
 use damprig_protocol::{FromDevice, NumberedRequest, Request, ToDevice};
@@ -64,6 +64,7 @@ pub fn experiments() -> Vec<(&'static str, Vec<Piece>)> {
         clearance_m: 0.002,
         friction_coefficient: 0.05,
         wall: Wall::Restitution { coefficient: 0.5 },
+        cavity: Cavity::default(),
     };
     let bare = SetUp::bare(structure);
     let spid = SetUp { particle: Some(particle), ..bare };

@@ -324,15 +324,20 @@ mod tests {
     use damprig_core::analysis::section::Section;
     use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
     use damprig_core::integrator::exact::{Impact, Observer};
-    use damprig_core::model::{Particle, Structure, Wall};
+    use damprig_core::model::{Cavity, Particle, Structure, Wall};
 
     use super::*;
 
     const NATURAL: f64 = TAU * 2.5;
 
     fn damper(clearance_m: f64, coefficient: f64) -> SetUp {
-        let particle =
-            Particle { mass_kg: 0.1, clearance_m, friction_coefficient: 0.0, wall: Wall::Restitution { coefficient } };
+        let particle = Particle {
+            mass_kg: 0.1,
+            clearance_m,
+            friction_coefficient: 0.0,
+            wall: Wall::Restitution { coefficient },
+            cavity: Cavity::default(),
+        };
         SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.0, 2.5, 0.0038)) }
     }
 

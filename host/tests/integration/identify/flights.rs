@@ -4,7 +4,7 @@ use damprig::identify::Sensors;
 use damprig::identify::flights::{Flights, Hit, Known, LeftOut, Record, identify};
 use damprig_core::io::Actuators;
 use damprig_core::measure::impacts::ImpactMeter;
-use damprig_core::model::{Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
 use damprig_simulator::plant::walls::WallSensors;
 use damprig_simulator::plant::{DataSheet, Plant, PlantConfig, SensorModel};
 
@@ -35,6 +35,7 @@ impl Damper {
             clearance_m: self.clearance_m,
             friction_coefficient: self.friction,
             wall: Wall::Restitution { coefficient: self.e },
+            cavity: Cavity::default(),
         };
         SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(MASS_KG, 2.5, 0.0038)) }
     }

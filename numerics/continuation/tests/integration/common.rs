@@ -3,7 +3,7 @@
 use damprig_continuation::{Diagram, Parameter, Steps, System, Task, Ties};
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Initial, Particle, SetUp, Structure, Wall};
 
 /// ω of the tests' structures, rad/s.
 pub const NATURAL: f64 = std::f64::consts::TAU * 2.5;
@@ -11,7 +11,7 @@ pub const NATURAL: f64 = std::f64::consts::TAU * 2.5;
 /// A structure of 1 kg with an impact damper of 0.1 kg and hard walls, without internal friction.
 pub fn impact_damper(clearance_m: f64, coefficient: f64) -> SetUp {
     let wall = Wall::Restitution { coefficient };
-    let particle = Particle { mass_kg: 0.1, clearance_m, friction_coefficient: 0.0, wall };
+    let particle = Particle { mass_kg: 0.1, clearance_m, friction_coefficient: 0.0, wall, cavity: Cavity::default() };
     SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.0, 2.5, 0.0038)) }
 }
 

@@ -5,13 +5,21 @@ use std::f64::consts::TAU;
 use damprig_continuation::{Branch, Orbit, Parameter, ReturnMap, System, Task, Ties};
 use damprig_core::integrator::exact::{Exact, Excitation};
 use damprig_core::integrator::modes::Grip;
-use damprig_core::model::{FrictionDamper, Initial, Particle, Release, Restitution, SetUp, Structure, Tmd, Wall};
+use damprig_core::model::{
+    Cavity, FrictionDamper, Initial, Particle, Release, Restitution, SetUp, Structure, Tmd, Wall,
+};
 use nalgebra::{Complex, DMatrix};
 
 use crate::common::{NATURAL, impact_damper, sine, task, text};
 
 fn particle(clearance_m: f64, friction_coefficient: f64, wall: Wall) -> Option<Particle> {
-    Some(Particle { mass_kg: 0.1, clearance_m, friction_coefficient, wall })
+    Some(Particle { mass_kg: 0.1, clearance_m, friction_coefficient, wall, cavity: Cavity::default() })
+}
+
+/// Two walls, off the centre and inclined.
+fn lopsided(wall: Wall, friction_coefficient: f64, positive: Wall) -> Option<Particle> {
+    let cavity = Cavity { positive_wall: Some(positive), offset_m: 3.0, inclination_deg: 30.0 };
+    particle(10.0, friction_coefficient, wall).map(|p| Particle { cavity, ..p })
 }
 
 fn structure(damping_ratio: f64) -> SetUp {
@@ -45,6 +53,22 @@ fn systems() -> Vec<(&'static str, SetUp, Excitation, Task)> {
         (
             "falling restitution, friction",
             SetUp { particle: particle(10.0, 1.0, falling), ..structure(0.01) },
+            sine(1.0),
+            task(Parameter::Clearance, (5.0, 20.0), 10.0),
+        ),
+        (
+            "two walls on an incline",
+            SetUp { particle: lopsided(falling, 0.0, hard), gravity_m_per_s2: 40.0, ..structure(0.01) },
+            sine(1.0),
+            task(Parameter::Restitution, (0.3, 0.7), 0.5),
+        ),
+        (
+            "a hard and a soft wall on an incline, friction",
+            SetUp {
+                particle: lopsided(hard, 0.1, soft(Release::ZeroForce)),
+                gravity_m_per_s2: 40.0,
+                ..structure(0.01)
+            },
             sine(1.0),
             task(Parameter::Clearance, (5.0, 20.0), 10.0),
         ),

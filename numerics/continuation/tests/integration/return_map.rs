@@ -4,7 +4,9 @@ use std::f64::consts::TAU;
 
 use damprig_continuation::ReturnMap;
 use damprig_core::integrator::exact::{Accumulation, Exact, ExactState, Excitation, Impact, Observer};
-use damprig_core::model::{FrictionDamper, Initial, Particle, Release, Restitution, SetUp, Structure, Tmd, Wall};
+use damprig_core::model::{
+    Cavity, FrictionDamper, Initial, Particle, Release, Restitution, SetUp, Structure, Tmd, Wall,
+};
 use nalgebra::DMatrix;
 
 use crate::common::{NATURAL, impact_damper, sine};
@@ -27,10 +29,11 @@ fn vector(state: &ExactState) -> [f64; 4] {
 fn settled(set_up: &SetUp, ratio: f64, periods: u32, phase_rad: f64) -> Option<([f64; 4], ReturnMap)> {
     let turning = ratio * NATURAL;
     let drive = |phase_rad| Excitation::Sine { amplitude_m: 1.0, angular_frequency_rad_per_s: turning, phase_rad };
-    let mut motion = Exact::new(set_up, &drive(phase_rad), &Initial::default()).expect("physical");
+    let mut motion = Exact::new(set_up, &drive(phase_rad), &set_up.neutral()).expect("physical");
     motion.run(60.0 * TAU / turning, &mut ());
     // A state in a soft wall does not say whether the wall pushes.
-    if set_up.particle.is_some_and(|p| motion.state().offset_m.abs() > p.clearance_m) {
+    let is_outside = |p: Particle| (motion.state().offset_m - p.cavity.offset_m).abs() > p.clearance_m;
+    if set_up.particle.is_some_and(is_outside) {
         return None;
     }
     let map = ReturnMap::new(set_up, &drive(phase_rad), periods).expect("physical");
@@ -118,7 +121,7 @@ fn rests(map: &ReturnMap, at: [f64; 4]) -> bool {
 }
 
 fn particle(clearance_m: f64, friction_coefficient: f64, wall: Wall) -> Option<Particle> {
-    Some(Particle { mass_kg: 0.1, clearance_m, friction_coefficient, wall })
+    Some(Particle { mass_kg: 0.1, clearance_m, friction_coefficient, wall, cavity: Cavity::default() })
 }
 
 fn structure(damping_ratio: f64) -> SetUp {
@@ -153,6 +156,21 @@ fn the_derivative_is_that_of_the_differences_for_every_damper() {
         let wall = falling(draw, 0.9);
         (SetUp { particle: particle(draw(1.0, 15.0), 0.0, wall), ..structure(draw(0.01, 0.1)) }, draw(0.7, 1.3))
     };
+    // Two walls of any kinds, off the centre and inclined, under a weight as large as the structure's acceleration.
+    let lopsided = |draw: Draw<'_>| {
+        let wall = |draw: Draw<'_>| match draw(0.0, 4.0) {
+            ..1.0 => hard(draw),
+            ..2.0 => falling(draw, 0.9),
+            ..3.0 => soft(draw, Release::ZeroForce),
+            _ => soft(draw, Release::ZeroPenetration),
+        };
+        let (negative, positive_wall) = (wall(draw), Some(wall(draw)));
+        let (clearance_m, friction) = (draw(1.0, 10.0), draw(-0.2, 0.2).max(0.0));
+        let cavity = Cavity { positive_wall, offset_m: draw(-5.0, 5.0), inclination_deg: draw(-90.0, 90.0) };
+        let particle = particle(clearance_m, friction, negative).map(|p| Particle { cavity, ..p });
+        let friction_damper = damper(draw(-0.3, 0.3).max(0.0));
+        (SetUp { particle, friction_damper, gravity_m_per_s2: 200.0, ..structure(draw(0.01, 0.1)) }, draw(0.7, 1.3))
+    };
     let slides = |draw: Draw<'_>| {
         let wall = hard(draw);
         let friction = draw(0.1, 10.0);
@@ -184,6 +202,7 @@ fn the_derivative_is_that_of_the_differences_for_every_damper() {
     for (name, least, (compared, _)) in [
         ("particle", 20, compare("particle", 1, free)),
         ("falling restitution", 20, compare("falling restitution", 11, slower)),
+        ("lopsided", 15, compare("lopsided", 13, lopsided)),
         ("particle with friction", 20, compare("particle with friction", 2, slides)),
         ("soft walls, zero force", 20, compare("soft walls, zero force", 3, zero_force)),
         ("soft walls, zero penetration", 20, compare("soft walls, zero penetration", 4, zero_penetration)),

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use damprig_continuation::{Branch, Diagram, Orbit, Origin, Parameter, SpecialKind, Steps, System, Task, Ties};
 use damprig_core::integrator::exact::{Exact, Excitation};
-use damprig_core::model::{Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
 
 use crate::common::{NATURAL, diagram, impact_damper, sine, start_on_symmetric_orbit, task, text};
 
@@ -233,7 +233,13 @@ fn a_branch_is_listed_once() {
     let spid = |clearance_m, friction_coefficient, coefficient| {
         let wall = Wall::Restitution { coefficient };
         SetUp {
-            particle: Some(Particle { mass_kg: 0.16, clearance_m, friction_coefficient, wall }),
+            particle: Some(Particle {
+                mass_kg: 0.16,
+                clearance_m,
+                friction_coefficient,
+                wall,
+                cavity: Cavity::default(),
+            }),
             ..SetUp::bare(structure)
         }
     };

@@ -40,7 +40,8 @@ fn of_spheres(damper: &Damper, cycles: usize, centres: Vec<[f64; 3]>) -> Vec<f64
 /// The exact engine, with a particle in the middle of a cavity of this clearance.
 fn exact_motion(clearance_m: f64, coefficient: f64) -> Exact {
     let wall = Wall::Restitution { coefficient };
-    let particle = Particle { mass_kg: 0.16, clearance_m, friction_coefficient: 0.0, wall };
+    let cavity = damprig_core::model::Cavity::default();
+    let particle = Particle { mass_kg: 0.16, clearance_m, friction_coefficient: 0.0, wall, cavity };
     let set_up = SetUp { particle: Some(particle), ..SetUp::bare(rig()) };
     let initial = Initial { x_m: START_M, y_m: START_M, ..Initial::default() };
     Exact::new(&set_up, &Excitation::Fixed, &initial).expect("physical")

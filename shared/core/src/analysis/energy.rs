@@ -19,7 +19,8 @@ use serde::Serialize;
 pub struct Balance {
     /// Work of the base, and of the force, on the system.
     pub input_j: f64,
-    /// Change of the stored (kinetic and elastic) energy: now minus at the start. Negative if the system gives off energy.
+    /// Change of the stored energy (kinetic, elastic, and of the particle's weight): now minus at the start. Negative if the system
+    /// gives off energy.
     pub stored_change_j: f64,
     /// Dissipated by the structure's dashpot.
     pub structure_damping_j: f64,
@@ -52,10 +53,13 @@ impl Balance {
 pub struct EnergyMeter {
     set_up: SetUp,
     second_mass_kg: f64,
-    link_stiffness: f64,
-    link_damping: f64,
+    /// k1, N/m, and c1, N·s/m, of a tuned mass, or of the soft walls at the negative and the positive side.
+    links: [(f64, f64); 2],
     friction_n: f64,
-    restitution: Option<ImpactLaw<f64>>,
+    /// The particle's weight along the motion, N: positive along −y.
+    weight_n: f64,
+    /// The laws of impact of the hard walls at the negative and the positive side.
+    restitution: [Option<ImpactLaw<f64>>; 2],
     /// All but its residual.
     balance: Balance,
     /// Magnitude of the energy that unexplained jumps of the state would transfer: rounding only in a correct motion.
@@ -66,30 +70,32 @@ pub struct EnergyMeter {
     /// The state that follows from everything seen so far.
     last: Option<ExactState>,
     base_m: f64,
-    pressed_m: f64,
+    /// Energy in the spring of the link at the end of the last arc, J.
+    linked_j: f64,
 }
 
 impl EnergyMeter {
     /// An empty balance for a motion of `set_up`.
     #[must_use]
     pub fn new(set_up: &SetUp) -> Self {
-        let (mut second_mass_kg, mut link_stiffness, mut link_damping, mut friction_n) = (0.0, 0.0, 0.0, 0.0);
-        let mut restitution = None;
+        let (mut second_mass_kg, mut friction_n) = (0.0, 0.0);
+        let (mut links, mut restitution) = ([(0.0, 0.0); 2], [None; 2]);
         if let Some(particle) = set_up.particle {
             second_mass_kg = particle.mass_kg;
-            friction_n = particle.friction_coefficient * particle.mass_kg * set_up.gravity_m_per_s2;
-            restitution = particle.wall.restitution().map(|law| law.law(1.0));
-            (link_stiffness, link_damping) = particle.wall.spring_and_dashpot().unwrap_or_default();
+            let horizontal_n = particle.friction_coefficient * particle.mass_kg * set_up.gravity_m_per_s2;
+            friction_n = horizontal_n * particle.cavity.level();
+            restitution = particle.walls().map(|wall| wall.restitution().map(|law| law.law(1.0)));
+            links = particle.walls().map(|wall| wall.spring_and_dashpot().unwrap_or_default());
         } else if let Some(tmd) = set_up.tmd {
             second_mass_kg = tmd.mass_kg;
-            (link_stiffness, link_damping) = (tmd.stiffness_n_per_m, tmd.damping_n_s_per_m);
+            links[0] = (tmd.stiffness_n_per_m, tmd.damping_n_s_per_m);
         }
         Self {
             set_up: *set_up,
             second_mass_kg,
-            link_stiffness,
-            link_damping,
+            links,
             friction_n,
+            weight_n: second_mass_kg * set_up.weight_m_per_s2(),
             restitution,
             balance: Balance::default(),
             jumps_j: 0.0,
@@ -97,7 +103,7 @@ impl EnergyMeter {
             stored_at_start_j: None,
             last: None,
             base_m: 0.0,
-            pressed_m: 0.0,
+            linked_j: 0.0,
         }
     }
 
@@ -108,13 +114,16 @@ impl EnergyMeter {
         Balance { residual_j: open + libm::copysign(self.jumps_j, open), ..self.balance }
     }
 
-    fn stored_j(&self, state: &ExactState, base_m: f64, pressed: f64) -> f64 {
+    /// Energy in motion, in the springs and in the particle's weight; a link of that
+    /// stiffness is pressed that far.
+    fn stored_j(&self, state: &ExactState, base_m: f64, (stiffness, pressed): (f64, f64)) -> f64 {
         let structure = &self.set_up.structure;
         let (u, stretch) = (state.u_m_per_s(), state.x_m - base_m);
         0.5 * (structure.mass_kg * state.v_m_per_s * state.v_m_per_s
             + self.second_mass_kg * u * u
             + structure.stiffness_n_per_m * stretch * stretch
-            + self.link_stiffness * pressed * pressed)
+            + stiffness * pressed * pressed)
+            + self.weight_n * state.y_m()
     }
 
     /// Energy that a jump from `from` to `to` would transfer: kinetic, and as work against the structure's spring.
@@ -126,6 +135,7 @@ impl EnergyMeter {
         speeds(structure.mass_kg, from.v_m_per_s, to.v_m_per_s)
             + speeds(self.second_mass_kg, from.u_m_per_s(), to.u_m_per_s())
             + 0.5 * structure.stiffness_n_per_m * (stretch(from) + stretch(to) + displaced) * displaced
+            + self.weight_n.abs() * displaced
     }
 
     /// Takes the initial state of an arc or event. A difference from the last state is counted as a jump.
@@ -175,11 +185,11 @@ impl Observer for EnergyMeter {
             let slip = series::value(&x_rate, at) - series::value(&z_rate, at);
             structure.damping_n_s_per_m * slip * slip
         });
-        // The force on the base is the rate of change of the total momentum minus the applied force.
+        // The force on the base is the rate of change of the total momentum minus the applied force and the weight.
         self.balance.input_j += over(&mut |at| {
             let gained = (mass + second) * series::value(&x_second, at) + second * series::value(&slide_rate, at);
             let force = arc.applied_force_n(at);
-            series::value(&z_rate, at) * (gained - force) + series::value(&x_rate, at) * force
+            series::value(&z_rate, at) * (gained + self.weight_n - force) + series::value(&x_rate, at) * force
         });
         if let (Grip::Slip(_), Some(damper)) = (arc.mode.grip, self.set_up.friction_damper) {
             let slipped = series::value(&span.x, end) - span.x[0] - (series::value(&span.base, end) - span.base[0]);
@@ -188,33 +198,35 @@ impl Observer for EnergyMeter {
         if let (Contact::Free(_), true) = (arc.mode.contact, self.friction_n > 0.0) {
             self.balance.internal_friction_j += self.friction_n * (arc.end.offset_m - arc.start.offset_m).abs();
         }
-        let link = arc.link_rest_m().filter(|_| self.link_stiffness + self.link_damping > 0.0);
+        let (stiffness, damping) = self.links[usize::from(arc.pressed_side() > 0)];
+        let link = arc.link_rest_m().filter(|_| stiffness + damping > 0.0);
         if link.is_none() {
             // When a wall releases the particle early, its own dashpot dissipates the energy left in its spring.
-            self.balance.link_damping_j += 0.5 * self.link_stiffness * self.pressed_m * self.pressed_m;
+            self.balance.link_damping_j += self.linked_j;
         }
         if link.is_some() {
             self.balance.link_damping_j += over(&mut |at| {
                 let slide = series::value(&slide, at);
-                self.link_damping * slide * slide
+                damping * slide * slide
             });
         }
         let pressed = |offset: f64| link.map_or(0.0, |rest| offset - rest);
         let end_base_m = series::value(&span.base, end);
-        let after = self.stored_j(&arc.end, end_base_m, pressed(arc.end.offset_m));
+        let after = self.stored_j(&arc.end, end_base_m, (stiffness, pressed(arc.end.offset_m)));
         let start = self.stored_at_start_j.unwrap_or_else(|| {
             let first = self.first.unwrap_or(arc.start);
-            self.stored_j(&first, span.base[0], pressed(first.offset_m))
+            self.stored_j(&first, span.base[0], (stiffness, pressed(first.offset_m)))
         });
         self.stored_at_start_j = Some(start);
         self.balance.stored_change_j = after - start;
-        self.pressed_m = pressed(arc.end.offset_m);
+        let pressed = pressed(arc.end.offset_m);
+        self.linked_j = 0.5 * stiffness * pressed * pressed;
         (self.base_m, self.last) = (end_base_m, Some(arc.end));
     }
 
     fn impact(&mut self, impact: &Impact) {
         self.continue_from(&impact.before);
-        match self.restitution {
+        match &self.restitution[usize::from(impact.side > 0)] {
             Some(law) => self.impact_of(law.at(impact.approach_speed_m_per_s), &impact.after),
             None => self.continue_from(&impact.after),
         }

@@ -20,13 +20,14 @@ pub struct SymmetricOrbit {
     pub velocity_after_m_per_s: f64,
     /// Phase Ωt of the base z = Z sin Ωt at the impact on the + wall, rad, −π to π.
     pub drive_phase_rad: f64,
-    clearance_m: f64,
+    /// y − x at the + wall, m.
+    wall_m: f64,
 }
 
 impl SymmetricOrbit {
     /// The orbit with the faster particle, of `set_up` on a base that moves as `amplitude_m` sin Ωt.
     ///
-    /// `None` without a particle between hard walls of constant restitution, with friction of any kind or a tuned mass, for a base at rest, or
+    /// `None` without a particle between equal hard walls of constant restitution on a level, with friction of any kind or a tuned mass, for a base at rest, or
     /// where no such orbit exists (A/d too small).
     #[must_use]
     pub fn new(set_up: &SetUp, amplitude_m: f64, angular_frequency_rad_per_s: f64) -> Option<Self> {
@@ -38,7 +39,8 @@ impl SymmetricOrbit {
     pub fn both(set_up: &SetUp, amplitude_m: f64, angular_frequency_rad_per_s: f64) -> Option<[Option<Self>; 2]> {
         let particle = set_up.particle?;
         let Wall::Restitution { coefficient: e } = particle.wall else { return None };
-        let frictionless = particle.friction_coefficient * set_up.gravity_m_per_s2 == 0.0
+        let frictionless = set_up.internal_friction_m_per_s2() == 0.0
+            && particle.is_symmetric()
             && set_up.friction_damper.is_none_or(|damper| damper.force_n == 0.0);
         let turning = angular_frequency_rad_per_s;
         if !frictionless || set_up.tmd.is_some() || !(amplitude_m > 0.0 && turning > 0.0) || set_up.validate().is_err()
@@ -93,7 +95,7 @@ impl SymmetricOrbit {
                 approach_speed_m_per_s: speed * (1.0 - before),
                 velocity_after_m_per_s: speed * after,
                 drive_phase_rad: phase - turn * libm::round(phase / turn),
-                clearance_m: d,
+                wall_m: particle.ends_m()[1],
             })
         };
         Some([orbit((s1 * d + root) / square), orbit((s1 * d - root) / square)])
@@ -106,7 +108,7 @@ impl SymmetricOrbit {
         Initial {
             x_m: self.impact_displacement_m,
             v_m_per_s: self.velocity_after_m_per_s,
-            y_m: self.impact_displacement_m + self.clearance_m,
+            y_m: self.impact_displacement_m + self.wall_m,
             u_m_per_s: -self.particle_speed_m_per_s,
         }
     }
@@ -117,7 +119,7 @@ impl SymmetricOrbit {
         ExactState {
             x_m: self.impact_displacement_m,
             v_m_per_s: self.velocity_after_m_per_s,
-            offset_m: self.clearance_m,
+            offset_m: self.wall_m,
             slide_m_per_s: -self.particle_speed_m_per_s - self.velocity_after_m_per_s,
         }
     }

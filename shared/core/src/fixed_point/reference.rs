@@ -7,7 +7,7 @@ use crate::integrator::base::{BaseSegment, BaseTrack};
 use crate::integrator::modes::Contact;
 use crate::integrator::sampled::{Observer, Sampled, SampledState};
 use crate::integrator::units::Units;
-use crate::model::{FrictionDamper, GRAVITY_M_PER_S2, Initial, Particle, SetUp, Structure, Wall};
+use crate::model::{Cavity, FrictionDamper, GRAVITY_M_PER_S2, Initial, Particle, SetUp, Structure, Wall};
 use crate::scalar::Scalar;
 use crate::sine::Phase;
 
@@ -82,6 +82,7 @@ impl Case {
                 clearance_m: self.clearance_m,
                 friction_coefficient: self.friction,
                 wall: Wall::Restitution { coefficient: self.restitution },
+                cavity: Cavity::default(),
             }),
             friction_damper: self.drive.map(|sine| FrictionDamper { force_n: sine.damper_force_n }),
             tmd: None,

@@ -6,7 +6,8 @@
 //! the hard wall. The drivers find the times of the events.
 //!
 //! Equations of motion (z is the base displacement; absolute coordinates):
-//! `M x″ + c (x′ − z′) + k (x − z) = f_damper + f_particle`, and `m y″ = −f_particle`.
+//! `M x″ + c (x′ − z′) + k (x − z) = f_damper + f_particle`, and `m y″ = −f_particle − m w`, where w is the share of g along
+//! the motion. x is measured from where the structure rests without the particle.
 
 use super::units::Units;
 use crate::model::{ImpactLaw, Restitution, SetUp};
@@ -59,12 +60,16 @@ pub struct Coefficients<S> {
     pub damper_force: S,
     /// m, kg; 0 without a particle.
     pub particle_mass: S,
-    /// d, m; 0 without a particle.
-    pub clearance: S,
-    /// The law of impact of a hard wall.
-    pub restitution: ImpactLaw<S>,
-    /// μi·g, m/s²: the largest acceleration of the particle by internal friction.
+    /// Distances of the walls at the negative and the positive side from y = x, m; 0 without a particle.
+    ends: [S; 2],
+    /// The larger of their magnitudes, m: y − x has a rounding of it.
+    pub reach: S,
+    /// The laws of impact of the hard walls.
+    restitution: [ImpactLaw<S>; 2],
+    /// μi·g times the cosine of the inclination, m/s²: the largest acceleration of the particle by internal friction.
     pub friction_acceleration: S,
+    /// g times the sine of the inclination, m/s²: the acceleration of a free particle by its weight, along −y.
+    pub weight: S,
 }
 
 impl<S: Scalar> Coefficients<S> {
@@ -72,17 +77,18 @@ impl<S: Scalar> Coefficients<S> {
     #[must_use]
     pub fn new(set_up: &SetUp) -> Self {
         let particle = set_up.particle;
+        let ends = ends_m(set_up).map(S::from_f64);
         Self {
             mass: S::from_f64(set_up.structure.mass_kg),
             damping: S::from_f64(set_up.structure.damping_n_s_per_m),
             stiffness: S::from_f64(set_up.structure.stiffness_n_per_m),
             damper_force: S::from_f64(set_up.friction_damper.map_or(0.0, |d| d.force_n)),
             particle_mass: S::from_f64(particle.map_or(0.0, |p| p.mass_kg)),
-            clearance: S::from_f64(particle.map_or(0.0, |p| p.clearance_m)),
-            restitution: impact_law(set_up, 1.0),
-            friction_acceleration: S::from_f64(
-                particle.map_or(0.0, |p| p.friction_coefficient * set_up.gravity_m_per_s2),
-            ),
+            ends,
+            reach: ends[0].abs().max(ends[1].abs()),
+            restitution: impact_laws(set_up, 1.0),
+            friction_acceleration: S::from_f64(set_up.internal_friction_m_per_s2()),
+            weight: S::from_f64(set_up.weight_m_per_s2()),
         }
     }
 
@@ -94,18 +100,67 @@ impl<S: Scalar> Coefficients<S> {
         let (mass, step_s, length_m) = (structure.mass_kg, units.step_s, units.length_m);
         let acceleration = length_m / (step_s * step_s);
         let particle = set_up.particle;
-        let friction = particle.map_or(0.0, |p| p.friction_coefficient) * set_up.gravity_m_per_s2;
+        let ends = ends_m(set_up).map(|end_m| S::from_f64(end_m / length_m));
         Self {
             mass: S::ONE,
             damping: S::from_f64(structure.damping_n_s_per_m * step_s / mass),
             stiffness: S::from_f64(structure.stiffness_n_per_m * (step_s * step_s) / mass),
             damper_force: S::from_f64(set_up.friction_damper.map_or(0.0, |d| d.force_n) / mass / acceleration),
             particle_mass: S::from_f64(particle.map_or(0.0, |p| p.mass_kg) / mass),
-            clearance: S::from_f64(particle.map_or(0.0, |p| p.clearance_m) / length_m),
-            restitution: impact_law(set_up, length_m / step_s),
-            friction_acceleration: S::from_f64(friction / acceleration),
+            ends,
+            reach: ends[0].abs().max(ends[1].abs()),
+            restitution: impact_laws(set_up, length_m / step_s),
+            friction_acceleration: S::from_f64(set_up.internal_friction_m_per_s2() / acceleration),
+            weight: S::from_f64(set_up.weight_m_per_s2() / acceleration),
             ..Self::new(set_up)
         }
+    }
+
+    /// Distance of the wall of `side` from y = x, towards that side, m.
+    #[inline]
+    #[must_use]
+    pub fn end(&self, side: Sign) -> S {
+        self.ends[of(side)]
+    }
+
+    /// y − x at the wall of `side`, m; 0 without a side.
+    #[inline]
+    #[must_use]
+    pub fn wall(&self, side: Sign) -> S {
+        signed(side, self.end(side))
+    }
+
+    /// Distance of the particle from the wall of `side`, m: negative beyond it.
+    #[inline]
+    #[must_use]
+    pub fn gap(&self, side: Sign, offset: S) -> S {
+        self.end(side) - signed(side, offset)
+    }
+
+    /// Side of the wall that the particle touches or has passed; 0 between the walls.
+    #[inline]
+    #[must_use]
+    pub fn side(&self, offset: S) -> Sign {
+        if offset >= self.wall(1) {
+            1
+        } else if offset <= self.wall(-1) {
+            -1
+        } else {
+            0
+        }
+    }
+
+    /// y − x in the middle of the cavity, m.
+    #[must_use]
+    pub fn middle(&self) -> S {
+        (self.end(1) - self.end(-1)) * S::from_f64(0.5)
+    }
+
+    /// The law of impact of the hard wall of `side`.
+    #[inline]
+    #[must_use]
+    pub fn restitution(&self, side: Sign) -> &ImpactLaw<S> {
+        &self.restitution[of(side)]
     }
 
     /// Mass that moves with the structure in `contact`, kg.
@@ -117,12 +172,14 @@ impl<S: Scalar> Coefficients<S> {
         }
     }
 
-    /// Force of the particle on the structure in `contact`, N; 0 where it follows from the motion instead.
+    /// Constant force of the particle on what moves with the structure in `contact`, N: friction of a sliding particle, weight
+    /// of a held one.
     #[must_use]
     pub fn drag(&self, contact: Contact) -> S {
         match contact {
             Contact::Free(direction) => signed(direction, self.particle_mass * self.friction_acceleration),
-            Contact::Absent | Contact::Held(_) => S::ZERO,
+            Contact::Held(_) => S::ZERO - self.particle_mass * self.weight,
+            Contact::Absent => S::ZERO,
         }
     }
 
@@ -159,20 +216,33 @@ impl<S: Scalar> Coefficients<S> {
 
     /// Lowest and highest structure acceleration at which a particle held on `side` stays held, m/s².
     ///
-    /// Friction accelerates the particle by up to ±μi·g. A hard wall pushes inwards without limit and cannot pull. A
-    /// compressed soft wall pushes with the reaction to `joint_force`.
+    /// Friction accelerates the particle by up to ±μi·g, its weight by −w. A hard wall pushes inwards without limit and cannot
+    /// pull. A compressed soft wall pushes with the reaction to `joint_force`.
     #[must_use]
     pub fn held_limits(&self, side: Sign, joint_force: S) -> (Option<S>, Option<S>) {
         let g = self.friction_acceleration;
         let pushed = if joint_force == S::ZERO { S::ZERO } else { -joint_force / self.particle_mass };
-        ((side <= 0).then_some(pushed - g), (side >= 0).then_some(pushed + g))
+        let w = self.weight;
+        ((side <= 0).then_some(pushed - g - w), (side >= 0).then_some(pushed + g - w))
     }
 }
 
-/// The law of impact in a unit of velocity of this many m/s.
-fn impact_law<S: Scalar>(set_up: &SetUp, velocity_m_per_s: f64) -> ImpactLaw<S> {
-    let hard = set_up.particle.and_then(|p| p.wall.restitution());
-    hard.unwrap_or(Restitution::constant(0.0)).law(velocity_m_per_s)
+/// Place of a side among two walls.
+#[inline]
+pub(crate) fn of(side: Sign) -> usize {
+    usize::from(side > 0)
+}
+
+/// Distances of the walls from y = x, each towards its side, m.
+fn ends_m(set_up: &SetUp) -> [f64; 2] {
+    let [negative, positive] = set_up.particle.map_or([0.0; 2], |particle| particle.ends_m());
+    [-negative, positive]
+}
+
+/// The laws of impact in a unit of velocity of this many m/s.
+fn impact_laws<S: Scalar>(set_up: &SetUp, velocity_m_per_s: f64) -> [ImpactLaw<S>; 2] {
+    let walls = set_up.particle.map_or([None; 2], |particle| particle.walls().map(|wall| wall.restitution()));
+    walls.map(|law| law.unwrap_or(Restitution::constant(0.0)).law(velocity_m_per_s))
 }
 
 /// `value` with the sign of `direction`, or zero.

@@ -38,7 +38,7 @@ use super::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, sig
 use super::polynomial;
 use super::units::Units;
 use crate::io::{Invalid, require};
-use crate::model::{Initial, SetUp, Wall};
+use crate::model::{Initial, SetUp};
 use crate::scalar::Scalar;
 
 pub use flight::Flight;
@@ -132,7 +132,9 @@ impl<S: Scalar> Sampled<S> {
         if let Some(tmd) = &set_up.tmd {
             require(false, "tmd.mass_kg", tmd.mass_kg, "left out: a tuned mass is for `Joined`")?;
         }
-        if let Some(Wall::Voigt { stiffness_n_per_m, .. }) = set_up.particle.map(|p| p.wall) {
+        for (stiffness_n_per_m, _) in
+            set_up.particle.iter().flat_map(|p| p.walls()).filter_map(|w| w.spring_and_dashpot())
+        {
             require(
                 false,
                 "particle.wall.stiffness_n_per_m",
@@ -172,9 +174,9 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         sampled
     }
 
-    /// Restarts with everything at rest in its neutral position, as from [`Initial::default`] but without a division.
+    /// Restarts with everything at rest in its neutral position, as from [`SetUp::neutral`] but without a division.
     pub fn rest(&mut self) {
-        self.state = SampledState::default();
+        self.state = SampledState { offset: self.c.middle(), ..SampledState::default() };
         if let Some(link) = self.joint.link_mut() {
             link.touch = WallTouch::Clear;
             link.touched = false;
@@ -192,13 +194,12 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         let offset = if has_second { initial.y_m - initial.x_m } else { 0.0 };
         let slide = if has_second { initial.u_m_per_s - initial.v_m_per_s } else { 0.0 };
         let (length, velocity) = (self.units.length_m, self.units.velocity_m_per_s());
-        let d = self.c.clearance;
         let offset = S::from_f64(offset / length);
         self.rest();
         self.state = SampledState {
             x: S::from_f64(initial.x_m / length),
             v: S::from_f64(initial.v_m_per_s / velocity),
-            offset: if is_tuned { offset } else { offset.min(d).max(-d) },
+            offset: if is_tuned { offset } else { offset.min(self.c.wall(1)).max(self.c.wall(-1)) },
             slide: S::from_f64(slide / velocity),
         };
     }
@@ -271,8 +272,9 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         self.end_chatter(start, &base, observer);
         let mode = self.current_mode();
         self.fly(start, mode, &self.flight(mode, &base), S::ONE - start, observer);
-        if self.joint.link().is_none() {
-            self.state.offset = self.state.offset.min(self.c.clearance).max(-self.c.clearance);
+        let side = self.side();
+        if side != 0 {
+            self.state.offset = self.c.wall(side);
         }
     }
 
@@ -313,16 +315,13 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
 
     /// Side of the hard wall that the particle touches; 0 between the walls.
     fn side(&self) -> Sign {
-        let d = self.c.clearance;
-        if self.joint.link().is_some() {
-            0
-        } else if self.state.offset >= d {
-            1
-        } else if self.state.offset <= -d {
-            -1
-        } else {
-            0
-        }
+        let side = if self.has_particle { self.c.side(self.state.offset) } else { 0 };
+        if self.is_soft(side) { 0 } else { side }
+    }
+
+    /// Whether the wall of `side` is soft.
+    fn is_soft(&self, side: Sign) -> bool {
+        self.joint.link().is_some_and(|link| link.is_soft(side))
     }
 
     fn resolve(&self, base: &BaseSegment<S>, slip: S) -> Mode {
@@ -354,8 +353,8 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         };
         match event {
             Event::Wall(side) => {
-                self.state.offset = signed(side, self.c.clearance);
-                if self.joint.link().is_some() {
+                self.state.offset = self.c.wall(side);
+                if self.is_soft(side) {
                     self.touch(side, slip, base, at, observer);
                 } else if signed(side, self.state.slide) > S::ZERO {
                     self.hit(side, mode, base, at, observer);
@@ -398,14 +397,14 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         let approach = self.state.slide;
         let ground_velocity = self.ground(base).velocity();
         let before = if mode.grip == Grip::Stuck { ground_velocity } else { self.state.v };
-        let restitution = self.c.restitution.at(approach.abs());
+        let restitution = self.c.restitution(side).at(approach.abs());
         let (v, slide) = modes::impact(&self.c, restitution, before, approach);
         self.state.v = v;
         self.state.slide = slide;
         self.mode = Some(self.resolve(base, v - ground_velocity));
         // A bounce whose height is within rounding of the clearance ends a chatter.
         let pressing = self.pressing(side, base);
-        let height = self.c.clearance * S::EPSILON * S::from_u8(16);
+        let height = self.c.reach * S::EPSILON * S::from_u8(16);
         let rests = pressing > S::ZERO && slide * slide <= pressing * height * S::from_u8(4);
         if rests {
             self.stay_at_wall(base);

@@ -142,7 +142,7 @@ impl Dampers {
 mod tests {
     use super::*;
     use crate::io::WallCounts;
-    use crate::model::{Particle, SetUp, Structure, Wall};
+    use crate::model::{Cavity, Particle, SetUp, Structure, Wall};
     use crate::twin::TwinConfig;
 
     fn set_up(natural_frequency_hz: f64, clearance_m: f64) -> SetUp {
@@ -151,6 +151,7 @@ mod tests {
             clearance_m,
             friction_coefficient: 0.05,
             wall: Wall::Restitution { coefficient: 0.3 },
+            cavity: Cavity::default(),
         };
         SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, natural_frequency_hz, 0.0038)) }
     }

@@ -21,11 +21,12 @@
 pub mod matching;
 
 use crate::integrator::base::BaseTrack;
+use crate::integrator::modes::{Sign, of};
 use crate::integrator::sampled::{Impact, Observer, Sampled};
 use crate::integrator::units::Units;
 use crate::io::{Invalid, SUBSAMPLES, TICK_HZ, positive, require};
 use crate::measure::impacts::ImpactRecord;
-use crate::model::{ImpactLaw, Initial, Restitution, SetUp, Structure};
+use crate::model::{ImpactLaw, Restitution, SetUp, Structure};
 use crate::scalar::Scalar;
 use heapless::{Deque, Vec};
 use matching::{Matcher, MatcherConfig};
@@ -142,13 +143,8 @@ pub struct TwinPlan {
     /// Gains on x (1) and v (1/step).
     gains: (f32, f32),
     residual_gain: f32,
-    /// e over the approach speed in m/s.
-    restitution: ImpactLaw<f32>,
+    rebounds: [Rebound; 2],
     step_s: f32,
-    /// Approach speed per measured impulse at the coefficient of restitution, m/s per N·s.
-    approach_per_impulse: f32,
-    /// Sum of approach and leaving speed per measured impulse, m/s per N·s.
-    closing_per_impulse: f32,
     /// Impulse per change of the structure's velocity in m per step, N·s.
     impulse_per_kick: f32,
     matching: MatcherConfig,
@@ -179,47 +175,64 @@ impl TwinPlan {
             "low enough for a twin (damping over mass at most 200 /s)",
         )?;
         let step_s = tick_s / f64::from(steps);
-        let motion = Sampled::new(set_up, Units::metres(step_s), &Initial::default())?;
+        let motion = Sampled::new(set_up, Units::metres(step_s), &set_up.neutral())?;
         // Error dynamics x″ + 2ζω x′ + ω² x with ζ = 0.7. The structure's own stiffness only adds to them.
         let omega = 2.0 * core::f64::consts::PI * f64::from(config.follow_hz);
         let gains = ((1.4 * omega * tick_s) as f32, (omega * omega * tick_s * step_s) as f32);
-        let (mut restitution, mut approach_per_impulse) = (Restitution::constant(0.0), 0.0);
-        if let Some(particle) = &set_up.particle
-            && let Some(law) = particle.wall.restitution()
-        {
-            let ratio = particle.mass_kg / set_up.structure.mass_kg;
-            restitution = law;
-            approach_per_impulse = ((1.0 + ratio) / (particle.mass_kg * (1.0 + law.coefficient))) as f32;
-        }
         Ok(Self {
             motion,
             steps,
             gains,
             residual_gain: 1.0 / (config.residual_s / tick_s as f32).max(1.0),
-            restitution: restitution.law(1.0),
-            closing_per_impulse: approach_per_impulse * (1.0 + restitution.coefficient as f32),
+            rebounds: [-1, 1].map(|side| Rebound::new(set_up, side)),
             step_s: step_s as f32,
-            approach_per_impulse,
             impulse_per_kick: (set_up.structure.mass_kg / step_s) as f32,
             matching: config.matching,
         })
     }
 }
 
-impl TwinPlan {
-    /// The speed with which the particle leaves a wall after an impact of this impulse, m per step.
-    fn leaving(&self, impulse_n_s: f32) -> f32 {
-        if self.restitution.is_constant() {
-            return self.restitution.maximum() * self.approach_per_impulse * self.step_s * impulse_n_s;
+/// How the particle leaves the wall of a side.
+#[derive(Clone, Copy, Debug)]
+struct Rebound {
+    /// e over the approach speed in m/s.
+    law: ImpactLaw<f32>,
+    /// Approach speed per measured impulse at the coefficient of restitution, m/s per N·s; 0 without a particle.
+    approach_per_impulse: f32,
+    /// Sum of approach and leaving speed per measured impulse, m/s per N·s.
+    closing_per_impulse: f32,
+}
+
+impl Rebound {
+    fn new(set_up: &SetUp, side: Sign) -> Self {
+        let mass_kg = set_up.particle.map_or(0.0, |particle| particle.mass_kg);
+        let restitution = set_up.particle.and_then(|particle| particle.walls()[of(side)].restitution());
+        let per_impulse = restitution.map_or(0.0, |law| {
+            let ratio = mass_kg / set_up.structure.mass_kg;
+            (1.0 + ratio) / (mass_kg * (1.0 + law.coefficient))
+        });
+        let law = restitution.unwrap_or(Restitution::constant(0.0));
+        let approach_per_impulse = per_impulse as f32;
+        Self {
+            law: law.law(1.0),
+            approach_per_impulse,
+            closing_per_impulse: approach_per_impulse * (1.0 + law.coefficient as f32),
+        }
+    }
+
+    /// The speed after an impact of this impulse, m per step.
+    fn leaving(&self, impulse_n_s: f32, step_s: f32) -> f32 {
+        if self.law.is_constant() {
+            return self.law.maximum() * self.approach_per_impulse * step_s * impulse_n_s;
         }
         // The approach speed w is where w (1 + e(w)) is the closing speed. As e falls with at most the first power of w, each step
         // at least halves the error, which is below half the closing speed at the start.
         let closing = self.closing_per_impulse * Scalar::max(impulse_n_s, 0.0);
         let mut approach = closing;
         for _ in 0..APPROACH_STEPS {
-            approach = closing / (1.0 + self.restitution.at(approach));
+            approach = closing / (1.0 + self.law.at(approach));
         }
-        (closing - approach) * self.step_s
+        (closing - approach) * step_s
     }
 }
 
@@ -376,25 +389,27 @@ impl Twin {
         let expected = self.matcher.detect(record.tick, began, record.side, length);
         // The sum of a shared, clipped or unfinished pulse is not the impulse of one impact.
         let sure = expected.count < 2 && !record.clipped && !record.held;
-        if !sure || self.plan.approach_per_impulse == 0.0 {
+        let rebound = &self.plan.rebounds[of(record.side)];
+        if !sure || rebound.approach_per_impulse == 0.0 {
             return;
         }
         let side = f32::from(record.side);
         let per_tick = f32::from(self.plan.steps);
         let since = since * per_tick;
-        let leaving = self.plan.leaving(record.impulse_n_s);
+        let leaving = rebound.leaving(record.impulse_n_s, self.plan.step_s);
         let (c, state) = (self.plan.motion.coefficients(), self.plan.motion.state());
         let per_impulse = side / self.plan.impulse_per_kick;
         // The twin's leaving speed and time since the impact. The speed is zero if the twin has not met the wall.
-        let (expected_leaving, expected_since) = (self.plan.leaving(expected.impulse_n_s), since - expected.late * per_tick);
+        let (expected_leaving, expected_since) =
+            (rebound.leaving(expected.impulse_n_s, self.plan.step_s), since - expected.late * per_tick);
         let (offset, slide) = if expected.count == 1 {
             let moved = leaving * since - expected_leaving * expected_since;
             (state.offset - side * moved, state.slide - side * (leaving - expected_leaving))
         } else {
             // Motion from the wall. The structure's acceleration is that of its spring.
-            let pull = -c.stiffness / c.mass * (state.x - self.base_m);
+            let pull = -c.stiffness / c.mass * (state.x - self.base_m) + c.weight;
             let moved = leaving * since + 0.5 * side * pull * since * since;
-            (side * (c.clearance - moved), -side * leaving - pull * since)
+            (side * (c.end(record.side) - moved), -side * leaving - pull * since)
         };
         self.plan.motion.place_particle(offset, slide);
         let moved = per_impulse * (record.impulse_n_s * since - expected.impulse_n_s * expected_since);

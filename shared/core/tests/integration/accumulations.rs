@@ -6,7 +6,7 @@ use damprig_core::integrator::exact::{Accumulation, Exact, Excitation, Impact, O
 use damprig_core::integrator::modes::Sign;
 use damprig_core::integrator::sampled::{self, Sampled};
 use damprig_core::integrator::units::Units;
-use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Initial, Particle, SetUp, Structure, Wall};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -21,6 +21,7 @@ fn damper(mass_ratio: f64, clearance_m: f64, coefficient: f64, friction_coeffici
         clearance_m,
         friction_coefficient,
         wall: Wall::Restitution { coefficient },
+        cavity: Cavity::default(),
     };
     SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)) }
 }

@@ -6,7 +6,7 @@ use damprig_core::analysis::section::{Section, period};
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::exact::{Accumulation, ContactEnd, Exact, Excitation, Impact, Observer};
-use damprig_core::model::{FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -21,6 +21,7 @@ fn impact_damper(zeta: f64, mass_ratio: f64, clearance_m: f64, coefficient: f64)
         clearance_m,
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient },
+        cavity: Cavity::default(),
     };
     SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.0, 2.5, zeta)) }
 }
@@ -219,6 +220,7 @@ fn accumulating_impacts_end_at_the_time_of_the_bouncing_ball() {
             clearance_m: height,
             friction_coefficient: 0.0,
             wall: Wall::Restitution { coefficient: e },
+            cavity: Cavity::default(),
         };
         let set_up = SetUp { particle: Some(particle), ..SetUp::bare(structure) };
         let force =
@@ -296,7 +298,13 @@ fn the_separation_speed_from_a_soft_wall_agrees_with_its_closed_form() {
             [(Release::ZeroPenetration, PI), (Release::ZeroForce, PI - (2.0 * z * root).atan2(1.0 - 2.0 * z * z))]
         {
             let wall = Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release };
-            let particle = Particle { mass_kg: mass_ratio, clearance_m: 0.01, friction_coefficient: 0.0, wall };
+            let particle = Particle {
+                mass_kg: mass_ratio,
+                clearance_m: 0.01,
+                friction_coefficient: 0.0,
+                wall,
+                cavity: Cavity::default(),
+            };
             let set_up = SetUp { particle: Some(particle), ..SetUp::bare(structure) };
             let initial = Initial { u_m_per_s: 0.5, ..Initial::default() };
             let mut motion = Exact::new(&set_up, &Excitation::Fixed, &initial).expect("physical");

@@ -2,7 +2,7 @@
 
 use damprig_core::analysis::energy::EnergyMeter;
 use damprig_core::integrator::exact::{Accumulation, Arc, Exact, ExactState, Excitation, Impact, Observer};
-use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Initial, Particle, SetUp, Structure, Wall};
 
 const DRIVE: Excitation = Excitation::Sine { amplitude_m: 3e-3, angular_frequency_rad_per_s: 15.0, phase_rad: 0.4 };
 
@@ -12,6 +12,7 @@ fn damper(coefficient: f64) -> SetUp {
         clearance_m: 0.03,
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient },
+        cavity: Cavity::default(),
     };
     SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)) }
 }

@@ -2,7 +2,7 @@
 
 use damprig_core::analysis::energy::EnergyMeter;
 use damprig_core::integrator::exact::{Arc, Exact, ExactState, Excitation, Impact, Observer};
-use damprig_core::model::{FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -33,6 +33,7 @@ impl Draw {
             clearance_m: self.between(2e-3, 40e-3),
             friction_coefficient: if self.coin() { self.between(0.0, 0.2) } else { 0.0 },
             wall: Wall::Restitution { coefficient: self.between(0.0, 1.0) },
+            cavity: Cavity::default(),
         };
         let friction_damper = self.coin().then(|| FrictionDamper { force_n: self.between(0.05, 2.0) });
         SetUp { particle: Some(particle), friction_damper, ..SetUp::bare(structure) }

@@ -4,7 +4,7 @@
 use damprig_core::analysis::energy::EnergyMeter;
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation, Impact, Observer};
 use damprig_core::integrator::modes::{Contact, Grip};
-use damprig_core::model::{FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -52,6 +52,7 @@ fn an_impact_at_the_start_of_a_known_case_gives_the_structure_its_share_of_the_m
         clearance_m: 0.03,
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient: 0.5 },
+        cavity: Cavity::default(),
     };
     let set_up = SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)) };
     let initial = Initial { x_m: 0.0, v_m_per_s: -0.01, y_m: 0.03, u_m_per_s: 1.0 };

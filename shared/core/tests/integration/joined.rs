@@ -6,7 +6,7 @@ use damprig_core::integrator::modes::Sign;
 use damprig_core::integrator::sampled::{self, Joined, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::model::{
-    DampingLaw, FrictionDamper, Initial, Material, Particle, Release, SetUp, Structure, Tmd, Tuning, Wall,
+    Cavity, DampingLaw, FrictionDamper, Initial, Material, Particle, Release, SetUp, Structure, Tmd, Tuning, Wall,
 };
 
 const STEP_S: f64 = 2.5e-4;
@@ -49,7 +49,13 @@ fn structure() -> Structure {
 fn soft(material: Material, release: Release, friction_coefficient: f64, force_n: f64) -> SetUp {
     let wall = Wall::of_material(material, DampingLaw::Contact, &structure(), 0.16, release);
     SetUp {
-        particle: Some(Particle { mass_kg: 0.16, clearance_m: 0.02, friction_coefficient, wall }),
+        particle: Some(Particle {
+            mass_kg: 0.16,
+            clearance_m: 0.02,
+            friction_coefficient,
+            wall,
+            cavity: Cavity::default(),
+        }),
         friction_damper: (force_n > 0.0).then_some(FrictionDamper { force_n }),
         ..SetUp::bare(structure())
     }
@@ -171,6 +177,7 @@ fn a_set_up_without_a_joint_moves_as_without_the_code_of_joints() {
         clearance_m: 4e-3,
         friction_coefficient: 0.08,
         wall: Wall::Restitution { coefficient: 0.5 },
+        cavity: Cavity::default(),
     };
     let set_up = SetUp {
         particle: Some(particle),
@@ -218,6 +225,7 @@ fn a_force_drive_agrees_with_the_exact_driver_for_every_damper() {
             clearance_m: 0.02,
             friction_coefficient,
             wall: Wall::Restitution { coefficient: 0.5 },
+            cavity: Cavity::default(),
         }),
         friction_damper: (force_n > 0.0).then_some(FrictionDamper { force_n }),
         ..SetUp::bare(structure())

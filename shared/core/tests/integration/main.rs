@@ -1,6 +1,7 @@
 //! Tests of the core through its public interface, one file for each part.
 
 mod accumulations;
+mod cavities;
 mod closed_forms;
 mod energy_books;
 mod events;

@@ -4,7 +4,7 @@ use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::{Contact, Mode};
 use damprig_core::integrator::sampled::{Flight, Impact, Observer, Sampled};
 use damprig_core::integrator::units::Units;
-use damprig_core::model::{FrictionDamper, Initial, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Initial, Particle, SetUp, Structure, Wall};
 use damprig_core::scalar::Scalar;
 use std::f64::consts::PI;
 
@@ -21,6 +21,7 @@ fn with_particle(zeta: f64, mass_ratio: f64, clearance_m: f64, restitution: f64,
         clearance_m,
         friction_coefficient: friction,
         wall: Wall::Restitution { coefficient: restitution },
+        cavity: Cavity::default(),
     };
     SetUp { particle: Some(particle), ..bare(zeta) }
 }

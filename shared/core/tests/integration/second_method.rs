@@ -2,7 +2,7 @@
 //! method of order 8 from a crate, separately written equations of motion, and impacts by bisection.
 
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation};
-use damprig_core::model::{Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
+use damprig_core::model::{Cavity, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
 use differential_equations::prelude::{ExplicitRungeKutta, IVP, ODE};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -166,6 +166,7 @@ fn hard_walls_agree_with_an_adaptive_method() {
             clearance_m: draw(5e-3, 30e-3),
             friction_coefficient: 0.0,
             wall: Wall::Restitution { coefficient: draw(0.3, 1.0) },
+            cavity: Cavity::default(),
         };
         SetUp { particle: Some(particle), ..SetUp::bare(structure) }
     });
@@ -199,6 +200,7 @@ fn soft_walls_agree_with_an_adaptive_method() {
                 damping_n_s_per_m: draw(0.0, 10.0),
                 release: Release::ZeroForce,
             },
+            cavity: Cavity::default(),
         };
         SetUp { particle: Some(particle), ..SetUp::bare(structure) }
     });

@@ -6,7 +6,7 @@ use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::exact::{Accumulation, Exact, Excitation, Impact, Observer};
 use damprig_core::integrator::sampled::{self, Sampled, SampledState};
 use damprig_core::integrator::units::Units;
-use damprig_core::model::{FrictionDamper, Initial, Particle, Restitution, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Initial, Particle, Restitution, SetUp, Structure, Wall};
 use damprig_core::scalar::Scalar;
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -43,6 +43,7 @@ impl Draw {
             clearance_m: self.between(2e-3, 40e-3),
             friction_coefficient: if self.coin() { self.between(0.0, 0.2) } else { 0.0 },
             wall,
+            cavity: Cavity::default(),
         };
         let friction_damper = self.coin().then(|| FrictionDamper { force_n: self.between(0.05, 2.0) });
         SetUp { particle: Some(particle), friction_damper, ..SetUp::bare(structure) }
@@ -170,8 +171,12 @@ fn swinging(draw: &mut Draw, law: Restitution, mass_ratio: f64) -> (SetUp, Initi
         clearance_m: 0.035 * draw.between(0.3, 1.0),
         friction_coefficient: 0.0,
         wall: Wall::SpeedRestitution(law),
+        cavity: Cavity::default(),
     };
-    (SetUp { particle: Some(particle), ..SetUp::bare(structure) }, Initial { x_m: 0.035, y_m: 0.035, ..Initial::default() })
+    (
+        SetUp { particle: Some(particle), ..SetUp::bare(structure) },
+        Initial { x_m: 0.035, y_m: 0.035, ..Initial::default() },
+    )
 }
 
 #[derive(Default)]

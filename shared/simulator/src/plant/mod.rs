@@ -61,7 +61,7 @@ pub struct PlantConfig {
     pub set_up: SetUp,
     /// Initial displacement x0 of the structure, from which it is released, m.
     pub structure_start_m: f64,
-    /// Initial position of the particle relative to the middle of its cavity, m; |start| ≤ clearance.
+    /// Initial y − x of the particle, m; between the walls.
     pub particle_start_m: f64,
     /// What moves the base.
     pub base: Base,
@@ -84,7 +84,7 @@ impl PlantConfig {
         Self {
             set_up,
             structure_start_m: 0.0,
-            particle_start_m: 0.0,
+            particle_start_m: set_up.neutral().y_m,
             base: Base::Prescribed,
             sensors: SensorModel::default(),
             data_sheet: None,
@@ -474,8 +474,8 @@ impl<S: Scalar> Observer<S> for Sampler<S> {
 
     fn impact(&mut self, impact: &Impact<S>) {
         self.impacts += 1;
-        // A soft wall gives its impulse by a force.
-        if self.pressed.is_some() {
+        // A soft wall gives its impulse by a force, and no kick.
+        if self.pressed.is_some() && impact.kick == S::ZERO {
             return;
         }
         let _ = self.hits.push(Impact { at: self.step + impact.at, ..*impact });

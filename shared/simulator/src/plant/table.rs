@@ -10,7 +10,8 @@
 //! The load's reaction enters as the momentum P that structure and particle (or tuned mass) *gain*. The structure's flights give it
 //! exactly, whatever the forces between base and structure are (spring, dashpot, friction sticking or slipping). So
 //! momentum passes between table and load without loss, and an impact, which does not change P, does not disturb the
-//! balance. P(a) is continuous and rises with a (from almost zero to the full mass M + m when the friction damper
+//! balance. z is measured from where the table rests under its whole load: of the weight of a particle that moves up and down, only
+//! the changes act. P(a) is continuous and rises with a (from almost zero to the full mass M + m when the friction damper
 //! sticks), so the balance has one solution. A secant iteration on copies of the structure finds it.
 //!
 //! # The error

@@ -10,7 +10,7 @@ use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine, Stepped
 use damprig_core::io::{Calibration, DisplacementScale, DriveScale, Reading, Sensors};
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::steadiness::SteadyLimits;
-use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Particle, SetUp, Structure, Wall};
 use damprig_core::rig::{Command, Event, Rig, State};
 use damprig_core::settings::Settings;
 use damprig_simulator::plant::{Amplifier, Base, DataSheet, Plant, PlantConfig, Shaker};
@@ -25,6 +25,7 @@ fn spid() -> SetUp {
         clearance_m: 7.5e-3,
         friction_coefficient: 0.08,
         wall: Wall::Restitution { coefficient: 0.47 },
+        cavity: Cavity::default(),
     };
     SetUp { particle: Some(particle), ..bare() }
 }

@@ -6,7 +6,7 @@ use damprig_core::control::safety::{SafeStage, SafetyConfig};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::steadiness::SteadyLimits;
-use damprig_core::model::{Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
 use damprig_core::rig::{SIGNALS, State};
 use damprig_core::settings::Settings;
 use damprig_core::twin::TwinConfig;
@@ -25,6 +25,7 @@ fn set_up(clearance_m: f64) -> SetUp {
         clearance_m,
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient: 0.5 },
+        cavity: Cavity::default(),
     };
     SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)) }
 }

@@ -4,7 +4,7 @@ use damprig_core::control::fault::FaultCause;
 use damprig_core::control::safety::{Limits, SafeStage, SafetyConfig};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::steadiness::SteadyLimits;
-use damprig_core::model::{Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
 use damprig_core::rig::State;
 use damprig_core::settings::Settings;
 use damprig_core::twin::TwinConfig;
@@ -306,6 +306,7 @@ fn impacting() -> PlantConfig {
         clearance_m: 7.5e-3,
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient: 0.5 },
+        cavity: Cavity::default(),
     });
     config
 }

@@ -6,7 +6,7 @@ use damprig_core::integrator::units::Units;
 use damprig_core::io::{ForceScale, WallCounts};
 use damprig_core::measure::impacts::{ImpactConfig, ImpactMeter, ImpactRecord};
 use damprig_core::measure::snippet::{HISTORY, SNIPPET};
-use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Initial, Particle, SetUp, Structure, Wall};
 use damprig_simulator::plant::walls::{WallSensors, Walls};
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -142,6 +142,7 @@ fn measured_impulses_are_those_of_the_impact_law() {
         clearance_m: 15e-3,
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient: restitution },
+        cavity: Cavity::default(),
     };
     let set_up = SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(mass, 2.5, 0.0038)) };
     let mut sampled = Sampled::<f64>::new(&set_up, Units::metres(1e-3), &Initial::default()).unwrap();

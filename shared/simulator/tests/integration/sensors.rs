@@ -5,7 +5,7 @@ use damprig_core::control::friction_spring::{SpringCommand, SpringEvent as Sprin
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::Sensor;
 use damprig_core::measure::steadiness::SteadyLimits;
-use damprig_core::model::{Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
 use damprig_core::rig::State;
 use damprig_protocol::{Event, Request};
 use damprig_simulator::plant::spring::SpringPlant;
@@ -20,6 +20,7 @@ fn plant() -> PlantConfig {
         clearance_m: 0.015,
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient: 0.5 },
+        cavity: Cavity::default(),
     };
     let set_up = SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)) };
     PlantConfig {

@@ -3,7 +3,7 @@
 use damprig_core::integrator::sampled::Joined;
 use damprig_core::integrator::units::Units;
 use damprig_core::io::Actuators;
-use damprig_core::model::{FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Tuning, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Tuning, Wall};
 use damprig_core::scalar::Scalar;
 use damprig_simulator::plant::table::Table;
 use damprig_simulator::plant::{Amplifier, Base, Plant, PlantConfig, SensorModel, Shaker};
@@ -21,6 +21,7 @@ fn hybrid(friction_n: f64) -> SetUp {
         clearance_m: 7.5e-3,
         friction_coefficient: 0.08,
         wall: Wall::Restitution { coefficient: 0.47 },
+        cavity: Cavity::default(),
     };
     SetUp { particle: Some(particle), friction_damper: Some(FrictionDamper { force_n: friction_n }), ..bare() }
 }

@@ -1,7 +1,7 @@
 //! Soft walls in the simulated rig: their force sensors read the force of spring and dashpot.
 
 use damprig_core::io::{Actuators, ForceScale, TICK_HZ, WALL_SUBSAMPLES};
-use damprig_core::model::{Particle, Release, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Particle, Release, SetUp, Structure, Wall};
 use damprig_simulator::plant::walls::WallSensors;
 use damprig_simulator::plant::{Plant, PlantConfig};
 
@@ -11,15 +11,63 @@ const PARTICLE_KG: f64 = 0.16;
 const SCALE: ForceScale = ForceScale { newtons_per_count: 5e-4, zero_counts: 8000.0 };
 
 fn plant(stiffness_n_per_m: f64, damping_n_s_per_m: f64, release: Release) -> Plant<f64> {
+    let wall = Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release };
+    with_walls(wall, wall)
+}
+
+fn with_walls(wall: Wall, positive: Wall) -> Plant<f64> {
     let particle = Particle {
         mass_kg: PARTICLE_KG,
         clearance_m: 7.5e-3,
         friction_coefficient: 0.0,
-        wall: Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release },
+        wall,
+        cavity: Cavity { positive_wall: Some(positive), ..Cavity::default() },
     };
     let set_up = SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)) };
-    let walls = WallSensors { scale: SCALE, highest_counts: 0x7fff, noise_rms_n: 0.0, ..WallSensors::default() };
+    // Pulses of hard walls that stay within the range of the converter.
+    let walls = WallSensors {
+        scale: SCALE,
+        highest_counts: 0x7fff,
+        noise_rms_n: 0.0,
+        contact_s: 10e-3,
+        ..WallSensors::default()
+    };
     Plant::new(&PlantConfig { walls: Some(walls), structure_start_m: 0.005, ..PlantConfig::ideal(set_up) }).unwrap()
+}
+
+/// A soft wall gives its force and a hard one its pulses: both together are what the particle gains.
+#[test]
+fn a_hard_and_a_soft_wall_each_give_the_impulse_that_the_particle_gets() {
+    let sample_s = 1.0 / f64::from(TICK_HZ) / WALL_SUBSAMPLES as f64;
+    let soft = Wall::Voigt { stiffness_n_per_m: 1024.9, damping_n_s_per_m: 14.6, release: Release::ZeroForce };
+    let mut plant = with_walls(soft, Wall::Restitution { coefficient: 0.6 });
+    let momentum = |plant: &Plant<f64>| {
+        let motion = plant.motion();
+        PARTICLE_KG * (motion.state().v + motion.state().slide) * motion.units().velocity_m_per_s()
+    };
+    let start = momentum(&plant);
+    let mut impulses_n_s = [0.0; 2];
+    let mut is_pressed = true;
+    for tick in 0..8_000 {
+        // The sums are compared where no wall pushes.
+        if tick > 6_000 && !is_pressed {
+            break;
+        }
+        is_pressed = false;
+        for pair in plant.tick(&Actuators::default()).walls {
+            for (wall, impulse) in impulses_n_s.iter_mut().enumerate() {
+                let force_n = f64::from(SCALE.to_force_n(f32::from(pair.of(wall))));
+                *impulse += force_n * sample_s;
+                is_pressed |= force_n != 0.0;
+            }
+        }
+    }
+    let [low, high] = impulses_n_s;
+    let gained = momentum(&plant) - start;
+    println!("{low} N s of the soft wall, {high} N s of the hard one, {gained} N s gained");
+    // Half a count of each sample of a contact.
+    assert!(low > 0.05 && high > 0.05, "{low} {high}");
+    assert!((low - high - gained).abs() < 1e-3 * (low + high), "{low} {high} {gained}");
 }
 
 /// Without internal friction only the walls change the particle's velocity: the sum of the readings of a contact is its gain of

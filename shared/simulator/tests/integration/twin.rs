@@ -6,7 +6,7 @@ use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::ForceScale;
 use damprig_core::measure::impacts::{ImpactConfig, ImpactMeter};
-use damprig_core::model::{Initial, Particle, Restitution, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Initial, Particle, Restitution, SetUp, Structure, Wall};
 use damprig_core::twin::{Twin, TwinConfig, TwinSignals};
 use damprig_simulator::plant::walls::{WallSensors, Walls};
 use std::f64::consts::PI;
@@ -19,6 +19,7 @@ fn set_up(clearance_m: f64, restitution: f64, zeta: f64) -> SetUp {
         clearance_m,
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient: restitution },
+        cavity: Cavity::default(),
     };
     SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(MASS_KG, 2.5, zeta)) }
 }

@@ -4,7 +4,7 @@ use damprig_board::{Board, Config, Time};
 use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, SpringStage, Target};
 use damprig_core::control::stepped_sine::{DriveMode, SteppedSine};
-use damprig_core::model::{Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
 use damprig_core::twin::TwinConfig;
 use damprig_protocol::Request;
 use damprig_simulator::plant::spring::SpringPlant;
@@ -41,6 +41,7 @@ fn set_up() -> SetUp {
         clearance_m: 7.5e-3,
         friction_coefficient: 0.08,
         wall: Wall::Restitution { coefficient: 0.47 },
+        cavity: Cavity::default(),
     };
     SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)) }
 }

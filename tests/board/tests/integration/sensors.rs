@@ -5,7 +5,7 @@ use damprig_core::control::fault::FaultCause;
 use damprig_core::control::friction_spring::{SpringCommand, SpringStage};
 use damprig_core::control::safety::SafeStage;
 use damprig_core::io::{Sensor, SensorSet};
-use damprig_core::model::{Particle, Structure, Wall};
+use damprig_core::model::{Cavity, Particle, Structure, Wall};
 use damprig_core::rig::{SIGNALS, State};
 use damprig_core::twin::TwinConfig;
 use damprig_protocol::{Event, Reply, Request};
@@ -141,6 +141,7 @@ fn a_wall_sensor_that_sticks_raises_the_twins_alarm_within_two_seconds() {
         clearance_m: 15e-3,
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient: 0.5 },
+        cavity: Cavity::default(),
     });
     let mut board = Board::new(image, &Config::new(plant)).unwrap();
     let mut host = Host::new(&mut board);

@@ -7,7 +7,7 @@ use super::guards;
 use super::motion::{ARCS_PER_ANCHOR, Exact, Fresh, ROUNDINGS, Touch, Work};
 use super::observe::Observer;
 use super::time::Time;
-use crate::integrator::modes::{Coefficients, Contact, Grip, Mode};
+use crate::integrator::modes::{Coefficients, Contact, Grip, Mode, signed};
 use crate::io::{Invalid, require};
 use crate::model::{Initial, SetUp};
 
@@ -25,7 +25,7 @@ impl Exact {
     pub fn new(set_up: &SetUp, excitation: &Excitation, initial: &Initial) -> Result<Self, Invalid> {
         Self::validate(set_up, excitation, initial)?;
         let c = Coefficients::new(set_up);
-        let soft = set_up.particle.and_then(|p| p.wall.release());
+        let soft = set_up.particle.map_or([None; 2], |p| p.walls().map(|wall| wall.release()));
         let flows = Flows::new(set_up, excitation);
         let mode = Mode { grip: Grip::Absent, contact: Contact::Absent };
         let leg = Leg {
@@ -33,8 +33,9 @@ impl Exact {
             sliding: false,
             structure_acceleration: 0.0,
             particle_acceleration: 0.0,
+            pressed: 0,
             rest_offset: 0.0,
-            step_s: flows.step_s(Path::Alone),
+            step_s: flows.step_s(Path::Alone, 0),
         };
         let mut exact = Self {
             c,
@@ -79,9 +80,11 @@ impl Exact {
         let mut offset_m = if joined { initial.y_m - initial.x_m } else { 0.0 };
         if self.has_particle {
             // A start "at the wall" is written as y = x ± d and may miss the wall by a rounding.
-            let d = self.c.clearance;
-            if offset_m.abs() >= d - 4.0 * f64::EPSILON * (initial.x_m.abs() + initial.y_m.abs()) {
-                offset_m = if offset_m > 0.0 { d } else { -d };
+            let rounding = 4.0 * f64::EPSILON * (initial.x_m.abs() + initial.y_m.abs());
+            for side in [-1, 1] {
+                if signed(side, offset_m) >= self.c.end(side) - rounding {
+                    offset_m = self.c.wall(side);
+                }
             }
         }
         self.state = ExactState {
@@ -186,9 +189,8 @@ impl Exact {
                 self.state.offset_m = state.offset_m;
                 self.state.slide_m_per_s = 0.0;
             }
-            if self.events_at_once >= MOST_EVENTS_AT_ONCE && self.has_particle && self.soft.is_none() {
-                let d = self.c.clearance;
-                self.state.offset_m = self.state.offset_m.clamp(-d, d);
+            if self.events_at_once >= MOST_EVENTS_AT_ONCE && self.wall_side() != 0 {
+                self.state.offset_m = self.c.wall(self.wall_side());
             }
             self.wave = self.wave.turned(self.flows.turning * h * at);
             let ends = ((&state, &wave), (&self.state, &self.wave));

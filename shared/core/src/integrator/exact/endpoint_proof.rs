@@ -143,15 +143,14 @@ impl Exact {
         if !self.leg.sliding {
             return if self.stays_held(full, end, end_wave) { Verdict::Clear } else { Verdict::Unsure };
         }
-        let d = self.c.clearance;
         let (slide, slide_end) = (state.slide_m_per_s, end.slide_m_per_s);
         let side = sign(slide);
         if signed(side, slide_end).min(slide.abs()) > full.sag() {
             // The particle moves towards that side throughout the arc.
-            let (gap, gap_end) = (d - signed(side, state.offset_m), d - signed(side, end.offset_m));
+            let (gap, gap_end) = (self.c.gap(side, state.offset_m), self.c.gap(side, end.offset_m));
             return if gap_end > 0.0 {
                 Verdict::Clear
-            } else if gap > 0.0 && self.soft.is_none() {
+            } else if gap > 0.0 && self.soft(side).is_none() {
                 Verdict::Hit(side)
             } else {
                 Verdict::Unsure
@@ -160,13 +159,16 @@ impl Exact {
         if self.c.friction_acceleration > 0.0 {
             return Verdict::Unsure;
         }
-        if end.offset_m.abs() > d {
+        let gaps = |offset: f64| self.c.gap(-1, offset).min(self.c.gap(1, offset));
+        if gaps(end.offset_m) < 0.0 {
             return self.bounces(full, state, end, end_wave);
         }
         let third = full.table.step_s * (1.0 / 3.0);
-        let inner = d - dot(&full.table.fourth, &full.size) * (1.0 / 288.0);
+        let (half, middle) = (0.5 * (self.c.end(-1) + self.c.end(1)), self.c.middle());
+        let inner = half - dot(&full.table.fourth, &full.size) * (1.0 / 288.0);
         let (first, second) = (state.offset_m + slide * third, end.offset_m - slide_end * third);
-        let clear = first.abs() < inner && second.abs() < inner && state.offset_m.abs() <= d && end.offset_m.abs() < d;
+        let inside = (first - middle).abs() < inner && (second - middle).abs() < inner;
+        let clear = inside && gaps(state.offset_m) >= 0.0 && gaps(end.offset_m) > 0.0;
         if clear { Verdict::Clear } else { Verdict::Unsure }
     }
 
@@ -174,14 +176,14 @@ impl Exact {
     /// once.
     #[inline(always)]
     fn bounces(&self, full: &Full<'_>, state: &ExactState, end: &ExactState, end_wave: &Wave) -> Verdict {
-        let side = sign(end.offset_m);
-        let d = self.c.clearance;
-        let gap = d - signed(side, state.offset_m);
+        let side = if self.c.gap(1, end.offset_m) < 0.0 { 1 } else { -1 };
+        let gap = self.c.gap(side, state.offset_m);
         let (start, last, beyond) = full.accelerations(end, end_wave);
-        let pressed = signed(side, start).max(signed(side, last)) < -beyond;
+        let pull = signed(side, self.leg.particle_acceleration * (full.table.step_s * full.table.step_s));
+        let pressed = signed(side, start).max(signed(side, last)) - pull < -beyond;
         // The gap lies below its first tangent, so the particle cannot reach the other wall.
         let highest = gap - signed(side, state.slide_m_per_s).min(0.0) * full.table.step_s;
-        if pressed && gap >= 0.0 && highest < 2.0 * d && self.soft.is_none() {
+        if pressed && gap >= 0.0 && highest < self.c.end(-1) + self.c.end(1) && self.soft(side).is_none() {
             Verdict::Hit(side)
         } else {
             Verdict::Unsure
@@ -210,7 +212,7 @@ impl Exact {
         let Contact::Held(side) = self.mode.contact else {
             return true;
         };
-        if self.soft.is_some() {
+        if self.soft != [None; 2] {
             return false;
         }
         let (start, last, beyond) = full.accelerations(end, end_wave);
@@ -225,14 +227,14 @@ impl Exact {
     fn find_hit(&self, table: &Oscillator, state: &ExactState, wave: &Wave, side: Sign) -> Option<Hit> {
         let full = Full::new(table, self.leg.structure_acceleration, state, wave);
         let h = table.step_s;
-        let gap = self.c.clearance - signed(side, state.offset_m);
+        let gap = self.c.gap(side, state.offset_m);
         let closing = signed(side, state.slide_m_per_s) * h;
         let pull = signed(side, 0.5 * self.leg.particle_acceleration * (h * h));
         let travel = closing + pull - signed(side, full.shift - full.unit[1] * h);
         let guess = if closing > 0.0 {
             inverse_cubic(gap, travel, closing, closing + 2.0 * pull - signed(side, full.gain) * h)
         } else {
-            back_after(gap, -closing, -signed(side, dot(&table.rates[0], &full.unit)), travel)
+            back_after(gap, -closing, 2.0 * pull - signed(side, dot(&table.rates[0], &full.unit)), travel)
         };
         let motion = Motion::new(table, &full.unit, wave);
         let (at, near, steps) = motion.gap_closes(side, gap, closing, pull, guess)?;
@@ -240,7 +242,7 @@ impl Exact {
         let state = ExactState {
             x_m: near.x,
             v_m_per_s: state.v_m_per_s + rate,
-            offset_m: signed(side, self.c.clearance),
+            offset_m: self.c.wall(side),
             slide_m_per_s: state.slide_m_per_s + (self.leg.particle_acceleration * h * at - rate),
         };
         Some(Hit { at, side, state, wave: near.wave, steps })

@@ -41,13 +41,13 @@ impl Exact {
         let slip = self.slip();
         match event {
             Event::Wall(side) => {
-                self.state.offset_m = signed(side, self.c.clearance);
+                self.state.offset_m = self.c.wall(side);
                 self.reach_wall(side, slip, observer);
             }
             Event::LetGo(side) => self.let_go(side, slip, observer),
             Event::Inside(side) => {
                 self.touch = Touch::Clear;
-                self.state.offset_m = signed(side, self.c.clearance);
+                self.state.offset_m = self.c.wall(side);
                 (self.fresh.gap_side, self.fresh.gap) = (side, 1);
                 self.set_leg();
             }
@@ -83,7 +83,7 @@ impl Exact {
     /// The particle is at the wall of `side`: it hits the wall, leaves it or rests on it.
     pub(super) fn reach_wall<O: Observer>(&mut self, side: Sign, slip: f64, observer: &mut O) {
         let approach = signed(side, self.state.slide_m_per_s);
-        if self.soft.is_some() {
+        if self.soft(side).is_some() {
             self.touch_soft(side, approach, slip, observer);
         } else if approach > 0.0 {
             self.hit(side, approach, slip, observer);
@@ -95,7 +95,8 @@ impl Exact {
 
     fn hit<O: Observer>(&mut self, side: Sign, approach: f64, slip: f64, observer: &mut O) {
         let before = self.state;
-        let (v, slide) = modes::impact(&self.c, self.c.restitution.at(approach), before.v_m_per_s, before.slide_m_per_s);
+        let (v, slide) =
+            modes::impact(&self.c, self.c.restitution(side).at(approach), before.v_m_per_s, before.slide_m_per_s);
         self.state.v_m_per_s = v;
         self.state.slide_m_per_s = slide;
         let time_s = self.time.seconds();
@@ -129,7 +130,7 @@ impl Exact {
     fn settle<O: Observer>(&mut self, side: Sign, slip: f64, observer: &mut O) {
         let h = self.leg.step_s;
         // The remaining impacts are slower, so that none has a larger e.
-        let law = self.c.restitution;
+        let law = self.c.restitution(side);
         let e = law.maximum();
         let lift = self.state.slide_m_per_s.abs() * h;
         let pressing_out = self.pressing(side, slip) * h * h;
@@ -147,7 +148,7 @@ impl Exact {
             [self.state.x_m, self.state.v_m_per_s, self.leg.structure_acceleration, self.wave.sine, self.wave.cosine]
                 .map(f64::abs);
         let jerk = dot(&self.flows.alone.third, &unit);
-        let size = unit[0] + unit[1] * h + self.c.clearance;
+        let size = unit[0] + unit[1] * h + self.c.reach;
         let together = mass + light;
         let hop = 2.0 / 3.0 * lift * lift * lift / (pressing * pressing);
         let kick = self.c.stiffness * h * h * light / (together * together) * hop / (1.0 - e * e * e);
@@ -163,7 +164,7 @@ impl Exact {
         let slow = self.state.slide_m_per_s.abs() <= SLOW * self.fastest_m_per_s;
         let summed =
             slow && sure && left_out <= LEFT_OUT * size && (!damper_matters || height <= 64.0 * LEFT_OUT * size);
-        let invisible = height <= 4.0 * f64::EPSILON * self.c.clearance;
+        let invisible = height <= 4.0 * f64::EPSILON * self.c.reach;
         if !summed && !invisible {
             return;
         }
@@ -191,7 +192,7 @@ impl Exact {
     /// Duration of the remaining accumulating impacts, in arcs. The particle leaves with `lift` (speed × arc, m), is
     /// pressed back with these accelerations (× arc², m) on its way out and back.
     fn tail(&self, side: Sign, lift: f64, (out, back): (f64, f64)) -> f64 {
-        let law = self.c.restitution;
+        let law = self.c.restitution(side);
         let (flight, slowed) = (1.0 / out + 1.0 / libm::sqrt(out * back), libm::sqrt(back / out));
         let (mut speed, mut first) = (lift, 0.0);
         // Flights until e has reached its maximum; from there they are shortened by the same factor each.
@@ -246,8 +247,12 @@ impl Exact {
 
     /// Starts the motion of a particle at rest at a soft wall that does not push yet, when nothing holds the particle.
     pub(super) fn depart(&mut self) {
-        let side = if self.soft.is_some() { self.end_of_travel() } else { 0 };
-        let at_rest = side != 0 && self.touch == Touch::Clear && self.state.slide_m_per_s == 0.0 && self.fresh.gap == 0;
+        let side = self.end_of_travel();
+        let at_rest = side != 0
+            && self.soft(side).is_some()
+            && self.touch == Touch::Clear
+            && self.state.slide_m_per_s == 0.0
+            && self.fresh.gap == 0;
         if at_rest && matches!(self.mode.contact, Contact::Free(_)) {
             let (order, presses) = self.departure(side);
             self.leave_rest(side, presses, order);
@@ -258,7 +263,7 @@ impl Exact {
     /// A particle at rest at the wall of `side` starts to move relative to it, into the wall or away from it, as τ to
     /// the power of `order`.
     fn leave_rest(&mut self, side: Sign, presses: bool, order: usize) {
-        if presses && self.soft.is_some() {
+        if presses && self.soft(side).is_some() {
             self.touch = Touch::Pressing(side);
             self.fresh.press = order;
         } else {
@@ -276,12 +281,12 @@ impl Exact {
     }
 
     fn let_go<O: Observer>(&mut self, side: Sign, slip: f64, observer: &mut O) {
-        let past = signed(side, self.state.offset_m) - self.c.clearance;
-        if self.soft == Some(Release::ZeroForce) && past > 0.0 {
+        let past = signed(side, self.state.offset_m) - self.c.end(side);
+        if self.soft(side) == Some(Release::ZeroForce) && past > 0.0 {
             self.touch = Touch::Leaving(side);
         } else {
             self.touch = Touch::Clear;
-            self.state.offset_m = signed(side, self.c.clearance);
+            self.state.offset_m = self.c.wall(side);
             (self.fresh.gap_side, self.fresh.gap) = (side, 1);
         }
         let separation_speed_m_per_s = self.state.slide_m_per_s.abs();

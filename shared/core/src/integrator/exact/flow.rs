@@ -6,6 +6,7 @@
 
 use super::excitation::{Excitation, Wave};
 use super::series::{Series, TERMS, mean_product};
+use crate::integrator::modes::Sign;
 use crate::model::{SetUp, Structure};
 
 /// Length of a full arc times the fastest rate of its mode, rad.
@@ -274,6 +275,15 @@ pub struct Link {
     pub mass_ratio: f64,
 }
 
+/// The motions in which a link joins structure and second mass.
+#[derive(Clone, Debug)]
+struct Joined {
+    link: Link,
+    coupled: Coupled,
+    /// The second mass on the link, on a structure that is stuck to the base.
+    carried: Oscillator,
+}
+
 /// Selects the equations of motion of the structure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Path {
@@ -299,6 +309,8 @@ pub(super) struct Leg {
     pub structure_acceleration: f64,
     /// Constant acceleration of the particle, m/s².
     pub particle_acceleration: f64,
+    /// Side of the soft wall that is compressed, 0 if none is.
+    pub pressed: Sign,
     /// Offset at which the link is unloaded, m.
     pub rest_offset: f64,
     /// Length of a full arc, s.
@@ -326,8 +338,9 @@ pub struct Flows {
     /// The same two for the displacement relative to the moving base, x − z.
     relative_alone: Oscillator,
     relative_together: Option<Oscillator>,
-    coupled: Option<(Coupled, Oscillator)>,
-    pub(super) link: Link,
+    /// With a tuned mass the first; with soft walls that of the negative and that of the positive side, the latter only where it
+    /// differs.
+    joined: [Option<Joined>; 2],
     pub(super) turning: f64,
     pub(super) base_share: f64,
 }
@@ -347,35 +360,48 @@ impl Flows {
         };
         let mass = structure.mass_kg;
         let alone = Oscillator::new(rates(mass), turning).with_means();
-        let soft = set_up.particle.and_then(|p| {
-            let (stiffness, damping) = p.wall.spring_and_dashpot()?;
-            Some((p.mass_kg, stiffness, damping))
-        });
-        let joined = soft.or(set_up.tmd.map(|t| (t.mass_kg, t.stiffness_n_per_m, t.damping_n_s_per_m)));
-        let link = joined.map_or(Link::default(), |(second, stiffness, damping)| Link {
-            stiffness,
-            damping,
-            mass_ratio: mass / second,
-        });
-        let coupled = joined.map(|(second, stiffness, damping)| {
+        let joint = |(second, stiffness, damping): (f64, f64, f64)| {
+            let link = Link { stiffness, damping, mass_ratio: mass / second };
             let carried = Rates {
                 stiffness: stiffness / second,
                 damping: damping / second,
                 sine: base_share * turning * turning,
                 cosine: 0.0,
             };
-            (Coupled::new(rates(mass), link, mass, turning), Oscillator::new(carried, turning))
+            Joined {
+                link,
+                coupled: Coupled::new(rates(mass), link, mass, turning),
+                carried: Oscillator::new(carried, turning),
+            }
+        };
+        let soft = set_up.particle.map_or([None; 2], |p| {
+            let springs = p.walls().map(|wall| wall.spring_and_dashpot());
+            let positive = springs[1].filter(|_| springs[0] != springs[1]);
+            [springs[0], positive].map(|spring| spring.map(|(stiffness, damping)| (p.mass_kg, stiffness, damping)))
         });
+        let tuned = set_up.tmd.map(|t| (t.mass_kg, t.stiffness_n_per_m, t.damping_n_s_per_m));
         Self {
             together: set_up.particle.map(|p| Oscillator::new(rates(mass + p.mass_kg), turning).with_means()),
             relative_alone: Oscillator::new(relative(mass), turning),
             relative_together: set_up.particle.map(|p| Oscillator::new(relative(mass + p.mass_kg), turning)),
-            coupled,
-            link,
+            joined: [soft[0].or(tuned).map(joint), soft[1].map(joint)],
             turning,
             base_share,
             alone,
         }
+    }
+
+    /// What joins structure and second mass: a tuned mass, or the pressed soft wall of that side.
+    #[inline]
+    fn joined(&self, pressed: Sign) -> Option<&Joined> {
+        let [first, positive] = &self.joined;
+        positive.as_ref().filter(|_| pressed > 0).or(first.as_ref())
+    }
+
+    /// The link of a tuned mass, or of the soft wall of that side.
+    #[inline]
+    pub(super) fn link(&self, pressed: Sign) -> Link {
+        self.joined(pressed).map_or(Link::default(), |joined| joined.link)
     }
 
     /// The oscillator of the structure on `path`; `None` on the other paths.
@@ -398,11 +424,12 @@ impl Flows {
         }
     }
 
-    /// Length of a full arc on `path`, s.
-    pub(super) fn step_s(&self, path: Path) -> f64 {
+    /// Length of a full arc on `path`, s, while the soft wall of side `pressed` is compressed.
+    pub(super) fn step_s(&self, path: Path, pressed: Sign) -> f64 {
+        let joined = self.joined(pressed);
         match path {
-            Path::Coupled => self.coupled.as_ref().map_or(self.alone.step_s, |(coupled, _)| coupled.step_s),
-            Path::CarriedCoupled => self.coupled.as_ref().map_or(self.alone.step_s, |(_, carried)| carried.step_s),
+            Path::Coupled => joined.map_or(self.alone.step_s, |joined| joined.coupled.step_s),
+            Path::CarriedCoupled => joined.map_or(self.alone.step_s, |joined| joined.carried.step_s),
             Path::Together => self.together.as_ref().map_or(self.alone.step_s, |together| together.step_s),
             Path::Alone | Path::Carried => self.alone.step_s,
         }
@@ -436,8 +463,8 @@ impl Flows {
         let mut offset = [0.0; TERMS];
         offset[0] = state.offset_m;
         let mut x = base;
-        match (leg.path, &self.coupled, &self.together) {
-            (Path::Coupled, Some((coupled, _)), _) => {
+        match (leg.path, self.joined(leg.pressed), &self.together) {
+            (Path::Coupled, Some(Joined { coupled, .. }), _) => {
                 let unit = [
                     state.x_m,
                     velocity,
@@ -452,7 +479,7 @@ impl Flows {
                 offset[0] = state.offset_m;
                 return Span { x, offset, base, step_s: h };
             }
-            (Path::CarriedCoupled, Some((_, carried)), _) => {
+            (Path::CarriedCoupled, Some(Joined { carried, .. }), _) => {
                 let from_rest = state.offset_m - leg.rest_offset;
                 let sliding = state.slide_m_per_s;
                 offset = carried.series(&[from_rest, sliding, leg.particle_acceleration, wave.sine, wave.cosine]);

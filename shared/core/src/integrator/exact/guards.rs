@@ -29,7 +29,6 @@ pub(super) enum Event {
 /// The first event within `most` of the span, and its time.
 pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event>) {
     let mut search = Search { at: most, event: None };
-    let d = exact.c.clearance;
     let fresh = &exact.fresh;
     match exact.mode.contact {
         Contact::Absent => {}
@@ -38,10 +37,10 @@ pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event
                 match exact.touch {
                     Touch::Pressing(_) => {}
                     Touch::Leaving(leaving) if leaving == side => {
-                        search.consider(penetration(span, side, d), 0, Event::Inside(side));
+                        search.consider(penetration(exact, span, side), 0, Event::Inside(side));
                     }
                     Touch::Clear | Touch::Leaving(_) => {
-                        let gap = penetration(span, side, d).map(|p| -p);
+                        let gap = penetration(exact, span, side).map(|p| -p);
                         // Σ|coefficients| bounds the change of the gap.
                         let reach: f64 = gap[1..].iter().map(|c| c.abs()).sum();
                         let order = if fresh.gap_side == side { fresh.gap } else { 0 };
@@ -55,16 +54,18 @@ pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event
                 let slide = derivative(&span.offset).map(|s| signed(direction, s));
                 search.consider(slide, fresh.slide, Event::SlideStops);
             }
-            if let (Touch::Pressing(side), Some(release)) = (exact.touch, exact.soft) {
-                let press = penetration(span, side, d);
+            if let Touch::Pressing(side) = exact.touch
+                && let Some(release) = exact.soft(side)
+            {
+                let (press, link) = (penetration(exact, span, side), exact.flows.link(side));
                 match release {
                     Release::ZeroPenetration => search.consider(press, fresh.press, Event::LetGo(side)),
                     Release::ZeroForce => {
-                        let damping = exact.flows.link.damping;
+                        let damping = link.damping;
                         let order = if damping > 0.0 { fresh.press.saturating_sub(1) } else { fresh.press };
                         let mut force = derivative(&press).map(|rate| damping / span.step_s * rate);
                         for n in 0..TERMS {
-                            force[n] += exact.flows.link.stiffness * press[n];
+                            force[n] += link.stiffness * press[n];
                         }
                         search.consider(force, order, Event::LetGo(side));
                     }
@@ -121,10 +122,10 @@ pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event
     (search.at, search.event)
 }
 
-/// `side·(y − x) − d`: penetration of the particle into the wall.
-fn penetration(span: &Span, side: Sign, d: f64) -> Series {
+/// Penetration of the particle into the wall of `side`.
+fn penetration(exact: &Exact, span: &Span, side: Sign) -> Series {
     let mut series = span.offset.map(|w| signed(side, w));
-    series[0] -= d;
+    series[0] -= exact.c.end(side);
     series
 }
 
@@ -138,7 +139,7 @@ fn holding_force(exact: &Exact, span: &Span) -> Series {
     needed[0] += exact.c.stiffness * situation.stretch - exact.c.drag(contact);
     let joined = exact.has_tmd || matches!(exact.touch, Touch::Pressing(_));
     if joined && !matches!(contact, Contact::Held(_)) {
-        let link = &exact.flows.link;
+        let link = exact.flows.link(exact.leg.pressed);
         let rate = derivative(&span.offset);
         for n in 0..TERMS {
             needed[n] -= link.stiffness * span.offset[n] + link.damping / span.step_s * rate[n];

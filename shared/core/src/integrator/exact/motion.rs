@@ -9,7 +9,7 @@ use super::excitation::{Excitation, Wave};
 use super::flow::{ExactState, Flows, Leg, Path, Span};
 use super::observe::{Arc, Observer};
 use super::time::Time;
-use crate::integrator::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, sign, signed};
+use crate::integrator::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, signed};
 use crate::model::Release;
 
 /// Arcs after which the rotating pair is computed afresh from the time, so that its rounding error cannot accumulate.
@@ -73,7 +73,8 @@ pub struct Exact {
     pub(super) c: Coefficients<f64>,
     pub(super) has_particle: bool,
     pub(super) has_tmd: bool,
-    pub(super) soft: Option<Release>,
+    /// When the soft walls at the negative and the positive side release the particle; `None` of a hard wall.
+    pub(super) soft: [Option<Release>; 2],
     pub(super) flows: Flows,
     pub(super) excitation: Excitation,
     pub(super) state: ExactState,
@@ -142,7 +143,7 @@ impl Exact {
     pub fn shortest_arc_s(&self) -> f64 {
         [Path::Alone, Path::Together, Path::Coupled, Path::CarriedCoupled]
             .into_iter()
-            .map(|path| self.flows.step_s(path))
+            .flat_map(|path| [-1, 1].map(|side| self.flows.step_s(path, side)))
             .fold(f64::INFINITY, f64::min)
     }
 
@@ -167,17 +168,26 @@ impl Exact {
 
     /// Side of the hard wall that the particle touches.
     pub(super) fn wall_side(&self) -> Sign {
-        if self.soft.is_some() { 0 } else { self.end_of_travel() }
+        let side = self.end_of_travel();
+        if self.soft(side).is_some() { 0 } else { side }
+    }
+
+    /// When the soft wall of `side` releases the particle; `None` if that wall is hard.
+    #[inline]
+    pub(super) fn soft(&self, side: Sign) -> Option<Release> {
+        self.soft[modes::of(side)]
     }
 
     /// Side of the cavity whose wall, hard or soft, the particle touches or presses into; 0 between the walls.
     pub(super) fn end_of_travel(&self) -> Sign {
-        if self.has_particle && self.state.offset_m.abs() >= self.c.clearance { sign(self.state.offset_m) } else { 0 }
+        if self.has_particle { self.c.side(self.state.offset_m) } else { 0 }
     }
 
     pub(super) fn situation(&self, slip: f64) -> Situation<f64> {
-        let link = &self.flows.link;
-        let joint = |rest: f64| link.stiffness * (self.state.offset_m - rest) + link.damping * self.state.slide_m_per_s;
+        let joint = |pressed: Sign, rest: f64| {
+            let link = self.flows.link(pressed);
+            link.stiffness * (self.state.offset_m - rest) + link.damping * self.state.slide_m_per_s
+        };
         let (state, share) = (&self.state, self.flows.base_share);
         let spring_size = state.x_m.abs() + self.wave.offset.abs() + share * self.wave.sine.abs();
         let dashpot_size = state.v_m_per_s.abs() + share * self.flows.turning * self.wave.cosine.abs();
@@ -188,8 +198,8 @@ impl Exact {
             side: self.wall_side(),
             base_acceleration: -self.flows.base_share * self.flows.turning * self.flows.turning * self.wave.sine,
             joint_force: match self.touch {
-                _ if self.has_tmd => joint(0.0),
-                Touch::Pressing(side) => joint(signed(side, self.c.clearance)),
+                _ if self.has_tmd => joint(0, 0.0),
+                Touch::Pressing(side) => joint(side, self.c.wall(side)),
                 Touch::Clear | Touch::Leaving(_) => 0.0,
             },
             applied_force: (1.0 - self.flows.base_share) * self.wave.sine,
@@ -257,11 +267,12 @@ impl Exact {
             sliding: matches!(mode.contact, Contact::Free(_)),
             structure_acceleration: force / self.c.moving_mass(mode.contact),
             particle_acceleration: match mode.contact {
-                Contact::Free(direction) => -signed(direction, self.c.friction_acceleration),
+                Contact::Free(direction) => -signed(direction, self.c.friction_acceleration) - self.c.weight,
                 Contact::Absent | Contact::Held(_) => 0.0,
             },
-            rest_offset: signed(pressed, self.c.clearance),
-            step_s: self.flows.step_s(path),
+            pressed,
+            rest_offset: self.c.wall(pressed),
+            step_s: self.flows.step_s(path, pressed),
         };
     }
 

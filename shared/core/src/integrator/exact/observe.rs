@@ -52,7 +52,13 @@ impl Arc<'_> {
     pub fn link_rest_m(&self) -> Option<f64> {
         let joined = matches!(self.leg.path, Path::Coupled | Path::CarriedCoupled);
         // A particle that friction holds against a pressed wall moves with the structure and keeps the wall compressed.
-        (joined || self.leg.rest_offset != 0.0).then_some(self.leg.rest_offset)
+        (joined || self.leg.pressed != 0).then_some(self.leg.rest_offset)
+    }
+
+    /// The side of the soft wall that the particle compresses; 0 without one.
+    #[must_use]
+    pub fn pressed_side(&self) -> Sign {
+        self.leg.pressed
     }
 
     /// The state at time `after_s` after the start, 0 to `length_s`.

@@ -377,18 +377,18 @@ impl Arc<'_> {
     #[must_use]
     #[inline]
     pub fn contact_force(&self) -> Option<Series> {
-        (self.leg.rest_offset != 0.0).then(|| self.force_of_wall())
+        (self.leg.pressed != 0).then(|| self.force_of_wall())
     }
 
     fn force_of_wall(&self) -> Series {
-        let side = if self.leg.rest_offset > 0.0 { 1 } else { -1 };
+        let side = self.leg.pressed;
         let span = self.span();
-        let link = &self.flows.link;
+        let link = self.flows.link(side);
         let mut force = series::derivative(&span.offset).map(|rate| signed(side, link.damping / span.step_s * rate));
         for (f, w) in force.iter_mut().zip(&span.offset) {
             *f += signed(side, link.stiffness * w);
         }
-        force[0] -= link.stiffness * self.leg.rest_offset.abs();
+        force[0] -= link.stiffness * signed(side, self.leg.rest_offset);
         force
     }
 }

@@ -15,11 +15,11 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         }
     }
 
-    /// Sets the particle's `offset` from the middle of its cavity and its relative velocity `slide`, in units; an
+    /// Sets the particle's `offset` y − x and its relative velocity `slide`, in units; an
     /// offset beyond a wall is clamped to the wall. Does nothing without a particle.
     pub fn place_particle(&mut self, offset: S, slide: S) {
         if self.has_particle {
-            self.state.offset = offset.min(self.c.clearance).max(-self.c.clearance);
+            self.state.offset = offset.min(self.c.wall(1)).max(self.c.wall(-1));
             self.state.slide = slide;
             self.mode = None;
         }

@@ -118,6 +118,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
                 offset[n] = -x[n];
             }
             offset[2] -= signed(direction, self.c.friction_acceleration) * S::from_f64(0.5);
+            offset[2] -= self.c.weight * S::from_f64(0.5);
         }
         offset
     }

@@ -21,24 +21,23 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         match mode.contact {
             Contact::Absent => {}
             Contact::Free(direction) => {
-                let d = self.c.clearance;
                 let reach = polynomial::reach(&flight.offset, rest);
                 let touch = self.joint.link().map_or(WallTouch::Clear, |link| link.touch);
                 if let Some((side, guard)) = self.joint.link().and_then(|link| link.contact(&flight.offset)) {
                     consider(&guard, Event::LetGo(side));
-                } else if flight.offset[0].abs() + reach >= d {
+                } else {
                     for side in [1, -1] {
                         if touch == WallTouch::Leaving(side) {
                             let mut past = all_signed(side, flight.offset);
-                            past[0] -= d;
+                            past[0] -= self.c.end(side);
                             consider(&past, Event::Inside(side));
                             continue;
                         }
-                        if signed(side, flight.offset[0]) + reach < d {
+                        if signed(side, flight.offset[0]) + reach < self.c.end(side) {
                             continue;
                         }
                         let mut gap = all_signed(-side, flight.offset);
-                        gap[0] += d;
+                        gap[0] += self.c.end(side);
                         if self.slide_released && gap[0] == S::ZERO {
                             gap[2] = gap[2].max(S::ZERO);
                         }

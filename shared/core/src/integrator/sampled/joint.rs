@@ -7,7 +7,7 @@
 
 use super::{Flight, Impact, LARGEST_RATE_PER_STEP, Observer, Sampled, SampledState};
 use crate::integrator::base::BaseSegment;
-use crate::integrator::modes::{Coefficients, Contact, Grip, Mode, Sign, sign, signed};
+use crate::integrator::modes::{self, Coefficients, Contact, Grip, Mode, Sign, sign, signed};
 use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial};
 use crate::integrator::units::Units;
 use crate::io::{Invalid, require};
@@ -62,16 +62,24 @@ pub enum WallTouch {
 
 /// A spring and a dashpot in parallel, in the driver's units.
 #[derive(Clone, Copy, Debug)]
-pub struct Link<S> {
+struct Spring<S> {
     stiffness: S,
     damping: S,
-    /// m/M.
-    second_mass: S,
-    clearance: S,
-    /// Longest flight in which the joint acts, steps.
-    longest: S,
+    /// y − x at which it is unloaded.
+    rest: S,
     /// `None` for a tuned mass.
     release: Option<Release>,
+}
+
+/// The springs that may join structure and second mass.
+#[derive(Clone, Copy, Debug)]
+pub struct Link<S> {
+    /// The soft walls at the negative and the positive side; a tuned mass is the first.
+    springs: [Option<Spring<S>>; 2],
+    /// m/M.
+    second_mass: S,
+    /// Longest flight in which the joint acts, steps.
+    longest: S,
     pub(super) touch: WallTouch,
     /// The particle has just touched the wall: its penetration starts from zero and grows by definition, regardless of
     /// rounding.
@@ -93,12 +101,12 @@ impl<S: Scalar> Joint<S> for Option<Link<S>> {
 impl<S: Scalar> Link<S> {
     /// The joint of a validated set-up; `None` without one.
     fn new(set_up: &SetUp, c: &Coefficients<S>, units: &Units) -> Result<Option<Self>, Invalid> {
-        let soft = set_up.particle.and_then(|p| {
-            let (stiffness, damping) = p.wall.spring_and_dashpot()?;
-            Some((p.mass_kg, stiffness, damping, p.wall.release()))
+        let soft = set_up.particle.map_or([None; 2], |p| {
+            p.walls().map(|wall| wall.spring_and_dashpot().map(|(k1, c1)| (p.mass_kg, k1, c1, wall.release())))
         });
         let tuned = set_up.tmd.map(|t| (t.mass_kg, t.stiffness_n_per_m, t.damping_n_s_per_m, None));
-        let Some((second_kg, k1, c1, release)) = soft.or(tuned) else { return Ok(None) };
+        let joints = [soft[0].or(tuned), soft[1]];
+        let Some(second_kg) = joints.iter().flatten().map(|joint| joint.0).next() else { return Ok(None) };
         let structure = &set_up.structure;
         let mass_kg = structure.mass_kg;
         // In the coordinates (√M x, √m y) the matrices are symmetric; their row sums bound every rate.
@@ -106,24 +114,35 @@ impl<S: Scalar> Link<S> {
         let row = |own: f64, joint: f64| {
             (own / mass_kg + joint / mass_kg * (1.0 + cross)).max(joint / second_kg * (1.0 + 1.0 / cross))
         };
-        let half = 0.5 * row(structure.damping_n_s_per_m, c1);
-        let fastest = half + libm::sqrt(half * half + row(structure.stiffness_n_per_m, k1));
-        let longest = LARGEST_RATE_PER_FLIGHT / (fastest * units.step_s);
-        let (name, damper) = match release {
-            Some(_) => ("particle.wall.stiffness_n_per_m", "particle.wall.damping_n_s_per_m"),
-            None => ("tmd.stiffness_n_per_m", "tmd.damping_n_s_per_m"),
+        let mut longest = 1.0;
+        for (place, joint) in joints.iter().enumerate() {
+            let Some((_, k1, c1, release)) = *joint else { continue };
+            let half = 0.5 * row(structure.damping_n_s_per_m, c1);
+            let fastest = half + libm::sqrt(half * half + row(structure.stiffness_n_per_m, k1));
+            let own = LARGEST_RATE_PER_FLIGHT / (fastest * units.step_s);
+            let (name, damper) = match (release, place) {
+                (None, _) => ("tmd.stiffness_n_per_m", "tmd.damping_n_s_per_m"),
+                (_, 0) => ("particle.wall.stiffness_n_per_m", "particle.wall.damping_n_s_per_m"),
+                _ => ("particle.positive_wall.stiffness_n_per_m", "particle.positive_wall.damping_n_s_per_m"),
+            };
+            let (parameter, value) =
+                if half * half > row(structure.stiffness_n_per_m, k1) { (damper, c1) } else { (name, k1) };
+            let allowed = "low enough for the sampling rate (fastest rate × step at most 500)";
+            require(own >= SHORTEST_FLIGHT, parameter, value, allowed)?;
+            longest = own.min(longest);
+        }
+        let spring = |side: Sign| {
+            joints[modes::of(side)].map(|(_, k1, c1, release)| Spring {
+                stiffness: S::from_f64(k1 * (units.step_s * units.step_s) / mass_kg),
+                damping: S::from_f64(c1 * units.step_s / mass_kg),
+                rest: if release.is_some() { c.wall(side) } else { S::ZERO },
+                release,
+            })
         };
-        let (parameter, value) =
-            if half * half > row(structure.stiffness_n_per_m, k1) { (damper, c1) } else { (name, k1) };
-        let allowed = "low enough for the sampling rate (fastest rate × step at most 500)";
-        require(longest >= SHORTEST_FLIGHT, parameter, value, allowed)?;
         Ok(Some(Self {
-            stiffness: S::from_f64(k1 * (units.step_s * units.step_s) / mass_kg),
-            damping: S::from_f64(c1 * units.step_s / mass_kg),
+            springs: [spring(-1), spring(1)],
             second_mass: S::from_f64(second_kg / mass_kg),
-            clearance: c.clearance,
-            longest: S::from_f64(longest.min(1.0)),
-            release,
+            longest: S::from_f64(longest),
             touch: WallTouch::Clear,
             touched: false,
         }))
@@ -131,7 +150,21 @@ impl<S: Scalar> Link<S> {
 
     /// Whether the joint connects a tuned mass.
     pub(super) fn is_tuned(&self) -> bool {
-        self.release.is_none()
+        self.springs[0].is_some_and(|spring| spring.release.is_none())
+    }
+
+    /// Whether the wall of `side` is soft.
+    pub(super) fn is_soft(&self, side: Sign) -> bool {
+        self.springs[modes::of(side)].is_some_and(|spring| spring.release.is_some())
+    }
+
+    /// The spring of the tuned mass, or of the soft wall that the particle presses into.
+    fn spring(&self) -> Option<&Spring<S>> {
+        match self.touch {
+            _ if self.is_tuned() => self.springs[0].as_ref(),
+            WallTouch::Pressing(side) => self.springs[modes::of(side)].as_ref(),
+            WallTouch::Clear | WallTouch::Leaving(_) => None,
+        }
     }
 
     /// Whether the joint affects the motion in `mode`. While the particle is held, the joint force acts between parts
@@ -148,30 +181,19 @@ impl<S: Scalar> Link<S> {
         if self.acts(mode) { rest.min(self.longest) } else { rest }
     }
 
-    /// The offset at which the joint is unloaded.
-    fn rest_offset(&self) -> S {
-        match self.touch {
-            WallTouch::Pressing(side) => signed(side, self.clearance),
-            WallTouch::Clear | WallTouch::Leaving(_) => S::ZERO,
-        }
-    }
-
     /// The joint's force on the structure.
     pub(super) fn force(&self, offset: S, slide: S) -> S {
-        if self.is_tuned() || matches!(self.touch, WallTouch::Pressing(_)) {
-            self.stiffness * (offset - self.rest_offset()) + self.damping * slide
-        } else {
-            S::ZERO
-        }
+        self.spring().map_or(S::ZERO, |spring| spring.stiffness * (offset - spring.rest) + spring.damping * slide)
     }
 
-    /// The joint's force on the structure along a flight.
+    /// The joint's force on the structure along a flight, in which it acts.
     pub(super) fn force_along(&self, offset: &Polynomial<S>) -> Polynomial<S> {
-        let mut force = polynomial::derivative(offset).map(|rate| self.damping * rate);
+        let Some(spring) = self.spring() else { return [S::ZERO; COEFFICIENTS] };
+        let mut force = polynomial::derivative(offset).map(|rate| spring.damping * rate);
         for (f, w) in force.iter_mut().zip(offset) {
-            *f += self.stiffness * *w;
+            *f += spring.stiffness * *w;
         }
-        force[0] -= self.stiffness * self.rest_offset();
+        force[0] -= spring.stiffness * spring.rest;
         force
     }
 
@@ -183,9 +205,9 @@ impl<S: Scalar> Link<S> {
 
     /// The side of the contact and the guard that ends it.
     pub(super) fn contact(&self, offset: &Polynomial<S>) -> Option<(Sign, Polynomial<S>)> {
-        let WallTouch::Pressing(side) = self.touch else { return None };
+        let (WallTouch::Pressing(side), Some(spring)) = (self.touch, self.spring()) else { return None };
         let mut press = offset.map(|w| signed(side, w));
-        press[0] -= self.clearance;
+        press[0] -= signed(side, spring.rest);
         if self.touched {
             press[0] = S::ZERO;
             press[1] = press[1].max(S::ZERO);
@@ -193,12 +215,12 @@ impl<S: Scalar> Link<S> {
                 press[2] = press[2].max(S::ZERO);
             }
         }
-        if self.release == Some(Release::ZeroPenetration) {
+        if spring.release == Some(Release::ZeroPenetration) {
             return Some((side, press));
         }
-        let mut force = polynomial::derivative(&press).map(|rate| self.damping * rate);
+        let mut force = polynomial::derivative(&press).map(|rate| spring.damping * rate);
         for (f, p) in force.iter_mut().zip(&press) {
-            *f += self.stiffness * *p;
+            *f += spring.stiffness * *p;
         }
         Some((side, force))
     }
@@ -222,7 +244,7 @@ impl<S: Scalar> Joined<S> {
     /// # Errors
     /// As [`Joined::joined`].
     pub fn counted_in(&self, set_up: &SetUp, units: Units) -> Result<Self, Invalid> {
-        let mut other = Self::joined(set_up, units, &Initial::default())?;
+        let mut other = Self::joined(set_up, units, &set_up.neutral())?;
         let length = S::from_f64(self.units.length_m / units.length_m);
         let velocity = S::from_f64(self.units.velocity_m_per_s() / units.velocity_m_per_s());
         let SampledState { x, v, offset, slide } = self.state;
@@ -271,14 +293,15 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         }
         stretch[1] = x[1] - z[1];
         let dragged = match mode.contact {
-            Contact::Free(direction) => signed(direction, self.c.friction_acceleration),
+            Contact::Free(direction) => signed(direction, self.c.friction_acceleration) + self.c.weight,
             Contact::Absent | Contact::Held(_) => S::ZERO,
         };
-        let from_rest = offset[0] - link.rest_offset();
+        let Some(spring) = link.spring() else { return Flight { x, offset, stretch } };
+        let from_rest = offset[0] - spring.rest;
         for n in 0..COEFFICIENTS - 2 {
             let next = S::from_u8(n as u8 + 1);
             let w = if n == 0 { from_rest } else { offset[n] };
-            let joint = link.stiffness * w + link.damping * next * offset[n + 1];
+            let joint = spring.stiffness * w + spring.damping * next * offset[n + 1];
             let constant = |value: S| if n == 0 { value } else { S::ZERO };
             let scale = S::ONE / (next * S::from_u8(n as u8 + 2));
             if !stuck {
@@ -314,7 +337,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// A particle that friction held starts to slide in `direction`. If a soft wall is there, the particle starts to
     /// press on it.
     pub(super) fn press_from_rest(&mut self, direction: Sign, at: S, observer: &mut (impl Observer<S> + ?Sized)) {
-        let at_wall = signed(direction, self.state.offset) >= self.c.clearance;
+        let at_wall = signed(direction, self.state.offset) >= self.c.end(direction) && self.is_soft(direction);
         if at_wall && self.joint.link().is_some_and(|link| link.touch == WallTouch::Clear) {
             self.press(direction, at, observer);
         }
@@ -337,13 +360,15 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         at: S,
         observer: &mut (impl Observer<S> + ?Sized),
     ) {
-        let past = signed(side, self.state.offset) - self.c.clearance;
+        let wall = self.c.wall(side);
+        let past = signed(side, self.state.offset) - self.c.end(side);
         if let Some(link) = self.joint.link_mut() {
-            if link.release == Some(Release::ZeroForce) && past > S::ZERO {
+            let release = link.springs[modes::of(side)].and_then(|spring| spring.release);
+            if release == Some(Release::ZeroForce) && past > S::ZERO {
                 link.touch = WallTouch::Leaving(side);
             } else {
                 link.touch = WallTouch::Clear;
-                self.state.offset = signed(side, self.c.clearance);
+                self.state.offset = wall;
             }
         }
         observer.contact_end(at, side, self.state.slide.abs());
@@ -352,9 +377,10 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
 
     /// Handles the return of the particle into the clearance after an early release.
     pub(super) fn inside(&mut self, side: Sign) {
+        let wall = self.c.wall(side);
         if let Some(link) = self.joint.link_mut() {
             link.touch = WallTouch::Clear;
-            self.state.offset = signed(side, self.c.clearance);
+            self.state.offset = wall;
         }
     }
 

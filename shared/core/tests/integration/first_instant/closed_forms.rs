@@ -38,6 +38,7 @@ impl Draw {
             clearance_m: self.between(2e-3, 40e-3),
             friction_coefficient: self.maybe(0.01, 0.2),
             wall: Wall::Restitution { coefficient: restitution },
+            cavity: Cavity::default(),
         };
         SetUp { particle: Some(particle), ..SetUp::bare(structure) }
     }

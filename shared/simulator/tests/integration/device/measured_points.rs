@@ -3,7 +3,7 @@
 use damprig_core::control::stepped_sine::SteppedSine;
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::steadiness::Steadiness;
-use damprig_core::model::{Particle, Wall};
+use damprig_core::model::{Cavity, Particle, Wall};
 use damprig_protocol::{Event, FromDevice, Reply, Request};
 use damprig_simulator::messages::set_plant;
 
@@ -70,6 +70,7 @@ fn the_impact_damper_measures_its_closed_form_within_the_sensors_resolution() {
         clearance_m: 10.0 * f64::from(z_m),
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient: 0.5 },
+        cavity: Cavity::default(),
     });
     assert_eq!(host.ask(set_plant(config)), Ok(Reply::Done));
     let long = SteppedSine {

@@ -11,7 +11,7 @@ use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine, Stepped
 use damprig_core::io::{Actuators, DriveScale, SensorSet};
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::steadiness::{Steadiness, SteadyLimits};
-use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Tmd, Tuning, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Particle, SetUp, Structure, Tmd, Tuning, Wall};
 use damprig_simulator::plant::{Base, DataSheet, Plant, PlantConfig, SensorModel, Shaker};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro128PlusPlus;
@@ -100,6 +100,7 @@ impl Point {
                 clearance_m: z_m * draw.log_between(1.0, 20.0),
                 friction_coefficient: if draw.chance(0.5) { 0.0 } else { draw.between(0.0, 0.03) },
                 wall: Wall::Restitution { coefficient: draw.between(0.2, 0.8) },
+                cavity: Cavity::default(),
             });
         }
         if matches!(DAMPERS[damper], "friction" | "hybrid") {
