@@ -100,8 +100,10 @@ impl Models {
     }
 
     fn initial(set_up: &CampaignSetUp, x_m: f64, moved: f64) -> Initial {
-        let clearance_m = set_up.model().particle.map_or(0.0, |particle| particle.clearance_m);
-        let offset_m = (set_up.particle_start_m() + moved * clearance_m).clamp(-clearance_m, clearance_m);
+        let offset_m = set_up.model().particle.map_or(0.0, |particle| {
+            let [low, high] = particle.ends_m();
+            (set_up.particle_start_m() + moved * particle.clearance_m).clamp(low, high)
+        });
         Initial { x_m, y_m: x_m + offset_m, ..Initial::default() }
     }
 
@@ -149,10 +151,9 @@ impl Models {
 
 /// The stated start of a particle as a share of its clearance.
 fn place_of(set_up: &CampaignSetUp) -> f64 {
-    set_up
-        .model()
-        .particle
-        .map_or(0.0, |particle| set_up.particle_start_m() / particle.clearance_m.max(f64::MIN_POSITIVE))
+    set_up.model().particle.map_or(0.0, |particle| {
+        (set_up.particle_start_m() - particle.cavity.offset_m) / particle.clearance_m.max(f64::MIN_POSITIVE)
+    })
 }
 
 /// Mean and standard uncertainty of the members' values: of a further draw beside their mean, for k = 2 with Student's factor. The

@@ -53,6 +53,7 @@ impl Walls {
         };
         // There is no largest impact without one.
         if self.force_n > 0.0 {
+            // A hard wall beside a soft one is compared by the impulse of its pulses.
             let (metric, value) = if is_soft {
                 (Quantity::PeakContactForceN, self.force_n)
             } else {

@@ -230,7 +230,7 @@ impl Compared<'_> {
     /// Walls of a set-up: whether they are soft, `None` without a particle or where the simulated structure is bare.
     fn walls_of(models: &Models) -> WallKind {
         let model = models.set_up.model();
-        model.particle.map(|_| model.has_soft_walls())
+        model.particle.map(|particle| particle.walls().iter().all(|wall| wall.is_soft()))
     }
 
     /// Whether a person stopped the comparison.

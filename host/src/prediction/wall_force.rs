@@ -3,7 +3,10 @@
 //! The model's impacts on hard walls take no time; the force follows from the impulse J and the contact time τ of a half-sine
 //! pulse, F = πJ/(2τ). The simulated rig's contacts last [`damprig_simulator::plant::walls::WallSensors::contact_s`]. Those of a
 //! real wall may be several times longer, so only a force far beyond the limit is refused; above the limit there is a warning.
-//! The force of a soft wall is that of its spring and dashpot: above the limit it is refused.
+//! The force of soft walls is that of their springs and dashpots: above the limit it is refused. A hard wall beside a soft one
+//! counts as two hard ones.
+
+use damprig_core::model::Wall;
 
 use super::Prediction;
 use super::transient::Expected;
@@ -33,7 +36,7 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expect
         if *force_n <= limit_n {
             continue;
         }
-        let is_soft = set_up.model().has_soft_walls();
+        let is_soft = set_up.model().particle.is_some_and(|p| p.walls().iter().all(Wall::is_soft));
         let (contact, most_n) = if is_soft {
             (" with the soft wall".into(), limit_n)
         } else {

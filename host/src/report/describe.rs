@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::Wall;
+use damprig_core::model::{Cavity, Particle, Wall};
 
 use super::numbers::{millimetres, significant, trimmed};
 use crate::campaign::{CampaignSetUp, Experiment};
@@ -16,7 +16,7 @@ use crate::simulation::Case;
 pub fn set_up(set_up: &CampaignSetUp) -> String {
     let clearance = set_up.clearance_ratio().map(|r| format!("d/Z = {}", trimmed(r, 2)));
     let model = set_up.model();
-    let wall = model.particle.map(|particle| wall(&particle.wall));
+    let wall = model.particle.map(|particle| walls(&particle));
     let tuned = model.tmd.map(|tmd| {
         let own = (tmd.stiffness_n_per_m / tmd.mass_kg).sqrt();
         let gamma = own / model.structure.angular_frequency_rad_per_s();
@@ -33,9 +33,25 @@ pub fn set_up(set_up: &CampaignSetUp) -> String {
     [clearance, wall, tuned, friction, unmodelled, amplitude].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-/// A wall: `e = 0.47`, `e = 0.6 (v/0.5 m/s)^−0.25, at most 0.9`, `k1 = 4000 N/m, c1 = 14.6 N·s/m`.
+/// The walls of a particle, and how its cavity differs from a plain one: `e = 0.47`, `e = 0.47, at + e = 0.6, offset 1 mm, 30° up`.
 #[must_use]
-pub fn wall(wall: &Wall) -> String {
+pub fn walls(particle: &Particle) -> String {
+    let Cavity { positive_wall, offset_m, inclination_deg } = &particle.cavity;
+    let mut text = wall(&particle.wall);
+    if let Some(positive) = positive_wall {
+        text += &format!(", at + {}", wall(positive));
+    }
+    if *offset_m != 0.0 {
+        text += &format!(", offset {}", millimetres(*offset_m));
+    }
+    if *inclination_deg != 0.0 {
+        text += &format!(", {}° up", trimmed(*inclination_deg, 2));
+    }
+    text
+}
+
+/// A wall: `e = 0.47`, `e = 0.6 (v/0.5 m/s)^−0.25, at most 0.9`, `k1 = 4000 N/m, c1 = 14.6 N·s/m`.
+pub(super) fn wall(wall: &Wall) -> String {
     match *wall {
         Wall::Restitution { coefficient } => format!("e = {}", significant(coefficient, 4)),
         Wall::SpeedRestitution(law) => format!(

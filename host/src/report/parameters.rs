@@ -2,6 +2,7 @@
 
 use damprig_core::model::{Release, SetUp, Wall};
 
+use super::describe;
 use super::numbers::significant;
 use crate::campaign::{CampaignSetUp, SpringTarget};
 
@@ -42,7 +43,9 @@ const PARAMETERS: &[(&str, Value)] = &[
     }),
     ("μi, internal friction", |_, m| m.particle.map(|p| number(p.friction_coefficient))),
     ("g, gravity (m/s²)", |_, m| {
-        m.particle.filter(|p| p.friction_coefficient > 0.0).map(|_| number(m.gravity_m_per_s2))
+        m.particle
+            .filter(|p| p.friction_coefficient > 0.0 || p.cavity.inclination_deg != 0.0)
+            .map(|_| number(m.gravity_m_per_s2))
     }),
     ("e, restitution", |_, m| Some(number(m.particle?.wall.restitution()?.coefficient))),
     ("reference speed of e (m/s)", |_, m| Some(number(m.particle?.wall.falling()?.reference_speed_m_per_s))),
@@ -55,6 +58,13 @@ const PARAMETERS: &[(&str, Value)] = &[
             Release::ZeroPenetration => "zero penetration".into(),
             Release::ZeroForce => "zero force".into(),
         })
+    }),
+    ("wall at the positive side", |_, m| Some(describe::wall(&m.particle?.cavity.positive_wall?))),
+    ("offset of the cavity (mm)", |_, m| {
+        m.particle.filter(|p| p.cavity.offset_m != 0.0).map(|p| number(p.cavity.offset_m * 1e3))
+    }),
+    ("inclination (°)", |_, m| {
+        m.particle.filter(|p| p.cavity.inclination_deg != 0.0).map(|p| number(p.cavity.inclination_deg))
     }),
     ("F, friction force (N)", |_, m| m.friction_damper.map(|d| number(d.force_n))),
     ("γF = F/(kZ)", |s, _| s.friction_ratio().map(number)),

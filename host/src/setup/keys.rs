@@ -17,6 +17,25 @@ pub(crate) const SET_UP_FILE: Key = key(
     "a file with tables of a set-up, for the keys that this file leaves out; relative to this file",
 );
 
+/// Tables of the wall at the positive side: those of `particle.wall`.
+const POSITIVE_WALL: [Table; 2] = [positive(wall_restitution::TABLE), positive(wall_voigt::TABLE)];
+
+const fn positive(table: Table) -> Table {
+    Table { path: "particle.positive_wall", ..table }
+}
+
+/// The tables of a set-up, with all their keys.
+pub const ALL_TABLES: &[Table] = &{
+    let mut all = [POSITIVE_WALL[0]; TABLES.len() + POSITIVE_WALL.len()];
+    let mut n = 0;
+    while n < TABLES.len() {
+        all[n] = TABLES[n];
+        n += 1;
+    }
+    all[n + 1] = POSITIVE_WALL[1];
+    all
+};
+
 /// The tables of a set-up, where each may be left out: at the top of a campaign for all its set-ups, and in a set-up file.
 pub(crate) const PARTS: [Quantity; 4] = [
     set_up::STRUCTURE.optional(),
@@ -26,7 +45,7 @@ pub(crate) const PARTS: [Quantity; 4] = [
 ];
 
 tables! {
-    "The tables of a set-up, with all their keys."
+    "The tables of a set-up but those of the second wall."
 
     "What is mounted: at the top of a case, and in each `[[set_up]]` of a campaign."
     set_up("") {
@@ -34,7 +53,7 @@ tables! {
             number("base_amplitude_m", Positive, "Z: what a campaign's sine and a case's base move by, and ratios refer to").usual(1e-5, 0.05),
         ];
         GRAVITY: Default(Number(GRAVITY_M_PER_S2)), [
-            number("gravity_m_per_s2", NotNegative, "g in the friction between particle and structure").usual(9.7, 9.9),
+            number("gravity_m_per_s2", NotNegative, "g in the weight of the particle, and so in the friction between particle and structure").usual(9.7, 9.9),
         ];
         STRUCTURE: RequiredUnless("the file of `set_up_file` has it"), [key("structure", Kind::Table, "the structure: mass, stiffness, damping")];
         PARTICLE: Optional, [key("particle", Kind::Table, "the impact damper")];
@@ -70,6 +89,15 @@ tables! {
         ];
         WALL: Required, [
             key("wall", Kind::Table, "both walls, e.g. wall = { kind = \"restitution\", coefficient = 0.5 }"),
+        ];
+        POSITIVE_WALL: Optional, [
+            key("positive_wall", Kind::Table, "the wall at the positive side, where it differs from `wall`: all its keys"),
+        ];
+        OFFSET: Default(Number(0.0)), [
+            number("offset_m", Any, "y − x in the middle between the walls: they are at y − x = offset ± d").usual(-0.5, 0.5),
+        ];
+        INCLINATION: Default(Number(0.0)), [
+            number("inclination_deg", Between(-90.0, 90.0), "angle of the motion to the horizontal; above 0, +x and +y point upwards"),
         ];
         START: Default(Word("centre")), [
             word("start", &["centre", "at_negative_wall", "at_positive_wall", "unknown"], "where the particle starts in its cavity"),

@@ -8,7 +8,7 @@ pub mod set_up_file;
 mod spec;
 
 use damprig_core::integrator::sampled::Sampled;
-use damprig_core::model::{DampingLaw, Material, Release, Restitution, SetUp, Structure, Tmd, Tuning, Wall};
+use damprig_core::model::{Cavity, DampingLaw, Material, Release, Restitution, SetUp, Structure, Tmd, Tuning, Wall};
 use toml::de::DeTable;
 
 use crate::input::Section;
@@ -17,7 +17,7 @@ use crate::input::section::Given;
 use keys::{friction_damper, particle, set_up, spring, structure, tmd, wall_restitution, wall_voigt};
 use spec::{Friction, ParticleSpec, Place, Relative};
 
-pub use keys::TABLES;
+pub use keys::ALL_TABLES as TABLES;
 pub(crate) use keys::set_up::BASE_AMPLITUDE;
 pub(crate) use keys::{PARTS, SET_UP_FILE, set_up as set_up_keys};
 pub use set_up_file::{IDENTIFIED, Identified, SetUpFile};
@@ -183,6 +183,11 @@ fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude
     let clearance = relative(s, &particle::CLEARANCE, base);
     let friction = s.scalar(&particle::FRICTION);
     let wall = s.table_of(&particle::WALL, None).and_then(|wall| read_wall(&wall, structure, mass));
+    let positive_wall = match s.table_of(&particle::POSITIVE_WALL, None) {
+        Some(wall) => read_wall(&wall, structure, mass).map(Some),
+        None => (!s.is_given(&particle::POSITIVE_WALL)).then_some(None),
+    };
+    let (offset_m, inclination_deg) = (s.scalar(&particle::OFFSET), s.scalar(&particle::INCLINATION));
     let place = match s.given(&particle::START) {
         Some((_, Given::Word(word))) => {
             Some([0.0, -1.0, 1.0].get(word).map_or(Place::Unknown, |share| Place::Share(*share)))
@@ -195,10 +200,15 @@ fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude
         (Some(Relative::Absolute(clearance)), _) => Some(clearance),
         _ => None,
     };
-    if let (Some(Place::Metres(start)), Some(room)) = (place, room)
-        && start.abs() > room
+    if let (Some(Place::Metres(start)), Some(room), Some(offset_m)) = (place, room, offset_m)
+        && (start - offset_m).abs() > room
     {
-        s.reject("start_m", format!("must be within the clearance, −{room} to {room}"), None);
+        let (low, high) = (offset_m - room, offset_m + room);
+        let allowed = match offset_m {
+            0.0 => format!("must be within the clearance, −{room} to {room}"),
+            _ => format!("must be between the walls, {low} to {high}"),
+        };
+        s.reject("start_m", allowed, None);
     }
     if let (Some(mass), Some(structure)) = (mass, structure) {
         s.warn_if_it_means(&particle::MASS, "mass_ratio", mass / structure.mass_kg);
@@ -212,6 +222,7 @@ fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude
         clearance: clearance?,
         friction_coefficient: friction?,
         wall: wall?,
+        cavity: Cavity { positive_wall: positive_wall?, offset_m: offset_m?, inclination_deg: inclination_deg? },
         place: place?,
         is_placed: s.is_given(&particle::START) && place != Some(Place::Unknown),
     })

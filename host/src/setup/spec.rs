@@ -15,7 +15,7 @@ pub(super) enum Relative {
 pub(super) enum Place {
     /// Share of the clearance from the centre, −1 to 1.
     Share(f64),
-    /// Distance from the centre, m.
+    /// y − x, m.
     Metres(f64),
     /// Anywhere between the walls.
     Unknown,
@@ -27,6 +27,7 @@ pub(super) struct ParticleSpec {
     pub(super) clearance: Relative,
     pub(super) friction_coefficient: f64,
     pub(super) wall: Wall,
+    pub(super) cavity: Cavity,
     pub(super) place: Place,
     /// The position was written, not left to its default.
     pub(super) is_placed: bool,
@@ -124,7 +125,7 @@ impl SetUpSpec {
                 clearance_m: p.clearance_m(base_amplitude_m),
                 friction_coefficient: p.friction_coefficient,
                 wall: p.wall,
-                cavity: Cavity::default(),
+                cavity: p.cavity,
             }),
             friction_damper: self.friction.map(|friction| FrictionDamper {
                 force_n: match friction {
@@ -158,13 +159,13 @@ impl SetUpSpec {
         by_friction || self.particle.is_some_and(|p| matches!(p.clearance, Relative::Ratio(_)))
     }
 
-    /// y − x at the start at base amplitude Z, m; 0 without a particle, and where it is not known.
+    /// y − x at the start at base amplitude Z, m; 0 without a particle; the middle of the cavity where it is not known.
     #[must_use]
     pub fn particle_start_m(&self, base_amplitude_m: f64) -> f64 {
         self.particle.map_or(0.0, |p| match p.place {
-            Place::Share(share) => share * p.clearance_m(base_amplitude_m),
+            Place::Share(share) => p.cavity.offset_m + share * p.clearance_m(base_amplitude_m),
             Place::Metres(start) => start,
-            Place::Unknown => 0.0,
+            Place::Unknown => p.cavity.offset_m,
         })
     }
 

@@ -272,8 +272,8 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
         (BaseAmplitude::Force(force_n), Some(spec)) => force_n / spec.structure().stiffness_n_per_m,
         _ => 0.0,
     };
-    let start_m = spec.filter(SetUpSpec::places_particle).map(|spec| spec.particle_start_m(z_m));
-    let initial = read_initial(initial_section.as_ref(), record.map_or(0.0, Record::start_m), start_m);
+    let start = spec.map_or((0.0, false), |spec| (spec.particle_start_m(z_m), spec.places_particle()));
+    let initial = read_initial(initial_section.as_ref(), record.map_or(0.0, Record::start_m), start);
     let run_section = root.table_of(&case::RUN, None);
     let run = run_section.as_ref().and_then(|s| read_run(s, record.map(Record::duration_s)));
     let spheres = root.table_of(&case::MANY_PARTICLES, None);
@@ -430,14 +430,14 @@ fn is_json(source: &Source) -> bool {
 }
 
 /// Reads `initial`. Defaults: the structure starts at 0, or at the record's first base displacement; a second mass starts
-/// with the structure; a particle starts `particle_start_m` from the structure.
-fn read_initial(s: Option<&Section>, base_start_m: f64, particle_start_m: Option<f64>) -> Initial {
+/// with the structure; a particle starts `start_m` from the structure, as its table says if it `is_placed`.
+fn read_initial(s: Option<&Section>, base_start_m: f64, (start_m, is_placed): (f64, bool)) -> Initial {
     let or = |quantity, absent: f64| s.and_then(|s| s.scalar(quantity)).unwrap_or(absent);
     let (x_m, v_m_per_s) = (or(&initial::X, base_start_m), or(&initial::V, 0.0));
-    let y_m = or(&initial::Y, x_m + particle_start_m.unwrap_or(0.0));
+    let y_m = or(&initial::Y, x_m + start_m);
     let read = Initial { x_m, v_m_per_s, y_m, u_m_per_s: or(&initial::U, v_m_per_s) };
     if let Some(s) = s {
-        if particle_start_m.is_some() && s.is_given(&initial::Y) {
+        if is_placed && s.is_given(&initial::Y) {
             let help = Some("leave out `y_m`, or `start` and `start_m` of the particle".into());
             s.reject(initial::Y.name(), "the particle's table gives its start too", help);
         }

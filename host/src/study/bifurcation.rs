@@ -203,7 +203,8 @@ pub fn run_all(
 /// The state with a particle that a smaller cavity has no room for put at its wall.
 fn inside(state: Initial, case: &Case) -> Initial {
     let Some(particle) = case.set_up.particle.filter(|_| !case.set_up.has_soft_walls()) else { return state };
-    let offset_m = (state.y_m - state.x_m).clamp(-particle.clearance_m, particle.clearance_m);
+    let [low, high] = particle.ends_m();
+    let offset_m = (state.y_m - state.x_m).clamp(low, high);
     Initial { y_m: state.x_m + offset_m, ..state }
 }
 

@@ -173,7 +173,7 @@ fn row_of(study: &Study, band: &Band, row: u64, simulated: &[Simulated], go_on: 
 pub fn started_at(case: &Case, share: f64) -> Case {
     let mut case = case.clone();
     if let Some(particle) = &case.set_up.particle {
-        case.initial.y_m = case.initial.x_m + share * particle.clearance_m;
+        case.initial.y_m = case.initial.x_m + (particle.cavity.offset_m + share * particle.clearance_m);
     }
     case
 }

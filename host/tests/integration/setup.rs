@@ -120,6 +120,7 @@ impl<'t> Writer<'t> {
             ("to_hz", _) => (5.0, 10.0),
             ("duration_s", _) if path == "base.noise" => (4.0, 8.0),
             ("start_m", _) => (-4e-5, 4e-5),
+            ("offset_m", _) => (-3e-5, 3e-5),
             ("steady_from_cycle", _) => return f64::from(self.rng.u8(..3)),
             (_, "kg") => (1.0, 1.9),
             (_, "Hz") => (1.0, 10.0),

@@ -1,9 +1,10 @@
-//! Walls as they are, in cases and campaigns: restitution that falls with the speed of the impact.
+//! Walls as they are, in cases and campaigns: restitution that falls with the speed of the impact, two different walls, a cavity off
+//! its centre, inclined or upright.
 
 use damprig::campaign::Campaign;
 use damprig::input::Source;
 use damprig::simulation::Case;
-use damprig_core::model::{Restitution, SetUp, Wall};
+use damprig_core::model::{Cavity, Release, Restitution, SetUp, Wall};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -48,14 +49,76 @@ fn a_case_and_a_campaign_read_the_same_falling_restitution() {
     let law = Restitution { coefficient: 0.6, reference_speed_m_per_s: 0.5, exponent: 0.25, maximum: 0.9 };
     let wall = read(FALLING).particle.expect("it has one").wall;
     assert_eq!(wall, Wall::SpeedRestitution(law));
+    assert_eq!(in_campaign(FALLING).particle.expect("it has one").wall, wall);
+}
+
+/// The same particle as a campaign reads it.
+fn in_campaign(particle: &str) -> SetUp {
     let campaign = format!(
         "name = \"walls\"\n{STRUCTURE}[[set_up]]\nname = \"a\"\nbase_amplitude_m = 0.001\n\
-         particle = {{ mass_ratio = 0.1, clearance_m = 0.03, {FALLING} }}\n\
+         particle = {{ mass_ratio = 0.1, clearance_m = 0.03, {particle} }}\n\
          [[experiment]]\nname = \"sweep\"\nkind = \"stepped_sine\"\nfrequencies_hz = [2.5]\nstart = \"carry_over\"\ndwell_s = 20\n"
     );
-    let source = Source::new("campaign.toml", campaign);
-    let campaign = Campaign::parse(source).unwrap_or_else(|why| panic!("{why}"));
-    assert_eq!(campaign.set_ups[0].model().particle.expect("it has one").wall, wall);
+    let campaign = Campaign::parse(Source::new("campaign.toml", campaign)).unwrap_or_else(|why| panic!("{why}"));
+    campaign.set_ups[0].model()
+}
+
+const LOPSIDED: &str = "wall = { kind = \"restitution\", coefficient = 0.6 }, offset_m = 0.01, inclination_deg = 30, \
+    positive_wall = { kind = \"voigt\", stiffness_n_per_m = 3000, damping_n_s_per_m = 4, release = \"zero_force\" }";
+
+#[test]
+fn a_case_and_a_campaign_read_the_same_cavity_and_start_in_its_middle() {
+    let soft = Wall::Voigt { stiffness_n_per_m: 3000.0, damping_n_s_per_m: 4.0, release: Release::ZeroForce };
+    let set_up = read(LOPSIDED);
+    let particle = set_up.particle.expect("it has one");
+    assert_eq!(particle.cavity, Cavity { positive_wall: Some(soft), offset_m: 0.01, inclination_deg: 30.0 });
+    assert_eq!(particle.walls(), [Wall::Restitution { coefficient: 0.6 }, soft]);
+    assert!((set_up.weight_m_per_s2() - 0.5 * 9.81).abs() < 1e-12);
+    assert_eq!(in_campaign(LOPSIDED).particle, set_up.particle);
+    let start = |more: &str| {
+        let text = case(&format!("{LOPSIDED}{more}"));
+        Case::parse(&Source::new("case.toml", text), "case").expect("a case").initial.y_m
+    };
+    assert_eq!(start(""), 0.01);
+    assert_eq!(start(", start = \"at_negative_wall\""), 0.01 - 0.03);
+    assert_eq!(start(", start_m = 0.035"), 0.035);
+}
+
+#[test]
+fn keys_of_a_cavity_that_are_wrong_are_named() {
+    let wall = "wall = { kind = \"restitution\", coefficient = 0.6 }";
+    refused(&format!("{wall}, inclination_deg = 91"), &["`particle.inclination_deg` = 91 is not allowed", "-90 to 90"]);
+    refused(
+        &format!("{wall}, positive_wall = {{ kind = \"restitution\", coefficient = 1.6 }}"),
+        &["`particle.positive_wall.coefficient` = 1.6 is not allowed", "from 0 to 1"],
+    );
+    refused(&format!("{wall}, positive_wall = {{ coefficient = 0.6 }}"), &["`particle.positive_wall.kind` is missing"]);
+    refused(
+        &format!("{wall}, offset_m = 0.01, start_m = -0.025"),
+        &["`particle.start_m` = -0.025 is not allowed", "between the walls"],
+    );
+}
+
+#[test]
+fn two_equal_walls_are_one_and_a_shifted_cavity_moves_the_structure_alike() {
+    let wall = "{ kind = \"restitution\", coefficient = 0.6 }";
+    let one = answer(&format!("wall = {wall}"));
+    assert_eq!(one["summary"], answer(&format!("wall = {wall}, positive_wall = {wall}"))["summary"]);
+    let shifted = answer(&format!("wall = {wall}, offset_m = 0.01"));
+    let largest = |answer: &Value| answer["summary"]["max_abs_x_m"].as_f64().expect("a number");
+    assert!((largest(&shifted) / largest(&one) - 1.0).abs() < 1e-9, "{shifted}");
+    assert_ne!(one["summary"], answer(&format!("wall = {wall}, inclination_deg = 20"))["summary"]);
+}
+
+#[test]
+fn a_lopsided_cavity_is_simulated_analysed_and_described() {
+    let folder = TempDir::new().unwrap();
+    let set =
+        ["--set", "run.duration_s=60", "--set", "particle.wall.coefficient=0.3", "--analyse", "--plot", "motion.svg"];
+    let (is_done, out, told) = run(&folder, &case(LOPSIDED), &set);
+    assert!(is_done, "{told}");
+    assert!(out.contains("e = 0.3, at + k1 = 3000 N/m, c1 = 4 N·s/m, offset 10 mm, 30° up"), "{out}");
+    assert!(folder.path().join("motion.svg").exists());
 }
 
 #[test]

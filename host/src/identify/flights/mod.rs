@@ -83,9 +83,15 @@ impl Known {
         let Some(particle) = set_up.particle else {
             return refuse("has no particle\n  choose a set-up with an impact damper");
         };
-        if particle.wall.is_soft() {
+        if set_up.has_soft_walls() {
             return refuse(
                 "has soft walls, which have no coefficient of restitution\n  `damprig identify wall` gives k1 and η",
+            );
+        }
+        if !particle.is_symmetric() {
+            return refuse(
+                "has two different walls or is inclined: the method takes one coefficient of restitution from flights at constant \
+                 velocity\n  use equal walls on a level, or a drop test of each wall",
             );
         }
         if set_up.friction_damper.is_some_and(|damper| damper.force_n > 0.0) {
@@ -98,7 +104,7 @@ impl Known {
             angular_frequency_rad_per_s: set_up.structure.angular_frequency_rad_per_s(),
             damping_ratio: set_up.structure.damping_ratio(),
             mass_ratio: particle.mass_kg / set_up.structure.mass_kg,
-            friction_m_per_s2: particle.friction_coefficient * set_up.gravity_m_per_s2,
+            friction_m_per_s2: set_up.internal_friction_m_per_s2(),
             is_friction_held: false,
             clearance_m: particle.clearance_m,
             is_clearance_held: false,

@@ -9,7 +9,7 @@ use crate::report::plot::palette::{GREY, INK, Look, PALE, WALL};
 use crate::report::plot::svg::{Colour, Font, Place};
 use crate::report::plot::traces::marker;
 use crate::report::plot::{LABEL, Picture, SMALL};
-use damprig_core::model::{SetUp, Wall};
+use damprig_core::model::{Particle, SetUp};
 
 /// Width and height.
 const CELL: (f64, f64) = (346.0, 206.0);
@@ -91,7 +91,7 @@ impl Sketch {
             }
         }
         if let Some(particle) = &model.particle {
-            self.particle(particle.clearance_m, particle.mass_kg, &particle.wall);
+            self.particle(particle);
         }
         if set_up.has_unmodelled_damper {
             self.body((134.0, ROOF - 34.0), (174.0, ROOF), PALE);
@@ -124,21 +124,24 @@ impl Sketch {
         self.picture.text("x", (LEFT - 48.0, ROOF + 12.0), Font::new(SMALL, GREY).ending());
     }
 
-    fn particle(&mut self, clearance_m: f64, mass_kg: f64, wall: &Wall) {
+    fn particle(&mut self, particle: &Particle) {
         let (low, high, top) = (LEFT + 14.0, RIGHT - 14.0, ROOF - 30.0);
-        for (x, inwards) in [(low, 1.0), (high, -1.0)] {
+        for ((x, inwards), wall) in [(low, 1.0), (high, -1.0)].into_iter().zip(particle.walls()) {
             self.line(&[(x, ROOF), (x, top)], INK, 3.0);
-            if matches!(wall, Wall::Voigt { .. }) {
+            if wall.is_soft() {
                 let ends = [x + 2.0 * inwards, x + 9.0 * inwards];
                 let pad = (ends[0].min(ends[1]), top + 2.0, ends[0].max(ends[1]), ROOF - 2.0);
                 self.picture.rectangle(pad, WALL.fill());
             }
         }
         self.picture.circle((154.0, ROOF - 11.0), 10.0, self.look.colour().fill());
-        let mass = format!("m = {} kg", trimmed(mass_kg, 3));
+        let mass = format!("m = {} kg", trimmed(particle.mass_kg, 3));
         self.picture.text(&mass, (high + 8.0, ROOF - 12.0), WORDS);
         self.travel(low + 3.0, high - 3.0, top - 4.0);
-        let room = format!("2d = {} mm", trimmed(2e3 * clearance_m, 2));
+        let mut room = format!("2d = {} mm", trimmed(2e3 * particle.clearance_m, 2));
+        if particle.cavity.inclination_deg != 0.0 {
+            room += &format!(", {}° up", trimmed(particle.cavity.inclination_deg, 1));
+        }
         self.picture.text(&room, (high + 8.0, top - 4.0), WORDS);
     }
 

@@ -20,7 +20,8 @@ use crate::simulation::envelope::{Envelope, EnvelopeColumn, ValueRange};
 #[derive(Clone, Debug, Default, PartialEq)]
 struct MotionNotes {
     /// Clearance d, m, if there are walls.
-    clearance_m: Option<f64>,
+    /// y − x at the walls, m.
+    walls_m: Option<[f64; 2]>,
     /// Name of the second mass.
     second_mass: Option<&'static str>,
     /// Whether the base moves.
@@ -90,7 +91,7 @@ pub fn of_case(case: &Case, whole: Option<&Envelope>, last: Option<&Envelope>) -
             Excitation::Sine { .. } | Excitation::HalfSine { .. } | Excitation::Versine { .. }
         );
     let notes = MotionNotes {
-        clearance_m: set_up.particle.map(|p| p.clearance_m),
+        walls_m: set_up.particle.map(|p| p.ends_m()),
         second_mass,
         base_moves,
         title: format!("{}: {}", case.name, describe::excitation(case)),
@@ -115,19 +116,19 @@ fn draw(envelopes: &[&Envelope], notes: &MotionNotes) -> Picture {
 
 /// Draws a window of the run.
 fn panel(picture: &mut Picture, envelope: &Envelope, notes: &MotionNotes, bounds: Bounds) {
-    let wall_m = notes.clearance_m.unwrap_or(0.0);
+    let walls_m = notes.walls_m.unwrap_or_default();
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-    let mut hold = |stretch: Option<ValueRange>, beside: f64| {
+    let mut hold = |stretch: Option<ValueRange>, beside: [f64; 2]| {
         if let Some(s) = stretch {
-            low = low.min(s.low.1 - beside);
-            high = high.max(s.high.1 + beside);
+            low = low.min(s.low.1 + beside[0].min(0.0));
+            high = high.max(s.high.1 + beside[1].max(0.0));
         }
     };
     for column in envelope.columns() {
-        hold(column.x_m, wall_m);
-        hold(column.z_m, 0.0);
+        hold(column.x_m, walls_m);
+        hold(column.z_m, [0.0; 2]);
         if notes.second_mass.is_some() {
-            hold(column.y_m, 0.0);
+            hold(column.y_m, [0.0; 2]);
         }
     }
     let (name, scale) = length_unit(low.abs().max(high.abs()));
@@ -143,8 +144,8 @@ fn panel(picture: &mut Picture, envelope: &Envelope, notes: &MotionNotes, bounds
         let points = envelope.columns().iter().filter_map(of).flat_map(|s| s.in_order());
         traces.line(points.map(|(t_s, value)| (t_s, (value + beside) * scale)), tint.stroke(width));
     };
-    if notes.clearance_m.is_some() {
-        [wall_m, -wall_m].into_iter().for_each(|beside| curve(|c| c.x_m, beside, (WALL, 1.0)));
+    if notes.walls_m.is_some() {
+        [walls_m[1], walls_m[0]].into_iter().for_each(|beside| curve(|c| c.x_m, beside, (WALL, 1.0)));
     }
     if notes.base_moves {
         curve(|c| c.z_m, 0.0, (Z, 1.2));
@@ -166,7 +167,7 @@ fn entries(notes: &MotionNotes, envelopes: &[&Envelope]) -> Vec<Entry> {
     let mut entries = vec![Entry::line(format!("x{less} structure"), X.stroke(2.0))];
     entries.extend(notes.second_mass.map(|word| Entry::line(format!("y{less} {word}"), Y.stroke(1.2))));
     entries.extend(notes.base_moves.then(|| Entry::line("z base", Z.stroke(1.2))));
-    if notes.clearance_m.is_some() {
+    if notes.walls_m.is_some() {
         entries.push(Entry::line("walls, ± d", WALL.stroke(1.0)));
         if envelopes.iter().any(|o| o.impacts() > 0) {
             entries.push(Entry::mark("impact", &impact(1, MARKED)));

@@ -4,7 +4,7 @@ use crate::input::key::Unit;
 use crate::simulation::Case;
 
 /// Symbols of keys. That of a clearance ratio depends on the case's reference length.
-const SYMBOLS: [(&str, &str); 37] = [
+const SYMBOLS: [(&str, &str); 40] = [
     ("structure.mass_kg", "M"),
     ("structure.natural_frequency_hz", "fn"),
     ("structure.damping_ratio", "ζ"),
@@ -25,6 +25,9 @@ const SYMBOLS: [(&str, &str); 37] = [
     ("particle.clearance_m", "d"),
     ("particle.friction_coefficient", "μi"),
     ("particle.wall.coefficient", "e"),
+    ("particle.offset_m", "offset"),
+    ("particle.inclination_deg", "inclination (°)"),
+    ("particle.positive_wall.coefficient", "e at +"),
     ("particle.wall.exponent", "p"),
     ("particle.wall.maximum", "largest e"),
     ("particle.wall.stiffness_n_per_m", "k1"),

@@ -80,7 +80,7 @@ fn set_up(case: &Case) -> Vec<(&'static str, String)> {
         reference.map_or(String::new(), |(by_m, name)| format!(" (d/{name} = {})", significant(length_m / by_m, 4)))
     };
     if let Some(p) = &case.set_up.particle {
-        let wall = describe::wall(&p.wall);
+        let wall = describe::walls(p);
         let ratio = significant(p.mass_kg / structure.mass_kg, 4);
         let friction = match p.friction_coefficient {
             0.0 => String::new(),

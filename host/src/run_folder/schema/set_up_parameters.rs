@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use damprig_core::model::SetUp;
+use damprig_core::model::{SetUp, Wall};
 
 /// A parameter of a set-up: its name with the unit, and its value; `None` where the set-up does not have it.
 pub type Parameter = (&'static str, fn(&SetUp) -> Option<f64>);
@@ -33,7 +33,20 @@ pub const RARE_PARAMETERS: &[Parameter] = &[
     ("restitution_reference_speed_m_per_s", |s| Some(s.particle?.wall.falling()?.reference_speed_m_per_s)),
     ("restitution_exponent", |s| Some(s.particle?.wall.falling()?.exponent)),
     ("restitution_maximum", |s| Some(s.particle?.wall.falling()?.maximum)),
+    ("positive_restitution", |s| Some(positive(s)?.restitution()?.coefficient)),
+    ("positive_restitution_reference_speed_m_per_s", |s| Some(positive(s)?.falling()?.reference_speed_m_per_s)),
+    ("positive_restitution_exponent", |s| Some(positive(s)?.falling()?.exponent)),
+    ("positive_restitution_maximum", |s| Some(positive(s)?.falling()?.maximum)),
+    ("positive_wall_stiffness_n_per_m", |s| Some(positive(s)?.spring_and_dashpot()?.0)),
+    ("positive_wall_damping_n_s_per_m", |s| Some(positive(s)?.spring_and_dashpot()?.1)),
+    ("cavity_offset_m", |s| s.particle.map(|p| p.cavity.offset_m).filter(|offset_m| *offset_m != 0.0)),
+    ("inclination_deg", |s| s.particle.map(|p| p.cavity.inclination_deg).filter(|degrees| *degrees != 0.0)),
 ];
+
+/// The wall at the positive side, where it differs.
+fn positive(set_up: &SetUp) -> Option<Wall> {
+    set_up.particle?.cavity.positive_wall
+}
 
 /// The parameters that a set-up has, by name.
 #[must_use]

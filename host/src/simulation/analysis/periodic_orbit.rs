@@ -165,7 +165,8 @@ struct Map {
     map: ReturnMap,
     scale: [f64; 4],
     size: usize,
-    clearance_m: f64,
+    /// y − x at the walls, m.
+    ends_m: [f64; 2],
     /// Amplitude of the base per size of the motion.
     amplitude: f64,
     periods: u32,
@@ -193,7 +194,7 @@ impl Map {
             )?,
             scale: [length, speed, length, speed],
             size: if set_up.particle.is_some() || set_up.tmd.is_some() { 4 } else { 2 },
-            clearance_m: set_up.particle.map_or(f64::INFINITY, |p| p.clearance_m),
+            ends_m: set_up.particle.map_or([-f64::INFINITY, f64::INFINITY], |p| p.ends_m()),
             amplitude: amplitude_m / length,
             periods,
             phase_rad,
@@ -250,8 +251,8 @@ impl Map {
     fn inside(&self, at: &DVector<f64>) -> DVector<f64> {
         let mut at = at.clone();
         if self.size == 4 {
-            let most = self.clearance_m / self.scale[2];
-            at[2] = at[2].clamp(-most, most);
+            let [low, high] = self.ends_m.map(|end_m| end_m / self.scale[2]);
+            at[2] = at[2].clamp(low, high);
         }
         at
     }

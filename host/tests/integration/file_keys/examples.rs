@@ -33,7 +33,25 @@ particle = { mass_kg = 0.16, clearance_m = 0.01, start_m = 0.001, wall = { kind 
 name = "falling"
 base_amplitude_m = 0.001
 structure = { mass_kg = 1.6, stiffness_n_per_m = 400, damping_n_s_per_m = 0.2 }
-particle = { mass_kg = 0.16, clearance_m = 0.01, wall = { kind = "restitution", coefficient = 0.6, exponent = 0.25, reference_speed_m_per_s = 0.5, maximum = 0.9 } }
+particle = { mass_kg = 0.16, clearance_m = 0.01, offset_m = 0.001, inclination_deg = 30, wall = { kind = "restitution", coefficient = 0.6, exponent = 0.25, reference_speed_m_per_s = 0.5, maximum = 0.9 }, positive_wall = { kind = "restitution", coefficient = 0.6, exponent = 0.25, reference_speed_m_per_s = 0.5, maximum = 0.9 } }
+
+[[set_up]]
+name = "modulus"
+base_amplitude_m = 0.001
+structure = { mass_kg = 1.6, stiffness_n_per_m = 400, damping_n_s_per_m = 0.2 }
+particle = { mass_kg = 0.16, clearance_m = 0.01, wall = { kind = "restitution", coefficient = 0.6 }, positive_wall = { kind = "voigt", storage_modulus_pa = 1e6, shape_factor_m = 0.05, loss_factor = 0.2, law = "contact", release = "zero_force" } }
+
+[[set_up]]
+name = "material"
+base_amplitude_m = 0.001
+structure = { mass_kg = 1.6, stiffness_n_per_m = 400, damping_n_s_per_m = 0.2 }
+particle = { mass_kg = 0.16, clearance_m = 0.01, wall = { kind = "restitution", coefficient = 0.6 }, positive_wall = { kind = "voigt", material = "rubber", release = "zero_force" } }
+
+[[set_up]]
+name = "dashpot"
+base_amplitude_m = 0.001
+structure = { mass_kg = 1.6, stiffness_n_per_m = 400, damping_n_s_per_m = 0.2 }
+particle = { mass_kg = 0.16, clearance_m = 0.01, wall = { kind = "restitution", coefficient = 0.6 }, positive_wall = { kind = "voigt", stiffness_n_per_m = 1000, damping_n_s_per_m = 1, release = "zero_force" } }
 
 [[set_up]]
 name = "friction"
