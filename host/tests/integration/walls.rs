@@ -152,3 +152,14 @@ fn the_law_is_in_the_text_of_a_simulation_and_in_its_analysis() {
     assert!(is_done, "{told}");
     assert!(out.contains("e = 0.6 (v/0.5 m/s)^−0.25, at most 0.9"), "{out}");
 }
+
+/// Files and run folders of before have no `cavity`.
+#[test]
+fn a_plain_cavity_leaves_no_trace_in_a_text_and_a_text_without_one_opens() {
+    let plain = read("wall = { kind = \"restitution\", coefficient = 0.6 }");
+    let text = serde_json::to_string(&plain).unwrap();
+    assert!(!text.contains("cavity") && serde_json::from_str::<SetUp>(&text).unwrap() == plain, "{text}");
+    let lopsided = read(LOPSIDED);
+    let text = serde_json::to_string(&lopsided).unwrap();
+    assert!(text.contains("cavity") && serde_json::from_str::<SetUp>(&text).unwrap() == lopsided, "{text}");
+}

@@ -13,6 +13,7 @@ mod wall;
 use crate::io::{Invalid, finite, not_negative, positive, require};
 use core::f64::consts::PI;
 use postcard_schema::Schema;
+use serde::ser::{SerializeStruct, Serializer};
 use serde::{Deserialize, Serialize};
 
 pub use cavity::Cavity;
@@ -61,7 +62,7 @@ impl Structure {
 }
 
 /// A single particle that slides between two walls fixed to the structure.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Schema)]
 pub struct Particle {
     /// m, kg; greater than 0.
     pub mass_kg: f64,
@@ -74,6 +75,22 @@ pub struct Particle {
     /// How the cavity differs from one with equal walls at ±d on a level structure.
     #[serde(default)]
     pub cavity: Cavity,
+}
+
+/// As derived, but a text (JSON) has no plain cavity: it is then as it was before there were others.
+impl Serialize for Particle {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let has_cavity = !serializer.is_human_readable() || self.cavity != Cavity::default();
+        let mut fields = serializer.serialize_struct("Particle", 4 + usize::from(has_cavity))?;
+        fields.serialize_field("mass_kg", &self.mass_kg)?;
+        fields.serialize_field("clearance_m", &self.clearance_m)?;
+        fields.serialize_field("friction_coefficient", &self.friction_coefficient)?;
+        fields.serialize_field("wall", &self.wall)?;
+        if has_cavity {
+            fields.serialize_field("cavity", &self.cavity)?;
+        }
+        fields.end()
+    }
 }
 
 impl Particle {

@@ -112,7 +112,6 @@ impl<S: Scalar> Coefficients<S> {
             restitution: impact_laws(set_up, length_m / step_s),
             friction_acceleration: S::from_f64(set_up.internal_friction_m_per_s2() / acceleration),
             weight: S::from_f64(set_up.weight_m_per_s2() / acceleration),
-            ..Self::new(set_up)
         }
     }
 
