@@ -268,7 +268,13 @@ signals = ["x", "z", "spring_force", "impacts_in_cycle", "twin_residual"]
 fn a_pulse_moves_soft_walls_and_a_tuned_mass_as_on_the_virtual_rig() {
     let bare = SetUp::bare(structure());
     let rubber = Wall::Voigt { stiffness_n_per_m: 43_436.0, damping_n_s_per_m: 13.0, release: Release::ZeroForce };
-    let particle = Particle { mass_kg: 0.16, clearance_m: 0.001, friction_coefficient: 0.0, wall: rubber, cavity: Cavity::default() };
+    let particle = Particle {
+        mass_kg: 0.16,
+        clearance_m: 0.001,
+        friction_coefficient: 0.0,
+        wall: rubber,
+        cavity: Cavity::default(),
+    };
     let tmd = Tmd { mass_kg: 0.16, stiffness_n_per_m: 32.6, damping_n_s_per_m: 0.84 };
     let soft = "particle = { mass_kg = 0.16, clearance_m = 0.001, wall = { kind = \"voigt\", stiffness_n_per_m = 43436, \
                 damping_n_s_per_m = 13, release = \"zero_force\" } }";
