@@ -1,5 +1,6 @@
 //! Signals of named columns of numbers, of which one may be the times.
 
+use super::complex::{frequencies, frequency_column, paired};
 use super::unit::{Kind, Unit};
 use super::{Axis, Signal};
 
@@ -11,7 +12,8 @@ pub(super) struct Column {
     pub(super) imaginary: Option<Vec<f64>>,
 }
 
-/// A signal of each column. Columns that are as long as a column of times in a unit of time have these times.
+/// A signal of each column. Columns that are as long as a column of times in a unit of time have these times; others, that are as long
+/// as one of frequencies in Hz, have these. Two columns of the parts of a complex value are one signal.
 pub(super) fn signals(columns: Vec<Column>, remarks: &mut Vec<String>) -> Vec<Signal> {
     let is_time = |column: &Column| {
         Unit::of(&column.unit_text).is_some_and(|unit| unit.kind == Kind::Time) && column.imaginary.is_none()
@@ -23,23 +25,30 @@ pub(super) fn signals(columns: Vec<Column>, remarks: &mut Vec<String>) -> Vec<Si
             remarks.push(format!("The times {:?} do not always rise: they are not used.", time.name));
         }
     }
-    let axis = |length: usize| {
+    let time_axis = |length: usize| {
         let own = times
             .iter()
-            .find(|time| time.values.len() == length && time.values.windows(2).all(|pair| pair[1] > pair[0]));
-        match own {
-            Some(time) => {
-                let si = Unit::of(&time.unit_text).map_or(1.0, |unit| unit.si);
-                Axis::of_times(time.values.iter().map(|t| t * si).collect())
-            }
-            None => Axis::Unknown("the file states no times with a unit for it".into()),
-        }
+            .find(|time| time.values.len() == length && time.values.windows(2).all(|pair| pair[1] > pair[0]))?;
+        let si = Unit::of(&own.unit_text).map_or(1.0, |unit| unit.si);
+        Some(Axis::of_times(own.values.iter().map(|t| t * si).collect()))
     };
-    let signal = |column: Column| {
-        let axis = axis(column.values.len());
-        let mut signal = Signal::new(column.name, column.unit_text, axis, column.values);
-        signal.imaginary = column.imaginary;
-        signal
+    let frequency = |length: usize| {
+        let of_length =
+            others.iter().enumerate().filter(|(_, column)| column.values.len() == length && column.imaginary.is_none());
+        frequency_column(of_length.map(|(n, column)| (n, column.name.as_str(), column.unit_text.as_str())))
     };
-    others.into_iter().map(signal).collect()
+    let mut found = Vec::new();
+    for (n, column) in others.iter().enumerate() {
+        let length = column.values.len();
+        let axis = match (time_axis(length), frequency(length)) {
+            (Some(axis), _) => axis,
+            (None, Some((own, _))) if own == n => continue,
+            (None, Some((own, si))) => frequencies(&others[own].values, si),
+            (None, None) => Axis::Unknown("the file states no times with a unit for it".into()),
+        };
+        let mut signal = Signal::new(column.name.clone(), column.unit_text.clone(), axis, column.values.clone());
+        signal.imaginary.clone_from(&column.imaginary);
+        found.push(signal);
+    }
+    paired(found)
 }

@@ -3,6 +3,7 @@
 
 use std::io::{BufRead, Read};
 
+use super::complex::{frequencies, frequency_column, has_parts, paired};
 use super::number::{finite, is_name};
 use super::unit::{Kind, Unit, of_column};
 use super::{Axis, Contents, Signal, TABLE};
@@ -31,6 +32,8 @@ pub struct Dialect {
     pub columns: Vec<Column>,
     /// The column of the times, if the file states one with its unit, and seconds per unit.
     pub time: Option<(usize, f64)>,
+    /// In a table without times the column of the frequencies, if the file states one with its unit, and Hz per unit.
+    pub frequency: Option<(usize, f64)>,
     /// Number of lines before the first row of numbers.
     pub lines_before: usize,
     /// What was recognised, for people.
@@ -38,6 +41,13 @@ pub struct Dialect {
 }
 
 impl Dialect {
+    /// Whether the signals of the table follow from all its rows only: values over frequency, and complex values in two columns.
+    #[must_use]
+    pub(super) fn is_of_frequencies(&self) -> bool {
+        self.frequency.is_some()
+            || (self.time.is_none() && has_parts(self.columns.iter().map(|column| column.name.as_str())))
+    }
+
     /// Recognises the dialect of a text by its beginning.
     ///
     /// # Errors
@@ -91,14 +101,10 @@ impl Dialect {
             ));
         }
         let columns: Vec<Column> = (0..width).map(column).collect();
-        Ok(Self {
-            delimiter,
-            has_decimal_comma,
-            time: time_column(&columns)?,
-            columns,
-            lines_before: lines[first].0,
-            remarks,
-        })
+        let time = time_column(&columns)?;
+        let named = columns.iter().enumerate().map(|(n, column)| (n, column.name.as_str(), column.unit_text.as_str()));
+        let frequency = frequency_column(named).filter(|_| time.is_none());
+        Ok(Self { delimiter, has_decimal_comma, time, frequency, columns, lines_before: lines[first].0, remarks })
     }
 }
 
@@ -297,6 +303,9 @@ impl<'d, R: BufRead> Rows<'d, R> {
                 return Err(format!("line {line}: {filled} columns where the first row has {width}{help}"));
             }
             values.resize(width, f64::NAN);
+            if self.dialect.frequency.is_some_and(|(column, _)| values[column].is_nan()) {
+                return Err(format!("line {line}: the frequency is missing"));
+            }
             if let Some((column, last)) = &mut self.time {
                 let time = values[*column];
                 if time.is_nan() {
@@ -336,6 +345,7 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
     let sample = if end < text.len() { &text[..text[..end].rfind('\n').unwrap_or(end)] } else { text };
     let dialect = Dialect::of(sample)?;
     let (time, width) = (dialect.time, dialect.columns.len());
+    let abscissa = time.or(dialect.frequency);
     let mut columns = vec![Vec::new(); width];
     let mut values = Vec::new();
     let mut rows = Rows::new(text.as_bytes(), &dialect);
@@ -343,11 +353,11 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
         columns.iter_mut().zip(&values).for_each(|(column, value)| column.push(*value));
     }
     let (mut signals, mut remarks) = (Vec::new(), dialect.remarks.clone());
-    for n in (0..width).filter(|n| time.is_none_or(|(column, _)| column != *n)) {
+    for n in (0..width).filter(|n| abscissa.is_none_or(|(column, _)| column != *n)) {
         let own = &dialect.columns[n];
         let (mut places, mut kept) = (Vec::new(), Vec::new());
         for (row, value) in columns[n].iter().enumerate().filter(|(_, value)| !value.is_nan()) {
-            places.push(time.map_or(0.0, |(column, si)| columns[column][row] * si));
+            places.push(abscissa.map_or(0.0, |(column, si)| columns[column][row] * si));
             kept.push(*value);
         }
         let missing = columns[n].len() - kept.len();
@@ -355,10 +365,10 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
             remarks.push(no_values(&own.name));
             continue;
         }
-        let axis = if time.is_some() {
-            Axis::of_times(places)
-        } else {
-            Axis::Unknown("the file states no times with a unit".into())
+        let axis = match (time, dialect.frequency) {
+            (Some(_), _) => Axis::of_times(places),
+            (None, Some(_)) => frequencies(&places, 1.0),
+            (None, None) => Axis::Unknown("the file states no times with a unit".into()),
         };
         let mut signal = Signal::new(own.name.clone(), own.unit_text.clone(), axis, kept);
         signal.remark = remark(&signal, missing);
@@ -367,7 +377,7 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
     if time.is_some() && signals.is_empty() {
         return Err("it has times and no other column".into());
     }
-    Ok(Contents { kind: TABLE, signals, remarks })
+    Ok(Contents { kind: TABLE, signals: paired(signals), remarks })
 }
 
 /// A column that is left out.

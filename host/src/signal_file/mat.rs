@@ -3,7 +3,7 @@
 use std::io::Read;
 
 use flate2::read::ZlibDecoder;
-use hdf5_pure::{AttrValue, File, Group};
+use hdf5_pure::{AttrValue, CompoundField, CompoundType, Dataset, Datatype, File, FormatError, Group};
 
 use super::Contents;
 use super::columns::{Column, signals};
@@ -215,6 +215,49 @@ pub(super) fn parse_hdf5(bytes: &[u8]) -> Result<Contents, String> {
     Ok(Contents { kind, signals: signals(columns, &mut remarks), remarks })
 }
 
+/// A complex number, which MATLAB keeps as `real` and `imag`, other programs as `r` and `i`.
+struct Complex {
+    real: f64,
+    imaginary: f64,
+}
+
+impl CompoundType for Complex {
+    fn datatype() -> Result<Datatype, FormatError> {
+        <(f64, f64) as CompoundType>::datatype()
+    }
+
+    fn encode(&self, output: &mut Vec<u8>) {
+        (self.real, self.imaginary).encode(output);
+    }
+
+    fn decode(datatype: &Datatype, bytes: &[u8]) -> Result<Self, FormatError> {
+        let Datatype::Compound { members, .. } = datatype else {
+            return Err(FormatError::CompoundFieldTypeMismatch("complex".into()));
+        };
+        let part = |names: [&str; 2]| {
+            let missing = || FormatError::CompoundFieldTypeMismatch(names[0].into());
+            let member = members.iter().find(|member| names.contains(&member.name.as_str())).ok_or_else(missing)?;
+            let from = bytes.get(member.byte_offset as usize..).ok_or_else(missing)?;
+            let of = |width: usize| from.get(..width).ok_or_else(missing);
+            f64::decode_field(&member.datatype, of(8).unwrap_or_default())
+                .or_else(|_| f32::decode_field(&member.datatype, of(4)?).map(f64::from))
+        };
+        match members.len() {
+            2 => Ok(Self { real: part(["real", "r"])?, imaginary: part(["imag", "i"])? }),
+            _ => Err(FormatError::CompoundFieldTypeMismatch("complex".into())),
+        }
+    }
+}
+
+/// Values of a dataset of numbers, with imaginary parts if they are complex.
+fn numbers_of(dataset: &Dataset) -> Option<(Vec<f64>, Option<Vec<f64>>)> {
+    if let Ok(values) = dataset.read_f64() {
+        return Some((values, None));
+    }
+    let values = dataset.read_compound::<Complex>().ok()?;
+    Some((values.iter().map(|c| c.real).collect(), Some(values.iter().map(|c| c.imaginary).collect())))
+}
+
 fn group(
     own: &Group,
     path: &str,
@@ -226,14 +269,14 @@ fn group(
         let dataset = own.dataset(&name)?;
         let shape = dataset.shape()?;
         let full = format!("{path}{name}");
-        let Ok(values) = dataset.read_f64() else {
+        let Some((values, imaginary)) = numbers_of(&dataset) else {
             remarks.push(format!("The dataset {full:?} is not read: it is no array of numbers."));
             continue;
         };
         // A vector, or the columns of a matrix: MATLAB writes the first dimension last.
         let rows = shape.iter().copied().max().unwrap_or_default() as usize;
         let before = columns.len();
-        array(&full, rows, &values, None, columns, remarks);
+        array(&full, rows, &values, imaginary.as_deref(), columns, remarks);
         let unit = dataset.attrs()?.into_iter().find_map(|(key, value)| match value {
             AttrValue::String(value)
             | AttrValue::AsciiString(value)

@@ -5,6 +5,7 @@
 
 pub mod at2;
 mod columns;
+mod complex;
 mod cosmos;
 mod csmip;
 mod delimited;
@@ -28,7 +29,7 @@ pub use delimited::EvenSignal;
 pub use selector::Selector;
 pub use stated::{Calibration, Sensitivity, Stated, Unsettled};
 pub use tone::Tone;
-use unit::{Kind, Unit};
+use unit::{Kind, Ratio, Unit};
 
 /// Size limit of a file that is read whole: an hour of sound is smaller.
 const MAX_BYTES: u64 = 2 << 30;
@@ -42,6 +43,13 @@ pub const TABLE: &str = "CSV table";
 
 /// Kind of a strong-motion record with acceleration, velocity and displacement.
 pub const STRONG_MOTION: &str = "strong-motion record";
+
+/// Functions that files name.
+pub const FREQUENCY_RESPONSE: &str = "frequency response";
+/// A frequency response of two motions.
+pub const TRANSMISSIBILITY: &str = "transmissibility";
+/// γ² of a frequency response.
+pub const COHERENCE: &str = "coherence";
 
 /// What a file holds.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,6 +77,8 @@ pub struct Signal {
     pub values: Vec<f64>,
     /// The imaginary part of a complex signal.
     pub imaginary: Option<Vec<f64>>,
+    /// What the file calls the function: `frequency response`, `cross spectrum`, `coherence` …; `None` if it does not say.
+    pub function: Option<&'static str>,
     /// What a user must know of this signal, for example that the file ends before its values do.
     pub remark: Option<String>,
 }
@@ -152,13 +162,20 @@ impl Signal {
     /// A real signal without a remark.
     fn new(name: impl Into<String>, unit_text: impl Into<String>, axis: Axis, values: Vec<f64>) -> Self {
         let unit_text = unit_text.into();
-        Self { name: name.into(), unit: Unit::of(&unit_text), unit_text, axis, values, imaginary: None, remark: None }
+        let unit = Unit::of(&unit_text);
+        Self { name: name.into(), unit, unit_text, axis, values, imaginary: None, function: None, remark: None }
     }
 
     /// The quantity of the values, if the file states a known unit.
     #[must_use]
     pub fn kind(&self) -> Option<Kind> {
         self.unit.map(|unit| unit.kind)
+    }
+
+    /// The quantities of a frequency response, if the file states known units.
+    #[must_use]
+    pub fn ratio(&self) -> Option<Ratio> {
+        Ratio::of(&self.unit_text)
     }
 }
 

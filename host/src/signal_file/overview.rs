@@ -171,14 +171,20 @@ pub fn read(path: &Path) -> Result<Overview, SignalError> {
     let is_whole = length < sample.len();
     sample.truncate(length);
     let text = String::from_utf8_lossy(&sample);
-    if Format::of(&sample) != Format::Table {
+    let whole = || {
         let contents = super::read(path)?;
         let signals = contents.signals.into_iter().map(of_signal).collect();
-        return Ok(Overview { kind: contents.kind, signals, remarks: contents.remarks });
+        Ok(Overview { kind: contents.kind, signals, remarks: contents.remarks })
+    };
+    if Format::of(&sample) != Format::Table {
+        return whole();
     }
     // A line that the sample cuts is not looked at.
     let end = if is_whole { text.len() } else { text.rfind('\n').unwrap_or(text.len()) };
     let dialect = Dialect::of(&text[..end]).map_err(refuse)?;
+    if dialect.is_of_frequencies() {
+        return whole();
+    }
     open.rewind().map_err(cannot)?;
     table(BufReader::with_capacity(1 << 16, open), dialect).map_err(refuse)
 }
@@ -259,6 +265,9 @@ impl SignalOverview {
     #[must_use]
     pub fn uses(&self) -> Vec<&'static str> {
         let is_time = matches!(self.places, Places::Time { .. });
+        if self.is_complex && !is_time {
+            return vec!["damprig identify response, if it is a frequency response"];
+        }
         match self.unit.map(|unit| unit.kind) {
             Some(Kind::Acceleration) if is_time => {
                 vec![

@@ -3,10 +3,27 @@
 use super::number::fortran;
 use super::uff::{line, stated, text as plain};
 use super::unit::Unit;
-use super::{Axis, Signal};
+use super::{Axis, COHERENCE, FREQUENCY_RESPONSE, Signal, TRANSMISSIBILITY};
 
 /// Lines of its header.
 const HEADER_LINES: usize = 11;
+
+/// Names of the function types; empty for those that do not say what the values are.
+const FUNCTIONS: [&str; 13] = [
+    "",
+    "",
+    "auto spectrum",
+    "cross spectrum",
+    FREQUENCY_RESPONSE,
+    TRANSMISSIBILITY,
+    COHERENCE,
+    "auto correlation",
+    "cross correlation",
+    "power spectral density",
+    "energy spectral density",
+    "probability density",
+    "spectrum",
+];
 
 /// What the header says.
 struct Header {
@@ -147,9 +164,8 @@ impl Header {
         if self.is_complex {
             signal.imaginary = Some(values.iter().map(|value| value[at + 1]).collect());
         }
-        let functions =
-            ["", "", "auto spectrum", "cross spectrum", "frequency response", "transmissibility", "coherence"];
-        let function = functions.get(self.function as usize).copied().unwrap_or_default();
+        let function = FUNCTIONS.get(self.function as usize).copied().unwrap_or_default();
+        signal.function = Some(function).filter(|function| !function.is_empty());
         let said = [function, self.ordinate.meaning().unwrap_or_default()];
         self.remark.extend(said.into_iter().filter(|word| !word.is_empty()).map(String::from));
         signal.remark = (!self.remark.is_empty()).then(|| self.remark.join("; "));

@@ -24,6 +24,8 @@ pub enum Kind {
     Time,
     /// Hz.
     Frequency,
+    /// rad.
+    Angle,
 }
 
 impl Kind {
@@ -39,6 +41,7 @@ impl Kind {
             Self::Voltage => "voltage",
             Self::Time => "time",
             Self::Frequency => "frequency",
+            Self::Angle => "angle",
         }
     }
 }
@@ -91,7 +94,10 @@ const UNITS: &[(Kind, &[(&str, f64)])] = &[
     (Kind::Voltage, &[("v", 1.0), ("mv", 1e-3), ("volt", 1.0), ("volts", 1.0)]),
     (Kind::Time, &[("s", 1.0), ("sec", 1.0), ("seconds", 1.0), ("ms", 1e-3), ("us", 1e-6)]),
     (Kind::Frequency, &[("hz", 1.0), ("khz", 1e3)]),
+    (Kind::Angle, &[("rad", 1.0), ("deg", DEGREE), ("°", DEGREE)]),
 ];
+
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 impl Unit {
     /// The unit that a text names; `None` for one that is not known, and where capitals decide what it is (`MPa` is no
@@ -118,6 +124,40 @@ impl FromStr for Unit {
     }
 }
 
+/// A quantity per another one, as of a frequency response: `m/s2/N`, `g/N`, `m_per_n`, `N/m`, `(m/s²)/(m/s²)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ratio {
+    /// The upper quantity.
+    pub of: Unit,
+    /// The lower one.
+    pub per: Unit,
+}
+
+impl Ratio {
+    /// The ratio that a text names; `None` for a unit without a ratio (`m/s`), and where a part is not known or the parts are not clear.
+    #[must_use]
+    pub fn of(text: &str) -> Option<Self> {
+        if Unit::of(text).is_some() {
+            return None;
+        }
+        let text = text.trim().replace(" per ", "/").replace("_per_", "/");
+        let mut depth = 0;
+        let mut found = Vec::new();
+        for (at, c) in text.char_indices() {
+            match c {
+                '(' | '[' => depth += 1,
+                ')' | ']' => depth -= 1,
+                '/' if depth == 0 => {
+                    let units = Unit::of(&text[..at]).zip(Unit::of(&text[at + 1..]));
+                    found.extend(units.map(|(of, per)| Self { of, per }));
+                }
+                _ => {}
+            }
+        }
+        if let [only] = found[..] { Some(only) } else { None }
+    }
+}
+
 /// A unit's text in one spelling: `m/s²`, `m/s^2`, `(m/s**2)`, `m/s/s` and `m/sec2` are `m/s2`.
 fn plain(text: &str) -> String {
     let text = text.trim().trim_matches(['(', ')', '[', ']']).to_lowercase();
@@ -125,7 +165,7 @@ fn plain(text: &str) -> String {
     text.replace("/sec", "/s").replace("/s/s", "/s2").replace("m*s-2", "m/s2")
 }
 
-/// Name and unit of a column: `Time (s)`, `Acc [g]`, `a_m_per_s2`, `x_mm`. The unit is empty where the name has none.
+/// Name and unit of a column: `Time (s)`, `Acc [g]`, `a_m_per_s2`, `x_mm`, `h_g_per_n`. The unit is empty where the name has none.
 #[must_use]
 pub fn of_column(column: &str) -> (String, String) {
     let column = column.trim();
@@ -140,7 +180,7 @@ pub fn of_column(column: &str) -> (String, String) {
     let suffixes = column.char_indices().filter(|(_, c)| *c == '_').map(|(at, _)| at);
     for at in suffixes {
         let (name, unit) = (&column[..at], &column[at + 1..]);
-        if !name.is_empty() && Unit::of(unit).is_some() {
+        if !name.is_empty() && (Unit::of(unit).is_some() || Ratio::of(unit).is_some()) {
             return (name.into(), unit.into());
         }
     }

@@ -402,6 +402,54 @@ fn every_form_of_dataset_58_gives_the_same_values() {
 }
 
 #[test]
+fn values_over_stated_frequencies_and_complex_values_in_two_columns_are_signals() {
+    let h = [[1.0, -2.0], [0.5, 3.0], [4.0, 0.0]];
+    let rows = |row: &dyn Fn([f64; 2]) -> String| -> String {
+        h.iter().enumerate().map(|(n, own)| format!("{},{}\n", 10 * (n + 1), row(*own))).collect()
+    };
+    let parts = rows(&|[re, im]| format!("{re},{im}"));
+    let polar = rows(&|[re, im]: [f64; 2]| format!("{:.17},{:.17}", re.hypot(im), im.atan2(re).to_degrees()));
+    for (header, body, name) in [
+        ("frequency_hz,h_real,h_imag", &parts, "h"),
+        ("Frequency (Hz),Re(H) (m/N),Im(H) (m/N)", &parts, "h"),
+        ("f_hz,H real,H imaginary", &parts, "h"),
+        ("f_hz,real,imag", &parts, "complex"),
+        ("f_hz,h_m_per_n,phase_deg", &polar, "h"),
+        ("f_hz,H_abs,H_phase_deg", &polar, "H_abs"),
+    ] {
+        let signal = only(text(&format!("{header}\n{body}")).unwrap_or_else(|error| panic!("{header}: {error}")));
+        assert_eq!(signal.axis, Axis::Frequencies(vec![10.0, 20.0, 30.0]), "{header}");
+        assert_eq!(signal.name, name, "{header}");
+        let imaginary = signal.imaginary.unwrap_or_else(|| panic!("{header}"));
+        for (n, [re, im]) in h.iter().enumerate() {
+            assert!((signal.values[n] - re).abs() < 1e-14 && (imaginary[n] - im).abs() < 1e-14, "{header}");
+        }
+    }
+    // Not one complex value: a phase of two columns, parts of different units, two frequencies, values over time.
+    for (header, names) in [
+        ("f_hz,x_m,z_m,phase_deg", vec!["x", "z", "phase"]),
+        ("f_hz,h_real_m,h_imag_n", vec!["h_real", "h_imag"]),
+        ("low_hz,high_hz,x_m", vec!["low", "high", "x"]),
+        ("t_s,f_hz,h_real,h_imag", vec!["f", "h_real", "h_imag"]),
+    ] {
+        let row = |n: usize| format!("{}\n", vec![(n + 1).to_string(); header.split(',').count()].join(","));
+        let contents = text(&format!("{header}\n{}{}{}", row(0), row(1), row(2))).unwrap();
+        let found: Vec<&str> = contents.signals.iter().map(|signal| signal.name.as_str()).collect();
+        assert_eq!(found, names, "{header}");
+        assert!(contents.signals.iter().all(|signal| signal.imaginary.is_none()), "{header}");
+    }
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("h.csv"), format!("f_hz,h_real,h_imag\n{parts}")).unwrap();
+    let output = damprig(&folder).args(["inspect", "h.csv"]).output().unwrap();
+    let shown = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        shown.contains("1 signal") && shown.contains("complex") && shown.contains("from 10 Hz to 30 Hz"),
+        "{shown}"
+    );
+    assert!(shown.contains("damprig identify response"), "{shown}");
+}
+
+#[test]
 fn hdf5_matlab_7_3_and_parquet_give_their_columns_with_their_units() {
     let contents = read(&files().join("mat/v73.mat")).unwrap();
     assert_eq!(contents.kind, "MATLAB 7.3 file (HDF5)");
