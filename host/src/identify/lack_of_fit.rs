@@ -9,7 +9,7 @@ use super::backbone::{Backbone, Window, power};
 use super::statistics::{Value, line};
 
 /// Quantile of the normal distribution whose upper tail is 0.001: the share of good records with white noise that fail a test.
-const TAIL: f64 = 3.090_232_306;
+pub(super) const TAIL: f64 = 3.090_232_306;
 /// Part of the half-power width that counts as an uncertainty of damping ratio and frequency at least: what is smaller is no lack of fit.
 const LEAST_WIDTH: f64 = 1e-4;
 /// Part of the first swing from which another vibration, a drift or a spike is named.
@@ -167,9 +167,14 @@ fn chi_square(all: &[Deviation], mean: f64) -> f64 {
 /// The sum of this many squared ratios that one of a thousand exceeds, where `of_noise` are the degrees of freedom of the noise in all of them:
 /// ν times the quantile of the F distribution, by Paulson's approximation.
 fn most_chi_square(count: usize, of_noise: f64) -> f64 {
+    most_of(count, of_noise, TAIL)
+}
+
+/// The same for the upper tail beyond another quantile of the normal distribution.
+pub(super) fn most_of(count: usize, of_noise: f64, tail: f64) -> f64 {
     let nu = count.max(1) as f64;
     let (own, of_noise) = (2.0 / (9.0 * nu), 2.0 / (9.0 * of_noise.max(6.0)));
-    let (a, b, square) = (1.0 - own, 1.0 - of_noise, TAIL * TAIL);
+    let (a, b, square) = (1.0 - own, 1.0 - of_noise, tail * tail);
     let leading = b * b - square * of_noise;
     let root = (a * a * b * b - leading * (a * a - square * own)).sqrt();
     nu * ((a * b + root) / leading).powi(3)

@@ -13,6 +13,7 @@ mod flights_of_run;
 pub mod friction;
 mod from_run;
 pub mod lack_of_fit;
+pub mod modal;
 mod motion_of_run;
 pub mod response;
 pub mod restitution;

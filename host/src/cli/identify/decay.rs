@@ -1,10 +1,10 @@
 //! `damprig identify decay`: from a free vibration.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 
-use super::{ChoiceArgs, OutArgs, SensorArgs, finish};
+use super::{ChoiceArgs, OutArgs, SensorArgs, finish_uncontradicted, refuse_existing};
 use crate::cli::arguments::{StatedArgs, positive, table_file};
 use crate::cli::outcome::{Failure, Outcome};
 use crate::cli::simulate::picture;
@@ -73,18 +73,9 @@ pub(super) struct DecayArgs {
 /// A source from which nothing can be identified, values that another method contradicts and --out, an unwritable file.
 pub(super) fn run(args: &DecayArgs) -> Outcome {
     let (decay, identified) = identify(args).map_err(Failure::input)?;
-    let contradiction = identified.contradiction.clone().filter(|_| !args.despite_misfit);
-    let Some((path, contradiction)) = args.out.out.as_ref().zip(contradiction) else {
-        draw(args, &decay, &identified)?;
-        return finish(&args.out, &args.source, identified);
-    };
     draw(args, &decay, &identified)?;
-    finish(&OutArgs { out: None, update: false, ..args.out.clone() }, &args.source, identified)?;
-    Err(Failure::Input(format!(
-        "--out: {} is not written: {contradiction}\n  cut the record to the amplitudes that matter, or write the values of the fit with \
-         --despite-misfit",
-        path.display()
-    )))
+    let help = "cut the record to the amplitudes that matter";
+    finish_uncontradicted(&args.out, &args.source, identified, args.despite_misfit, help)
 }
 
 fn identify(args: &DecayArgs) -> Result<(Decay, Identification), CannotIdentify> {
@@ -138,15 +129,5 @@ fn draw(args: &DecayArgs, decay: &Decay, identified: &Identification) -> Outcome
     }
     let table = backbone_table::table(&identified.over_amplitude, &identified.taken_from);
     branch_table::write(table, &OutFile { path: path.clone(), force: args.out.force }).map_err(Failure::failed)?;
-    Ok(())
-}
-
-fn refuse_existing(option: &str, path: &Path, force: bool) -> Result<(), Failure> {
-    if !force && path.symlink_metadata().is_ok() {
-        return Err(Failure::Input(format!(
-            "{option}: {} exists\n  give another name, or replace it with --force",
-            path.display()
-        )));
-    }
     Ok(())
 }

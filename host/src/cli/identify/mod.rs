@@ -19,6 +19,7 @@ use crate::identify::{CannotIdentify, Choice, Estimate, Identification, Sensors,
 use crate::input::Source;
 use crate::report::numbers::significant;
 use crate::report::terminal::{plain_table, table};
+use crate::signal_file::Selector;
 use crate::storage::out_file::{OutFile, to_failure, write_new};
 
 /// Identifies parameters of the rig from runs and tables: each with its standard uncertainty and its 95 % interval.
@@ -38,6 +39,9 @@ Examples:
   damprig identify decay beam.csv --plot backbone.svg --plot-residuals residuals.svg --table backbone.csv
   damprig identify response sweep.csv
   damprig identify response noise --plot response.svg
+  damprig identify response analyser.uff#3 --from-hz 30 --to-hz 40 --plot mode.svg
+  damprig identify response case1.mat#Hf_chan_2 --frequencies-hz Freq_domain --coherence Hf_coh_chan_2 --unit g/N
+  damprig identify response impact.mat#acceleration --drive force
   damprig identify restitution runs/20260601-101500-spid-ab12 --out identified.toml --update
   damprig identify restitution drops.csv --out identified.toml --update
   damprig identify friction incline.csv --out identified.toml --update
@@ -55,7 +59,7 @@ Exit codes:
 enum What {
     /// Natural frequency, damping ratio and Coulomb friction from a free vibration
     Decay(decay::DecayArgs),
-    /// Natural frequency and damping ratio from a stepped sine, or from x and z over time
+    /// Natural frequency and damping ratio from a stepped sine, from a frequency response of a file, or from motion and excitation over time
     Response(response::ResponseArgs),
     /// Coefficient of restitution, clearance and contact time from a run with impacts, from drop tests and force records
     Restitution(restitution::RestitutionArgs),
@@ -179,7 +183,7 @@ struct OutArgs {
 pub fn run(args: &Args) -> Outcome {
     match &args.what {
         What::Decay(args) => decay::run(args),
-        What::Response(args) => finish(&args.out, &args.source, response::identify(args)?),
+        What::Response(args) => response::run(args),
         What::Restitution(args) => {
             finish(&args.out, &args.source, restitution::identify(args).map_err(Failure::input)?)
         }
@@ -212,6 +216,36 @@ fn wall(args: &WallArgs) -> Result<Identification, CannotIdentify> {
     Ok(identified)
 }
 
+/// Prints the results, and writes the set-up file unless another method contradicts them.
+fn finish_uncontradicted(
+    args: &OutArgs,
+    source: &Path,
+    identified: Identification,
+    despite_misfit: bool,
+    help: &str,
+) -> Outcome {
+    let contradiction = identified.contradiction.clone().filter(|_| !despite_misfit);
+    let Some((path, contradiction)) = args.out.as_ref().zip(contradiction) else {
+        return finish(args, source, identified);
+    };
+    finish(&OutArgs { out: None, update: false, ..args.clone() }, source, identified)?;
+    Err(Failure::Input(format!(
+        "--out: {} is not written: {contradiction}\n  {help}, or write the values of the fit with --despite-misfit",
+        path.display()
+    )))
+}
+
+/// Refuses to replace a picture without --force.
+fn refuse_existing(option: &str, path: &Path, force: bool) -> Result<(), Failure> {
+    if !force && path.symlink_metadata().is_ok() {
+        return Err(Failure::Input(format!(
+            "{option}: {} exists\n  give another name, or replace it with --force",
+            path.display()
+        )));
+    }
+    Ok(())
+}
+
 /// Prints the results and writes the set-up file.
 fn finish(args: &OutArgs, source: &Path, identified: Identification) -> Outcome {
     let text = args.out.as_ref().map(|path| set_up_text(args, path, source, &identified)).transpose()?;
@@ -236,6 +270,7 @@ fn finish(args: &OutArgs, source: &Path, identified: Identification) -> Outcome 
 
 /// The text of the set-up file, with what an existing one has.
 fn set_up_text(args: &OutArgs, path: &Path, source: &Path, identified: &Identification) -> Result<String, Failure> {
+    let source = Selector::of(source).path;
     let is_source = path.canonicalize().is_ok_and(|out| source.canonicalize().is_ok_and(|source| source == out));
     if is_source {
         let message = format!("--out would overwrite {}, the record\n  give another file name", path.display());

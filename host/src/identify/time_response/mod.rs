@@ -56,21 +56,21 @@ const GOOD_COHERENCE: f64 = 0.8;
 const LEAST_COHERENCE: f64 = 0.5;
 
 /// Half-width of the noise bandwidth of Hann's window, in lines: 1.5 lines are its whole width.
-const HANN_WIDTH_LINES: f64 = 1.5;
+pub(super) const HANN_WIDTH_LINES: f64 = 1.5;
 
 /// Half-power width over noise bandwidth at which H1 resolves a resonance: its peak is then too low by a third of the square of its
 /// inverse, 2 %.
-const RESOLVED: f64 = 4.0;
+pub(super) const RESOLVED: f64 = 4.0;
 
 /// Averages that the fit to H1 needs at least.
 const LEAST_AVERAGES: f64 = 8.0;
 
 /// Segments in a record without a wish, with half of each shared: nine averages.
-const USUAL_SEGMENTS: f64 = 5.0;
+pub(super) const USUAL_SEGMENTS: f64 = 5.0;
 
 /// Neighbouring lines of Hann's window share their noise: the variance of a fit to all of them is larger than that of independent
 /// lines by 1 + 2·((2/3)² + (1/6)²).
-const LINES_SHARE: f64 = 1.944;
+pub(super) const LINES_SHARE: f64 = 1.944;
 
 /// Identifies fn and ζ.
 ///
@@ -106,7 +106,7 @@ pub fn identify(motion: &Motion, wanted: Wanted) -> Result<TimeResponse, CannotI
 }
 
 /// Length of a segment that resolves a half-power width, with room for its rounding to samples, s.
-fn needed_s(width_hz: f64) -> f64 {
+pub(super) fn needed_s(width_hz: f64) -> f64 {
     1.05 * RESOLVED * HANN_WIDTH_LINES / width_hz
 }
 

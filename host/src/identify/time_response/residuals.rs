@@ -8,6 +8,8 @@ use nalgebra::DMatrix;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
+use crate::identify::statistics::variance_parts;
+
 /// White and resonant part of the residuals' spectrum, as variances per sample where |H| = 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Noise {
@@ -35,22 +37,8 @@ impl Noise {
         // The first line holds the offset, which is fitted.
         let lines = || powers.iter().zip(h_squared).skip(1);
         let total = powers.iter().skip(1).sum::<f64>() / (powers.len() - 1) as f64;
-        let (mut white, mut resonant) =
-            (total.max(f64::MIN_POSITIVE), total / lines().map(|(_, h)| *h).fold(1.0, f64::max));
-        // Multiplicative steps that never lower the likelihood of spectra (Févotte and others 2009).
-        for _ in 0..ROUNDS {
-            let mut sums = [0.0; 4];
-            for (power, h) in lines() {
-                let modelled = white + resonant * h;
-                let (upper, lower) = (power / (modelled * modelled), 1.0 / modelled);
-                sums[0] += upper;
-                sums[1] += lower;
-                sums[2] += h * upper;
-                sums[3] += h * lower;
-            }
-            white *= (sums[0] / sums[1]).sqrt();
-            resonant *= (sums[2] / sums[3]).sqrt();
-        }
+        let start = [total.max(f64::MIN_POSITIVE), total / lines().map(|(_, h)| *h).fold(1.0, f64::max)];
+        let [white, resonant] = variance_parts(&powers[1..], |n| [1.0, h_squared[n + 1]], start);
         let told = lines().map(|(_, h)| (resonant * h / (white + resonant * h)).powi(2)).sum::<f64>();
         Self { white_m2: white, resonant_m2: resonant, degrees_of_freedom: (2.0 * told).max(2.0) }
     }
@@ -83,9 +71,6 @@ impl Noise {
         [sum(&|_| self.white_m2), sum(&|h| self.resonant_m2 * h)]
     }
 }
-
-/// Steps to the largest likelihood; a hundred leave less than a thousandth of a and b.
-const ROUNDS: usize = 200;
 
 #[cfg(test)]
 mod tests {

@@ -31,7 +31,7 @@ impl Segments {
     ///
     /// # Errors
     /// Fewer than two segments, or segments of a few samples.
-    pub(super) fn new(motion: &Motion, segment_s: f64, overlap: f64) -> Result<Self, CannotIdentify> {
+    pub(in crate::identify) fn new(motion: &Motion, segment_s: f64, overlap: f64) -> Result<Self, CannotIdentify> {
         let samples = (segment_s / motion.step_s).round() as usize;
         let hop = (((1.0 - overlap) * samples as f64).round() as usize).max(1);
         let all = motion.x_m.len();

@@ -11,6 +11,7 @@ pub mod curves;
 #[cfg(test)]
 mod extremes;
 pub mod frequency_response;
+pub mod modal_response;
 pub mod peak_motion;
 pub mod set_ups;
 pub mod signals;

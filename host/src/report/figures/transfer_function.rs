@@ -12,17 +12,17 @@ use crate::report::plot::svg::{Font, Style};
 use crate::report::plot::traces::{Traces, upright};
 use crate::report::plot::{FigureError, Picture, TITLE};
 
-const WIDTH: f64 = 980.0;
-const LEFT: f64 = 82.0;
-const RIGHT: f64 = WIDTH - 30.0;
-const TOP: f64 = 66.0;
-const GAP: f64 = 30.0;
+pub(super) const WIDTH: f64 = 980.0;
+pub(super) const LEFT: f64 = 82.0;
+pub(super) const RIGHT: f64 = WIDTH - 30.0;
+pub(super) const TOP: f64 = 66.0;
+pub(super) const GAP: f64 = 30.0;
 
 /// Heights of the panels: |H|, phase, coherence.
 const HEIGHTS: [f64; 3] = [330.0, 170.0, 130.0];
 
 /// Points of the fitted curve.
-const CURVE: usize = 1500;
+pub(super) const CURVE: usize = 1500;
 
 /// Octaves that are drawn on either side of fn, at most.
 const OCTAVES: f64 = 2.0;
@@ -77,8 +77,8 @@ pub fn draw(found: &TimeResponse) -> Result<Picture, FigureError> {
     Ok(picture)
 }
 
-const MEASURED: Style = colour(0).stroke(2.0);
-const MODEL: Style = colour(5).stroke(1.0);
+pub(super) const MEASURED: Style = colour(0).stroke(2.0);
+pub(super) const MODEL: Style = colour(5).stroke(1.0);
 
 /// |H| and phase (rad) of the fitted structure at r = f/fn.
 fn fitted(r: f64, zeta: f64) -> (f64, f64) {
@@ -114,7 +114,7 @@ fn head(picture: &mut Picture, found: &TimeResponse) {
 }
 
 /// Draws a curve, cut at the ends of the frame.
-fn curve(traces: &mut Traces, frame: &Frame, values: impl Iterator<Item = (f64, f64)>, style: Style) {
+pub(super) fn curve(traces: &mut Traces, frame: &Frame, values: impl Iterator<Item = (f64, f64)>, style: Style) {
     let inside = |(f, value): (f64, f64)| (f, value.clamp(frame.y.from, frame.y.to));
     traces.line(values.filter(|(_, value)| value.is_finite()).map(inside), style);
 }

@@ -8,6 +8,8 @@ mod decay;
 mod decay_files;
 mod flights;
 mod misfit;
+mod modal;
+mod modal_files;
 mod nonlinear;
 mod refusals;
 mod response;
