@@ -97,6 +97,9 @@ impl Estimate {
 /// The answer of an identification.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identification {
+    /// The answer to the question whether the model is enough, in a sentence, where that was asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub answer: Option<String>,
     /// Where the model does not hold, a sentence each; left out where that was not tested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lack_of_fit: Option<Vec<String>>,
@@ -111,6 +114,9 @@ pub struct Identification {
     /// Damping ratio and frequency over the amplitude, where they were measured.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub over_amplitude: Vec<backbone::Row>,
+    /// Restitution over the approach speed, where it was measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub over_speed: Option<restitution::OverSpeed>,
     /// What a person has to know about them.
     pub remarks: Vec<String>,
     /// Why the estimates are not to be written to a set-up file: what contradicts them.
@@ -126,7 +132,9 @@ impl Identification {
     #[must_use]
     pub fn new(taken_from: impl Into<String>, estimates: Vec<Estimate>) -> Self {
         Self {
+            answer: None,
             lack_of_fit: None,
+            over_speed: None,
             taken_from: taken_from.into(),
             damprig: crate::VERSION_LINE,
             date: crate::host_time::now_text(),

@@ -17,6 +17,7 @@ pub mod page;
 pub mod parameters;
 pub mod peak;
 pub mod plot;
+pub mod restitution_table;
 pub mod spectrum_table;
 pub mod study_files;
 pub mod terminal;

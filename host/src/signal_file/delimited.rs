@@ -84,7 +84,7 @@ impl Dialect {
                 let (name, unit_text) = of_column(&names[n]);
                 Column { name, unit_text }
             }
-            (None, _) => Column { name: format!("column {}", n + 1), unit_text: String::new() },
+            (None, _) => Column { name: numbered(n), unit_text: String::new() },
         };
         let mut remarks = Vec::new();
         if has_decimal_comma {
@@ -106,6 +106,30 @@ impl Dialect {
         let frequency = frequency_column(named).filter(|_| time.is_none());
         Ok(Self { delimiter, has_decimal_comma, time, frequency, columns, lines_before: lines[first].0, remarks })
     }
+}
+
+impl Dialect {
+    /// The fields of a line.
+    pub fn fields<'l>(&self, line: &'l str) -> impl Iterator<Item = &'l str> {
+        fields(line, self.delimiter)
+    }
+
+    /// The finite number that a field writes.
+    #[must_use]
+    pub fn number(&self, field: &str) -> Option<f64> {
+        if self.has_decimal_comma { number(field) } else { finite(field) }
+    }
+
+    /// Whether the file names its columns.
+    #[must_use]
+    pub fn has_names(&self) -> bool {
+        self.columns.iter().enumerate().any(|(n, column)| column.name != numbered(n))
+    }
+}
+
+/// The name of a column of a table without a header.
+fn numbered(n: usize) -> String {
+    format!("column {}", n + 1)
 }
 
 /// The column of the times, and seconds per unit.

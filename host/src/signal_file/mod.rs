@@ -25,7 +25,8 @@ use std::io::Read;
 use std::path::Path;
 
 use crate::input::{regular, without_panic};
-pub use delimited::EvenSignal;
+pub(crate) use delimited::SAMPLE_BYTES;
+pub use delimited::{Dialect, EvenSignal};
 pub use selector::Selector;
 pub use stated::{Calibration, Sensitivity, Stated, Unsettled};
 pub use tone::Tone;

@@ -1,10 +1,11 @@
 //! `damprig identify decay`: from a free vibration.
 
 use std::path::PathBuf;
+use std::slice::from_ref;
 
 use clap::Args as ClapArgs;
 
-use super::{ChoiceArgs, OutArgs, SensorArgs, finish_uncontradicted, refuse_existing};
+use super::{ChoiceArgs, OutArgs, SensorArgs, finish_if_consistent, refuse_existing};
 use crate::cli::arguments::{StatedArgs, positive, table_file};
 use crate::cli::outcome::{Failure, Outcome};
 use crate::cli::simulate::picture;
@@ -74,8 +75,8 @@ pub(super) struct DecayArgs {
 pub(super) fn run(args: &DecayArgs) -> Outcome {
     let (decay, identified) = identify(args).map_err(Failure::input)?;
     draw(args, &decay, &identified)?;
-    let help = "cut the record to the amplitudes that matter";
-    finish_uncontradicted(&args.out, &args.source, identified, args.despite_misfit, help)
+    let help = "cut the record to the amplitudes that matter, or write the values of the fit";
+    finish_if_consistent(&args.out, from_ref(&args.source), identified, args.despite_misfit, help)
 }
 
 fn identify(args: &DecayArgs) -> Result<(Decay, Identification), CannotIdentify> {

@@ -7,12 +7,14 @@ mod sound;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::slice::from_ref;
 
 use clap::{Args as ClapArgs, Subcommand};
 
 use super::arguments::positive;
 use super::outcome::{Failure, Outcome};
 use crate::identify::backbone::Row;
+use crate::identify::restitution::OverSpeed;
 use crate::identify::table::Table;
 use crate::identify::wall::Pad;
 use crate::identify::{CannotIdentify, Choice, Estimate, Identification, Sensors, friction, set_up_file, wall};
@@ -44,6 +46,8 @@ Examples:
   damprig identify response impact.mat#acceleration --drive force
   damprig identify restitution runs/20260601-101500-spid-ab12 --out identified.toml --update
   damprig identify restitution drops.csv --out identified.toml --update
+  damprig identify restitution film.csv --frame-rate-hz 240 --table impacts.csv --plot impacts.svg
+  damprig identify restitution film.csv times.csv --frame-rate-hz 240 --drop-height-m 0.2
   damprig identify friction incline.csv --out identified.toml --update
   damprig identify sound impacts.wav --calibration tone.wav --background quiet.wav
   damprig identify wall dma.csv --shape-factor-m 0.07 --frequency-hz 40 --out soft.toml
@@ -61,7 +65,7 @@ enum What {
     Decay(decay::DecayArgs),
     /// Natural frequency and damping ratio from a stepped sine, from a frequency response of a file, or from motion and excitation over time
     Response(response::ResponseArgs),
-    /// Coefficient of restitution, clearance and contact time from a run with impacts, from drop tests and force records
+    /// Coefficient of restitution, and over the approach speed, from a run with impacts, from films and tables of drop tests; clearance, contact time
     Restitution(restitution::RestitutionArgs),
     /// Friction coefficient from an incline, or friction force per deflection of a spring
     Friction(FrictionArgs),
@@ -184,15 +188,13 @@ pub fn run(args: &Args) -> Outcome {
     match &args.what {
         What::Decay(args) => decay::run(args),
         What::Response(args) => response::run(args),
-        What::Restitution(args) => {
-            finish(&args.out, &args.source, restitution::identify(args).map_err(Failure::input)?)
-        }
+        What::Restitution(args) => restitution::run(args),
         What::Friction(args) => {
             let identified = of_table(&args.source, |table| friction::identify(table, args.gravity));
-            finish(&args.out, &args.source, identified.map_err(Failure::input)?)
+            finish(&args.out, from_ref(&args.source), identified.map_err(Failure::input)?)
         }
-        What::Sound(args) => finish(&args.out, &args.source, sound::identify(args).map_err(Failure::input)?),
-        What::Wall(args) => finish(&args.out, &args.source, wall(args).map_err(Failure::input)?),
+        What::Sound(args) => finish(&args.out, from_ref(&args.source), sound::identify(args).map_err(Failure::input)?),
+        What::Wall(args) => finish(&args.out, from_ref(&args.source), wall(args).map_err(Failure::input)?),
     }
 }
 
@@ -216,26 +218,24 @@ fn wall(args: &WallArgs) -> Result<Identification, CannotIdentify> {
     Ok(identified)
 }
 
-/// Prints the results, and writes the set-up file unless another method contradicts them.
-fn finish_uncontradicted(
+/// Prints the results, and writes the set-up file unless something contradicts them; `help` says what to do then.
+fn finish_if_consistent(
     args: &OutArgs,
-    source: &Path,
+    sources: &[PathBuf],
     identified: Identification,
     despite_misfit: bool,
     help: &str,
 ) -> Outcome {
     let contradiction = identified.contradiction.clone().filter(|_| !despite_misfit);
     let Some((path, contradiction)) = args.out.as_ref().zip(contradiction) else {
-        return finish(args, source, identified);
+        return finish(args, sources, identified);
     };
-    finish(&OutArgs { out: None, update: false, ..args.clone() }, source, identified)?;
-    Err(Failure::Input(format!(
-        "--out: {} is not written: {contradiction}\n  {help}, or write the values of the fit with --despite-misfit",
-        path.display()
-    )))
+    finish(&OutArgs { out: None, update: false, ..args.clone() }, sources, identified)?;
+    let path = path.display();
+    Err(Failure::Input(format!("--out: {path} is not written: {contradiction}\n  {help} with --despite-misfit")))
 }
 
-/// Refuses to replace a picture without --force.
+/// Refuses to replace a file that an option names.
 fn refuse_existing(option: &str, path: &Path, force: bool) -> Result<(), Failure> {
     if !force && path.symlink_metadata().is_ok() {
         return Err(Failure::Input(format!(
@@ -247,8 +247,8 @@ fn refuse_existing(option: &str, path: &Path, force: bool) -> Result<(), Failure
 }
 
 /// Prints the results and writes the set-up file.
-fn finish(args: &OutArgs, source: &Path, identified: Identification) -> Outcome {
-    let text = args.out.as_ref().map(|path| set_up_text(args, path, source, &identified)).transpose()?;
+fn finish(args: &OutArgs, sources: &[PathBuf], identified: Identification) -> Outcome {
+    let text = args.out.as_ref().map(|path| set_up_text(args, path, sources, &identified)).transpose()?;
     if args.json {
         say!("{}", serde_json::to_string(&identified).map_err(Failure::failed)?);
     } else {
@@ -269,10 +269,15 @@ fn finish(args: &OutArgs, source: &Path, identified: Identification) -> Outcome 
 }
 
 /// The text of the set-up file, with what an existing one has.
-fn set_up_text(args: &OutArgs, path: &Path, source: &Path, identified: &Identification) -> Result<String, Failure> {
-    let source = Selector::of(source).path;
-    let is_source = path.canonicalize().is_ok_and(|out| source.canonicalize().is_ok_and(|source| source == out));
-    if is_source {
+fn set_up_text(
+    args: &OutArgs,
+    path: &Path,
+    sources: &[PathBuf],
+    identified: &Identification,
+) -> Result<String, Failure> {
+    let is_same =
+        |source: &PathBuf, out: &PathBuf| Selector::of(source).path.canonicalize().is_ok_and(|source| source == *out);
+    if path.canonicalize().is_ok_and(|out| sources.iter().any(|source| is_same(source, &out))) {
         let message = format!("--out would overwrite {}, the record\n  give another file name", path.display());
         return Err(Failure::Input(message));
     }
@@ -313,8 +318,49 @@ fn text_of(identified: &Identification) -> String {
         [] => String::new(),
         rows => format!("\nOver the amplitude\n{}", over_amplitude(rows)),
     };
+    let over_speed =
+        identified.over_speed.as_ref().map(|over| format!("\nOver the approach speed\n{}", over_speed(over)));
+    let answer = identified.answer.iter().map(|answer| format!("Answer: {answer}\n")).collect::<String>();
     let remarks: Vec<String> = identified.remarks.iter().map(|remark| format!("\n{remark}")).collect();
-    format!("{misfits}Taken from {}\n{table}{over_amplitude}{}", identified.taken_from, remarks.concat())
+    format!(
+        "{answer}{misfits}Taken from {}\n{table}{over_amplitude}{}{}",
+        identified.taken_from,
+        over_speed.unwrap_or_default(),
+        remarks.concat()
+    )
+}
+
+/// Impacts that are printed; the table of --table has all.
+const PRINTED: usize = 30;
+
+/// Restitution over the approach speed.
+fn over_speed(over: &OverSpeed) -> String {
+    let mut rows = table(&[
+        "drop",
+        "impact",
+        "time\n(s)",
+        "speed\n(m/s)",
+        "e",
+        "standard\nuncertainty",
+        "e by\ntimes",
+        "e by\nheights",
+    ]);
+    let optional = |value: Option<f64>| value.map_or(String::new(), |value| significant(value, 4));
+    for impact in over.impacts.iter().take(PRINTED) {
+        let uncertainty = impact.coefficient_standard_uncertainty;
+        rows.add_row([
+            impact.drop.to_string(),
+            impact.number.to_string(),
+            optional(impact.time_s),
+            significant(impact.speed_m_per_s, 4),
+            significant(impact.coefficient, 4),
+            if uncertainty > 0.0 { significant(uncertainty, 2) } else { String::new() },
+            optional(impact.coefficient_by_times),
+            optional(impact.coefficient_by_heights),
+        ]);
+    }
+    let more = over.impacts.len().saturating_sub(PRINTED);
+    if more > 0 { format!("{rows}\nand {more} more impacts: --table FILE.csv has all") } else { rows.to_string() }
 }
 
 /// Damping ratio and frequency over the amplitude.

@@ -1,10 +1,11 @@
 //! `damprig identify response`: from points of a frequency response, from a frequency response of a file, or from signals over time.
 
 use std::path::PathBuf;
+use std::slice::from_ref;
 
 use clap::Args as ClapArgs;
 
-use super::{ChoiceArgs, OutArgs, SensorArgs, finish, finish_uncontradicted, refuse_existing};
+use super::{ChoiceArgs, OutArgs, SensorArgs, finish, finish_if_consistent, refuse_existing};
 use crate::cli::arguments::{not_negative, positive};
 use crate::cli::outcome::{Failure, Outcome};
 use crate::cli::simulate::picture;
@@ -162,8 +163,8 @@ pub(super) fn run(args: &ResponseArgs) -> Outcome {
     let from = from_source(args)?;
     check_options(args, &from)?;
     match from {
-        Given::Points(points) => finish(&args.out, &args.source, of_points(args, points)?),
-        Given::Motion(motion) => finish(&args.out, &args.source, of_motion(args, &motion)?),
+        Given::Points(points) => finish(&args.out, from_ref(&args.source), of_points(args, points)?),
+        Given::Motion(motion) => finish(&args.out, from_ref(&args.source), of_motion(args, &motion)?),
         Given::Lines(lines) => {
             let found = modal::identify(&lines, args.file.band()).map_err(Failure::input)?;
             of_mode(args, &lines, &found)
@@ -324,8 +325,8 @@ fn of_mode(args: &ResponseArgs, lines: &FrequencyResponse, found: &Modal) -> Out
     identified.lack_of_fit = Some(found.sentences());
     identified.contradiction = found.contradiction();
     identified.remarks = [found.remarks(is_drive_point), lines.remarks.clone(), vec![response::REPORT.into()]].concat();
-    let help = "choose another band with --from-hz and --to-hz";
-    finish_uncontradicted(&args.out, &args.source, identified, args.despite_misfit, help)
+    let help = "choose another band with --from-hz and --to-hz, or write the values of the fit";
+    finish_if_consistent(&args.out, from_ref(&args.source), identified, args.despite_misfit, help)
 }
 
 /// Draws the picture, if it is wished.

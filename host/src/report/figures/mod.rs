@@ -13,6 +13,7 @@ mod extremes;
 pub mod frequency_response;
 pub mod modal_response;
 pub mod peak_motion;
+pub mod restitution;
 pub mod set_ups;
 pub mod signals;
 pub mod simulated_motion;

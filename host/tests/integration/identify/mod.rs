@@ -4,6 +4,7 @@
 //! figures that these tests print.
 
 mod backbone;
+mod bounce;
 mod decay;
 mod decay_files;
 mod flights;

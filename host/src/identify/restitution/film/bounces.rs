@@ -1,0 +1,647 @@
+//! The flights of a film with the frames that belong to them, and the impacts between them.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::fit::{Fit, Flight, Frames, Shape};
+use super::read::Track;
+use super::segments::{Candidate, Segments};
+use super::{Names, Scale, tracked};
+use crate::identify::lack_of_fit::most_chi_square;
+use crate::identify::restitution::law::{Impact, Impacts};
+use crate::identify::statistics::correlation;
+
+/// A flight and its frames.
+#[derive(Clone, Debug)]
+struct Bounce {
+    /// Places of the frames in the track.
+    used: Vec<usize>,
+    /// Frames that may belong to it.
+    candidates: std::ops::Range<usize>,
+    ends: [bool; 2],
+    drop: u32,
+}
+
+impl Bounce {
+    /// With the frames that surely belong to the flight: those away from a contact and from the hand.
+    fn of(flight: Candidate) -> Self {
+        let Candidate { frames, ends, drop } = flight;
+        let margin = |is_impact: bool| if is_impact { 1 + frames.len() / 10 } else { frames.len() / 4 };
+        let [first, last] = ends.map(margin);
+        let from = frames.start + first;
+        let used = from..frames.end.saturating_sub(last).max(from);
+        Self { used: used.collect(), candidates: frames, ends, drop }
+    }
+
+    /// Whether an impact is between this flight and the next one.
+    fn touches(&self, next: &Self) -> bool {
+        self.drop == next.drop && self.ends[1] && next.ends[0] && self.candidates.end == next.candidates.start + 1
+    }
+
+    fn is_long(&self) -> bool {
+        self.candidates.len() >= LONG && self.used.len() >= LEAST
+    }
+}
+
+/// A fitted film.
+pub(super) struct Bounces {
+    at: Vec<f64>,
+    /// Towards the floor, from it.
+    down: Vec<f64>,
+    /// Steps and places across the vertical.
+    across: (Vec<f64>, Vec<f64>),
+    flights: Vec<Bounce>,
+    fit: Fit,
+    /// Noise of a place, with what makes it larger in the mean of neighbours.
+    variance: f64,
+    /// Flights that are too short.
+    short: usize,
+    /// Whether the vertical is y, and the sign towards the floor.
+    axis: (usize, f64),
+    missing: usize,
+}
+
+/// Robust standard deviations of a frame from the fit that end a flight.
+const OUTSIDE: f64 = 4.5;
+/// Rounds in which frames are taken and left at most.
+const ROUNDS: usize = 40;
+/// Frames that a flight needs at least: with the frames at its impacts, so that a turn is seen; and to fit it.
+const LONG: usize = 9;
+const LEAST: usize = 5;
+/// Neighbours whose mean shows noise that is not white, or a misfit.
+const BLOCK: usize = 5;
+/// Speed over its standard uncertainty that an impact needs at least.
+const CLEAR: f64 = 10.0;
+/// Share by which stated scale, frame rate and gravity may disagree.
+const DISAGREE: f64 = 0.05;
+
+impl Bounces {
+    /// Fits the flights.
+    ///
+    /// # Errors
+    /// Too few frames of flight on both sides of every impact.
+    pub(super) fn of(track: &Track, axis: usize, segments: Segments) -> Result<Self, String> {
+        let (at, values) = tracked(track, axis);
+        let down: Vec<f64> = values.iter().map(|value| segments.sign * value - segments.floor).collect();
+        let all = segments.flights.len();
+        let mut flights: Vec<Bounce> = segments.flights.into_iter().map(Bounce::of).filter(Bounce::is_long).collect();
+        let short = all - flights.len();
+        let few = || {
+            format!(
+                "its {all} flights have fewer than {LONG} frames each\n  film with a higher frame rate, or from a greater height"
+            )
+        };
+        if flights.len() < 2 {
+            return Err(few());
+        }
+        let fit = fitted(&at, &down, &mut flights, segments.noise).ok_or_else(few)?;
+        let blocks = (fit.left.len() / BLOCK) as f64;
+        // The ratio of white noise scatters by √(2/blocks).
+        let inflated = correlation(&fit.left, BLOCK).filter(|ratio| *ratio > 1.0 + 3.0 * (2.0 / blocks).sqrt());
+        let variance = fit.variance() * inflated.unwrap_or(1.0);
+        let other = 1 - axis;
+        let across = if track.places[other].is_empty() { Default::default() } else { tracked(track, other) };
+        let missing = flights
+            .iter()
+            .map(|flight| {
+                let (first, last) = (flight.used[0], flight.used[flight.used.len() - 1]);
+                ((at[last] - at[first]).round() as usize).saturating_sub(last - first)
+            })
+            .sum();
+        Ok(Self { at, down, across, flights, fit, variance, short, axis: (axis, segments.sign), missing })
+    }
+
+    /// The impacts, and what a person has to know about them.
+    pub(super) fn impacts(&self, names: Names, scale: &Scale) -> Result<(Impacts, Vec<String>), String> {
+        let scale_text = self.checked_scale(names, scale)?;
+        let pairs: Vec<usize> =
+            (0..self.flights.len() - 1).filter(|n| self.flights[*n].touches(&self.flights[n + 1])).collect();
+        let mut found: Vec<Met> = Vec::new();
+        for pair in &pairs {
+            let met = self.meet(*pair).ok_or_else(|| self.no_impact(*pair, scale))?;
+            found.push(met);
+        }
+        let of_all = self.jacobian(&found, scale);
+        let spread = &self.fit.covariance * self.variance;
+        let mut covariance = &of_all * spread * of_all.transpose();
+        let n = found.len();
+        for (i, met) in found.iter().enumerate() {
+            // The contact is somewhere within the frames that show it.
+            let values = met.values(self, &self.fit.parameters, scale);
+            let acceleration = self.acceleration(met.pair, &self.fit.parameters);
+            let [before, after] =
+                [acceleration * met.unknown[0] / values.before, acceleration * met.unknown[1] / values.after];
+            covariance[(i, i)] += values.e.powi(2) * (before * before + after * after);
+            covariance[(n + i, n + i)] += before * before;
+            covariance[(i, n + i)] -= values.e * before * before;
+            covariance[(n + i, i)] -= values.e * before * before;
+        }
+        let is_clear = |i: &usize| {
+            let ln_v = covariance[(n + i, n + i)].sqrt();
+            let e = found[*i].values(self, &self.fit.parameters, scale).e;
+            CLEAR * ln_v < 1.0 && CLEAR * covariance[(*i, *i)].sqrt() < e.max(0.1)
+        };
+        let kept: Vec<usize> = (0..n).filter(is_clear).collect();
+        if kept.is_empty() {
+            return Err(
+                "no impact has a speed that is known to a tenth\n  film with a higher frame rate, or nearer".into()
+            );
+        }
+        let mut all = Vec::new();
+        for i in &kept {
+            all.push(self.impact(&found, *i, &covariance, names, scale)?);
+        }
+        let places: Vec<usize> = kept.iter().copied().chain(kept.iter().map(|i| n + i)).collect();
+        let covariance = DMatrix::from_fn(places.len(), places.len(), |i, j| covariance[(places[i], places[j])]);
+        let mut remarks = vec![scale_text];
+        remarks.extend(self.remarks(names, &all, n - kept.len(), &found, scale));
+        let impacts = Impacts {
+            all,
+            covariance,
+            is_absolute: true,
+            degrees_of_freedom: self.fit.degrees_of_freedom,
+            method: "tracked film: speeds where flights meet",
+        };
+        Ok((impacts, remarks))
+    }
+
+    /// Metres per pixel in words; compares what is stated with gravity.
+    fn checked_scale(&self, names: Names, scale: &Scale) -> Result<String, String> {
+        let (acceleration, uncertainty) = self.mean_acceleration();
+        let share = uncertainty / acceleration;
+        let by_gravity = scale.gravity_m_per_s2 * scale.step_s.powi(2) / acceleration;
+        let unit = names.unit;
+        let Some(stated) = scale.m_per_pixel else {
+            return Ok(format!(
+                "scale by gravity: {:.4} mm per {unit} at the floor ({:.2} % standard uncertainty)",
+                by_gravity * 1e3,
+                100.0 * share
+            ));
+        };
+        let falls = acceleration * stated / scale.step_s.powi(2);
+        let ratio = falls / scale.gravity_m_per_s2;
+        if (ratio - 1.0).abs() > DISAGREE + 3.0 * share {
+            let rate_hz = (ratio.sqrt() * scale.step_s).recip();
+            let (stated_text, clock) = if unit == "m" {
+                ("the places of the file".to_string(), "its times")
+            } else {
+                (format!("--m-per-pixel {stated}"), if scale.has_times { "its times" } else { "--frame-rate-hz" })
+            };
+            return Err(format!(
+                "{stated_text} and {clock} do not fit together: the ball falls at {falls:.3} m/s², not at {} m/s²\n  if the scale is right, the \
+                 film has {rate_hz:.1} Hz (a slow-motion replay has another rate than the recording); if the rate is right, the scale is \
+                 {by_gravity:.4e} m per {unit}\n  correct what is wrong{}",
+                scale.gravity_m_per_s2,
+                if unit == "m" { "" } else { ", or leave --m-per-pixel out: gravity gives the scale" }
+            ));
+        }
+        Ok(format!(
+            "with the stated scale the ball falls at {falls:.3} m/s² at the floor, {:+.1} % from {} m/s²",
+            100.0 * (ratio - 1.0),
+            scale.gravity_m_per_s2
+        ))
+    }
+
+    fn no_impact(&self, pair: usize, scale: &Scale) -> String {
+        let at = self.at[self.flights[pair].candidates.end - 1];
+        format!(
+            "the flights before and after {} do not meet: something else than a floor turned the ball",
+            self.moment(at, scale)
+        )
+    }
+
+    /// A frame or a time, in words.
+    fn moment(&self, at: f64, scale: &Scale) -> String {
+        if scale.has_times { format!("{:.4} s", at * scale.step_s) } else { format!("frame {at:.1}") }
+    }
+
+    fn flight(&self, n: usize, parameters: &DVector<f64>) -> Flight {
+        self.fit.flight(n, parameters)
+    }
+
+    /// Acceleration at an impact, per step²: the mean of the flights beside it.
+    fn acceleration(&self, pair: usize, parameters: &DVector<f64>) -> f64 {
+        0.5 * (self.flight(pair, parameters).acceleration() + self.flight(pair + 1, parameters).acceleration())
+    }
+
+    /// Mean acceleration of all flights and its standard uncertainty.
+    fn mean_acceleration(&self) -> (f64, f64) {
+        let parameters = &self.fit.parameters;
+        let mean = |parameters: &DVector<f64>| {
+            let sum: f64 = (0..self.flights.len())
+                .map(|n| self.flight(n, parameters).acceleration() * self.flights[n].used.len() as f64)
+                .sum();
+            sum / self.fit.left.len() as f64
+        };
+        let by = DVector::from_fn(parameters.len(), |place, _| self.slope(place, &mean));
+        (mean(parameters), (by.dot(&(&self.fit.covariance * &by)) * self.variance).max(0.0).sqrt())
+    }
+
+    /// Derivative of a function of the parameters by one of them.
+    fn slope(&self, place: usize, of: impl Fn(&DVector<f64>) -> f64) -> f64 {
+        let step = 1e-2 * (self.variance * self.fit.covariance[(place, place)]).sqrt();
+        let step = step.max(1e-9 * self.fit.parameters[place].abs()).max(1e-15);
+        let at = |sign: f64| {
+            let mut moved = self.fit.parameters.clone();
+            moved[place] += sign * step;
+            of(&moved)
+        };
+        (at(1.0) - at(-1.0)) / (2.0 * step)
+    }
+
+    /// Where two flights meet.
+    fn meet(&self, pair: usize) -> Option<Met> {
+        let [a, b] = [&self.flights[pair], &self.flights[pair + 1]];
+        let (last, first) = (*a.used.last()?, *b.used.first()?);
+        let ends = [self.at[last], self.at[first]];
+        let inner = [self.at[last + 1.min(first - last)], self.at[first - 1.min(first - last)]];
+        let met = Met { pair, ends, inner, has_contact: first - last > 1, unknown: [0.0; 2] };
+        let moments = met.moments(self, &self.fit.parameters)?;
+        // A contact that frames show lies somewhere between the frames beside it.
+        let half = 12f64.sqrt();
+        let unknown = if met.has_contact {
+            let [before, after] = met.contact(moments.1);
+            [(before[1] - before[0]) / half, (after[1] - after[0]) / half]
+        } else {
+            [0.0; 2]
+        };
+        Some(Met { unknown, ..met })
+    }
+
+    /// Derivatives of all e, then of all ln v, by the parameters.
+    fn jacobian(&self, found: &[Met], scale: &Scale) -> DMatrix<f64> {
+        let (n, count) = (found.len(), self.fit.parameters.len());
+        let mut all = DMatrix::zeros(2 * n, count);
+        for (i, met) in found.iter().enumerate() {
+            for place in self.fit.places(met.pair) {
+                all[(i, place)] = self.slope(place, |moved| met.values(self, moved, scale).e);
+                all[(n + i, place)] = self.slope(place, |moved| met.values(self, moved, scale).speed.ln());
+            }
+        }
+        all
+    }
+
+    fn impact(
+        &self,
+        found: &[Met],
+        i: usize,
+        covariance: &DMatrix<f64>,
+        names: Names,
+        scale: &Scale,
+    ) -> Result<Impact, String> {
+        let (met, n) = (&found[i], found.len());
+        let parameters = &self.fit.parameters;
+        let values = met.values(self, parameters, scale);
+        let [e_u, ln_u] = [covariance[(i, i)], covariance[(n + i, n + i)]].map(f64::sqrt);
+        if values.e > 1.0 + 3.0 * e_u || values.e <= 0.0 {
+            return Err(format!(
+                "impact at {}: the ball leaves {:.3} times as fast as it comes ({:.3} with the uncertainty): it gains energy there\n  is it a \
+                 hand, a moving floor, a film that runs backwards, or a wrong --vertical? Cut the film before it",
+                self.moment(values.at, scale),
+                values.e,
+                e_u
+            ));
+        }
+        let drop = self.flights[met.pair].drop;
+        let number = found[..i].iter().filter(|other| self.flights[other.pair].drop == drop).count() as u32 + 1;
+        // Two flights between impacts: the one before and the one after.
+        let before = i.checked_sub(1).map(|n| &found[n]).filter(|other| other.pair + 1 == met.pair);
+        let after = found.get(i + 1).filter(|other| other.pair == met.pair + 1);
+        let by_times = before.zip(after).map(|(before, after)| {
+            let ends = |met: &Met| met.values(self, parameters, scale).ends;
+            (ends(after)[0] - values.ends[1]) / (values.ends[0] - ends(before)[1])
+        });
+        let [height_before, height_after] = [0, 1].map(|side| self.height(met.pair + side, &values, side));
+        Ok(Impact {
+            source: names.file.into(),
+            drop: drop + 1,
+            number,
+            time_s: Some(values.at * scale.step_s),
+            speed_m_per_s: values.speed,
+            speed_standard_uncertainty_m_per_s: ln_u * values.speed,
+            coefficient: values.e,
+            coefficient_standard_uncertainty: e_u,
+            coefficient_by_times: by_times,
+            coefficient_by_heights: height_before.zip(height_after).map(|(before, after)| (after / before).sqrt()),
+            sideways_m_per_s: self.sideways(met.pair, scale),
+        })
+    }
+
+    /// Height of a flight above an impact by its highest reading, where the film shows its top.
+    fn height(&self, flight: usize, impact: &Values, side: usize) -> Option<f64> {
+        let own = &self.flights[flight];
+        let motion = self.flight(flight, &self.fit.parameters);
+        let highest = own.used.iter().copied().min_by(|a, b| self.down[*a].total_cmp(&self.down[*b]))?;
+        let (first, last) = (own.used[0], own.used[own.used.len() - 1]);
+        let is_inside = highest > first && highest < last;
+        // A release from rest: the flight begins at its top.
+        let speed = motion.velocity(self.at[highest]).abs();
+        (is_inside || speed < 0.1 * impact.before)
+            .then(|| motion.height(impact.ends[side]) - motion.of_film(self.down[highest]))
+            .filter(|height| *height > 0.0)
+    }
+
+    /// Speeds across the vertical before and after an impact, m/s.
+    fn sideways(&self, pair: usize, scale: &Scale) -> Option<[f64; 2]> {
+        let slope = |flight: usize| {
+            let own = &self.flights[flight].used;
+            let within = self.at[own[0]]..=self.at[own[own.len() - 1]];
+            let (at, places): (Vec<f64>, Vec<f64>) = self
+                .across
+                .0
+                .iter()
+                .zip(&self.across.1)
+                .filter(|(at, _)| within.contains(*at))
+                .map(|(a, b)| (*a, *b))
+                .unzip();
+            crate::identify::statistics::line(&at, &places, |_| 1.0).map(|line| line.slope.value)
+        };
+        let per_step = scale.per_step(self.acceleration(pair, &self.fit.parameters));
+        Some([slope(pair)? * per_step, slope(pair + 1)? * per_step])
+    }
+
+    fn remarks(&self, names: Names, all: &[Impact], unclear: usize, found: &[Met], scale: &Scale) -> Vec<String> {
+        let unit = names.unit;
+        let parameters = &self.fit.parameters;
+        let mut remarks = vec![format!(
+            "{} flights with {} frames; the fit leaves {:.3} {unit} RMS; the vertical is {}, which grows {}",
+            self.flights.len(),
+            self.fit.left.len(),
+            (self.fit.squares() / self.fit.left.len() as f64).sqrt(),
+            ["x", "y"][self.axis.0],
+            if self.axis.1 > 0.0 { "downwards" } else { "upwards" }
+        )];
+        if self.fit.shape.perspective {
+            let perspective = self.fit.perspective(parameters);
+            remarks.push(format!(
+                "the scale changes along the vertical, by {:.1} % per 100 {unit}s at the floor: perspective, fitted",
+                2e4 * perspective.abs()
+            ));
+        }
+        if self.fit.shape.accelerations {
+            remarks.push(
+                "each flight has an acceleration of its own: the ball comes nearer or goes away, and the scale with it"
+                    .into(),
+            );
+        }
+        if self.fit.shape.cubic {
+            remarks.push("the acceleration changes within the flights: the ball moves towards or from the camera, or the air brakes it; fitted as a \
+                          line over time".into());
+        }
+        if self.missing > 0 {
+            remarks.push(format!("{} frames are missing or left out within the flights", self.missing));
+        }
+        if self.short > 0 {
+            remarks.push(format!("{} flights with fewer than {LONG} frames are left out", self.short));
+        }
+        if unclear > 0 {
+            remarks.push(format!("{unclear} impacts whose speeds are not known to a tenth are left out"));
+        }
+        let contacts: Vec<f64> =
+            found.iter().filter(|met| met.has_contact).map(|met| met.ends[1] - met.ends[0]).collect();
+        if !contacts.is_empty() {
+            let longest = contacts.iter().copied().fold(0.0, f64::max);
+            remarks.push(format!(
+                "{} of {} impacts show contact in frames of their own (at most {:.2} ms): when it begins and ends is known to a frame, which is part \
+                 of the uncertainty",
+                contacts.len(),
+                found.len(),
+                longest * scale.step_s * 1e3
+            ));
+        }
+        let fastest = all
+            .iter()
+            .flat_map(|impact| impact.sideways_m_per_s.iter().flatten())
+            .fold(0.0f64, |most, v| most.max(v.abs()));
+        if fastest > 0.0 {
+            let angle = |impact: &Impact| {
+                impact
+                    .sideways_m_per_s
+                    .map_or(0.0, |[before, _]| (before / impact.speed_m_per_s).atan().to_degrees().abs())
+            };
+            let steepest = all.iter().map(angle).fold(0.0, f64::max);
+            remarks.push(format!(
+                "the ball moves sideways at up to {fastest:.3} m/s in the film's plane, {steepest:.1}° from the vertical at impact; e is that of the vertical"
+            ));
+        }
+        remarks
+    }
+}
+
+impl Scale {
+    /// m/s per place and step.
+    fn per_step(&self, acceleration: f64) -> f64 {
+        match self.m_per_pixel {
+            Some(m) => m / self.step_s,
+            None => self.gravity_m_per_s2 * self.step_s / acceleration,
+        }
+    }
+}
+
+/// Two flights that meet.
+#[derive(Clone, Copy, Debug)]
+struct Met {
+    /// The flight before; the next one is after.
+    pair: usize,
+    /// Last step of the flight before, first one of the flight after.
+    ends: [f64; 2],
+    /// The steps of the frames next to these, towards the impact.
+    inner: [f64; 2],
+    /// Whether frames between them belong to neither.
+    has_contact: bool,
+    /// Standard uncertainty of the beginning and the end of the contact, in steps.
+    unknown: [f64; 2],
+}
+
+/// What an impact is like.
+#[derive(Clone, Copy, Debug)]
+struct Values {
+    at: f64,
+    /// End of the flight before, beginning of the flight after.
+    ends: [f64; 2],
+    /// Speeds per step.
+    before: f64,
+    after: f64,
+    e: f64,
+    /// m/s.
+    speed: f64,
+}
+
+impl Met {
+    /// Ranges of the beginning and of the end of a contact that frames show, where the flights meet at `at`.
+    fn contact(&self, at: f64) -> [[f64; 2]; 2] {
+        let [last, first] = self.ends;
+        [[last, self.inner[0].min(at.max(last))], [self.inner[1].max(at.min(first)), first]]
+    }
+
+    /// The end of the flight before, where the flights meet, and the beginning of the flight after.
+    fn moments(&self, bounces: &Bounces, parameters: &DVector<f64>) -> Option<(f64, f64, f64)> {
+        let [a, b] = [self.pair, self.pair + 1].map(|n| bounces.flight(n, parameters));
+        let at = meeting(&a, &b, 0.5 * (self.ends[0] + self.ends[1]));
+        let near = (self.ends[0] - 2.0..=self.ends[1] + 2.0).contains(&at);
+        if !near {
+            return None;
+        }
+        if !self.has_contact {
+            return Some((at, at, at));
+        }
+        let [before, after] = self.contact(at).map(|[from, to]| 0.5 * (from + to));
+        Some((before, at, after))
+    }
+
+    fn values(&self, bounces: &Bounces, parameters: &DVector<f64>, scale: &Scale) -> Values {
+        let (from, at, to) = self.moments(bounces, parameters).unwrap_or((f64::NAN, f64::NAN, f64::NAN));
+        let [a, b] = [self.pair, self.pair + 1].map(|n| bounces.flight(n, parameters));
+        let (before, after) = (a.velocity(from), -b.velocity(to));
+        let per_step = scale.per_step(bounces.acceleration(self.pair, parameters));
+        Values { at, ends: [from, to], before, after, e: after / before, speed: before * per_step }
+    }
+}
+
+/// Where two flights meet, near a step, by Newton's method.
+fn meeting(before: &Flight, after: &Flight, near: f64) -> f64 {
+    let mut at = near;
+    for _ in 0..20 {
+        let step = (after.height(at) - before.height(at)) / (before.velocity(at) - after.velocity(at));
+        at += step;
+        if step.abs() < 1e-12 {
+            break;
+        }
+    }
+    at
+}
+
+fn frames(at: &[f64], down: &[f64], flights: &[Bounce]) -> Vec<Frames> {
+    let pick = |values: &[f64], used: &[usize]| used.iter().map(|place| values[*place]).collect();
+    flights.iter().map(|flight| Frames { at: pick(at, &flight.used), down: pick(down, &flight.used) }).collect()
+}
+
+/// Standard deviation of what is left, from its median: what does not belong to the flights does not widen it.
+fn deviation(fit: &Fit, noise: f64) -> f64 {
+    let mut sizes: Vec<f64> = fit.left.iter().map(|left| left.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let freedom = (fit.left.len() as f64 / fit.degrees_of_freedom).sqrt();
+    (sizes[sizes.len() / 2] / 0.6745 * freedom).max(0.5 * noise)
+}
+
+/// Fits the frames that surely belong to the flights, then takes those beside them that fit.
+fn fitted(at: &[f64], down: &[f64], flights: &mut [Bounce], noise: f64) -> Option<Fit> {
+    let mut fit = shaped(at, down, flights)?;
+    for _ in 0..ROUNDS {
+        let limit = OUTSIDE * deviation(&fit, noise);
+        let mut has_changed = false;
+        for (n, flight) in flights.iter_mut().enumerate() {
+            let own = fit.flight(n, &fit.parameters);
+            let fits = |place: &usize| own.left(at[*place], down[*place]).abs() <= limit;
+            let kept: Vec<usize> = flight.used.iter().copied().filter(fits).collect();
+            if kept.len() >= LEAST && kept.len() < flight.used.len() {
+                flight.used = kept;
+                has_changed = true;
+            }
+        }
+        if !has_changed {
+            break;
+        }
+        fit = shaped(at, down, flights)?;
+    }
+    fit = settle(at, down, flights, fit, noise)?;
+    // More frames may show what fewer did not.
+    let again = shaped(at, down, flights)?;
+    if again.shape != fit.shape {
+        fit = settle(at, down, flights, again, noise)?;
+    }
+    let acceleration = fit.flight(0, &fit.parameters).acceleration();
+    let hidden = (2.0 * OUTSIDE * deviation(&fit, noise) / acceleration).sqrt();
+    for flight in flights.iter_mut() {
+        flight.cut(at, hidden);
+    }
+    Fit::of(&frames(at, down, flights), fit.shape)
+}
+
+impl Bounce {
+    /// Leaves out the frames at the ends without an impact in which a hand that lets go or catches would be hidden by the noise.
+    fn cut(&mut self, at: &[f64], hidden: f64) {
+        let (first, last) = (at[self.used[0]], at[self.used[self.used.len() - 1]]);
+        let from = if self.ends[0] || self.candidates.start == 0 { first } else { first + hidden };
+        let to = if self.ends[1] || self.candidates.end == at.len() { last } else { last - hidden };
+        let kept: Vec<usize> = self.used.iter().copied().filter(|place| (from..=to).contains(&at[*place])).collect();
+        if kept.len() >= LEAST {
+            self.used = kept;
+        }
+    }
+}
+
+/// Takes the frames that fit and leaves the others, until that changes nothing.
+fn settle(at: &[f64], down: &[f64], flights: &mut [Bounce], mut fit: Fit, noise: f64) -> Option<Fit> {
+    for _ in 0..ROUNDS {
+        let limit = OUTSIDE * deviation(&fit, noise);
+        let mut has_changed = false;
+        // A frame that both flights fit belongs to the one on whose side of the impact it is.
+        let impact = |n: usize| {
+            let [before, after] = [n, n + 1].map(|n| fit.flight(n, &fit.parameters));
+            let floor = at[flights[n].candidates.end - 1];
+            flights[n]
+                .touches(&flights[n + 1])
+                .then(|| meeting(&before, &after, floor))
+                .filter(|met| (met - floor).abs() < 2.0)
+        };
+        let impacts: Vec<Option<f64>> = (0..flights.len() - 1).map(impact).collect();
+        for (n, flight) in flights.iter_mut().enumerate() {
+            let own = fit.flight(n, &fit.parameters);
+            let from = n.checked_sub(1).and_then(|n| impacts[n]).unwrap_or(f64::NEG_INFINITY);
+            let to = impacts.get(n).copied().flatten().unwrap_or(f64::INFINITY);
+            let fits =
+                |place: &usize| own.left(at[*place], down[*place]).abs() <= limit && (from..=to).contains(&at[*place]);
+            let kept = fitting(flight, fits);
+            if kept.len() >= LEAST && kept != flight.used {
+                flight.used = kept;
+                has_changed = true;
+            }
+        }
+        if !has_changed {
+            break;
+        }
+        fit = Fit::of(&frames(at, down, flights), fit.shape)?;
+    }
+    Some(fit)
+}
+
+/// The frames of a flight that fit, from its middle to the first two in a row that do not.
+fn fitting(flight: &Bounce, fits: impl Fn(&usize) -> bool) -> Vec<usize> {
+    let middle = flight.used[flight.used.len() / 2];
+    let along = |places: &mut dyn Iterator<Item = usize>| {
+        let (mut kept, mut missed) = (Vec::new(), 0);
+        for place in places {
+            if fits(&place) {
+                missed = 0;
+                kept.push(place);
+            } else {
+                missed += 1;
+                if missed == 2 {
+                    break;
+                }
+            }
+        }
+        kept
+    };
+    let mut all = along(&mut (flight.candidates.start..middle).rev());
+    all.reverse();
+    all.extend(along(&mut (middle..flight.candidates.end)));
+    all
+}
+
+/// The fit with perspective and cubics, where they explain what is no noise.
+fn shaped(at: &[f64], down: &[f64], flights: &[Bounce]) -> Option<Fit> {
+    let frames = frames(at, down, flights);
+    let mut best = Fit::of(&frames, Shape::default())?;
+    // Each may show only beside the others: from the simplest to all.
+    for n in 1..8 {
+        let shape = Shape { perspective: n & 1 > 0, cubic: n & 2 > 0, accelerations: n & 4 > 0 };
+        let Some(fit) = Fit::of(&frames, shape) else { continue };
+        let explained = (best.squares() - fit.squares()) / fit.variance();
+        let more = best.degrees_of_freedom - fit.degrees_of_freedom;
+        if more > 0.0 && explained > most_chi_square(more as usize, fit.degrees_of_freedom) {
+            best = fit;
+        }
+    }
+    Some(best)
+}
