@@ -318,8 +318,9 @@ fn text_of(identified: &Identification) -> String {
         [] => String::new(),
         rows => format!("\nOver the amplitude\n{}", over_amplitude(rows)),
     };
-    let over_speed =
-        identified.over_speed.as_ref().map(|over| format!("\nOver the approach speed\n{}", over_speed(over)));
+    // The impacts of a run are many, and in its own table.
+    let drop_tests = identified.over_speed.as_ref().filter(|over| !over.impacts.is_empty());
+    let over_speed = drop_tests.map(|over| format!("\nOver the approach speed\n{}", over_speed(over)));
     let answer = identified.answer.iter().map(|answer| format!("Answer: {answer}\n")).collect::<String>();
     let remarks: Vec<String> = identified.remarks.iter().map(|remark| format!("\n{remark}")).collect();
     format!(

@@ -166,6 +166,9 @@ fn restitution_of_run(args: &RestitutionArgs) -> Result<Restitution, CannotIdent
     let flights = flights::identify(&run.records, &known).map_err(located)?;
     let mut identified = Identification::new(run.taken_from.clone(), flights.estimates(gravity));
     identified.remarks = flights.remarks(stated.clearance_m, known.is_clearance_held);
+    if let Some(law) = &flights.law {
+        restitution::judge(&mut identified, law, Vec::new());
+    }
     identified.remarks.push(known.sensors.remark());
     Ok(Restitution { law: None, identified })
 }

@@ -7,8 +7,9 @@ use nalgebra::Vector3;
 use super::kink::{Kink, PARAMETERS, Window};
 use super::usable::{LeftOut, Sorted, Usable, usual_step_s};
 use super::{Known, Record};
+use crate::identify::CannotIdentify;
+use crate::identify::restitution::law::{APART, Law, Power, two_digits};
 use crate::identify::statistics::{Fit, Value, fit, inflation};
-use crate::identify::{CannotIdentify, Estimate};
 
 /// What the flights of the particle show.
 #[derive(Clone, Debug)]
@@ -26,6 +27,8 @@ pub struct Flights {
     pub late_s: Value,
     /// Least and largest approach velocity, m/s.
     pub approach_m_per_s: [f64; 2],
+    /// e over the approach velocity, by the same fit with an exponent; none where all approaches are alike.
+    pub law: Option<Law>,
     /// RMS of the residuals of x, m.
     pub residual_rms_m: f64,
     /// Change of e and of d for a mass ratio that is greater by a share, each relative, over that share.
@@ -135,7 +138,12 @@ fn no_fit(sorted: &Sorted) -> CannotIdentify {
 /// The parameters of the fit.
 #[derive(Clone, Copy, Debug)]
 struct Parameters {
+    /// At the reference speed.
     e: f64,
+    /// e falls with this power of the approach speed.
+    exponent: f64,
+    /// Logarithm of the reference speed in m/s.
+    ln_reference: f64,
     clearance_m: f64,
     late_s: f64,
     /// μi·g, m/s².
@@ -150,15 +158,22 @@ struct Fitted {
     clearance: bool,
     friction: bool,
     cubic: bool,
+    exponent: bool,
 }
 
 impl Parameters {
+    /// e of an impact with this approach speed, m/s.
+    fn e_at(&self, speed: f64) -> f64 {
+        if self.exponent == 0.0 { self.e } else { self.e * (-self.exponent * (speed.ln() - self.ln_reference)).exp() }
+    }
+
     /// The fitted ones.
     fn pack(&self, fitted: Fitted) -> Vec<f64> {
         let mut all = vec![self.e, self.late_s];
         all.extend(fitted.clearance.then_some(self.clearance_m));
         all.extend(fitted.friction.then_some(self.friction));
         all.extend(fitted.cubic.then_some(self.cubic));
+        all.extend(fitted.exponent.then_some(self.exponent));
         all
     }
 
@@ -172,6 +187,8 @@ impl Parameters {
             clearance_m: next(fitted.clearance, self.clearance_m),
             friction: next(fitted.friction, self.friction),
             cubic: next(fitted.cubic, self.cubic),
+            exponent: next(fitted.exponent, self.exponent),
+            ln_reference: self.ln_reference,
         }
     }
 }
@@ -289,12 +306,20 @@ fn go_on(sorted: &Sorted, known: &Known, mut at: Parameters, mut kinks: Kinks) -
         clearance: !known.is_clearance_held,
         friction: known.friction_m_per_s2 > 0.0 && !known.is_friction_held,
         cubic: known.sensors.has_cubic(),
+        exponent: at.exponent != 0.0,
     };
     if known.is_clearance_held {
         at.clearance_m = known.clearance_m;
     }
-    let steps =
-        Parameters { e: 1e-5, clearance_m: 1e-5 * known.clearance_m, late_s: 1e-6, friction: 1e-4, cubic: 1e-5 };
+    let steps = Parameters {
+        e: 1e-5,
+        exponent: 1e-5,
+        ln_reference: 0.0,
+        clearance_m: 1e-5 * known.clearance_m,
+        late_s: 1e-6,
+        friction: 1e-4,
+        cubic: 1e-5,
+    };
     let steps = steps.pack(fitted);
     // The kinks are linear in their time over a few milliseconds only.
     for _ in 0..10 {
@@ -332,7 +357,8 @@ const MOST_LATE_S: f64 = 0.05;
 fn deviations(usable: &Usable, kinks: &Kinks, at: &Parameters, known: &Known) -> Option<[f64; PER_IMPACT]> {
     let (measured, [before, after]) = velocities(usable, kinks, at)?;
     let change = before - after;
-    let velocity = before - change * (1.0 + known.mass_ratio) / (1.0 + at.e);
+    let e = at.e_at((before - measured[0]).abs());
+    let velocity = before - change * (1.0 + known.mass_ratio) / (1.0 + e);
     let predicted = Vector3::new(velocity, known.mass_ratio * change, 0.0);
     let white = kinks.here[usable.places[1]].as_ref()?.whitening * (measured - predicted);
     Some([white[0], white[1], white[2]])
@@ -350,6 +376,8 @@ fn velocities(usable: &Usable, kinks: &Kinks, at: &Parameters) -> Option<(Vector
 fn start(sorted: &Sorted, kinks: &Kinks, known: &Known) -> Option<Parameters> {
     let at = Parameters {
         e: 0.5,
+        exponent: 0.0,
+        ln_reference: 0.0,
         clearance_m: known.clearance_m,
         late_s: 0.0,
         friction: known.friction_m_per_s2,
@@ -407,8 +435,10 @@ fn flights(sorted: &Sorted, known: &Known, solved: &Solved) -> Result<Flights, C
             freedom += (window.t_s.len() - PARAMETERS) as f64;
         }
     }
+    let restitution = widened(solved.value(RESTITUTION), 0);
     Ok(Flights {
-        restitution: widened(solved.value(RESTITUTION), 0),
+        law: law(sorted, known, solved, &approaches, restitution),
+        restitution,
         clearance_m: solved.fitted.clearance.then(|| widened(solved.value(CLEARANCE), 1)),
         friction_m_per_s2: solved.friction().map(|friction| friction.widened(known.sensors.scale * friction.value)),
         contact_s: Value::mean(&sorted.contacts_s),
@@ -422,67 +452,21 @@ fn flights(sorted: &Sorted, known: &Known, solved: &Solved) -> Result<Flights, C
     })
 }
 
-const METHOD: &str = "flights of the particle and jumps of x'";
-
-impl Flights {
-    /// The estimates: those of set-up keys first. Gravity makes a coefficient of the friction.
-    #[must_use]
-    pub fn estimates(&self, gravity_m_per_s2: f64) -> Vec<Estimate> {
-        let mut all = vec![
-            Estimate::new("coefficient of restitution", "", METHOD, &self.restitution)
-                .of_key("particle.wall.coefficient"),
-        ];
-        all.extend(
-            self.clearance_m
-                .as_ref()
-                .map(|clearance| Estimate::new("clearance", "m", METHOD, clearance).of_key("particle.clearance_m")),
-        );
-        if let Some(friction) = self.friction_m_per_s2.filter(|_| gravity_m_per_s2 > 0.0) {
-            let coefficient = friction.mapped(friction.value / gravity_m_per_s2, 1.0 / gravity_m_per_s2);
-            let key = Some("particle.friction_coefficient");
-            all.push(Estimate::not_negative("friction coefficient of the particle", "", METHOD, &coefficient, key));
-        }
-        all.extend(
-            self.contact_s
-                .as_ref()
-                .map(|contact| Estimate::new("contact time", "s", "half sines of the pulses", contact)),
-        );
-        all
+/// e over the approach speed: the fit with an exponent. The start of the exponent is its smallest step from 0, so that it is fitted.
+fn law(sorted: &Sorted, known: &Known, solved: &Solved, approaches: &[f64], constant: Value) -> Option<Law> {
+    let slowest = approaches.iter().copied().fold(f64::MAX, f64::min);
+    let fastest = approaches.iter().copied().fold(0.0, f64::max);
+    if slowest <= 0.0 || fastest < APART * slowest {
+        return None;
     }
-
-    /// What a person has to know about them. `stated_m` is the clearance of the set-up.
-    #[must_use]
-    pub fn remarks(&self, stated_m: f64, was_held: bool) -> Vec<String> {
-        let left_out: usize = self.left_out.values().sum();
-        let mut remarks = vec![format!(
-            "{} of {} impacts are used, with approach velocities of {:.3} m/s to {:.3} m/s: restitution depends on them",
-            self.used,
-            self.used + left_out,
-            self.approach_m_per_s[0],
-            self.approach_m_per_s[1]
-        )];
-        remarks.extend(self.left_out.iter().map(|(reason, count)| format!("left out: {count} {}", reason.words())));
-        match &self.clearance_m {
-            Some(clearance) => remarks.push(format!(
-                "the set-up states a clearance of {:.3} mm; the fitted one is {:+.2} % from it. A mass ratio that is 1 % higher changes d \
-                 by {:+.2} % and e by {:+.2} %",
-                stated_m * 1e3,
-                100.0 * (clearance.value / stated_m - 1.0),
-                self.by_mass_ratio[1],
-                self.by_mass_ratio[0]
-            )),
-            None if was_held => remarks.push(format!("the clearance is held at {:.3} mm", self.used_clearance_m * 1e3)),
-            None => remarks.push(format!(
-                "the clearance cannot be told from this record; that of the set-up, {:.3} mm, is used. Its error changes e: measure \
-                 more impacts",
-                self.used_clearance_m * 1e3
-            )),
-        }
-        remarks.push(format!(
-            "the kinks of x are {:.3} ms after the centres of the pulses, and the fit leaves {:.2} µm RMS",
-            self.late_s.value * 1e3,
-            self.residual_rms_m * 1e6
-        ));
-        remarks
-    }
+    let reference = two_digits((approaches.iter().map(|v| v.ln()).sum::<f64>() / approaches.len() as f64).exp());
+    let start = Parameters { exponent: 1e-5, ln_reference: reference.ln(), ..solved.at };
+    // The kinks of the fit with one e are those of this one to first order.
+    let kinks = Kinks::new(sorted, solved.at.late_s, known);
+    let held = Known { is_clearance_held: !solved.fitted.clearance, clearance_m: solved.at.clearance_m, ..*known };
+    let with = go_on(sorted, &held, start, kinks)?;
+    let place = with.fit.parameters.len() - 1;
+    let covariance = with.fit.shape[(RESTITUTION, place)] * with.variance;
+    let power = Power::of(with.value(RESTITUTION), reference, with.value(place), covariance, [slowest, fastest]);
+    Some(Law::of_fit(constant, power, [slowest, fastest], approaches.len()))
 }

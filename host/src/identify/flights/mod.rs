@@ -13,6 +13,7 @@
 //! error of a sensor that has one. The equations are linear in x, d and the friction together, so an error of the sensor's scale
 //! does not change e.
 
+mod answer;
 mod estimate;
 mod kink;
 mod usable;

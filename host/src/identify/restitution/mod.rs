@@ -3,6 +3,7 @@
 pub(crate) mod film;
 mod force;
 pub mod law;
+mod least_squares;
 mod tables;
 
 use std::path::{Path, PathBuf};
@@ -117,7 +118,8 @@ pub struct OverSpeed {
     pub is_maximum_found: bool,
     /// Slowest and fastest approach.
     pub speeds_m_per_s: [f64; 2],
-    /// The impacts.
+    /// The impacts of drop tests; a run has them in its own table.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub impacts: Vec<Impact>,
 }
 
@@ -202,18 +204,28 @@ fn of_law(law: &Law, groups: &[Impacts], taken_from: String) -> Identification {
         [only] => only.method,
         _ => "drop tests together",
     };
-    let mut estimates = law.power.as_ref().filter(|_| law.depends_on_speed()).map(of_power).unwrap_or_default();
-    estimates.push(constant(method, &law.constant));
-    if let Some(power) = law.power.as_ref().filter(|_| !law.depends_on_speed()) {
-        estimates.push(Estimate::new("exponent of e over the speed", "", POWER, &power.exponent));
+    let mut identified = Identification::new(taken_from, vec![constant(method, &law.constant)]);
+    judge(&mut identified, law, groups.iter().flat_map(|group| group.all.iter().cloned()).collect());
+    identified.remarks = remarks(law);
+    identified
+}
+
+/// Adds whether one coefficient is enough, and e over the speed; where it is not enough, that comes first.
+pub(crate) fn judge(identified: &mut Identification, law: &Law, impacts: Vec<Impact>) {
+    let depends_on_speed = law.depends_on_speed();
+    if let Some(power) = &law.power {
+        if depends_on_speed {
+            identified.estimates.splice(0..0, of_power(power));
+        } else {
+            identified.estimates.push(Estimate::new("exponent of e over the speed", "", POWER, &power.exponent));
+        }
     }
-    let mut identified = Identification::new(taken_from, estimates);
     identified.answer = Some(answer(law));
-    identified.contradiction = law.depends_on_speed().then(|| {
+    identified.contradiction = depends_on_speed.then(|| {
         "one coefficient contradicts the impacts: e depends on the approach speed, which the keys of the set-up file do not express yet".into()
     });
     identified.over_speed = Some(OverSpeed {
-        depends_on_speed: law.depends_on_speed(),
+        depends_on_speed,
         chance: law.chance,
         coefficient: law.power.map(|power| power.coefficient.value),
         reference_speed_m_per_s: law.power.map(|power| power.reference_speed_m_per_s),
@@ -221,10 +233,8 @@ fn of_law(law: &Law, groups: &[Impacts], taken_from: String) -> Identification {
         maximum: law.power.map(|power| power.maximum.value),
         is_maximum_found: law.power.is_some_and(|power| power.is_maximum_found),
         speeds_m_per_s: law.speeds_m_per_s,
-        impacts: groups.iter().flat_map(|group| group.all.iter().cloned()).collect(),
+        impacts,
     });
-    identified.remarks = remarks(law);
-    identified
 }
 
 const POWER: &str = "e(v) = min(coefficient·(v/reference speed)^(−exponent), maximum)";

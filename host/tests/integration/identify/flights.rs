@@ -281,3 +281,20 @@ fn runs_from_which_no_flight_can_be_taken_are_refused_with_what_to_do() {
     let wide = SPID.replace("clearance_ratio = 10", "clearance_ratio = 25");
     refused(&wide, fast, &["impacts are usable", "at least 8"]);
 }
+
+/// A slow record with a high e and a fast one with a low e, as one: what a wall does whose e falls with the speed. One e for all is no longer
+/// enough, and that is said; with the same e in both it is.
+#[test]
+fn e_that_falls_with_the_approach_speed_is_named_and_a_constant_is_not() {
+    let of = |seed: u64, [slow, fast]: [f64; 2]| {
+        let record = |e: f64, base_m: f64| Damper { e, base_m, ..USUAL }.record(SECONDS, exact(seed).0, None);
+        identify(&[record(slow, 1.2e-3), record(fast, 2e-3)], &USUAL.known()).unwrap().law.expect("speeds that differ")
+    };
+    let falls = of(1, [0.5, 0.45]);
+    assert!(falls.depends_on_speed(), "{falls:?}");
+    assert!(falls.power.unwrap().exponent.value > 0.05, "{falls:?}");
+    for seed in 1..=few_seeds() {
+        let constant = of(seed, [0.47, 0.47]);
+        assert!(!constant.depends_on_speed(), "seed {seed}: {constant:?}");
+    }
+}

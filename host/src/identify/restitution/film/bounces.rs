@@ -1,46 +1,15 @@
-//! The flights of a film with the frames that belong to them, and the impacts between them.
+//! The impacts between the flights of a film: where two of them meet, how fast the ball comes and leaves, and how well that is known.
 
 use nalgebra::{DMatrix, DVector};
 
-use super::fit::{Fit, Flight, Frames, Shape};
+use super::fit::{Fit, Flight};
+use super::floor::{Floor, crossing, impacts};
+use super::frames::{Bounce, LONG, fitted, meeting};
 use super::read::Track;
-use super::segments::{Candidate, Segments};
+use super::segments::Segments;
 use super::{Names, Scale, tracked};
-use crate::identify::lack_of_fit::most_chi_square;
 use crate::identify::restitution::law::{Impact, Impacts};
 use crate::identify::statistics::correlation;
-
-/// A flight and its frames.
-#[derive(Clone, Debug)]
-struct Bounce {
-    /// Places of the frames in the track.
-    used: Vec<usize>,
-    /// Frames that may belong to it.
-    candidates: std::ops::Range<usize>,
-    ends: [bool; 2],
-    drop: u32,
-}
-
-impl Bounce {
-    /// With the frames that surely belong to the flight: those away from a contact and from the hand.
-    fn of(flight: Candidate) -> Self {
-        let Candidate { frames, ends, drop } = flight;
-        let margin = |is_impact: bool| if is_impact { 1 + frames.len() / 10 } else { frames.len() / 4 };
-        let [first, last] = ends.map(margin);
-        let from = frames.start + first;
-        let used = from..frames.end.saturating_sub(last).max(from);
-        Self { used: used.collect(), candidates: frames, ends, drop }
-    }
-
-    /// Whether an impact is between this flight and the next one.
-    fn touches(&self, next: &Self) -> bool {
-        self.drop == next.drop && self.ends[1] && next.ends[0] && self.candidates.end == next.candidates.start + 1
-    }
-
-    fn is_long(&self) -> bool {
-        self.candidates.len() >= LONG && self.used.len() >= LEAST
-    }
-}
 
 /// A fitted film.
 pub(super) struct Bounces {
@@ -53,6 +22,8 @@ pub(super) struct Bounces {
     fit: Fit,
     /// Noise of a place, with what makes it larger in the mean of neighbours.
     variance: f64,
+    /// The floor, where several impacts show it.
+    floor: Option<Floor>,
     /// Flights that are too short.
     short: usize,
     /// Whether the vertical is y, and the sign towards the floor.
@@ -60,15 +31,11 @@ pub(super) struct Bounces {
     missing: usize,
 }
 
-/// Robust standard deviations of a frame from the fit that end a flight.
-const OUTSIDE: f64 = 4.5;
-/// Rounds in which frames are taken and left at most.
-const ROUNDS: usize = 40;
-/// Frames that a flight needs at least: with the frames at its impacts, so that a turn is seen; and to fit it.
-const LONG: usize = 9;
-const LEAST: usize = 5;
 /// Neighbours whose mean shows noise that is not white, or a misfit.
 const BLOCK: usize = 5;
+/// Standard uncertainties by which frames may contradict a contact time, and the least of them, in steps.
+const FAR: f64 = 3.0;
+const MOMENT: f64 = 0.2;
 /// Speed over its standard uncertainty that an impact needs at least.
 const CLEAR: f64 = 10.0;
 /// Share by which stated scale, frame rate and gravity may disagree.
@@ -107,7 +74,12 @@ impl Bounces {
                 ((at[last] - at[first]).round() as usize).saturating_sub(last - first)
             })
             .sum();
-        Ok(Self { at, down, across, flights, fit, variance, short, axis: (axis, segments.sign), missing })
+        let touched = impacts(&at, &flights);
+        // Frames that show a contact longer than the one of the floor say that the floor is not level, or the film is not.
+        let seen = touched.iter().map(|(n, _)| shown_contact(&at, &flights[*n], &flights[n + 1])).fold(0.0, f64::max);
+        let floor = Floor::of(&fit, touched, variance)
+            .filter(|floor| floor.contact + FAR * floor.contact_uncertainty.max(MOMENT) > seen);
+        Ok(Self { at, down, across, flights, fit, variance, floor, short, axis: (axis, segments.sign), missing })
     }
 
     /// The impacts, and what a person has to know about them.
@@ -134,6 +106,25 @@ impl Bounces {
             covariance[(n + i, n + i)] += before * before;
             covariance[(i, n + i)] -= values.e * before * before;
             covariance[(n + i, i)] -= values.e * before * before;
+        }
+        if let Some(floor) = &self.floor {
+            // How e and ln v go with the level of the floor.
+            let by_level = DVector::from_iterator(
+                2 * n,
+                found
+                    .iter()
+                    .map(|met| (met, met.values(self, &self.fit.parameters, scale)))
+                    .map(|(met, values)| (self.acceleration(met.pair, &self.fit.parameters), values))
+                    .flat_map(|(acceleration, values)| {
+                        let [before, after] = [values.before, values.after].map(|speed| acceleration / speed.powi(2));
+                        [values.e * (after - before), before]
+                    }),
+            );
+            let by_level = DVector::from_fn(2 * n, |i, _| by_level[2 * (i % n) + i / n]);
+            covariance += &by_level * by_level.transpose() * floor.level_by_uneven.powi(2);
+            for (i, j) in (0..2 * n).flat_map(|i| [(i, i), (i, (i + n) % (2 * n))]) {
+                covariance[(i, j)] += by_level[i] * by_level[j] * floor.uneven.powi(2);
+            }
         }
         let is_clear = |i: &usize| {
             let ln_v = covariance[(n + i, n + i)].sqrt();
@@ -232,20 +223,8 @@ impl Bounces {
                 .sum();
             sum / self.fit.left.len() as f64
         };
-        let by = DVector::from_fn(parameters.len(), |place, _| self.slope(place, &mean));
+        let by = DVector::from_fn(parameters.len(), |place, _| self.fit.slope(place, self.variance, mean));
         (mean(parameters), (by.dot(&(&self.fit.covariance * &by)) * self.variance).max(0.0).sqrt())
-    }
-
-    /// Derivative of a function of the parameters by one of them.
-    fn slope(&self, place: usize, of: impl Fn(&DVector<f64>) -> f64) -> f64 {
-        let step = 1e-2 * (self.variance * self.fit.covariance[(place, place)]).sqrt();
-        let step = step.max(1e-9 * self.fit.parameters[place].abs()).max(1e-15);
-        let at = |sign: f64| {
-            let mut moved = self.fit.parameters.clone();
-            moved[place] += sign * step;
-            of(&moved)
-        };
-        (at(1.0) - at(-1.0)) / (2.0 * step)
     }
 
     /// Where two flights meet.
@@ -258,7 +237,7 @@ impl Bounces {
         let moments = met.moments(self, &self.fit.parameters)?;
         // A contact that frames show lies somewhere between the frames beside it.
         let half = 12f64.sqrt();
-        let unknown = if met.has_contact {
+        let unknown = if met.has_contact && self.floor.is_none() {
             let [before, after] = met.contact(moments.1);
             [(before[1] - before[0]) / half, (after[1] - after[0]) / half]
         } else {
@@ -272,9 +251,15 @@ impl Bounces {
         let (n, count) = (found.len(), self.fit.parameters.len());
         let mut all = DMatrix::zeros(2 * n, count);
         for (i, met) in found.iter().enumerate() {
-            for place in self.fit.places(met.pair) {
-                all[(i, place)] = self.slope(place, |moved| met.values(self, moved, scale).e);
-                all[(n + i, place)] = self.slope(place, |moved| met.values(self, moved, scale).speed.ln());
+            // The level of the floor follows from all flights.
+            let places: Vec<usize> =
+                if self.floor.is_some() { (0..count).collect() } else { self.fit.places(met.pair).collect() };
+            for place in places {
+                let slope = |of: &dyn Fn(&Values) -> f64| {
+                    self.fit.slope(place, self.variance, |moved| of(&met.values(self, moved, scale)))
+                };
+                all[(i, place)] = slope(&|values| values.e);
+                all[(n + i, place)] = slope(&|values| values.speed.ln());
             }
         }
         all
@@ -398,14 +383,31 @@ impl Bounces {
         }
         let contacts: Vec<f64> =
             found.iter().filter(|met| met.has_contact).map(|met| met.ends[1] - met.ends[0]).collect();
-        if !contacts.is_empty() {
+        let ms = scale.step_s * 1e3;
+        if let Some(floor) = &self.floor {
+            let (contact, uncertainty) = (floor.contact * ms, floor.contact_uncertainty * ms);
+            remarks.push(format!(
+                "mean contact time {contact:.2} ms ({uncertainty:.2} ms standard uncertainty), from the depths at which the flights meet: e is that of the \
+                 speeds at the floor"
+            ));
+            if floor.uneven > 0.0 {
+                remarks.push(format!(
+                    "the level of the floor differs by {:.2} {unit}s from impact to impact beyond the noise; the intervals include it",
+                    floor.uneven
+                ));
+            }
+        } else if contacts.is_empty() {
+            remarks.push(format!(
+                "the contact time is not known from one impact, or from impacts that are all alike: e is that of a contact much shorter than {ms:.1} ms"
+            ));
+        } else {
             let longest = contacts.iter().copied().fold(0.0, f64::max);
             remarks.push(format!(
                 "{} of {} impacts show contact in frames of their own (at most {:.2} ms): when it begins and ends is known to a frame, which is part \
                  of the uncertainty",
                 contacts.len(),
                 found.len(),
-                longest * scale.step_s * 1e3
+                longest * ms
             ));
         }
         let fastest = all
@@ -425,6 +427,12 @@ impl Bounces {
         }
         remarks
     }
+}
+
+/// Time between the first and the last frame that belong to neither of two flights, in steps.
+fn shown_contact(at: &[f64], before: &Bounce, after: &Bounce) -> f64 {
+    let (Some(last), Some(first)) = (before.used.last(), after.used.first()) else { return 0.0 };
+    if *first > last + 2 { at[first - 1] - at[last + 1] } else { 0.0 }
 }
 
 impl Scale {
@@ -481,6 +489,10 @@ impl Met {
         if !near {
             return None;
         }
+        if let Some(floor) = &bounces.floor {
+            let level = floor.level(&bounces.fit, parameters);
+            return Some((crossing(&a, level, at), at, crossing(&b, level, at)));
+        }
         if !self.has_contact {
             return Some((at, at, at));
         }
@@ -495,153 +507,4 @@ impl Met {
         let per_step = scale.per_step(bounces.acceleration(self.pair, parameters));
         Values { at, ends: [from, to], before, after, e: after / before, speed: before * per_step }
     }
-}
-
-/// Where two flights meet, near a step, by Newton's method.
-fn meeting(before: &Flight, after: &Flight, near: f64) -> f64 {
-    let mut at = near;
-    for _ in 0..20 {
-        let step = (after.height(at) - before.height(at)) / (before.velocity(at) - after.velocity(at));
-        at += step;
-        if step.abs() < 1e-12 {
-            break;
-        }
-    }
-    at
-}
-
-fn frames(at: &[f64], down: &[f64], flights: &[Bounce]) -> Vec<Frames> {
-    let pick = |values: &[f64], used: &[usize]| used.iter().map(|place| values[*place]).collect();
-    flights.iter().map(|flight| Frames { at: pick(at, &flight.used), down: pick(down, &flight.used) }).collect()
-}
-
-/// Standard deviation of what is left, from its median: what does not belong to the flights does not widen it.
-fn deviation(fit: &Fit, noise: f64) -> f64 {
-    let mut sizes: Vec<f64> = fit.left.iter().map(|left| left.abs()).collect();
-    sizes.sort_by(f64::total_cmp);
-    let freedom = (fit.left.len() as f64 / fit.degrees_of_freedom).sqrt();
-    (sizes[sizes.len() / 2] / 0.6745 * freedom).max(0.5 * noise)
-}
-
-/// Fits the frames that surely belong to the flights, then takes those beside them that fit.
-fn fitted(at: &[f64], down: &[f64], flights: &mut [Bounce], noise: f64) -> Option<Fit> {
-    let mut fit = shaped(at, down, flights)?;
-    for _ in 0..ROUNDS {
-        let limit = OUTSIDE * deviation(&fit, noise);
-        let mut has_changed = false;
-        for (n, flight) in flights.iter_mut().enumerate() {
-            let own = fit.flight(n, &fit.parameters);
-            let fits = |place: &usize| own.left(at[*place], down[*place]).abs() <= limit;
-            let kept: Vec<usize> = flight.used.iter().copied().filter(fits).collect();
-            if kept.len() >= LEAST && kept.len() < flight.used.len() {
-                flight.used = kept;
-                has_changed = true;
-            }
-        }
-        if !has_changed {
-            break;
-        }
-        fit = shaped(at, down, flights)?;
-    }
-    fit = settle(at, down, flights, fit, noise)?;
-    // More frames may show what fewer did not.
-    let again = shaped(at, down, flights)?;
-    if again.shape != fit.shape {
-        fit = settle(at, down, flights, again, noise)?;
-    }
-    let acceleration = fit.flight(0, &fit.parameters).acceleration();
-    let hidden = (2.0 * OUTSIDE * deviation(&fit, noise) / acceleration).sqrt();
-    for flight in flights.iter_mut() {
-        flight.cut(at, hidden);
-    }
-    Fit::of(&frames(at, down, flights), fit.shape)
-}
-
-impl Bounce {
-    /// Leaves out the frames at the ends without an impact in which a hand that lets go or catches would be hidden by the noise.
-    fn cut(&mut self, at: &[f64], hidden: f64) {
-        let (first, last) = (at[self.used[0]], at[self.used[self.used.len() - 1]]);
-        let from = if self.ends[0] || self.candidates.start == 0 { first } else { first + hidden };
-        let to = if self.ends[1] || self.candidates.end == at.len() { last } else { last - hidden };
-        let kept: Vec<usize> = self.used.iter().copied().filter(|place| (from..=to).contains(&at[*place])).collect();
-        if kept.len() >= LEAST {
-            self.used = kept;
-        }
-    }
-}
-
-/// Takes the frames that fit and leaves the others, until that changes nothing.
-fn settle(at: &[f64], down: &[f64], flights: &mut [Bounce], mut fit: Fit, noise: f64) -> Option<Fit> {
-    for _ in 0..ROUNDS {
-        let limit = OUTSIDE * deviation(&fit, noise);
-        let mut has_changed = false;
-        // A frame that both flights fit belongs to the one on whose side of the impact it is.
-        let impact = |n: usize| {
-            let [before, after] = [n, n + 1].map(|n| fit.flight(n, &fit.parameters));
-            let floor = at[flights[n].candidates.end - 1];
-            flights[n]
-                .touches(&flights[n + 1])
-                .then(|| meeting(&before, &after, floor))
-                .filter(|met| (met - floor).abs() < 2.0)
-        };
-        let impacts: Vec<Option<f64>> = (0..flights.len() - 1).map(impact).collect();
-        for (n, flight) in flights.iter_mut().enumerate() {
-            let own = fit.flight(n, &fit.parameters);
-            let from = n.checked_sub(1).and_then(|n| impacts[n]).unwrap_or(f64::NEG_INFINITY);
-            let to = impacts.get(n).copied().flatten().unwrap_or(f64::INFINITY);
-            let fits =
-                |place: &usize| own.left(at[*place], down[*place]).abs() <= limit && (from..=to).contains(&at[*place]);
-            let kept = fitting(flight, fits);
-            if kept.len() >= LEAST && kept != flight.used {
-                flight.used = kept;
-                has_changed = true;
-            }
-        }
-        if !has_changed {
-            break;
-        }
-        fit = Fit::of(&frames(at, down, flights), fit.shape)?;
-    }
-    Some(fit)
-}
-
-/// The frames of a flight that fit, from its middle to the first two in a row that do not.
-fn fitting(flight: &Bounce, fits: impl Fn(&usize) -> bool) -> Vec<usize> {
-    let middle = flight.used[flight.used.len() / 2];
-    let along = |places: &mut dyn Iterator<Item = usize>| {
-        let (mut kept, mut missed) = (Vec::new(), 0);
-        for place in places {
-            if fits(&place) {
-                missed = 0;
-                kept.push(place);
-            } else {
-                missed += 1;
-                if missed == 2 {
-                    break;
-                }
-            }
-        }
-        kept
-    };
-    let mut all = along(&mut (flight.candidates.start..middle).rev());
-    all.reverse();
-    all.extend(along(&mut (middle..flight.candidates.end)));
-    all
-}
-
-/// The fit with perspective and cubics, where they explain what is no noise.
-fn shaped(at: &[f64], down: &[f64], flights: &[Bounce]) -> Option<Fit> {
-    let frames = frames(at, down, flights);
-    let mut best = Fit::of(&frames, Shape::default())?;
-    // Each may show only beside the others: from the simplest to all.
-    for n in 1..8 {
-        let shape = Shape { perspective: n & 1 > 0, cubic: n & 2 > 0, accelerations: n & 4 > 0 };
-        let Some(fit) = Fit::of(&frames, shape) else { continue };
-        let explained = (best.squares() - fit.squares()) / fit.variance();
-        let more = best.degrees_of_freedom - fit.degrees_of_freedom;
-        if more > 0.0 && explained > most_chi_square(more as usize, fit.degrees_of_freedom) {
-            best = fit;
-        }
-    }
-    Some(best)
 }

@@ -178,6 +178,18 @@ impl Fit {
         if self.shape.perspective { parameters[parameters.len() - 1] } else { 0.0 }
     }
 
+    /// Derivative of a function of the parameters by one of them, for readings of this variance.
+    pub(super) fn slope(&self, place: usize, variance: f64, of: impl Fn(&DVector<f64>) -> f64) -> f64 {
+        let step = 1e-2 * (variance * self.covariance[(place, place)]).sqrt();
+        let step = step.max(1e-9 * self.parameters[place].abs()).max(1e-15);
+        let at = |sign: f64| {
+            let mut moved = self.parameters.clone();
+            moved[place] += sign * step;
+            of(&moved)
+        };
+        (at(1.0) - at(-1.0)) / (2.0 * step)
+    }
+
     /// Sum of the squares of what is left.
     pub(super) fn squares(&self) -> f64 {
         self.left.iter().map(|left| left * left).sum()

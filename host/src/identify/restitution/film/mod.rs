@@ -4,6 +4,8 @@
 
 mod bounces;
 mod fit;
+mod floor;
+mod frames;
 mod read;
 mod segments;
 

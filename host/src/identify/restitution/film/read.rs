@@ -78,6 +78,9 @@ pub(super) fn is_film(path: &Path) -> bool {
         return false;
     }
     let text = String::from_utf8_lossy(&bytes);
+    if is_headed(&text) {
+        return true;
+    }
     let Ok(dialect) = dialect(&text) else { return false };
     if !dialect.has_names() {
         return dialect.columns.len() >= 3;
@@ -86,6 +89,17 @@ pub(super) fn is_film(path: &Path) -> bool {
     let has_places = names.iter().any(|name| place(name).is_some());
     let has_frames = names.iter().any(|name| is_frame(name));
     has_frames || (has_places && (dialect.time.is_some() || names.iter().any(|name| is_time(name))))
+}
+
+/// Lines in which a header is looked for.
+const HEAD: usize = 20;
+
+/// Whether a line at the beginning names frames and places.
+fn is_headed(text: &str) -> bool {
+    text.lines().take(HEAD).any(|line| {
+        let names: Vec<&str> = line.split([',', ';', '\t']).collect();
+        names.iter().any(|name| is_frame(name)) && names.iter().any(|name| place(name).is_some())
+    })
 }
 
 fn is_time(name: &str) -> bool {
@@ -202,6 +216,12 @@ impl Film {
 
     fn parse(file: &str, text: &str) -> Result<Self, String> {
         let dialect = dialect(text)?;
+        // Without a place in any row the columns are those of the frames alone.
+        if is_headed(text) && !dialect.columns.iter().any(|column| place(&column.name).is_some()) {
+            let is_row = |line: &&str| line.starts_with(|c: char| c.is_ascii_digit());
+            let count = text.lines().filter(is_row).count();
+            return Err(format!("nothing is tracked in its {count} frames: every place is empty"));
+        }
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
         let rows: Vec<(usize, Vec<&str>)> =
