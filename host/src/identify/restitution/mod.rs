@@ -143,7 +143,7 @@ pub fn identify(sources: &[PathBuf], options: &Options) -> Result<Restitution, C
             return Err(CannotIdentify(format!("{} is given twice", source.display())));
         }
         match of_file(source, options, sources.len())? {
-            Found::Force(identified) => return Ok(Restitution { law: None, identified }),
+            Found::Force(identified) => return Ok(Restitution { law: None, identified: *identified }),
             Found::Impacts(kind, impacts, own) => {
                 kinds.push(kind);
                 groups.push(impacts);
@@ -169,7 +169,7 @@ pub fn identify(sources: &[PathBuf], options: &Options) -> Result<Restitution, C
 
 /// What a file holds.
 enum Found {
-    Force(Identification),
+    Force(Box<Identification>),
     Impacts(Kind, Impacts, Vec<String>),
 }
 
@@ -190,7 +190,7 @@ fn of_file(source: &Path, options: &Options, files: usize) -> Result<Found, Cann
     }
     let mut identified = Identification::new(table.file(), force::of_force(&table, options.approach)?);
     identified.remarks = vec!["restitution depends on the approach velocity: test at that of the experiment".into()];
-    Ok(Found::Force(identified))
+    Ok(Found::Force(Box::new(identified)))
 }
 
 /// One coefficient for all speeds.
