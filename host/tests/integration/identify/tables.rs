@@ -224,7 +224,7 @@ fn tables_of_no_test_and_impossible_values_are_refused_with_the_fix() {
         }
     };
     refused("restitution", "a_m,b_m\n1,2\n", &["not the columns of a drop test", "drop_height_m,rebound_height_m"]);
-    refused("restitution", "drop_height_m,rebound_height_m\n0.5,0.6\n0.5,0.7\n", &["is not possible", "missing"]);
+    refused("restitution", "drop_height_m,rebound_height_m\n0.5,0.6\n0.5,0.7\n", &["is not possible", "swapped"]);
     refused("restitution", "drop_height_m,rebound_height_m\n0.5,0.2\n", &["at least two drops"]);
     refused("restitution", "drop_height_m,rebound_height_m\n500,200\n", &["not probable", "drop_height_mm"]);
     refused("restitution", "drop,t_s\n1,0.1\n1,0.5\n2,0.1\n2,0.4\n", &["a drop with 2 impacts"]);
