@@ -38,7 +38,7 @@ struct Parts {
 }
 
 /// Steps between the parts of a variance that are tried.
-const SHARES: i32 = 32;
+const SHARES: i32 = 12;
 
 /// A generalised least-squares fit.
 pub(super) struct Fitted {
@@ -177,7 +177,8 @@ impl Joined {
     pub(super) fn power(&self) -> Option<(Power, f64)> {
         let middle = self.middle();
         let fitted = self.fit(Model::Power(middle))?;
-        let limited = self.limited(middle, &fitted);
+        // Only an e that falls has an upper limit that shows.
+        let limited = if fitted.value(1).is_found() { self.limited(middle, &fitted) } else { None };
         let is_maximum_found = limited.is_some();
         let fitted = limited.unwrap_or(fitted);
         let exponent = fitted.value(1);
