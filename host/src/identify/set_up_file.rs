@@ -29,6 +29,14 @@ pub fn text(identified: &Identification, earlier: Option<&str>) -> Result<String
         let (table, name) = table_of(&mut file, key)?;
         table.insert(name.into(), Value::String((*word).into()));
     }
+    // A constant coefficient replaces a law over the speed.
+    let has = |key: &str| keyed.iter().any(|estimate| estimate.key == Some(key));
+    let law = ["particle.wall.exponent", "particle.wall.reference_speed_m_per_s", "particle.wall.maximum"];
+    let is_constant = has("particle.wall.coefficient") && !law.iter().any(|key| has(key));
+    for key in law.iter().filter(|_| is_constant) {
+        let (table, name) = table_of(&mut file, key)?;
+        table.remove(name);
+    }
     for estimate in &keyed {
         let (table, name) = table_of(&mut file, estimate.key.unwrap_or_default())?;
         table.insert(name.into(), Value::Float(estimate.value));
@@ -38,7 +46,8 @@ pub fn text(identified: &Identification, earlier: Option<&str>) -> Result<String
     };
     let is_kept = |entry: &Value| {
         let key = entry.get("key").and_then(Value::as_str);
-        !keyed.iter().any(|estimate| estimate.key == key)
+        let is_replaced = is_constant && key.is_some_and(|key| law.contains(&key));
+        !is_replaced && !keyed.iter().any(|estimate| estimate.key == key)
     };
     let mut list: Vec<Value> = list.into_iter().filter(is_kept).collect();
     for estimate in keyed {

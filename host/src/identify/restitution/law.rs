@@ -76,6 +76,11 @@ pub struct Power {
 }
 
 impl Power {
+    /// Whether a wall can have this law: e falls with the speed, at most as fast as 1/v, from a maximum below 1.
+    pub(in crate::identify) fn is_a_wall(&self) -> bool {
+        self.exponent.value > 0.0 && self.exponent.value <= 1.0 && (0.0..1.0).contains(&self.maximum.value)
+    }
+
     /// Without an upper limit that the impacts show: it is e at the slowest of them, or at the fastest where e rises.
     pub(in crate::identify) fn of(
         coefficient: Value,

@@ -195,7 +195,7 @@ fn of_file(source: &Path, options: &Options, files: usize) -> Result<Found, Cann
 
 /// One coefficient for all speeds.
 fn constant(method: &'static str, value: &Value) -> Estimate {
-    Estimate::new("coefficient of restitution", "", method, value).of_key("particle.wall.coefficient")
+    Estimate::new("coefficient of restitution", "", method, value).of_key(COEFFICIENT)
 }
 
 /// The answer.
@@ -215,14 +215,25 @@ pub(crate) fn judge(identified: &mut Identification, law: &Law, impacts: Vec<Imp
     let depends_on_speed = law.depends_on_speed();
     if let Some(power) = &law.power {
         if depends_on_speed {
+            // The coefficient of the law takes the key of the constant.
+            if power.is_a_wall() {
+                identified
+                    .estimates
+                    .iter_mut()
+                    .filter(|one| one.key == Some(COEFFICIENT))
+                    .for_each(|one| one.key = None);
+                identified.words.push(("particle.wall.kind", "restitution"));
+            }
             identified.estimates.splice(0..0, of_power(power));
         } else {
             identified.estimates.push(Estimate::new("exponent of e over the speed", "", POWER, &power.exponent));
         }
     }
     identified.answer = Some(answer(law));
-    identified.contradiction = depends_on_speed.then(|| {
-        "one coefficient contradicts the impacts: e depends on the approach speed, which the keys of the set-up file do not express yet".into()
+    let is_written = law.power.as_ref().is_some_and(Power::is_a_wall);
+    identified.contradiction = (depends_on_speed && !is_written).then(|| {
+        "one coefficient contradicts the impacts: e depends on the approach speed, and not as a wall's e(v) does, which falls from a maximum below 1"
+            .into()
     });
     identified.over_speed = Some(OverSpeed {
         depends_on_speed,
@@ -239,16 +250,21 @@ pub(crate) fn judge(identified: &mut Identification, law: &Law, impacts: Vec<Imp
 
 const POWER: &str = "e(v) = min(coefficient·(v/reference speed)^(−exponent), maximum)";
 
-/// The estimates of e over the speed. A set-up file that knows their keys takes them by `of_key`.
+const COEFFICIENT: &str = "particle.wall.coefficient";
+const EXPONENT: &str = "particle.wall.exponent";
+
+/// The estimates of e over the speed, with their keys where a wall can have this law.
 fn of_power(power: &Power) -> Vec<Estimate> {
     let exact = Value { value: power.reference_speed_m_per_s, standard_uncertainty: 0.0, degrees_of_freedom: 1.0 };
     let maximum = Estimate::new("e(v): maximum", "", POWER, &power.maximum);
-    vec![
-        Estimate::new("e(v): coefficient at the reference speed", "", POWER, &power.coefficient),
-        Estimate::new("e(v): reference speed", "m/s", POWER, &exact),
-        Estimate::new("e(v): exponent", "", POWER, &power.exponent),
-        Estimate { interval_95: law::interval_of_maximum(power), ..maximum },
-    ]
+    let estimates = [
+        Estimate::new("e(v): coefficient at the reference speed", "", POWER, &power.coefficient).of_key(COEFFICIENT),
+        Estimate::new("e(v): reference speed", "m/s", POWER, &exact).of_key("particle.wall.reference_speed_m_per_s"),
+        Estimate::new("e(v): exponent", "", POWER, &power.exponent).of_key(EXPONENT),
+        Estimate { interval_95: law::interval_of_maximum(power), ..maximum }.of_key("particle.wall.maximum"),
+    ];
+    let is_written = power.is_a_wall();
+    estimates.map(|one| Estimate { key: one.key.filter(|_| is_written), ..one }).into()
 }
 
 /// Whether one constant is enough, in a sentence.
