@@ -146,6 +146,32 @@ fn a_twin_follows_a_wall_whose_restitution_falls_with_the_speed() {
     assert!(other_m > 3.0 * residual_rms_m, "{other_m} {residual_rms_m}");
 }
 
+/// Its twin without the weight loses the particle.
+#[test]
+fn a_twin_follows_an_inclined_cavity_off_its_centre_with_two_walls() {
+    let lopsided = |inclination_deg: f64| {
+        let mut set_up = set_up(15e-3, 0.6, 0.02);
+        let positive_wall = Some(Wall::Restitution { coefficient: 0.3 });
+        let particle = set_up.particle.as_mut().expect("it has one");
+        particle.cavity = Cavity { positive_wall, offset_m: 5e-3, inclination_deg };
+        set_up
+    };
+    let truth = lopsided(8.0);
+    let follow = |twin: &SetUp| {
+        let mut bench = Bench::new(&truth, twin, 3e-3, &truth.neutral());
+        bench.run(30);
+        let before = bench.twin_counts();
+        let signals = bench.run(60);
+        println!("{signals:?}");
+        assert!(signals.detected - before.1 > 100, "{signals:?}");
+        (signals.residual_rms_m, signals.missing - before.2)
+    };
+    let (residual_rms_m, missing) = follow(&truth);
+    assert!(residual_rms_m < 8e-6 && missing == 0, "{residual_rms_m} {missing}");
+    let (other_m, _) = follow(&lopsided(0.0));
+    assert!(other_m > 10.0 * residual_rms_m, "{other_m} {residual_rms_m}");
+}
+
 impl Bench {
     fn twin_counts(&mut self) -> (u32, u32, u32) {
         let signals = self.tick();
