@@ -24,6 +24,7 @@ mod sequence;
 mod special;
 mod start;
 mod system;
+mod wall_law;
 
 pub use boundary_problem::{Condition, When};
 pub use branch::{BranchEnd, Steps};

@@ -12,6 +12,7 @@ use crate::flow::place::{COSINE, OFFSET, ONE, PHASE, SINE, SLIDE, V, X};
 use crate::flow::{N, STATE, Square, Vector, row_times};
 use crate::parameter::{Parameter, Ties, Values};
 use crate::sequence::{Guard, Phase};
+use crate::wall_law::{Scales, WallLaw, of};
 
 /// A set-up under a sine of the base or of a force.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,22 +26,6 @@ pub struct System {
     pub(crate) length_m: f64,
     pub(crate) has_particle: bool,
     pub(crate) has_tmd: bool,
-}
-
-/// Restitution that falls with the speed of the impact, without units.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Falling {
-    reference: f64,
-    exponent: f64,
-    maximum: f64,
-}
-
-impl Falling {
-    fn of(wall: &Wall, velocity_m_per_s: f64) -> Option<Self> {
-        let law = wall.falling()?;
-        let (exponent, maximum) = (law.exponent, law.maximum);
-        Some(Self { reference: law.reference_speed_m_per_s / velocity_m_per_s, exponent, maximum })
-    }
 }
 
 impl System {
@@ -241,23 +226,14 @@ impl System {
         let per_mass = T::of(1.0) / v.structure_mass;
         let square = time * time;
         let force = per_mass * square / length;
-        let negative = WallLaw {
-            restitution: v.restitution,
-            falling: self.set_up.particle.and_then(|p| Falling::of(&p.wall, self.length_m / self.time_s)),
-            stiffness: v.link_stiffness * square * per_mass,
-            damping: v.link_damping * time * per_mass,
-            release: self.set_up.particle.and_then(|p| p.wall.release()),
-        };
-        let positive = self.set_up.particle.and_then(|p| p.cavity.positive_wall).map_or(negative, |wall| {
-            let (stiffness, damping) = wall.spring_and_dashpot().unwrap_or_default();
-            WallLaw {
-                restitution: T::of(wall.restitution().map_or(0.0, |law| law.coefficient)),
-                falling: Falling::of(&wall, self.length_m / self.time_s),
-                stiffness: T::of(stiffness) * square * per_mass,
-                damping: T::of(damping) * time * per_mass,
-                release: wall.release(),
-            }
-        });
+        let scales = Scales { velocity_m_per_s: self.length_m / self.time_s, time, per_mass };
+        let walls = self.set_up.particle.map_or([None; 2], |p| p.walls().map(Some));
+        let mut walls = walls.map(|wall| WallLaw::of(wall.as_ref(), &scales));
+        // The parameters are those of the negative side, and of both where there is one wall.
+        let is_one = self.set_up.particle.is_none_or(|p| p.cavity.positive_wall.is_none());
+        for wall in walls.iter_mut().take(if is_one { 2 } else { 1 }) {
+            wall.set(v.restitution, scales.stiffness(v.link_stiffness), scales.damping(v.link_damping));
+        }
         Equations {
             stiffness: v.stiffness * square * per_mass,
             damping: v.damping * time * per_mass,
@@ -265,7 +241,7 @@ impl System {
             clearance: v.clearance / length,
             friction_acceleration: v.friction_acceleration * square / length,
             weight: T::of(self.set_up.weight_m_per_s2()) * square / length,
-            walls: [negative, positive],
+            walls,
             damper_force: v.damper_force * force,
             base_amplitude: v.base_amplitude / length,
             force_amplitude: v.force_amplitude * force,
@@ -305,22 +281,6 @@ pub(crate) struct Equations<T> {
     pub(crate) turning: T,
     has_second_mass: bool,
     has_tmd: bool,
-}
-
-/// A wall, without units; with a tuned mass the first one has its spring and dashpot.
-#[derive(Clone, Copy, Debug)]
-struct WallLaw<T> {
-    restitution: T,
-    falling: Option<Falling>,
-    stiffness: T,
-    damping: T,
-    /// When a soft wall releases the particle; `None` of a hard one.
-    release: Option<Release>,
-}
-
-/// Place of a side among two walls.
-fn of(side: Sign) -> usize {
-    usize::from(side > 0)
 }
 
 impl<T: Real> Equations<T> {
@@ -473,17 +433,6 @@ impl<T: Real> Equations<T> {
         row
     }
 
-    /// e of an impact on the wall of `side` with y′ − x′ = `slide`, and the share of it that falls: the exponent, 0 where e is
-    /// constant or at its maximum.
-    fn restitution(&self, side: Sign, slide: T) -> (T, T) {
-        let wall = &self.walls[of(side)];
-        let constant = (wall.restitution, T::of(0.0));
-        let Some(law) = wall.falling else { return constant };
-        let speed = if slide.value() < 0.0 { -slide } else { slide };
-        let e = wall.restitution * (speed / T::of(law.reference)).power(-law.exponent);
-        if e.value() < law.maximum { (e, T::of(law.exponent)) } else { (T::of(law.maximum), T::of(0.0)) }
-    }
-
     /// The state after the event `guard` at which `next` begins, from the completed state `before` it.
     /// The rows are linear about that state: they give its image and the derivative there.
     pub(crate) fn reset(&self, guard: Guard, next: &Phase, before: &Vector<T>) -> [Vector<T>; STATE] {
@@ -498,7 +447,7 @@ impl<T: Real> Equations<T> {
         match guard {
             Guard::Wall(side) if self.walls[of(side)].release.is_none() => {
                 // e(|s|) s of s = y′ − x′ has the derivative e (1 − p), with the exponent p.
-                let (e, falls) = self.restitution(side, before[SLIDE]);
+                let (e, falls) = self.walls[of(side)].restitution(before[SLIDE]);
                 let (steep, rest) = (e * (one - falls), e * falls * before[SLIDE]);
                 let share = self.mass / (one + self.mass);
                 (rows[V][SLIDE], rows[V][ONE]) = ((one + steep) * share, rest * share);
