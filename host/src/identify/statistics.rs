@@ -289,7 +289,7 @@ pub fn correlation(residuals: &[f64], block: usize) -> Option<f64> {
 /// Steps to the largest likelihood; a hundred leave less than a thousandth of each part.
 const ROUNDS: usize = 200;
 
-/// Parts of a variance that goes with known shapes: `powers[n]` is a draw of Σ part·shape[n], of an exponential distribution or a sum of such. By
+/// Parts of a variance that goes with known shapes: `powers[n]` is a draw of `Σ part·shape[n]`, of an exponential distribution or a sum of such. By
 /// multiplicative steps from `start` that never lower the likelihood (Févotte and others 2009).
 #[must_use]
 pub fn variance_parts<const PARTS: usize>(

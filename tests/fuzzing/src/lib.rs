@@ -1,5 +1,5 @@
 //! Fuzz targets of both sides of the link: arbitrary bytes into a board ([`device`]) and into a host ([`host`]), and whole runs
-//! over a link that changes messages ([`crafted_run`]); and arbitrary bytes as a measured file ([`file`]).
+//! over a link that changes messages ([`crafted_run`]); and arbitrary bytes as a measured file ([`file()`]).
 //!
 //! The fuzzer runs them (`fuzz/`). `tests/run` replays them without a fuzzer, on the seeds in `fuzz/seeds` and on
 //! mutations of them. [`seeds`] generates seeds.
