@@ -204,8 +204,14 @@ fn from_source(args: &ResponseArgs) -> Result<Given, Failure> {
             return of_table(table).map_err(Failure::input);
         }
         let is_text = std::fs::read(&selector.path).is_ok_and(|bytes| signal_file::is_plain_table(&bytes));
-        let is_response = || signal_file::read(&selector.path).is_ok_and(|contents| has_one(&contents));
-        if is_text && !is_response() {
+        let contents = signal_file::read(&selector.path);
+        if is_text && !contents.as_ref().is_ok_and(has_one) {
+            // A table of points names its columns; of another one the reader of signals says what is wrong.
+            if let (Err(error), Ok(table)) = (contents, &table)
+                && !table.has(&Z)
+            {
+                return Err(Failure::input(error));
+            }
             return table.and_then(|table| of_table(&table)).map_err(Failure::input);
         }
     }

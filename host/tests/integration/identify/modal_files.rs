@@ -259,6 +259,7 @@ fn a_bad_frequency_response_is_refused_with_file_signal_and_option() {
     write("negative.csv", &good.replace("\n8,", "\n-8,"));
     refused(&["negative.csv"], &["negative.csv#h: frequency 1 is -8 Hz", "at least 0"]);
     write("nan.csv", &good.replacen("\n9,", "\n9,nan,0,0.9,0\n9.01,", 1));
+    refused(&["nan.csv"], &["nan.csv: line", "\"nan\" is not a finite number"]);
     refused(&["nan.csv#h"], &["nan.csv: line", "\"nan\" is not a finite number"]);
     write("short.csv", "f_hz,c\n8,0.9\n9,0.9\n");
     refused(
