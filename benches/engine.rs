@@ -16,7 +16,7 @@ use cases::Case;
 
 /// Number of rounds, and minimum time per line in each round.
 const ROUNDS: usize = 60;
-const LEAST: Duration = Duration::from_millis(4);
+const MIN: Duration = Duration::from_millis(4);
 
 /// One line: the function to run, and the number of cycles (or seconds of a record) in one run.
 struct Line {
@@ -35,7 +35,7 @@ impl Line {
 
     fn round(&mut self) {
         let (start, mut runs) = (Instant::now(), 0);
-        while runs == 0 || start.elapsed() < LEAST {
+        while runs == 0 || start.elapsed() < MIN {
             self.result = black_box((self.run)());
             runs += 1;
         }

@@ -128,9 +128,9 @@ fn no_damaged_telemetry_frame_of_a_million_gives_a_wrong_sample() {
 
 #[test]
 fn eight_signals_at_1_khz_leave_two_fifths_of_the_line_free() {
-    use damprig_protocol::MOST_VALUES;
+    use damprig_protocol::MAX_VALUES;
     const SIGNALS: usize = 8;
-    let rows = MOST_VALUES / SIGNALS;
+    let rows = MAX_VALUES / SIGNALS;
     let mut random = SmallRng::seed_from_u64(3);
     let (mut bytes, mut count) = (0, 0);
     // The largest numbers that a message may carry, and values without a pattern.

@@ -19,7 +19,7 @@ use tempfile::TempDir;
 const DWELL_S: u32 = 20;
 
 /// Maximum number of frequencies: below the capacity of a controller.
-const MOST_POINTS: u32 = 90;
+const MAX_POINTS: u32 = 90;
 
 const TICK_HZ: u64 = 1000;
 
@@ -30,7 +30,7 @@ fn seconds() -> u32 {
 
 /// A campaign of this length with a hybrid damper: more frequencies first, then a longer dwell at each.
 fn campaign(seconds: u32) -> String {
-    let dwell_s = seconds.div_ceil(MOST_POINTS).max(DWELL_S);
+    let dwell_s = seconds.div_ceil(MAX_POINTS).max(DWELL_S);
     let points = seconds.div_ceil(dwell_s);
     let frequencies: Vec<String> =
         (0..points).map(|n| format!("{}", 2.2 + 0.6 * f64::from(n) / f64::from(points))).collect();

@@ -12,7 +12,7 @@ use crate::interrupt::Interrupt;
 use crate::source::Given;
 
 /// Most rows of a motion: 2 GB.
-const MOST_ROWS: f64 = 4e7;
+const MAX_ROWS: f64 = 4e7;
 
 /// The times at which the motion is kept.
 enum Times {
@@ -92,9 +92,9 @@ fn times(case: &Case, times_s: Option<Vec<f64>>, rate_hz: Option<f64>) -> Result
         None => case.usual_rate_hz(),
     };
     let rows = duration_s * rate_hz;
-    if rows > MOST_ROWS {
+    if rows > MAX_ROWS {
         return Err(Failure::Input(format!(
-            "rate_hz = {rate_hz} over duration_s = {duration_s} gives {rows:.3e} rows: must be {MOST_ROWS:.0e} or fewer; \
+            "rate_hz = {rate_hz} over duration_s = {duration_s} gives {rows:.3e} rows: must be {MAX_ROWS:.0e} or fewer; \
              lower rate_hz, or let `damprig simulate --out` write a file"
         )));
     }

@@ -11,7 +11,7 @@ static ANSWERED: AtomicBool = AtomicBool::new(false);
 
 /// Number of steps without an answer after which the communication counts as stalled. Encoding and sending the
 /// longest message takes a few steps.
-const MOST_STEPS: u32 = 500;
+const MAX_STEPS: u32 = 500;
 
 /// Answers each signal.
 pub async fn run() -> ! {
@@ -48,8 +48,8 @@ impl Watch {
             self.steps_without = self.steps_without.saturating_add(1);
         }
         match self.steps_without {
-            ..MOST_STEPS => Heartbeat::Alive,
-            MOST_STEPS => Heartbeat::Stalls,
+            ..MAX_STEPS => Heartbeat::Alive,
+            MAX_STEPS => Heartbeat::Stalls,
             _ => Heartbeat::Stalled,
         }
     }

@@ -11,7 +11,7 @@ use cortex_m_semihosting::hprintln;
 use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target};
 use damprig_core::control::safety::ExperimentLimits;
-use damprig_core::control::stepped_sine::{DriveMode, MOST_POINTS, Start, SteppedSine};
+use damprig_core::control::stepped_sine::{DriveMode, MAX_POINTS, Start, SteppedSine};
 use damprig_core::io::{Actuators, SUBSAMPLES, Sensors, SlowBlock};
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
@@ -216,7 +216,7 @@ pub fn run(counter: &InstructionCounter) -> ! {
         replies: [0; 2],
     };
     let (mut idle, mut spring_moves) = (Tally::default(), Tally::default());
-    let longest = (0..MOST_POINTS).map(|n| 2.0 + 1e-3 * n as f32).collect();
+    let longest = (0..MAX_POINTS).map(|n| 2.0 + 1e-3 * n as f32).collect();
     for (name, ask) in [
         ("settings", Request::SetSettings(Settings::default())),
         ("spring", Request::SetSpring(spring())),

@@ -18,7 +18,7 @@ use embassy_sync::signal::Signal;
 const LOOK_STEPS: u32 = 1_000;
 
 /// Looks without a message of the host after which the link counts as down.
-const MOST_SILENT: u32 = 10;
+const MAX_SILENT: u32 = 10;
 
 /// A message came from the host.
 pub static HEARD: AtomicBool = AtomicBool::new(false);
@@ -50,7 +50,7 @@ pub struct Watch {
 
 impl Default for Watch {
     fn default() -> Self {
-        Self { seen: AT_START, spring_signal: 0.0, steps: 0, silent: MOST_SILENT }
+        Self { seen: AT_START, spring_signal: 0.0, steps: 0, silent: MAX_SILENT }
     }
 }
 
@@ -70,7 +70,7 @@ impl Watch {
         if looks {
             self.steps = 0;
             self.silent = if HEARD.swap(false, Ordering::Relaxed) { 0 } else { self.silent.saturating_add(1) };
-            seen.is_linked = self.silent < MOST_SILENT;
+            seen.is_linked = self.silent < MAX_SILENT;
             let Counters { bad_frames, requests_dropped, replies_dropped, rows_dropped, .. } = controller.counters();
             seen.lost = [bad_frames, requests_dropped, replies_dropped, rows_dropped];
         }
@@ -90,7 +90,7 @@ pub async fn run() -> ! {
             if seen.is_linked {
                 defmt::info!("link: the host sends");
             } else {
-                defmt::warn!("link: no message for {=u32} s", MOST_SILENT);
+                defmt::warn!("link: no message for {=u32} s", MAX_SILENT);
             }
         }
         if seen.state != told.state {

@@ -13,7 +13,7 @@ use crate::identify::statistics::{Value, line, student_tail};
 const FALSE_ALARM: f64 = 0.01;
 
 /// Fewest points of a line with an uncertainty worth its name: two degrees of freedom.
-pub const FEWEST_POINTS: usize = 4;
+pub const MIN_POINTS: usize = 4;
 
 /// A straight line through the readings, over the references.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,10 +37,10 @@ pub struct Outlier {
     pub off: f64,
 }
 
-/// The line through points; `None` for fewer than [`FEWEST_POINTS`], or references that are all the same.
+/// The line through points; `None` for fewer than [`MIN_POINTS`], or references that are all the same.
 #[must_use]
 pub fn straight(points: &[Point]) -> Option<Line> {
-    if points.len() < FEWEST_POINTS {
+    if points.len() < MIN_POINTS {
         return None;
     }
     let (x, y): (Vec<f64>, Vec<f64>) = points.iter().map(|p| (p.reference, p.reading)).unzip();
@@ -58,7 +58,7 @@ fn residuals(x: &[f64], y: &[f64], intercept: f64, slope: f64) -> Vec<f64> {
 fn outliers(x: &[f64], y: &[f64]) -> Vec<Outlier> {
     let mut left: Vec<usize> = (0..x.len()).collect();
     let mut found = Vec::new();
-    while left.len() > FEWEST_POINTS && found.len() < x.len() / 4 {
+    while left.len() > MIN_POINTS && found.len() < x.len() / 4 {
         let worst = left.iter().filter_map(|&out| deleted(x, y, &left, out).map(|(tail, off)| (tail, out, off)));
         let Some((tail, point, off)) = worst.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
         if tail * left.len() as f64 > FALSE_ALARM {
@@ -131,7 +131,7 @@ pub fn outlying_ratios(points: &[Point]) -> Vec<Outlier> {
     let ratios: Vec<f64> = points.iter().map(|p| p.reference / p.reading).collect();
     let mut left: Vec<usize> = (0..ratios.len()).collect();
     let mut found = Vec::new();
-    while left.len() > FEWEST_POINTS && found.len() < ratios.len() / 4 {
+    while left.len() > MIN_POINTS && found.len() < ratios.len() / 4 {
         let test = |&out: &usize| {
             let others: Vec<f64> = left.iter().filter(|i| **i != out).map(|i| ratios[*i]).collect();
             let mean = Value::mean(&others)?;

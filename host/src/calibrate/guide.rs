@@ -12,13 +12,13 @@ use super::rig::{CalibratedRig, Reading};
 use super::{CannotCalibrate, Channel};
 
 /// Share of the usable span that a target at rest may drift during a reading.
-const MOST_DRIFT: f64 = 1e-4;
+const MAX_DRIFT: f64 = 1e-4;
 
 /// Share of the usable span by which the values of a target at rest may scatter (RMS).
-const MOST_SCATTER: f64 = 1e-3;
+const MAX_SCATTER: f64 = 1e-3;
 
 /// Readings refused at one point before a calibration ends.
-const MOST_REFUSED: u32 = 10;
+const MAX_REFUSED: u32 = 10;
 
 /// What a person is asked to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -189,7 +189,7 @@ fn one(
 ) -> Result<Taken, CannotCalibrate> {
     let channel = plan.channel;
     let mut refused = 0;
-    while refused < MOST_REFUSED {
+    while refused < MAX_REFUSED {
         let ask = Ask::Reference { channel, reference: wanted, place };
         let reference = match operator.ask(rig, &ask)? {
             Answer::Done => wanted,
@@ -219,7 +219,7 @@ fn one(
         }
         refused += 1;
     }
-    Err(CannotCalibrate::Failed(format!("{MOST_REFUSED} readings in a row were none; the points so far are kept")))
+    Err(CannotCalibrate::Failed(format!("{MAX_REFUSED} readings in a row were none; the points so far are kept")))
 }
 
 /// Checks a reference of a channel at rest against the usable span of its sensor.
@@ -261,15 +261,15 @@ fn problem(channel: Channel, reading: &Reading, settings: &Settings) -> Option<S
         ));
     }
     // What drifts by no more than its noise explains does not move.
-    let drift_limit = MOST_DRIFT * span;
-    if drift.abs() > drift_limit || scatter > MOST_SCATTER * span {
+    let drift_limit = MAX_DRIFT * span;
+    if drift.abs() > drift_limit || scatter > MAX_SCATTER * span {
         return Some(format!(
             "the target still moves: the reading drifted by {} and scatters by {} (allowed: {} and {}). Let it come to rest, clamp \
              it, then press Enter",
             shown(drift),
             shown(scatter),
             shown(drift_limit),
-            shown(MOST_SCATTER * span)
+            shown(MAX_SCATTER * span)
         ));
     }
     None

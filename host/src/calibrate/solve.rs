@@ -9,10 +9,10 @@ use crate::identify::Estimate;
 use crate::identify::statistics::{Value, line};
 
 /// A gain that differs from the old one by more than this factor is an error of typing or of wiring.
-const MOST_CHANGE: f64 = 2.0;
+const MAX_CHANGE: f64 = 2.0;
 
 /// References that cover less than this share of the usable span: the ends are extrapolated.
-const LEAST_COVER: f64 = 0.4;
+const MIN_COVER: f64 = 0.4;
 
 /// The new calibration of a channel.
 #[derive(Clone, Debug, PartialEq)]
@@ -123,7 +123,7 @@ fn too_few(channel: Channel, points: &[Point]) -> CannotCalibrate {
          better seven over the span",
         points.len(),
         references.len(),
-        fit::FEWEST_POINTS
+        fit::MIN_POINTS
     ))
 }
 
@@ -132,7 +132,7 @@ fn too_few(channel: Channel, points: &[Point]) -> CannotCalibrate {
 pub(super) fn plausible(channel: Channel, change: f64) -> Result<(), CannotCalibrate> {
     let change = change.abs();
     // The stiffness in the settings may be a guess.
-    if channel == Channel::FrictionSpring || (1.0 / MOST_CHANGE..=MOST_CHANGE).contains(&change) {
+    if channel == Channel::FrictionSpring || (1.0 / MAX_CHANGE..=MAX_CHANGE).contains(&change) {
         return Ok(());
     }
     let is_thousand = |factor: f64| (0.5..=2.0).contains(&(change / factor));
@@ -262,7 +262,7 @@ fn covers(channel: Channel, points: &[Point], settings: &Settings) -> Option<Str
         .iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p.reference), high.max(p.reference)));
     let share = (most - least) / (high - low);
-    (share < LEAST_COVER).then(|| {
+    (share < MIN_COVER).then(|| {
         format!(
             "the references cover {:.0} % of the usable span: the gain is extrapolated to the rest; spread them further",
             100.0 * share

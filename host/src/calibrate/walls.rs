@@ -30,7 +30,7 @@ pub(super) fn solve(points: &[Point], settings: &Settings) -> Result<Solved, Can
         .into_iter()
         .filter(|(_, p)| !p.is_empty())
         .collect();
-    if points.len() < fit::FEWEST_POINTS || sides.iter().any(|(_, points)| points.len() < 3) {
+    if points.len() < fit::MIN_POINTS || sides.iter().any(|(_, points)| points.len() < 3) {
         return Err(CannotCalibrate::values(format!(
             "too few blows: {} in all\n  at least three on each wall that was hit are needed, better ten",
             points.len()

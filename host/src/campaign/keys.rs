@@ -1,7 +1,7 @@
 //! Declares the keys of a campaign other than those of structure and dampers: name, type, range, default and meaning of each.
 
-use damprig_core::control::base_loop::{ClosedLoop, MOST_GAIN_PER_S};
-use damprig_core::control::stepped_sine::FEWEST_TICKS_PER_CYCLE;
+use damprig_core::control::base_loop::{ClosedLoop, MAX_GAIN_PER_S};
+use damprig_core::control::stepped_sine::MIN_TICKS_PER_CYCLE;
 use damprig_core::io::TICK_HZ;
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_simulator::plant::{Amplifier, DataSheet, Shaker};
@@ -15,14 +15,14 @@ use crate::motion_record::{BASE_RECORD, ENVELOPE, NOISE, OF_FILE, RECORD_NOISE, 
 use crate::setup::{self, set_up_keys};
 
 /// The highest drive frequency, Hz.
-const HIGHEST_HZ: f64 = TICK_HZ as f64 / FEWEST_TICKS_PER_CYCLE as f64;
+const HIGHEST_HZ: f64 = TICK_HZ as f64 / MIN_TICKS_PER_CYCLE as f64;
 
 /// Why there is a highest drive frequency.
 const TICK: &str = "the controller's tick of 1000 Hz gives a period 20 samples there";
-const _: () = assert!(TICK_HZ == 1000.0 && FEWEST_TICKS_PER_CYCLE == 20.0, "TICK states both");
+const _: () = assert!(TICK_HZ == 1000.0 && MIN_TICKS_PER_CYCLE == 20.0, "TICK states both");
 
 /// Lowest sample rate of the controller, Hz.
-pub(super) const LEAST_RATE_HZ: f64 = 0.1;
+pub(super) const MIN_RATE_HZ: f64 = 0.1;
 
 /// Longest time of all dwells of a point, s: the controller counts 10⁹ ticks.
 const LONGEST_DWELL_S: f64 = 1e6;
@@ -39,7 +39,7 @@ const REST_LEVEL_KEY: Key =
         .usual(1e-6, 2e-3);
 const SAMPLE_RATE_KEY: Key = number(
     "sample_rate_hz",
-    Between(LEAST_RATE_HZ, TICK_HZ as f64),
+    Between(MIN_RATE_HZ, TICK_HZ as f64),
     "samples per second of the played motion; as fast as the record and the controller allow when left out",
 )
 .note("up to the controller's tick rate");
@@ -52,7 +52,7 @@ const INSTRUCTION_KEY: Key =
     key("instruction", Kind::Text, "what a person does before it; asked on a real rig, and noted in the journal");
 
 /// Most times that an experiment is repeated.
-const MOST_REPEATS: f64 = 100.0;
+const MAX_REPEATS: f64 = 100.0;
 
 /// The word of `kind` of every kind of experiment.
 const KINDS: &[&str] = &["stepped_sine", "playback", "impulse", "free_vibration"];
@@ -230,7 +230,7 @@ tables! {
         KIND: Required, [word("kind", KINDS, "the kind of experiment")];
         SET_UPS: Optional, [key("set_ups", Kind::Texts, "names of the set-ups that it is run on; all when left out")];
         REPEATS: Default(Number(1.0)), [
-            number("repeats", Whole(1.0, MOST_REPEATS), "times that it is run on each set-up; each is an experiment with a number after its name"),
+            number("repeats", Whole(1.0, MAX_REPEATS), "times that it is run on each set-up; each is an experiment with a number after its name"),
         ];
         INSTRUCTION: Optional, [INSTRUCTION_KEY];
     }
@@ -307,7 +307,7 @@ tables! {
     "Parameters of the closed loop of the base amplitude."
     closed_loop("experiment.closed_loop") {
         GAIN: Default(From(|| ClosedLoop::default().gain_per_s.into())), [
-            number("gain_per_s", Above(0.0, MOST_GAIN_PER_S as f64), "rate at which an amplitude error decays without load"),
+            number("gain_per_s", Above(0.0, MAX_GAIN_PER_S as f64), "rate at which an amplitude error decays without load"),
         ];
         TOLERANCE: Default(From(|| ClosedLoop::default().tolerance.into())), [
             number("tolerance", Between(0.001, 0.5), "relative error of the amplitude within which the base counts as held"),

@@ -9,10 +9,10 @@
 
 use std::path::Path;
 
-use damprig_core::control::transient::playback::MOST_SAMPLES;
+use damprig_core::control::transient::playback::MAX_SAMPLES;
 use damprig_core::io::TICK_HZ;
 
-use super::keys::{LEAST_RATE_HZ, playback as playback_keys};
+use super::keys::{MIN_RATE_HZ, playback as playback_keys};
 use super::transient::{Origin, Playback, kept_record, two_digits_down};
 use crate::input::{Number, Section, Span};
 use crate::motion_record::{Motion, Noise, Quantity, RECORD_FILE, RECORD_SCALE, Record, read_motion};
@@ -50,7 +50,7 @@ fn generated(
     let rate_hz = wanted_rate.as_ref().map_or(noise.rate_hz(), |rate| rate.value);
     if let Some(rate) = wanted_rate.filter(|rate| rate.value > noise.rate_hz() || rate.value < noise.least_rate_hz()) {
         let allowed = format!(
-            "must be from {} to {} for this noise: 10 samples in a period of to_hz, at most {MOST_SAMPLES} in duration_s",
+            "must be from {} to {} for this noise: 10 samples in a period of to_hz, at most {MAX_SAMPLES} in duration_s",
             noise.least_rate_hz(),
             noise.rate_hz()
         );
@@ -91,9 +91,9 @@ fn recorded(
     let is_linear = baseline.map_or(record.quantity == Quantity::Acceleration, |word| word == 1);
     let rate_hz = wanted_rate.as_ref().map(|n| n.value).unwrap_or((1.0 / record.step_s).min(f64::from(TICK_HZ)));
     let count = (record.duration_s() * rate_hz * (1.0 + 1e-9)).floor() + 1.0;
-    if rate_hz < LEAST_RATE_HZ {
+    if rate_hz < MIN_RATE_HZ {
         let allowed =
-            format!("has a sample each {:.3e} s; at most {} s can be played", record.step_s, 1.0 / LEAST_RATE_HZ);
+            format!("has a sample each {:.3e} s; at most {} s can be played", record.step_s, 1.0 / MIN_RATE_HZ);
         section.refuse("file", &file, allowed, Some("give `time_step_s` in seconds, or resample the record".into()));
         return None;
     }
@@ -106,10 +106,10 @@ fn recorded(
         section.refuse("file", &file, allowed, Some("give `time_step_s` in seconds".into()));
         return None;
     }
-    if count > MOST_SAMPLES as f64 {
-        let fits = two_digits_down((MOST_SAMPLES - 1) as f64 / record.duration_s());
+    if count > MAX_SAMPLES as f64 {
+        let fits = two_digits_down((MAX_SAMPLES - 1) as f64 / record.duration_s());
         let allowed = format!(
-            "gives {count:.0} samples in {:.2} s; the controller's record buffer of 40 KiB holds {MOST_SAMPLES}",
+            "gives {count:.0} samples in {:.2} s; the controller's record buffer of 40 KiB holds {MAX_SAMPLES}",
             record.duration_s()
         );
         let help = Some(format!("write sample_rate_hz = {fits}, or cut the record"));
@@ -161,7 +161,7 @@ impl Ends {
 }
 
 /// Peak below which a record is no motion, m: a thousandth of what a displacement sensor resolves, and of a light wave.
-const LEAST_PEAK_M: f64 = 1e-9;
+const MIN_PEAK_M: f64 = 1e-9;
 
 /// Share of the displacement before the baseline was removed below which only the rounding of its numbers is left.
 const ROUNDING: f64 = 1e-9;
@@ -172,8 +172,8 @@ fn refuse_noise(section: &Section, file: &Span, samples_m: &[f64], before_m: f64
     let peak_m = samples_m.iter().fold(0.0f64, |most, z| most.max(z.abs()));
     let allowed = if peak_m > 0.0 && peak_m < ROUNDING * before_m {
         format!("less its baseline, {peak_m:.1e} m of {before_m:.1e} m are left: rounding, not a motion")
-    } else if peak_m > 0.0 && peak_m < LEAST_PEAK_M {
-        format!("its largest displacement is {peak_m:.1e} m: rounding, not a motion; at least {LEAST_PEAK_M:e} m")
+    } else if peak_m > 0.0 && peak_m < MIN_PEAK_M {
+        format!("its largest displacement is {peak_m:.1e} m: rounding, not a motion; at least {MIN_PEAK_M:e} m")
     } else {
         return Some(());
     };

@@ -6,7 +6,7 @@ use damprig_core::control::safety::SafetyConfig;
 use damprig_core::io::{DisplacementScale, TICK_HZ};
 use damprig_core::rig::MOTION_SIGNALS;
 use damprig_core::settings::Settings;
-use damprig_protocol::MOST_SIGNALS;
+use damprig_protocol::MAX_SIGNALS;
 use damprig_simulator::plant::table::Table;
 use damprig_simulator::plant::{Amplifier, DataSheet, Shaker};
 
@@ -70,7 +70,7 @@ pub struct Telemetry {
 }
 
 /// Most ticks from row to row in the protocol.
-const MOST_TICKS: f64 = u16::MAX as f64;
+const MAX_TICKS: f64 = u16::MAX as f64;
 
 /// `[rig]`. All of it has defaults: the source document's rig with ideal sensors.
 pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
@@ -207,9 +207,9 @@ fn check_signals(table: &Section, signals: &[Text]) {
     let mut seen = HashSet::new();
     if let Some(again) = signals.iter().find(|signal| !seen.insert(signal.value.as_str())) {
         table.refuse("signals", &again.span, "is named twice", Some("leave one of them out".into()));
-    } else if let Some(first) = signals.get(MOST_SIGNALS) {
+    } else if let Some(first) = signals.get(MAX_SIGNALS) {
         let allowed =
-            format!("is signal {} of {}; a device sends at most {MOST_SIGNALS}", MOST_SIGNALS + 1, signals.len());
+            format!("is signal {} of {}; a device sends at most {MAX_SIGNALS}", MAX_SIGNALS + 1, signals.len());
         table.refuse("signals", &first.span, allowed, None);
     }
 }
@@ -219,17 +219,16 @@ fn is_carried(table: &Section, rate: &Number) -> bool {
     let tick_hz = f64::from(TICK_HZ);
     let every = tick_hz / rate.value;
     // Allows decimals such as 333.333… for a third of the tick rate.
-    if rate.value == 0.0
-        || ((every - every.round()).abs() < 1e-9 * every && (1.0..=MOST_TICKS).contains(&every.round()))
+    if rate.value == 0.0 || ((every - every.round()).abs() < 1e-9 * every && (1.0..=MAX_TICKS).contains(&every.round()))
     {
         return true;
     }
     // The nearest allowed rates on both sides.
-    let near = every.clamp(1.0, MOST_TICKS);
+    let near = every.clamp(1.0, MAX_TICKS);
     let (above, below) = (tick_hz / near.floor(), tick_hz / near.ceil());
     let help =
         if above == below { format!("write rate_hz = {above}") } else { format!("write rate_hz = {below} or {above}") };
-    let allowed = format!("must be 0 or the tick rate of {tick_hz} Hz divided by a whole number up to {MOST_TICKS}");
+    let allowed = format!("must be 0 or the tick rate of {tick_hz} Hz divided by a whole number up to {MAX_TICKS}");
     table.refuse("rate_hz", &rate.span, allowed, Some(help));
     false
 }

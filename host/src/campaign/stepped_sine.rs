@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use damprig_core::control::base_loop::ClosedLoop;
-use damprig_core::control::stepped_sine::{DriveMode, FEWEST_CYCLES, MOST_POINTS};
+use damprig_core::control::stepped_sine::{DriveMode, MAX_POINTS, MIN_CYCLES};
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::Structure;
 
@@ -65,9 +65,9 @@ pub(super) fn read(section: &Section, rig: Option<&RigSettings>, structures: &[S
     let steady = read_steady(section, dwell.as_ref());
     if let (Some(dwell), Some((list, _))) = (&dwell, &frequencies) {
         let lowest = list.iter().copied().fold(f64::INFINITY, f64::min);
-        if dwell.value * lowest < f64::from(FEWEST_CYCLES) {
-            let allowed = format!("must hold {FEWEST_CYCLES} periods of the lowest frequency, {lowest} Hz");
-            let help = Some(format!("write dwell_s = {} or more", f64::from(FEWEST_CYCLES) / lowest));
+        if dwell.value * lowest < f64::from(MIN_CYCLES) {
+            let allowed = format!("must hold {MIN_CYCLES} periods of the lowest frequency, {lowest} Hz");
+            let help = Some(format!("write dwell_s = {} or more", f64::from(MIN_CYCLES) / lowest));
             section.refuse("dwell_s", &dwell.span, allowed, help);
         }
     }
@@ -132,12 +132,12 @@ fn listed(section: &Section, list: &[Number]) -> Option<Vec<f64>> {
         section.reject(key, "must hold at least one frequency", Some("write frequencies_hz = [2.5]".into()));
         return None;
     }
-    if list.len() > MOST_POINTS {
+    if list.len() > MAX_POINTS {
         // The value itself would fill pages.
         section.source().report(Problem {
             title: format!("`{}` holds {} frequencies", section.full(key), list.len()),
             span: section.span_of(key),
-            allowed: format!("the controller holds at most {MOST_POINTS}"),
+            allowed: format!("the controller holds at most {MAX_POINTS}"),
             help: Some("divide them among several experiments".into()),
         });
         return None;
@@ -153,11 +153,11 @@ fn spread(grid: &Section, from: f64, to: f64, step: &Number) -> Option<Vec<f64>>
     }
     // Tolerates the rounding of decimal fractions at the grid's end.
     let steps = ((to - from) / step.value + 1e-6).floor();
-    if steps + 1.0 > MOST_POINTS as f64 {
+    if steps + 1.0 > MAX_POINTS as f64 {
         grid.refuse(
             "step_hz",
             &step.span,
-            format!("would give {} points; the controller holds {MOST_POINTS}", steps + 1.0),
+            format!("would give {} points; the controller holds {MAX_POINTS}", steps + 1.0),
             None,
         );
         return None;
@@ -199,8 +199,8 @@ fn refine(table: &Section, even: Vec<f64>, points: Option<usize>, structures: &[
     if first > last {
         all.reverse();
     }
-    if all.len() > MOST_POINTS {
-        let allowed = format!("would give {} points; the controller holds {MOST_POINTS}", all.len());
+    if all.len() > MAX_POINTS {
+        let allowed = format!("would give {} points; the controller holds {MAX_POINTS}", all.len());
         table.reject(grid::RESONANCE_POINTS.name(), allowed, None);
         return None;
     }

@@ -3,13 +3,13 @@
 
 use std::path::{Path, PathBuf};
 
-use damprig_core::control::transient::playback::{MOST_SAMPLES, RecordId};
+use damprig_core::control::transient::playback::{MAX_SAMPLES, RecordId};
 use damprig_core::control::transient::{self as core_transient, free_vibration};
 use damprig_core::io::TICK_HZ;
 use damprig_protocol::upload::checksum;
 
 use super::RigSettings;
-use super::keys::{LEAST_RATE_HZ, free_vibration as free_keys, impulse as impulse_keys};
+use super::keys::{MIN_RATE_HZ, free_vibration as free_keys, impulse as impulse_keys};
 use super::playback::{Ends, sound};
 use super::shape::Shape;
 use crate::input::{Number, Section, Span};
@@ -159,28 +159,23 @@ pub(super) fn impulse(section: &Section) -> Option<Playback> {
         3 => Shape::Rectangle { ramp_s: rise_of(section, rise.as_ref(), seconds)? },
         _ => Shape::Versine,
     };
-    let most_hz = (MOST_SAMPLES - 1) as f64 / seconds;
-    if most_hz < LEAST_RATE_HZ {
-        let most_s = (MOST_SAMPLES - 1) as f64 / LEAST_RATE_HZ;
+    let most_hz = (MAX_SAMPLES - 1) as f64 / seconds;
+    if most_hz < MIN_RATE_HZ {
+        let most_s = (MAX_SAMPLES - 1) as f64 / MIN_RATE_HZ;
         section.refuse("duration_s", &duration.span, format!("must be greater than 0, at most {most_s}"), None);
         return None;
     }
     let rate_hz = wanted_rate.map_or(f64::from(TICK_HZ).min(most_hz), |n| n.value);
     if rate_hz > most_hz * (1.0 + 1e-9) {
         let allowed =
-            format!("gives more than {MOST_SAMPLES} samples, which the controller's record buffer of 40 KiB holds");
+            format!("gives more than {MAX_SAMPLES} samples, which the controller's record buffer of 40 KiB holds");
         let help = Some(format!("write sample_rate_hz = {}", two_digits_down(most_hz)));
         section.refuse("duration_s", &duration.span, allowed, help);
         return None;
     }
-    if rate_hz * seconds < FEWEST_SAMPLES {
-        let allowed = format!("holds fewer than {FEWEST_SAMPLES} samples of {rate_hz} Hz");
-        section.refuse(
-            "duration_s",
-            &duration.span,
-            allowed,
-            Some(format!("write {} or more", FEWEST_SAMPLES / rate_hz)),
-        );
+    if rate_hz * seconds < MIN_SAMPLES {
+        let allowed = format!("holds fewer than {MIN_SAMPLES} samples of {rate_hz} Hz");
+        section.refuse("duration_s", &duration.span, allowed, Some(format!("write {} or more", MIN_SAMPLES / rate_hz)));
         return None;
     }
     // The rate makes the pulse's length a whole number of samples, so the last one is at its end.
@@ -205,7 +200,7 @@ pub(super) fn impulse(section: &Section) -> Option<Playback> {
 }
 
 /// Fewest samples in a pulse.
-const FEWEST_SAMPLES: f64 = 10.0;
+const MIN_SAMPLES: f64 = 10.0;
 
 fn words(shape: Shape) -> &'static str {
     match shape {

@@ -14,7 +14,7 @@ use super::arguments::{Rig, not_negative, seconds};
 use super::calibrate_operator::Person;
 use super::consent::ConsentArg;
 use super::outcome::{Failure, Outcome};
-use crate::calibrate::fit::FEWEST_POINTS;
+use crate::calibrate::fit::MIN_POINTS;
 use crate::calibrate::guide::{self, Operator, Plan};
 use crate::calibrate::readings::{self, Kept};
 use crate::calibrate::record::{Record, Validity};
@@ -192,8 +192,8 @@ impl Args {
             let message = format!("--at: {} has no references; they are those of the hammer or of z", self.channel);
             return Err(Failure::Input(message));
         }
-        if self.at.len() < FEWEST_POINTS {
-            let message = format!("--at: {} references; at least {FEWEST_POINTS} are needed", self.at.len());
+        if self.at.len() < MIN_POINTS {
+            let message = format!("--at: {} references; at least {MIN_POINTS} are needed", self.at.len());
             return Err(Failure::Input(message));
         }
         let one = |text: &String| {

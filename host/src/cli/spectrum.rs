@@ -104,7 +104,7 @@ impl MethodArg {
 }
 
 /// Most periods.
-const MOST_PERIODS: usize = 10_000;
+const MAX_PERIODS: usize = 10_000;
 
 /// Rows of a damping ratio that the terminal shows, at most.
 const SHOWN: usize = 20;
@@ -119,8 +119,8 @@ impl FromStr for Periods {
         let parts: Vec<&str> = text.split(':').collect();
         if let [from, to, count] = parts[..] {
             let (from, to) = (positive(from)?, positive(to)?);
-            let count = count.parse().ok().filter(|count| (2..=MOST_PERIODS).contains(count));
-            let count = count.ok_or_else(|| format!("the count must be a whole number from 2 to {MOST_PERIODS}"))?;
+            let count = count.parse().ok().filter(|count| (2..=MAX_PERIODS).contains(count));
+            let count = count.ok_or_else(|| format!("the count must be a whole number from 2 to {MAX_PERIODS}"))?;
             return if from < to {
                 Ok(Self(periods(from, to, count)))
             } else {

@@ -1,7 +1,7 @@
 //! What `damprig study run` and `merge` end with: the best point, the figures and the page.
 
 use super::outcome::{Failure, Outcome};
-use crate::report::study_files::{self, MOST_DRAWN};
+use crate::report::study_files::{self, MAX_DRAWN};
 use crate::report::terminal;
 use crate::study::data_set::{DataSet, TABLE};
 use crate::study::run::{self, Progress};
@@ -34,7 +34,7 @@ pub(super) fn say_result(study: &Study, data_set: &DataSet, progress: &Progress)
         Failure::Failed(format!("{error}\n  {} is complete; {again}", table.display()))
     };
     match drawn.map_err(|error| complete(&error))? {
-        None => warn!("warning: a table of more than {MOST_DRAWN} rows is not drawn"),
+        None => warn!("warning: a table of more than {MAX_DRAWN} rows is not drawn"),
         Some(drawn) => {
             drawn.undrawn.iter().for_each(|(stem, error)| warn!("warning: {stem}: {error}"));
             say!("Page:  {}", drawn.page.display());

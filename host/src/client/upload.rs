@@ -7,13 +7,13 @@ use damprig_protocol::upload::{CHUNK_BYTES, Progress, UploadStage, checksum};
 use crate::client::session::{Session, SessionError};
 
 /// Replies without progress after which an upload fails.
-const MOST_FRUITLESS: u32 = 8;
+const MAX_FRUITLESS: u32 = 8;
 
 /// Polls of an upload that the device is checking; on a real board each waits a short time.
-const MOST_LOOKS: u32 = 600;
+const MAX_LOOKS: u32 = 600;
 
 /// Times that the checksum may be wrong.
-const MOST_DAMAGED: u32 = 3;
+const MAX_DAMAGED: u32 = 3;
 
 const WHAT: &str = "take a record";
 
@@ -50,11 +50,11 @@ impl Session {
             fruitless =
                 if progress.there <= most && progress.stage == UploadStage::Receiving { fruitless + 1 } else { 0 };
             most = most.max(progress.there);
-            let why = if fruitless >= MOST_FRUITLESS {
+            let why = if fruitless >= MAX_FRUITLESS {
                 format!("the device has {} of {} bytes and accepts no more", progress.there, bytes.len())
-            } else if looks >= MOST_LOOKS {
+            } else if looks >= MAX_LOOKS {
                 "the device did not finish its check".to_string()
-            } else if damaged >= MOST_DAMAGED {
+            } else if damaged >= MAX_DAMAGED {
                 format!("its checksum was wrong {damaged} times")
             } else {
                 continue;

@@ -31,7 +31,7 @@ const INTERPOLATED: usize = 1;
 const SMOOTHED: usize = 12;
 
 /// Noise of z above which a friction damper's base is smoothed, m: rounding is below.
-const LEAST_NOISE_M: f64 = 1e-8;
+const MIN_NOISE_M: f64 = 1e-8;
 
 /// Base motion over some ticks: z at their ends.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,7 +66,7 @@ impl BaseMotion {
     /// The base as measured. `z_m` has the readings of the ticks, and `beyond` more at either end for the parabolas. `slips`: under a
     /// friction damper.
     pub(super) fn measured(z_m: &[f32], beyond: usize, slips: bool, z_noise_m: f64) -> Self {
-        let (width, other) = match (slips, z_noise_m > LEAST_NOISE_M) {
+        let (width, other) = match (slips, z_noise_m > MIN_NOISE_M) {
             (false, _) => (INTERPOLATED, None),
             (true, false) => (INTERPOLATED, Some(2 * INTERPOLATED)),
             (true, true) => (SMOOTHED, Some(SMOOTHED / 2)),

@@ -30,7 +30,7 @@ const BEYOND: usize = 24;
 const SHOWN_CYCLES: f64 = 4.0;
 
 /// Most ticks of one simulation: almost three hours.
-const MOST_TICKS: u64 = 10_000_000;
+const MAX_TICKS: u64 = 10_000_000;
 
 /// Deviation of the measured base amplitude from the commanded one that is worth a remark.
 const NOTABLE_BASE: f64 = 2e-3;
@@ -320,8 +320,8 @@ fn drive<'a>(
     let mut steps = vec![Step { from_tick, frequency_hz: first.frequency_hz }];
     steps.extend(rows.windows(2).map(|pair| Step { from_tick: pair[0].end_tick, frequency_hz: pair[1].frequency_hz }));
     let end_tick = rows[rows.len() - 1].end_tick;
-    if end_tick - from_tick > MOST_TICKS {
-        return Err(format!("it lasts more than {} s", MOST_TICKS as f64 * TICK_S));
+    if end_tick - from_tick > MAX_TICKS {
+        return Err(format!("it lasts more than {} s", MAX_TICKS as f64 * TICK_S));
     }
     let sine = SineDrive::new(&steps, end_tick, own.base_amplitude_m, sine.ramp_s);
     Ok(Drive { rows: rows.to_vec(), sine, end_tick })

@@ -18,7 +18,7 @@ use crate::run_folder::schema::segment_id::SegmentId;
 use crate::run_folder::schema::transients::TransientRow;
 
 /// Most ticks of a transient that is compared: almost three hours.
-const MOST_TICKS: u64 = 10_000_000;
+const MAX_TICKS: u64 = 10_000_000;
 
 /// Ticks in which a released structure must have fallen by a tenth, at most: that of 0.01 Hz.
 const LONGEST_FALL: f64 = 1e5;
@@ -54,7 +54,7 @@ impl Compared<'_> {
         // The spring keeps its force during a transient.
         let spring = self.spring_force(own, models, recorded, &ticks, (&[], 0.0)).mean();
         let simulated = match (experiment.playback(), experiment.free_vibration()) {
-            _ if !is_sound || row.end_tick - row.start_tick > MOST_TICKS => None,
+            _ if !is_sound || row.end_tick - row.start_tick > MAX_TICKS => None,
             (Some(playback), _) => Some(self.playback(playback, (models, &spring), recorded, (&ticks, noise_m))),
             (None, Some(free)) => self.release(free, (models, &spring), (row, noise_m)),
             (None, None) => None,

@@ -8,7 +8,7 @@ mod new_sweep;
 pub mod reference;
 pub mod schema;
 
-use crate::input::key::{MOST_WHOLE, Table};
+use crate::input::key::{MAX_WHOLE, Table};
 use crate::setup::{PARTS, set_up_file};
 use crate::{campaign, continuation, motion_record, optimise, setup, simulation, study};
 
@@ -106,5 +106,5 @@ fn is_part(path: &str) -> bool {
 
 /// A number as people and JSON write it: without a point if it is whole.
 fn plain(number: f64) -> String {
-    if number.fract() == 0.0 && number.abs() < MOST_WHOLE { format!("{number:.0}") } else { format!("{number:?}") }
+    if number.fract() == 0.0 && number.abs() < MAX_WHOLE { format!("{number:.0}") } else { format!("{number:?}") }
 }

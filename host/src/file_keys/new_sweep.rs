@@ -20,8 +20,8 @@ const PEAK_STEP: f64 = 0.25;
 const PEAK_POINTS: [f64; 2] = [16.0, 40.0];
 
 /// Dwells of a point, at least for a damper that makes the motion irregular, and at most: hours for each point.
-const LEAST_DWELLS: f64 = 3.0;
-const MOST_DWELLS: f64 = 100.0;
+const MIN_DWELLS: f64 = 3.0;
+const MAX_DWELLS: f64 = 100.0;
 
 impl Values {
     /// Frequencies of a sweep.
@@ -46,7 +46,7 @@ impl Values {
         let rate = self.damping_ratio * TAU * self.natural_frequency_hz;
         let tolerance = f64::from(SteadyLimits::default().tolerance);
         let settled_s = if rate > 0.0 { settling::longest_dwell_s(1.0 / rate, 0.0, dwell_s, tolerance) } else { 0.0 };
-        let dwells = (settled_s / dwell_s).clamp(LEAST_DWELLS, MOST_DWELLS);
+        let dwells = (settled_s / dwell_s).clamp(MIN_DWELLS, MAX_DWELLS);
         // Whole dwells, without the rounding of the product.
         (dwells.round() * dwell_s * 1e6).round() / 1e6
     }

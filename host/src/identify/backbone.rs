@@ -14,18 +14,18 @@ use serde::Serialize;
 use super::decay_record::Swings;
 use super::statistics::{Fit, Value, correlation, fit};
 
-/// Windows that a record is cut into, if they have [`FEWEST_CYCLES`] cycles each.
+/// Windows that a record is cut into, if they have [`MIN_CYCLES`] cycles each.
 const WINDOWS: usize = 5;
 /// Cycles of a window at least.
-const FEWEST_CYCLES: usize = 2;
+const MIN_CYCLES: usize = 2;
 /// Windows that make a backbone at least.
-const FEWEST_WINDOWS: usize = 3;
+const MIN_WINDOWS: usize = 3;
 /// Fall of the amplitude over a window that more cycles may not exceed.
-const MOST_FALL: f64 = 0.2;
+const MAX_FALL: f64 = 0.2;
 /// Parameters of a window: ω, ζ, cosine and sine, zero, drift, cosine and sine of two harmonics.
 const PARAMETERS: usize = 10;
 /// Samples of a window at least.
-const FEWEST_SAMPLES: usize = 4 * PARAMETERS;
+const MIN_SAMPLES: usize = 4 * PARAMETERS;
 /// Spectral lines of a window about a harmonic that its parameters take.
 const RESOLUTION: f64 = 1.5;
 /// Blocks of a cycle over which neighbouring residuals are compared.
@@ -120,12 +120,12 @@ impl Backbone {
 pub(super) fn backbone(t_s: &[f64], x_m: &[f64], swings: &Swings, damping_ratio: f64) -> Option<Backbone> {
     let crossings = &swings.crossings_s;
     let whole = (crossings.len() - 1) / 2;
-    let by_fall = -(1.0 - MOST_FALL).ln() / (TAU * damping_ratio.max(1e-6));
-    let by_samples = (FEWEST_SAMPLES as f64 / swings.samples_per_period).ceil() as usize;
+    let by_fall = -(1.0 - MAX_FALL).ln() / (TAU * damping_ratio.max(1e-6));
+    let by_samples = (MIN_SAMPLES as f64 / swings.samples_per_period).ceil() as usize;
     let most = (whole / WINDOWS).min(by_fall as usize);
-    let cycles = most.max(FEWEST_CYCLES).max(by_samples);
+    let cycles = most.max(MIN_CYCLES).max(by_samples);
     let count = whole / cycles;
-    if count < FEWEST_WINDOWS {
+    if count < MIN_WINDOWS {
         return None;
     }
     let sample = |crossing: usize| t_s.partition_point(|t| *t < crossings[crossing]);

@@ -65,7 +65,7 @@ pub struct Decay {
 }
 
 /// Uncertainty of ζ relative to ζ above which a decay is too short.
-const MOST_UNCERTAIN: f64 = 0.5;
+const MAX_UNCERTAIN: f64 = 0.5;
 
 /// Identifies a free vibration: displacements at times that rise.
 ///
@@ -181,7 +181,7 @@ fn check_result(decay: &Decay) -> Result<(), CannotIdentify> {
             decay.residual_rms_m, decay.swings_m[0]
         )));
     }
-    if zeta.standard_uncertainty > MOST_UNCERTAIN * zeta.value.abs()
+    if zeta.standard_uncertainty > MAX_UNCERTAIN * zeta.value.abs()
         && decay.coulomb_m.is_none_or(|c| c.value < 2.0 * c.standard_uncertainty)
     {
         return Err(CannotIdentify(format!(

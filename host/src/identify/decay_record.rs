@@ -21,10 +21,10 @@ pub(super) struct Swings {
 }
 
 /// Half periods that a decay needs at least.
-const LEAST_HALF_PERIODS: usize = 6;
+const MIN_HALF_PERIODS: usize = 6;
 
 /// Samples per period that the fit needs at least.
-const LEAST_SAMPLES: f64 = 8.0;
+const MIN_SAMPLES: f64 = 8.0;
 
 fn refuse<T>(text: impl Into<String>) -> Result<T, CannotIdentify> {
     Err(CannotIdentify(text.into()))
@@ -75,18 +75,18 @@ pub(super) fn swings(t_s: &[f64], x_m: &[f64]) -> Result<Swings, CannotIdentify>
     let period_s = 2.0 * (crossings[crossings.len() - 1].1 - crossings[0].1) / (crossings.len() - 1) as f64;
     let step_s = (t_s[t_s.len() - 1] - t_s[0]) / (t_s.len() - 1) as f64;
     let samples_per_period = period_s / step_s;
-    if crossings.len() <= LEAST_HALF_PERIODS {
+    if crossings.len() <= MIN_HALF_PERIODS {
         return refuse(format!(
             "the decay is too short: {:.1} periods of {period_s:.4} s after the release; at least {} are needed\n  record \
              longer, or release from farther out (the last {:.0} % of the first swing are not used)",
             (crossings.len() - 1) as f64 / 2.0,
-            LEAST_HALF_PERIODS / 2,
+            MIN_HALF_PERIODS / 2,
             100.0 * band_m / largest_m
         ));
     }
-    if samples_per_period < LEAST_SAMPLES {
+    if samples_per_period < MIN_SAMPLES {
         return refuse(format!(
-            "{samples_per_period:.1} samples per period of {period_s:.4} s: at least {LEAST_SAMPLES} are needed; record faster"
+            "{samples_per_period:.1} samples per period of {period_s:.4} s: at least {MIN_SAMPLES} are needed; record faster"
         ));
     }
     let turnings = turnings(t_s, x_m, centre_m, &crossings, &sides);

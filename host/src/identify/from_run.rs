@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::response::{DrivenBy, LEAST, Point, Response};
+use super::response::{DrivenBy, MIN, Point, Response};
 use super::{CannotIdentify, Sensors};
 use crate::run_folder::RunFolder;
 use crate::run_folder::schema::results::steadiness_of;
@@ -185,9 +185,9 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, CannotIden
     let usable = own().filter(|f| f.2 && f.1.ratio.is_finite());
     let points: Vec<Point> = usable.map(|f| Point { ratio: f.1.ratio / stiffness_n_per_m, ..f.1 }).collect();
     let (all, settled) = (own().count(), points.len());
-    if settled < LEAST {
+    if settled < MIN {
         return Err(failed(&format!(
-            "{settled} of {all} points of {set_up:?} are steady or stationary; at least {LEAST} are needed\n  settle longer, or \
+            "{settled} of {all} points of {set_up:?} are steady or stationary; at least {MIN} are needed\n  settle longer, or \
              measure a free vibration for `damprig identify decay`"
         )));
     }

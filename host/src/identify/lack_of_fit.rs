@@ -11,9 +11,9 @@ use super::statistics::{Value, line};
 /// Quantile of the normal distribution whose upper tail is 0.001: the share of good records with white noise that fail a test.
 pub(super) const TAIL: f64 = 3.090_232_306;
 /// Part of the half-power width that counts as an uncertainty of damping ratio and frequency at least: what is smaller is no lack of fit.
-const LEAST_WIDTH: f64 = 1e-4;
+const MIN_WIDTH: f64 = 1e-4;
 /// Part of the first swing from which another vibration, a drift or a spike is named.
-const LEAST_SWING: f64 = 1e-5;
+const MIN_SWING: f64 = 1e-5;
 /// Standard uncertainties beyond which two methods contradict each other.
 const APART: f64 = 3.5;
 /// Share of the deviations that a curve over the amplitude has to explain.
@@ -111,7 +111,7 @@ pub(super) fn lack_of_fit(compared: &Compared) -> Option<LackOfFit> {
     let of = |get: fn(&Window) -> &Value, unit: f64| -> Vec<Deviation> {
         let deviation = |(own, expected): &(&Window, &Window)| {
             let value = get(own);
-            let least = LEAST_WIDTH * own.damping_ratio.value.abs() * unit;
+            let least = MIN_WIDTH * own.damping_ratio.value.abs() * unit;
             Deviation {
                 amplitude_m: own.amplitude_m,
                 value: value.value,
@@ -142,7 +142,7 @@ pub(super) fn lack_of_fit(compared: &Compared) -> Option<LackOfFit> {
         misfits.push(Misfit::Decrement([own.value, expected.value]));
     }
     let beside = [vibration(compared), drift(record, of_noise), spikes(&compared.record.residuals_m)];
-    misfits.extend(beside.into_iter().flatten().filter(|misfit| misfit.length_m() > LEAST_SWING * compared.swing_m));
+    misfits.extend(beside.into_iter().flatten().filter(|misfit| misfit.length_m() > MIN_SWING * compared.swing_m));
     let (first, second) = damping.split_at(damping.len() / 2);
     (!misfits.is_empty()).then(|| LackOfFit {
         misfits,

@@ -95,10 +95,10 @@ fn response(frequency_hz: f64, parameters: &[f64]) -> (f64, f64) {
 }
 
 /// Least relative uncertainty of a point: of sensors and calibration.
-const LEAST_UNCERTAINTY: f64 = 1e-4;
+const MIN_UNCERTAINTY: f64 = 1e-4;
 
 /// Points that a fit needs at least.
-pub(super) const LEAST: usize = 5;
+pub(super) const MIN: usize = 5;
 
 /// Fits the parameters from the best of some starts: of the complex ratio if all points have a phase. Points are weighted if all have
 /// an uncertainty.
@@ -114,7 +114,7 @@ impl Fitting {
     }
 
     fn weight(&self, point: &Point) -> f64 {
-        1.0 / point.uncertainty.filter(|_| self.is_weighted).unwrap_or(1.0).max(LEAST_UNCERTAINTY)
+        1.0 / point.uncertainty.filter(|_| self.is_weighted).unwrap_or(1.0).max(MIN_UNCERTAINTY)
     }
 
     fn best(&self, points: &[Point], starts: &[Vec<f64>]) -> Option<Fit> {
@@ -156,8 +156,8 @@ pub(crate) const REPORT: &str = "report the damping ratio of a free vibration (`
 /// Too few points, none near the resonance, a response of another kind.
 pub fn identify(points: &[Point], driven_by: DrivenBy, sensors: &Sensors) -> Result<Vec<Estimate>, CannotIdentify> {
     let refuse = |text: String| Err(CannotIdentify(text));
-    if points.len() < LEAST {
-        return refuse(format!("{} points are too few: at least {LEAST} about the resonance are needed", points.len()));
+    if points.len() < MIN {
+        return refuse(format!("{} points are too few: at least {MIN} about the resonance are needed", points.len()));
     }
     let Some(peak) = points.iter().max_by(|a, b| a.ratio.total_cmp(&b.ratio)) else {
         return refuse("there are no points".into());

@@ -178,7 +178,7 @@ impl Fit {
 }
 
 /// Steps of the fit at most.
-const MOST_STEPS: usize = 60;
+const MAX_STEPS: usize = 60;
 
 /// Fits `model` to `measured` by the method of Levenberg and Marquardt with numerical derivatives. `steps` are the parameters'
 /// steps for them. The observations are few numbers per row, so the normal equations are summed here and nalgebra solves them.
@@ -200,7 +200,7 @@ pub fn fit(measured: &[f64], start: &[f64], steps: &[f64], model: impl Fn(&[f64]
     let mut damping = 1e-3;
     let mut small_steps = 0;
     let (mut normal, mut gradient) = normal_equations(&parameters, steps, &residuals, &model);
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_STEPS {
         let mut damped = normal.clone();
         for i in 0..count {
             damped[(i, i)] *= 1.0 + damping;

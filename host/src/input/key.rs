@@ -28,7 +28,7 @@ pub enum Range {
 }
 
 /// The largest bound of a whole number: up to 2⁵³ an `f64` represents every one.
-pub const MOST_WHOLE: f64 = 9e15;
+pub const MAX_WHOLE: f64 = 9e15;
 
 /// The type of a key's value.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -283,7 +283,7 @@ impl Range {
             Self::Above(low, high) => format!("greater than {low} and at most {high}"),
             Self::Inside(low, high) => format!("greater than {low} and less than {high}"),
             Self::ZeroOr(low, high) => format!("0 or from {low} to {high}"),
-            Self::Whole(low, high) if high >= MOST_WHOLE => format!("a whole number from {low} to {high:e}"),
+            Self::Whole(low, high) if high >= MAX_WHOLE => format!("a whole number from {low} to {high:e}"),
             Self::Whole(low, high) => format!("a whole number from {low} to {high}"),
         }
     }
@@ -341,7 +341,7 @@ impl DefaultValue {
     pub fn written(self) -> String {
         match (self, self.number()) {
             (Self::Word(word), _) => format!("{word:?}"),
-            (_, Some(number)) if number.fract() == 0.0 && number.abs() < MOST_WHOLE => format!("{number:.0}"),
+            (_, Some(number)) if number.fract() == 0.0 && number.abs() < MAX_WHOLE => format!("{number:.0}"),
             (_, Some(number)) if f64::from(number as f32) == number => format!("{:?}", number as f32),
             (_, number) => format!("{:?}", number.unwrap_or(f64::NAN)),
         }

@@ -31,7 +31,7 @@ pub(crate) use without_panic::without_panic;
 const CAMPAIGN: &str = "campaign.toml";
 
 /// Problems of a file in one message; a file that is no campaign at all may have thousands.
-const MOST_SHOWN: usize = 20;
+const MAX_SHOWN: usize = 20;
 
 /// Place of a value in its file, in bytes.
 pub type Span = Range<usize>;
@@ -68,11 +68,11 @@ pub struct Source {
     files: Arc<Files>,
     problems: Mutex<Vec<Problem>>,
     warnings: Mutex<Vec<Problem>>,
-    attached: [OnceLock<Attached>; MOST_ATTACHED],
+    attached: [OnceLock<Attached>; MAX_ATTACHED],
 }
 
 /// Most texts attached to a source: a file that it names, and values set from outside.
-const MOST_ATTACHED: usize = 2;
+const MAX_ATTACHED: usize = 2;
 
 /// A text beside this one; its places begin after the end of this one and of those attached before.
 #[derive(Debug)]
@@ -173,13 +173,9 @@ impl Source {
         warnings.dedup_by(|later, first| later.span == first.span && later.allowed == first.allowed);
         let renderer = Renderer::plain();
         let mut texts: Vec<String> =
-            warnings.iter().take(MOST_SHOWN).map(|w| self.render(&renderer, &Level::WARNING, w)).collect();
-        if warnings.len() > MOST_SHOWN {
-            texts.push(format!(
-                "{} has {} unusual values; these are the first {MOST_SHOWN}",
-                self.name,
-                warnings.len()
-            ));
+            warnings.iter().take(MAX_SHOWN).map(|w| self.render(&renderer, &Level::WARNING, w)).collect();
+        if warnings.len() > MAX_SHOWN {
+            texts.push(format!("{} has {} unusual values; these are the first {MAX_SHOWN}", self.name, warnings.len()));
         }
         texts
     }
@@ -291,9 +287,9 @@ impl Source {
         problems.dedup();
         let renderer = Renderer::plain();
         let mut answers: Vec<String> =
-            problems.iter().take(MOST_SHOWN).map(|p| self.render(&renderer, &Level::ERROR, p)).collect();
-        if problems.len() > MOST_SHOWN {
-            answers.push(format!("{} has {} problems; these are the first {MOST_SHOWN}", self.name, problems.len()));
+            problems.iter().take(MAX_SHOWN).map(|p| self.render(&renderer, &Level::ERROR, p)).collect();
+        if problems.len() > MAX_SHOWN {
+            answers.push(format!("{} has {} problems; these are the first {MAX_SHOWN}", self.name, problems.len()));
         }
         // The command prints "error: " before the first.
         Err(Refusal(answers.join("\n\nerror: ")))

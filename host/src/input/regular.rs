@@ -5,7 +5,7 @@ use std::io::{self, Read};
 use std::path::Path;
 
 /// Size limit of an input file, bytes: a record of millions of samples, or an image with debug information, is smaller.
-pub const MOST_BYTES: u64 = 256 << 20;
+pub const MAX_BYTES: u64 = 256 << 20;
 
 /// Opens a file to read it.
 ///
@@ -32,13 +32,13 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 /// Reads an input file.
 ///
 /// # Errors
-/// As [`read`]; when it holds more than [`MOST_BYTES`].
+/// As [`read`]; when it holds more than [`MAX_BYTES`].
 pub fn read_input(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     // Also limits a file that grows meanwhile.
-    open(path)?.take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > MOST_BYTES {
-        let message = format!("it holds more than the {} MiB that are read; is it the right file?", MOST_BYTES >> 20);
+    open(path)?.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > MAX_BYTES {
+        let message = format!("it holds more than the {} MiB that are read; is it the right file?", MAX_BYTES >> 20);
         return Err(io::Error::other(message));
     }
     Ok(bytes)

@@ -4,7 +4,7 @@
 const LONGEST: usize = 64;
 
 /// Candidates that are compared at most.
-const MOST: usize = 1000;
+const MAX: usize = 1000;
 
 /// The candidates that look like `wanted`, best first: at most three, none when nothing is near. `wanted` itself is none.
 pub fn near<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
@@ -14,7 +14,7 @@ pub fn near<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> 
     let mut scored: Vec<(f64, &str)> = candidates
         .into_iter()
         .filter(|c| c.len() <= LONGEST && *c != wanted)
-        .take(MOST)
+        .take(MAX)
         .map(|c| (strsim::jaro_winkler(&wanted.to_lowercase(), &c.to_lowercase()), c))
         // Below this, two short names share only a letter or two.
         .filter(|(score, _)| *score > 0.75)
@@ -24,12 +24,12 @@ pub fn near<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> 
 }
 
 /// Names in a message.
-const MOST_LISTED: usize = 20;
+const MAX_LISTED: usize = 20;
 
 /// Names for a message: the first ones, and how many more there are.
 pub fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let mut names = names.into_iter();
-    let mut text = names.by_ref().take(MOST_LISTED).collect::<Vec<_>>().join(", ");
+    let mut text = names.by_ref().take(MAX_LISTED).collect::<Vec<_>>().join(", ");
     let more = names.count();
     if more > 0 {
         text.push_str(&format!(" and {more} more"));

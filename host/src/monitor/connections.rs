@@ -25,7 +25,7 @@ use tokio::time::{sleep, timeout};
 use tower_service::Service;
 
 /// Most connections without a viewer.
-const MOST: usize = 64;
+const MAX: usize = 64;
 
 /// Time for a request and its answer.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -48,7 +48,7 @@ pub(super) async fn accept(listener: TcpListener, routes: Router) {
             continue;
         };
         all.retain(|open| !open.task.is_finished());
-        if all.len() >= MOST {
+        if all.len() >= MAX {
             let silent = all.iter().position(|open| !open.has_asked.load(Ordering::Relaxed));
             all.remove(silent.unwrap_or(0)).into_iter().for_each(|open| open.task.abort());
             // Lets the runtime close it.

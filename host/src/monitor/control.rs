@@ -15,7 +15,7 @@ use super::message::{Answer, Level};
 use crate::report::numbers::significant;
 
 /// Actions that wait for the source.
-const MOST_ACTIONS: usize = 8;
+const MAX_ACTIONS: usize = 8;
 
 /// Time between two lines of the log about wrong tokens.
 const WARN_EVERY: Duration = Duration::from_secs(60);
@@ -103,7 +103,7 @@ pub(super) struct Control {
 impl Control {
     /// The desk, and the source's end. Without a token viewers can only watch.
     pub(super) fn new(token: Option<Token>, handles: Handles, feed: Feed, where_to_stop: String) -> (Self, Actions) {
-        let (actions, queue) = sync_channel(MOST_ACTIONS);
+        let (actions, queue) = sync_channel(MAX_ACTIONS);
         let stop = Arc::new(AtomicBool::new(false));
         let own = Actions { stop: Arc::clone(&stop), queue };
         (Self { token, handles, stop, actions, feed, where_to_stop, wrong_token_at: Mutex::default() }, own)

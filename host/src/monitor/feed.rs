@@ -15,7 +15,7 @@ use super::message::{
 use crate::runner::TimeLeft;
 
 /// Most updates that wait for the monitor before rows are skipped.
-const MOST_WAITING: usize = 2048;
+const MAX_WAITING: usize = 2048;
 
 /// What is watched: told once, and again when it changes.
 #[derive(Clone, Debug)]
@@ -138,7 +138,7 @@ pub(super) fn feed() -> (Feed, Updates) {
 impl Feed {
     /// Tells the monitor; never waits.
     pub fn send(&self, update: Update) {
-        if update.can_be_skipped() && self.counts.waiting.load(Ordering::Relaxed) >= MOST_WAITING {
+        if update.can_be_skipped() && self.counts.waiting.load(Ordering::Relaxed) >= MAX_WAITING {
             self.counts.skipped.fetch_add(1, Ordering::Relaxed);
             return;
         }

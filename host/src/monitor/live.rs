@@ -21,7 +21,7 @@ use super::words;
 use crate::host_time;
 
 /// Rows kept for new viewers: 20 s at 1 kHz.
-const MOST_ROWS: usize = 20_000;
+const MAX_ROWS: usize = 20_000;
 
 /// Entries of rows in a snapshot, and in a frame; the newest of them are not reduced.
 const SNAPSHOT_ROWS: usize = 4000;
@@ -29,14 +29,14 @@ const FRAME_ROWS: usize = 400;
 const TAIL: usize = 200;
 
 /// Values of the controller kept for new viewers: five minutes at 10 Hz; and entries in a snapshot.
-const MOST_VALUES: usize = 3000;
+const MAX_VALUES: usize = 3000;
 const SNAPSHOT_VALUES: usize = 1200;
 
 /// Points, impacts, Poincaré points and lines of the log that are kept.
-const MOST_POINTS: usize = 20_000;
-const MOST_IMPACTS: usize = 2000;
-const MOST_SECTION: usize = 1000;
-const MOST_LOG: usize = 200;
+const MAX_POINTS: usize = 20_000;
+const MAX_IMPACTS: usize = 2000;
+const MAX_SECTION: usize = 1000;
+const MAX_LOG: usize = 200;
 
 /// Time over which the pace of rig time is measured.
 const PACE_OVER: Duration = Duration::from_secs(2);
@@ -138,11 +138,11 @@ impl Live {
             slow_unsent: History::default(),
             slow_clock: SlowClock::default(),
             section_of: Section::default(),
-            section: Unsent::new(MOST_SECTION),
-            points: Unsent::new(MOST_POINTS),
-            transients: Unsent::new(MOST_POINTS),
-            impacts: Unsent::new(MOST_IMPACTS),
-            log: Unsent::new(MOST_LOG),
+            section: Unsent::new(MAX_SECTION),
+            points: Unsent::new(MAX_POINTS),
+            transients: Unsent::new(MAX_POINTS),
+            impacts: Unsent::new(MAX_IMPACTS),
+            log: Unsent::new(MAX_LOG),
             restart: false,
             changed: true,
             pace: VecDeque::new(),
@@ -258,8 +258,8 @@ impl Live {
         self.rows_at = Some(Instant::now());
         self.heard_at = self.rows_at;
         self.state.link.rows += t_s.len() as u64;
-        self.recent.bound(MOST_ROWS);
-        self.unsent.bound(MOST_ROWS);
+        self.recent.bound(MAX_ROWS);
+        self.unsent.bound(MAX_ROWS);
     }
 
     fn values(&mut self, rig_s: f64, tick: u32, values: &[f32]) {
@@ -318,8 +318,8 @@ impl Live {
         let t_s = self.slow_clock.time_s(rig_s);
         self.slow.push(t_s, &row);
         self.slow_unsent.push(t_s, &row);
-        self.slow.bound(MOST_VALUES);
-        self.slow_unsent.bound(MOST_VALUES);
+        self.slow.bound(MAX_VALUES);
+        self.slow_unsent.bound(MAX_VALUES);
     }
 
     /// Mean of a recorded signal over the last second, while rows arrive.
@@ -433,7 +433,7 @@ impl Live {
     /// have the times of their bucket.
     fn most_rows(&self, usual: usize) -> usize {
         let is_slow = self.state.replay.is_some_and(|replay| replay.paused || replay.speed <= SLOW_REPLAY);
-        if is_slow { 2 * MOST_ROWS } else { usual }
+        if is_slow { 2 * MAX_ROWS } else { usual }
     }
 
     /// Measures how fast rig time passes.

@@ -5,10 +5,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
 
 /// Most viewers without the token.
-pub(super) const MOST_VIEWERS: usize = 64;
+pub(super) const MAX_VIEWERS: usize = 64;
 
 /// Most viewers with the token. The oldest makes room for one more: it may be a page that nobody looks at.
-pub(super) const MOST_WITH_TOKEN: usize = 16;
+pub(super) const MAX_WITH_TOKEN: usize = 16;
 
 /// The places.
 #[derive(Debug, Default)]
@@ -43,11 +43,11 @@ impl Places {
     pub(super) fn take(self: &Arc<Self>, has_token: bool) -> Option<Place> {
         let mut taken = self.taken();
         let count = taken.iter().filter(|place| place.has_token == has_token).count();
-        if !has_token && count >= MOST_VIEWERS {
+        if !has_token && count >= MAX_VIEWERS {
             return None;
         }
         if has_token
-            && count >= MOST_WITH_TOKEN
+            && count >= MAX_WITH_TOKEN
             && let Some(oldest) = taken.iter().position(|place| place.has_token)
         {
             taken.remove(oldest).leaves.notify_one();

@@ -15,12 +15,12 @@ use crate::input::shown_in_line;
 use crate::report::numbers::duration;
 
 /// Columns and lines below which curves cannot be read and only text is shown.
-const LEAST_SIZE: (u16, u16) = (60, 21);
+const MIN_SIZE: (u16, u16) = (60, 21);
 
 /// Draws the whole picture, or its text alone in a small terminal.
 pub(super) fn draw(frame: &mut Frame, picture: &Picture) {
     let area = frame.area();
-    if area.width < LEAST_SIZE.0 || area.height < LEAST_SIZE.1 {
+    if area.width < MIN_SIZE.0 || area.height < MIN_SIZE.1 {
         return text_alone(frame, picture);
     }
     let has_trouble = trouble(picture).is_some();

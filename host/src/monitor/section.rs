@@ -24,7 +24,7 @@ pub struct Section {
 }
 
 /// Fewest rows in a cycle from which a velocity is computed.
-const LEAST_ROWS: f64 = 20.0;
+const MIN_ROWS: f64 = 20.0;
 
 impl Section {
     /// For rows with these columns; without x or the drive there are no points.
@@ -49,7 +49,7 @@ impl Section {
         let frequency_hz = columns.frequency.and_then(|at| row.get(at)).copied().unwrap_or(0.0);
         let step_s = now.t_s - before.t_s;
         let is_rising = before.drive_m < 0.0 && now.drive_m >= 0.0;
-        if !is_rising || step_s <= 0.0 || f64::from(frequency_hz) * step_s * LEAST_ROWS > 1.0 {
+        if !is_rising || step_s <= 0.0 || f64::from(frequency_hz) * step_s * MIN_ROWS > 1.0 {
             return None;
         }
         let part = before.drive_m / (before.drive_m - now.drive_m);

@@ -26,7 +26,7 @@ use super::control::{Control, Refused};
 use super::feed::{Feed, Update};
 use super::message::{Answer, Message, SharedFrame, json};
 use super::page;
-use super::places::{MOST_VIEWERS, Place, Places};
+use super::places::{MAX_VIEWERS, Place, Places};
 
 /// Longest message of a viewer, bytes.
 const LONGEST_MESSAGE: usize = 4096;
@@ -43,10 +43,10 @@ const PROTOCOL: &str = "damprig";
 const TOKEN: &str = "token.";
 
 /// Messages that are malformed, or from a viewer who may not act, after which it is disconnected.
-const MOST_MISTAKES: u32 = 10;
+const MAX_MISTAKES: u32 = 10;
 
 /// Actions of a viewer that wait for their answers.
-const MOST_ACTIONS: usize = 4;
+const MAX_ACTIONS: usize = 4;
 
 /// What every connection needs.
 #[derive(Debug)]
@@ -99,7 +99,7 @@ async fn live(upgrade: WebSocketUpgrade, headers: HeaderMap, State(shared): Stat
     let mut offered = offered.flat_map(|list| list.split(',')).filter_map(|one| one.trim().strip_prefix(TOKEN));
     let has_token = offered.any(|token| shared.control.is_token(token));
     let Some(place) = shared.places.take(has_token) else {
-        let text = format!("{MOST_VIEWERS} viewers are connected already; close one of them\n");
+        let text = format!("{MAX_VIEWERS} viewers are connected already; close one of them\n");
         return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
     };
     let upgrade = upgrade.protocols([PROTOCOL]).max_message_size(LONGEST_MESSAGE).max_frame_size(LONGEST_MESSAGE);
@@ -123,7 +123,7 @@ impl Viewer {
     async fn serve(mut self) -> Result<(), Gone> {
         let mut frames = self.join().await?;
         // Frames go on while an action waits for its answer.
-        let (answers, mut answered) = mpsc::channel(MOST_ACTIONS);
+        let (answers, mut answered) = mpsc::channel(MAX_ACTIONS);
         let mut pings = interval(PING_EVERY);
         pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut heard = Instant::now();
@@ -196,7 +196,7 @@ impl Viewer {
     async fn refuse(&mut self, answer: &Answer) -> Result<(), Gone> {
         self.answer(answer).await?;
         self.mistakes += 1;
-        if self.mistakes >= MOST_MISTAKES {
+        if self.mistakes >= MAX_MISTAKES {
             return self.close(close_code::POLICY, "too many refused messages").await;
         }
         Ok(())

@@ -33,9 +33,9 @@ const DRAW_EVERY: Duration = Duration::from_millis(100);
 const FAREWELL: Duration = Duration::from_secs(1);
 
 /// Values of x, X/Z and forces, lines of the log, and points that are kept for the picture.
-const MOST_VALUES: usize = 400;
-const MOST_LOG: usize = 50;
-const MOST_POINTS: usize = 2000;
+const MAX_VALUES: usize = 400;
+const MAX_LOG: usize = 50;
+const MAX_POINTS: usize = 2000;
 
 /// Age from which numbers are shown as old, s.
 const OLD_S: f64 = 1.0;
@@ -100,13 +100,13 @@ impl Picture {
             let values = rows.values.get(name).map_or(&[][..], Vec::as_slice);
             values.iter().flatten().copied().collect::<Vec<f32>>()
         };
-        keep(&mut self.x_m, column(&news.rows, "x"), 4 * MOST_VALUES);
-        keep(&mut self.x_over_z_lock_in, column(&news.slow, "x_over_z_lock_in"), MOST_VALUES);
-        keep(&mut self.spring_n, column(&news.slow, "spring_force_n"), MOST_VALUES);
-        keep(&mut self.residual_m, column(&news.slow, "twin_residual_m"), MOST_VALUES);
+        keep(&mut self.x_m, column(&news.rows, "x"), 4 * MAX_VALUES);
+        keep(&mut self.x_over_z_lock_in, column(&news.slow, "x_over_z_lock_in"), MAX_VALUES);
+        keep(&mut self.spring_n, column(&news.slow, "spring_force_n"), MAX_VALUES);
+        keep(&mut self.residual_m, column(&news.slow, "twin_residual_m"), MAX_VALUES);
         let points = news.points.iter().filter_map(|p| Some((p.set_up.clone(), p.frequency_hz, p.x_over_z?)));
-        keep(&mut self.points, points, MOST_POINTS);
-        keep(&mut self.log, news.log.iter().cloned(), MOST_LOG);
+        keep(&mut self.points, points, MAX_POINTS);
+        keep(&mut self.log, news.log.iter().cloned(), MAX_LOG);
     }
 }
 

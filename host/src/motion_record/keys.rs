@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use damprig_core::control::transient::playback::MOST_SAMPLES;
+use damprig_core::control::transient::playback::MAX_SAMPLES;
 
-use super::noise::{FEWEST_LINES, LEAST_PER_PERIOD, Noise};
+use super::noise::{MIN_LINES, MIN_PER_PERIOD, Noise};
 use super::read::{RecordError, Spec, Which, read};
 use super::record::{Quantity as Recorded, Record};
 use super::units::{UNITS, unit_list};
@@ -18,7 +18,7 @@ use crate::signal_file::unit::{Kind as Measured, Unit as Measure};
 use crate::signal_file::{Sensitivity, Stated};
 
 /// Highest frequency of noise, Hz: the controller's tick of 1000 Hz gives its period 10 samples.
-const HIGHEST_HZ: f64 = damprig_core::io::TICK_HZ as f64 / LEAST_PER_PERIOD;
+const HIGHEST_HZ: f64 = damprig_core::io::TICK_HZ as f64 / MIN_PER_PERIOD;
 
 /// Of the keys that describe a file.
 pub(crate) const OF_FILE: Need = Need::If(&base_record::NOISE, "noise", &Forbidden, &Optional);
@@ -119,20 +119,20 @@ fn read_noise(s: &Section) -> Option<Noise> {
         let allowed =
             format!("rise_s and fall_s are {} s together: at most duration_s = {duration_s}", rise_s + fall_s);
         s.refuse(noise::ENVELOPE.name(), &s.span_of(noise::ENVELOPE.name()), allowed, None);
-    } else if read.rate_hz() < LEAST_PER_PERIOD * to.value {
-        let longest_s = MOST_SAMPLES as f64 / (LEAST_PER_PERIOD * to.value);
+    } else if read.rate_hz() < MIN_PER_PERIOD * to.value {
+        let longest_s = MAX_SAMPLES as f64 / (MIN_PER_PERIOD * to.value);
         let allowed = format!(
-            "gives {:.1} samples in a period of to_hz = {} Hz: the controller's record buffer of 40 KiB holds {MOST_SAMPLES}, and {} are \
+            "gives {:.1} samples in a period of to_hz = {} Hz: the controller's record buffer of 40 KiB holds {MAX_SAMPLES}, and {} are \
              needed",
             read.rate_hz() / to.value,
             to.value,
-            LEAST_PER_PERIOD
+            MIN_PER_PERIOD
         );
         let help = Some(format!("write at most duration_s = {:.0}, or a lower to_hz", longest_s.floor()));
         s.refuse(noise::DURATION.name(), &duration.span, allowed, help);
-    } else if read.lines().count() < FEWEST_LINES {
+    } else if read.lines().count() < MIN_LINES {
         let allowed = format!(
-            "the band has {} frequencies with whole periods in duration_s; noise has at least {FEWEST_LINES}",
+            "the band has {} frequencies with whole periods in duration_s; noise has at least {MIN_LINES}",
             read.lines().count()
         );
         let help = Some("widen the band or make the noise longer".into());

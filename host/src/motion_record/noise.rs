@@ -6,7 +6,7 @@
 
 use std::f64::consts::TAU;
 
-use damprig_core::control::transient::playback::MOST_SAMPLES;
+use damprig_core::control::transient::playback::MAX_SAMPLES;
 use damprig_core::io::TICK_HZ;
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -31,22 +31,22 @@ pub struct Noise {
 }
 
 /// Samples in a period of the highest frequency, at least: the cubics between them then miss 0.5 % of its amplitude.
-pub(super) const LEAST_PER_PERIOD: f64 = 10.0;
+pub(super) const MIN_PER_PERIOD: f64 = 10.0;
 
 /// Sines in the band, at least: fewer are no noise.
-pub(super) const FEWEST_LINES: usize = 10;
+pub(super) const MIN_LINES: usize = 10;
 
 impl Noise {
     /// The highest sample rate at which the controller's record buffer holds it, Hz: whole, at most that of the controller.
     #[must_use]
     pub fn rate_hz(&self) -> f64 {
-        ((MOST_SAMPLES - 1) as f64 / self.duration_s).floor().min(f64::from(TICK_HZ))
+        ((MAX_SAMPLES - 1) as f64 / self.duration_s).floor().min(f64::from(TICK_HZ))
     }
 
     /// The lowest sample rate that follows it, Hz.
     #[must_use]
     pub fn least_rate_hz(&self) -> f64 {
-        LEAST_PER_PERIOD * self.to_hz
+        MIN_PER_PERIOD * self.to_hz
     }
 
     /// Numbers of the first and the last sine of the band, in units of 1/duration.

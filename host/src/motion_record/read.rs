@@ -235,7 +235,7 @@ impl Rows {
 }
 
 /// Characters of the columns' names in a message.
-const MOST_OF_NAMES: usize = 200;
+const MAX_OF_NAMES: usize = 200;
 
 /// The time step, s, and the values of a table in SI units. Where `spec` has no unit, the name of the values' column has to end in it.
 fn table(text: &str, spec: &Spec, quantity: Quantity, scale: f64) -> Result<(f64, Vec<f64>), String> {
@@ -259,7 +259,7 @@ fn table(text: &str, spec: &Spec, quantity: Quantity, scale: f64) -> Result<(f64
             let others: Vec<usize> = (0..width).filter(|c| Some(*c) != time).collect();
             let [only] = others[..] else {
                 let names = rows.header.as_ref().map_or(format!("1 to {width}"), |h| h.join(", "));
-                let names: String = names.escape_debug().take(MOST_OF_NAMES).collect();
+                let names: String = names.escape_debug().take(MAX_OF_NAMES).collect();
                 return Err(format!("there are {width} columns ({names}): say which holds the values with `column`"));
             };
             only

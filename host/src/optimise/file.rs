@@ -23,7 +23,7 @@ const EVALUATIONS_PER_VARIABLE: u64 = 2_000;
 pub const TOLERANCE: f64 = 1e-3;
 
 /// Most variables.
-const MOST_VARIABLES: usize = 12;
+const MAX_VARIABLES: usize = 12;
 
 /// Several starts of the particle at each point.
 #[derive(Clone, Debug, PartialEq)]
@@ -383,8 +383,8 @@ fn check_axes(root: &Section, axes: &[Axis], variables: usize) -> Option<()> {
         });
         return None;
     }
-    if variables > MOST_VARIABLES {
-        root.reject(keys::VARIABLE.name(), format!("at most {MOST_VARIABLES} variables can be searched"), None);
+    if variables > MAX_VARIABLES {
+        root.reject(keys::VARIABLE.name(), format!("at most {MAX_VARIABLES} variables can be searched"), None);
         return None;
     }
     for (place, axis) in axes.iter().enumerate() {

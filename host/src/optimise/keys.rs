@@ -3,7 +3,7 @@
 use crate::input::key::DefaultValue::{Number, Word};
 use crate::input::key::Need::{Default, Optional, Required};
 use crate::input::key::Range::{Any, Between, Positive, Whole};
-use crate::input::key::{Kind, MOST_WHOLE, Quantity, Table, key, number, tables, word};
+use crate::input::key::{Kind, MAX_WHOLE, Quantity, Table, key, number, tables, word};
 use crate::study::metric::METRIC_NAMES;
 
 /// Words for the value over several starts, from the largest value to the smallest.
@@ -19,7 +19,7 @@ tables! {
         OBJECTIVE: Required, [word("objective", METRIC_NAMES, "the metric that is to be best; docs/STUDIES.md has their meanings")];
         GOAL: Default(Word("minimum")), [word("goal", &["minimum", "maximum"], "whether the smallest or the largest value of the objective is the best")];
         EVALUATIONS: Optional, [number("evaluations", Whole(100.0, 1e8), "most points that are evaluated; default: 2000 for each variable")];
-        SEED: Default(Number(1.0)), [number("seed", Whole(0.0, MOST_WHOLE), "of the search's random numbers")];
+        SEED: Default(Number(1.0)), [number("seed", Whole(0.0, MAX_WHOLE), "of the search's random numbers")];
         VARIABLE: Required, [key("variable", Kind::Tables, "what is looked for, a table for each key of the case")];
         AXIS: Optional, [key("axis", Kind::Tables, "the band that each point is judged over: an axis of a study with `reduce`")];
         CONSTRAINT: Optional, [key("constraint", Kind::Tables, "what must hold at every point of the band and from every start")];

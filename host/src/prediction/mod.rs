@@ -90,13 +90,13 @@ pub struct Response {
 const STEPS_PER_PERIOD: f64 = 64.0;
 
 /// Steps for all points of a campaign together: about half a second of computing.
-const MOST_STEPS: u64 = 1_200_000;
+const MAX_STEPS: u64 = 1_200_000;
 
 /// Steps that every point may have, however many there are: 175 s at 2.5 Hz, in 10 ms of computing.
 const STEPS_PER_POINT: u64 = 28_000;
 
 /// Simulations of a set-up in search of an amplitude that fits.
-const MOST_TRIES: u64 = 30;
+const MAX_TRIES: u64 = 30;
 
 /// Share of the displacement limit that a prediction may reach; the rest is for noise, resolution and model error.
 pub const USABLE: f64 = 0.98;
@@ -230,7 +230,7 @@ fn largest_fitting(campaign: &Campaign, prediction: &Prediction, limit: f64) -> 
 
 /// Tries that the bound on the work allows, when each takes this many steps.
 fn tries(steps: u64) -> u64 {
-    (2 * MOST_STEPS / steps.max(1)).clamp(1, MOST_TRIES)
+    (2 * MAX_STEPS / steps.max(1)).clamp(1, MAX_TRIES)
 }
 
 /// Steps in a period of the drive.
@@ -246,7 +246,7 @@ fn steps_per_period(set_up: &CampaignSetUp, frequency_hz: f64) -> f64 {
 fn allowance(campaign: &Campaign) -> u64 {
     let points: usize =
         campaign.experiments.iter().map(|e| (e.frequencies_hz().len() + e.peak_points()) * e.set_ups.len()).sum();
-    STEPS_PER_POINT.max(MOST_STEPS / points.max(1) as u64)
+    STEPS_PER_POINT.max(MAX_STEPS / points.max(1) as u64)
 }
 
 /// Steps of all points of a set-up, at most.

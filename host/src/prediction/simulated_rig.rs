@@ -18,7 +18,7 @@ const OVERSHOOT: f64 = 1.5;
 const NOTABLE: f64 = 1.5;
 
 /// Displacements below this are lost in single precision, m.
-const LEAST_M: f64 = 1e-9;
+const MIN_M: f64 = 1e-9;
 
 /// Checks a campaign on a simulated rig; returns warnings.
 ///
@@ -80,7 +80,7 @@ fn unloaded(campaign: &Campaign, shaker: &Shaker, set_up: &CampaignSetUp, sine: 
     let key = [Key("rig"), Key("shaker"), Key("calibrated_at_hz")];
     let span = || campaign.source.locate(&key).or_else(|| campaign.source.locate(&key[..2])).unwrap_or_default();
     let help = Some(format!("write calibrated_at_hz = {}, or drive = \"closed_loop\"", trim(at_hz)));
-    let (much, little) = (f64::from(base_follow::MOST), f64::from(base_follow::LEAST));
+    let (much, little) = (f64::from(base_follow::MAX), f64::from(base_follow::MIN));
     let allowed = if OVERSHOOT * largest > much {
         format!("the rig stops when the base moves {much} times as far as demanded")
     } else if largest * z_m > most_m {
@@ -131,7 +131,7 @@ fn comes_to_rest(campaign: &Campaign, experiment: usize, level_m: f64) {
 /// `per_m`: the stiffness with which a force is a motion.
 fn resolved(campaign: &Campaign, key: &str, (moved_m, per_m): (f64, Option<f64>), span: &Span) {
     let resolution_m = resolution_m(&campaign.rig);
-    let least_m = LEAST_M.max(0.5 * resolution_m);
+    let least_m = MIN_M.max(0.5 * resolution_m);
     if moved_m >= least_m {
         return;
     }

@@ -95,7 +95,7 @@ fn of_starts(mut all: Vec<Outlook>) -> Outlook {
 const STEP_S: f64 = 1.0 / TICK_HZ as f64;
 
 /// Steps of an experiment on a set-up: about a tenth of a second of computing, 400 s of rig time.
-const MOST_STEPS: u64 = 400_000;
+const MAX_STEPS: u64 = 400_000;
 
 /// Share of x0 below which |x| has to fall for the release to be detected (`control::transient::free_vibration`).
 const RELEASED: f64 = 0.9;
@@ -139,7 +139,7 @@ impl Summed {
 
     /// Whether the bound on the work is reached.
     fn is_full(&self) -> bool {
-        self.steps >= MOST_STEPS
+        self.steps >= MAX_STEPS
     }
 
     /// The sums over a motion of `wanted_s`.
@@ -226,7 +226,7 @@ fn released(set_up: &CampaignSetUp, free: &FreeVibration, detection: &ImpactConf
     // The release is detected, and the measurement begins, when |x| has fallen this far. A structure that sticks is never
     // released.
     let mut steps_before = 0;
-    while watched.x_m().abs() >= RELEASED * free.start_m.abs() && steps_before < MOST_STEPS {
+    while watched.x_m().abs() >= RELEASED * free.start_m.abs() && steps_before < MAX_STEPS {
         watched.step(&BaseSegment::at_rest(0.0));
         steps_before += 1;
     }
@@ -319,7 +319,7 @@ fn fitting(
 ) -> Option<f64> {
     let (before, most) = (playback.peak_m(), USABLE * limit_m);
     let mut candidate = before.min(most_z_m);
-    for _ in 0..tries(MOST_STEPS) {
+    for _ in 0..tries(MAX_STEPS) {
         candidate = crate::campaign::transient::two_digits_down(candidate);
         let factor = candidate / before;
         let samples_m = playback.samples_m.iter().map(|z| z * factor).collect();

@@ -12,7 +12,7 @@ use crate::report::numbers::{significant, trimmed};
 use crate::run_folder::ResultRow;
 
 /// Smallest relative fall of X/Z that counts as a jump.
-const LEAST_JUMP: f64 = 0.1;
+const MIN_JUMP: f64 = 0.1;
 
 /// Frequency (Hz) and X/Z (cycle maxima) of the results of an experiment on a set-up.
 #[must_use]
@@ -66,7 +66,7 @@ impl Peak {
         let is_jump = |other: &(f64, f64)| {
             let bandwidths = (other.0 - frequency_hz) / (damping_ratio * frequency_hz);
             let gradual = 1.0 - 1.0 / libm::sqrt(1.0 + bandwidths * bandwidths);
-            fall(other) > LEAST_JUMP.max(2.0 * gradual)
+            fall(other) > MIN_JUMP.max(2.0 * gradual)
         };
         match (steep.iter().find(|other| !is_jump(other)), steep.first()) {
             (Some(other), _) => peak(Resolution::NotResolved(*other)),

@@ -16,7 +16,7 @@ use crate::study::table::StudyTable;
 pub const PAGE: &str = "study.html";
 
 /// Rows of a table that is drawn at most: it is read whole.
-pub const MOST_DRAWN: u64 = 2_000_000;
+pub const MAX_DRAWN: u64 = 2_000_000;
 
 /// What was drawn.
 #[derive(Debug)]
@@ -42,7 +42,7 @@ pub enum Undrawn {
 }
 
 /// Reads the table, writes its figures and the page beside it. `best`: row of the best point; `summary`: what the page says first. `None`
-/// for a table of more than [`MOST_DRAWN`] rows.
+/// for a table of more than [`MAX_DRAWN`] rows.
 ///
 /// # Errors
 /// A table that is missing or damaged, a file that cannot be written.
@@ -52,7 +52,7 @@ pub fn write(
     best: Option<u64>,
     summary: &[String],
 ) -> Result<Option<Drawn>, Undrawn> {
-    if study.rows() > MOST_DRAWN {
+    if study.rows() > MAX_DRAWN {
         return Ok(None);
     }
     let store = data_set.store();

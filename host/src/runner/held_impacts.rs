@@ -6,7 +6,7 @@ use damprig_core::measure::impacts::ImpactRecord;
 
 /// Impacts are held for this time, or up to this number.
 const HOLD: Duration = Duration::from_millis(250);
-const MOST_HELD: usize = 256;
+const MAX_HELD: usize = 256;
 
 /// A copy of an impact is searched for among this many latest ones.
 const COPIES_AMONG: usize = 16;
@@ -40,7 +40,7 @@ impl HeldImpacts {
 
     /// Whether as many are held as may be.
     pub(super) fn are_many(&self) -> bool {
-        self.latest.len() - self.noted >= MOST_HELD
+        self.latest.len() - self.noted >= MAX_HELD
     }
 
     /// Those that are not in the journal yet; they count as noted from now on. `None` if there are none.
@@ -75,11 +75,11 @@ mod tests {
     #[test]
     fn many_impacts_are_due_before_their_time() {
         let mut held = HeldImpacts::new();
-        (0..MOST_HELD as u32).for_each(|tick| {
+        (0..MAX_HELD as u32).for_each(|tick| {
             held.add(impact(tick));
         });
         assert!(held.are_many());
-        assert_eq!(held.take_new().map(|new| new.len()), Some(MOST_HELD));
+        assert_eq!(held.take_new().map(|new| new.len()), Some(MAX_HELD));
         assert!(!held.are_many());
     }
 }

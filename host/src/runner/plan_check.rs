@@ -20,7 +20,7 @@ use crate::client::session::Report;
 const LONGEST_REST_S: f64 = 660.0;
 
 /// Most impacts in a tick: more than a particle can make in a millisecond.
-const MOST_IMPACTS_PER_TICK: u64 = 8;
+const MAX_IMPACTS_PER_TICK: u64 = 8;
 
 /// What may arrive in a segment.
 #[derive(Clone, Debug)]
@@ -123,7 +123,7 @@ impl PlanCheck {
             && matches!(impact.side, -1 | 1)
             && impact.tick <= tick
             && numbers.iter().all(|number| number.is_finite())
-            && self.impacts <= MOST_IMPACTS_PER_TICK * (u64::from(tick) + 1)
+            && self.impacts <= MAX_IMPACTS_PER_TICK * (u64::from(tick) + 1)
     }
 }
 
@@ -260,6 +260,6 @@ mod tests {
         }
         let mut check = check();
         let admitted = (0..1000).filter(|_| check.admits(&impact(|_| {}))).count();
-        assert_eq!(admitted, 7 * MOST_IMPACTS_PER_TICK as usize);
+        assert_eq!(admitted, 7 * MAX_IMPACTS_PER_TICK as usize);
     }
 }

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use damprig_core::control::stepped_sine::FADE_S;
 use damprig_core::io::TICK_HZ;
-use damprig_protocol::{MOST_VALUES, Telemetry};
+use damprig_protocol::{MAX_VALUES, Telemetry};
 
 use super::reorder_buffer::ReorderBuffer;
 
@@ -16,7 +16,7 @@ use super::reorder_buffer::ReorderBuffer;
 fn most_quiet_turns(every_ticks: u16) -> u32 {
     const TURNS_PER_S: u32 = 20;
     // Two signals make the longest message.
-    let message_ticks = u32::from(every_ticks) * (MOST_VALUES / 2) as u32;
+    let message_ticks = u32::from(every_ticks) * (MAX_VALUES / 2) as u32;
     TURNS_PER_S / 2 + (message_ticks * TURNS_PER_S / TICK_HZ as u32).min(10 * TURNS_PER_S)
 }
 

@@ -32,7 +32,7 @@ use crate::prediction;
 const RECORD_PEAK: &str = "record peak (m)";
 
 /// Campaigns with more problems than this are not asked about further.
-const MOST_PROBLEMS: usize = 20;
+const MAX_PROBLEMS: usize = 20;
 
 /// Completes a campaign by the settings of the session's rig and checks all that can be checked without a prediction: limits,
 /// signals, drive, the simulated rig's parts, and that the controller accepts every request. Sends nothing to the rig.
@@ -84,7 +84,7 @@ fn rehearse_in<S: PlantScalar>(
     let mut problems = 0;
     for (index, set_up) in campaign.set_ups.iter().enumerate() {
         for (place, experiment) in campaign.experiments.iter().enumerate() {
-            if !experiment.set_ups.contains(&index) || problems >= MOST_PROBLEMS {
+            if !experiment.set_ups.contains(&index) || problems >= MAX_PROBLEMS {
                 continue;
             }
             let mut device = Device::<S>::new(settings, &mut upload);

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use damprig_protocol::Telemetry;
 
 /// Messages held while an earlier one is missing.
-const MOST_WAITING: usize = 4;
+const MAX_WAITING: usize = 4;
 
 /// The messages of one segment.
 #[derive(Clone, Debug, Default)]
@@ -28,7 +28,7 @@ impl ReorderBuffer {
         self.waiting.insert(message.seq, message);
         let mut out = Vec::new();
         self.release(&mut out);
-        if self.waiting.len() > MOST_WAITING {
+        if self.waiting.len() > MAX_WAITING {
             self.skip();
             self.release(&mut out);
         }

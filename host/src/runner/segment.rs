@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use damprig_core::io::TICK_HZ;
 use damprig_core::rig::State;
-use damprig_protocol::{Event, MOST_SIGNALS, PlantKind, Request, Telemetry};
+use damprig_protocol::{Event, MAX_SIGNALS, PlantKind, Request, Telemetry};
 use damprig_simulator::messages::set_plant;
 
 use super::context::Run;
@@ -105,7 +105,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         let before_s = run.tally.rig_s;
         let mut places = run.selection.positions.clone();
         let frequency = run.session.signals.iter().position(|s| s.name == "frequency");
-        if let Some(place) = frequency.filter(|place| !places.contains(place) && places.len() < MOST_SIGNALS) {
+        if let Some(place) = frequency.filter(|place| !places.contains(place) && places.len() < MAX_SIGNALS) {
             places.push(place);
         }
         let frequency_at = places.iter().position(|&place| Some(place) == frequency);

@@ -400,11 +400,11 @@ fn base_amplitude(excitation: &CaseExcitation, stated_m: Option<f64>, x0_m: Opti
 }
 
 /// Shortest allowed cycle as a fraction of the shorter of natural and drive period.
-const LEAST_CYCLE: f64 = 1e-6;
+const MIN_CYCLE: f64 = 1e-6;
 
 /// Rejects a cycle so short that the run would only close empty cycles, and steady cycles without a length or beyond the run.
 fn check_cycles(run: &Section, case: &Case) {
-    let least_s = LEAST_CYCLE * case.shortest_period_s();
+    let least_s = MIN_CYCLE * case.shortest_period_s();
     if case.run.cycle_s.is_some_and(|cycle_s| cycle_s < least_s) {
         let allowed = format!("must be {least_s:.3e} s or more: a millionth of the period of structure or drive");
         run.reject(run::CYCLE.name(), allowed, None);

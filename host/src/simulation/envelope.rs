@@ -79,7 +79,7 @@ const HALVINGS: i32 = 30;
 
 /// Fewest evaluations per piece. An arc is at most 0.8 rad long, so the error between two evaluations is below 0.2 % of the
 /// amplitude.
-const LEAST: f64 = 8.0;
+const MIN: f64 = 8.0;
 
 /// Envelope of a window of the run.
 #[derive(Clone, Debug)]
@@ -192,7 +192,7 @@ impl Viewer for Envelope {
         }
         self.reached_s = start_s + to_s;
         self.hold(self.reached_s);
-        let step_s = (piece.length_s() / LEAST).min(0.5 * self.width_s());
+        let step_s = (piece.length_s() / MIN).min(0.5 * self.width_s());
         let count = ((to_s - from_s) / step_s).ceil().max(1.0) as u64;
         for n in 0..=count {
             self.take(&piece.at(from_s + (to_s - from_s) * (n as f64 / count as f64)));

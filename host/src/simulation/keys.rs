@@ -1,21 +1,21 @@
 //! Declares the keys of a case other than those of its set-up: excitation, initial state and run.
 
-use damprig_particles::{LEAST_RESTITUTION, LEAST_STEPS, MOST_SPHERES};
+use damprig_particles::{MAX_SPHERES, MIN_RESTITUTION, MIN_STEPS};
 
 use crate::input::key::DefaultValue::Number;
 use crate::input::key::Need::{Default, Optional, Required, RequiredUnless};
 use crate::input::key::Range::{Above, Any, Between, NotNegative, Positive, Whole};
-use crate::input::key::{Key, Kind, MOST_WHOLE, Need, Quantity, Table, key, number, tables};
+use crate::input::key::{Key, Kind, MAX_WHOLE, Need, Quantity, Table, key, number, tables};
 use crate::setup;
 
 /// Smallest sphere, m: smaller ones stick to each other, which the model leaves out.
-const LEAST_DIAMETER_M: f64 = 1e-5;
+const MIN_DIAMETER_M: f64 = 1e-5;
 
 /// Largest sphere, m.
-const MOST_DIAMETER_M: f64 = 1.0;
+const MAX_DIAMETER_M: f64 = 1.0;
 
 /// Largest side of a box, m.
-const MOST_SIDE_M: f64 = 100.0;
+const MAX_SIDE_M: f64 = 100.0;
 
 /// Of the amplitude of the base's motion.
 const UNLESS_STATED: Need = RequiredUnless("`base_amplitude_m` at the top gives it");
@@ -76,10 +76,10 @@ tables! {
 
     "Spheres of one size in a box on the structure: docs/PARTICLES.md."
     many_particles("many_particles") {
-        COUNT: Required, [number("count", Whole(1.0, MOST_SPHERES as f64), "number of spheres; computing time grows with it")
+        COUNT: Required, [number("count", Whole(1.0, MAX_SPHERES as f64), "number of spheres; computing time grows with it")
                 .usual(1.0, 5000.0)
                 .note("more cannot be simulated in a useful time; take fewer and larger spheres of the same mass")];
-        DIAMETER: Required, [number("diameter_m", Between(LEAST_DIAMETER_M, MOST_DIAMETER_M), "diameter of the spheres")
+        DIAMETER: Required, [number("diameter_m", Between(MIN_DIAMETER_M, MAX_DIAMETER_M), "diameter of the spheres")
                 .usual(5e-4, 0.05)
                 .note("smaller spheres stick to each other, which the model leaves out")];
         MASS: Required, [
@@ -87,7 +87,7 @@ tables! {
             number("mass_ratio", Positive, "β = m/M, that mass over the structure's").usual(0.005, 0.5),
         ];
         RESTITUTION: Required, [
-            number("restitution", Between(LEAST_RESTITUTION, 1.0), "e of every contact, between spheres and with the box").usual(0.05, 0.98),
+            number("restitution", Between(MIN_RESTITUTION, 1.0), "e of every contact, between spheres and with the box").usual(0.05, 0.98),
         ];
         FRICTION: Default(Number(0.0)), [
             number("friction_coefficient", NotNegative, "μ of every contact; with friction the spheres rotate").usual(0.0, 0.8),
@@ -97,15 +97,15 @@ tables! {
             number("contact_time_s", Positive, "duration of an undamped contact of two spheres, which gives the stiffness").usual(1e-6, 0.01),
         ];
         LENGTH: Required, [
-            number("length_m", Above(0.0, MOST_SIDE_M), "inner length of the box, along the motion").usual(0.002, 1.0),
-            number("clearance_m", Above(0.0, MOST_SIDE_M), "d, half the free travel: the length is 2d plus what the spheres take, packed in layers").usual(5e-4, 0.2),
+            number("length_m", Above(0.0, MAX_SIDE_M), "inner length of the box, along the motion").usual(0.002, 1.0),
+            number("clearance_m", Above(0.0, MAX_SIDE_M), "d, half the free travel: the length is 2d plus what the spheres take, packed in layers").usual(5e-4, 0.2),
         ];
-        WIDTH: Required, [number("width_m", Above(0.0, MOST_SIDE_M), "inner width of the box, across the motion").usual(0.001, 1.0)];
-        HEIGHT: Required, [number("height_m", Above(0.0, MOST_SIDE_M), "inner height of the box").usual(0.001, 1.0)];
+        WIDTH: Required, [number("width_m", Above(0.0, MAX_SIDE_M), "inner width of the box, across the motion").usual(0.001, 1.0)];
+        HEIGHT: Required, [number("height_m", Above(0.0, MAX_SIDE_M), "inner height of the box").usual(0.001, 1.0)];
         STEPS: Default(Number(25.0)), [
-            number("steps_per_contact", Between(LEAST_STEPS, 10_000.0), "steps of the shortest contact").usual(10.0, 500.0),
+            number("steps_per_contact", Between(MIN_STEPS, 10_000.0), "steps of the shortest contact").usual(10.0, 500.0),
         ];
-        SEED: Default(Number(1.0)), [number("seed", Whole(0.0, MOST_WHOLE), "of the spheres' places at the start")];
+        SEED: Default(Number(1.0)), [number("seed", Whole(0.0, MAX_WHOLE), "of the spheres' places at the start")];
     }
 
     "Initial state, in the fixed frame."
@@ -121,6 +121,6 @@ tables! {
         DURATION: RequiredUnless("the base follows a record, which has one"), [number("duration_s", Positive, "duration of the run; default with a record: that of the record").usual(0.01, 1e5)];
         SAMPLE_TIMES: Optional, [key("sample_times_s", Kind::Numbers(NotNegative), "times at which the state is output, rising")];
         CYCLE: Optional, [number("cycle_s", Positive, "length of a cycle; default under a sine: its period")];
-        STEADY_FROM: Optional, [number("steady_from_cycle", Whole(0.0, MOST_WHOLE), "first cycle that counts as steady, from 0")];
+        STEADY_FROM: Optional, [number("steady_from_cycle", Whole(0.0, MAX_WHOLE), "first cycle that counts as steady, from 0")];
     }
 }

@@ -32,7 +32,7 @@ pub const FORMAT: &str = "study 1";
 const CYCLES_PER_PART: f64 = 2e6;
 
 /// Most rows of a part.
-const MOST_ROWS_PER_PART: u64 = 65_536;
+const MAX_ROWS_PER_PART: u64 = 65_536;
 
 /// Encoded bytes from which a row group of the joined table ends: the memory that joining takes.
 const ROW_GROUP_BYTES: usize = 32 << 20;
@@ -78,7 +78,7 @@ impl Manifest {
     /// Of a study.
     #[must_use]
     pub fn of(study: &Study) -> Self {
-        let usual = (CYCLES_PER_PART / cycles_per_row(study)).ceil().clamp(1.0, MOST_ROWS_PER_PART as f64);
+        let usual = (CYCLES_PER_PART / cycles_per_row(study)).ceil().clamp(1.0, MAX_ROWS_PER_PART as f64);
         let manifest = Self {
             format: FORMAT.into(),
             damprig: crate::VERSION_LINE.into(),

@@ -10,7 +10,7 @@ use super::keys::{ensemble, overlay, record, sampling, study as keys};
 use super::metric::{self, METRICS};
 use super::points::{Method, Points, Sampling};
 use super::simulate::{Counted, Record};
-use super::table::LEAST_OF_MAP;
+use super::table::MIN_OF_MAP;
 use super::varied_case::VariedCase;
 use crate::continuation::Continuation;
 use crate::input::section::Text;
@@ -21,10 +21,10 @@ use crate::simulation::case::default_name;
 use crate::simulation::settling;
 
 /// Most corners of the grid that are checked before a study.
-const MOST_CORNERS: u32 = 64;
+const MAX_CORNERS: u32 = 64;
 
 /// Most values of one axis that are checked before a study.
-const MOST_CHECKED: usize = 1_000;
+const MAX_CHECKED: usize = 1_000;
 
 /// What to do about a range without a `count`.
 const MISSING_COUNT: &str = "give `count`, or draw from the range with a table [sampling]";
@@ -186,7 +186,7 @@ impl Study {
         self.check_metrics(source, &first)?;
         corners(&self.axes).iter().try_for_each(|corner| self.check_at(source, corner))?;
         for (place, axis) in self.axes.iter().enumerate() {
-            for value in axis.checked_values().into_iter().take(MOST_CHECKED) {
+            for value in axis.checked_values().into_iter().take(MAX_CHECKED) {
                 let mut values = first.clone();
                 values[place] = value;
                 self.check_at(source, &values)?;
@@ -269,7 +269,7 @@ fn combinations_of_words(axes: &[Axis]) -> Vec<Vec<Value>> {
 /// The corners of the grid of some axes, or the first of them.
 pub(crate) fn corners(axes: &[Axis]) -> Vec<Vec<Value>> {
     let ends: Vec<[Value; 2]> = axes.iter().filter_map(ends).collect();
-    let corners = 1u32.checked_shl(ends.len() as u32).map_or(MOST_CORNERS, |all| all.min(MOST_CORNERS));
+    let corners = 1u32.checked_shl(ends.len() as u32).map_or(MAX_CORNERS, |all| all.min(MAX_CORNERS));
     let corner = |corner: u32| {
         let end = |(place, ends): (usize, &[Value; 2])| ends[(corner >> place.min(31) & 1) as usize].clone();
         ends.iter().enumerate().map(end).collect()
@@ -359,12 +359,12 @@ impl Overlay {
             return Some(("must be a continuation in two parameters".into(), help.into()));
         };
         let is_grid = |axis: &Axis| {
-            let is_long = matches!(&axis.values, axis::Values::Numbers(numbers) if numbers.len() >= LEAST_OF_MAP);
+            let is_long = matches!(&axis.values, axis::Values::Numbers(numbers) if numbers.len() >= MIN_OF_MAP);
             is_long && axis.reduce.is_none()
         };
         if axes.len() != 2 || !axes.iter().all(is_grid) {
             let help = "leave the overlay out, or the other axes".into();
-            return Some((format!("needs a map: two axes of at least {LEAST_OF_MAP} numbers, and no others"), help));
+            return Some((format!("needs a map: two axes of at least {MIN_OF_MAP} numbers, and no others"), help));
         }
         let keys = parameters.map(|parameter| parameter.key);
         if let Some(axis) = axes.iter().find(|axis| !keys.contains(&axis.key.as_str())) {

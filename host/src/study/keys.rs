@@ -4,7 +4,7 @@ use super::metric::METRIC_NAMES;
 use crate::input::key::DefaultValue::{Number, Word};
 use crate::input::key::Need::{Default, IfWord, Optional, Required};
 use crate::input::key::Range::{Any, Between, Positive, Whole};
-use crate::input::key::{Kind, MOST_WHOLE, Quantity, Table, key, number, tables, word};
+use crate::input::key::{Kind, MAX_WHOLE, Quantity, Table, key, number, tables, word};
 
 tables! {
     "All tables of a study."
@@ -42,7 +42,7 @@ tables! {
     sampling("sampling") {
         METHOD: Required, [word("method", &["latin_hypercube", "sobol"], "how points are drawn")];
         COUNT: Required, [number("count", Whole(1.0, 1e8), "number of points")];
-        SEED: IfWord(&METHOD, "latin_hypercube", &Default(Number(1.0)), &Optional), [number("seed", Whole(0.0, MOST_WHOLE), "of the random numbers of a Latin hypercube")];
+        SEED: IfWord(&METHOD, "latin_hypercube", &Default(Number(1.0)), &Optional), [number("seed", Whole(0.0, MAX_WHOLE), "of the random numbers of a Latin hypercube")];
     }
 
     "What is counted of each simulation."

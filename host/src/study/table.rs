@@ -17,7 +17,7 @@ use crate::run_folder::read::parquet_file;
 pub const MARKED: f64 = 0.01;
 
 /// Values on both axes from which a map is drawn. Fewer of one axis are a curve each.
-pub const LEAST_OF_MAP: usize = 8;
+pub const MIN_OF_MAP: usize = 8;
 
 /// A table that has been read.
 #[derive(Clone, Debug)]

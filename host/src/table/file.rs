@@ -9,7 +9,7 @@ use parquet::arrow::ArrowWriter;
 use super::TableBuilder;
 use super::csv::{CsvTable, Heads};
 use super::gathered::{ColumnValues, Names, gather};
-use super::mat_file::{MOST_NUMBERS, MatTable, write_checked};
+use super::mat_file::{MAX_NUMBERS, MatTable, write_checked};
 use super::parquet_properties::properties;
 use crate::storage::StorageError;
 use crate::storage::whole_file::WholeFile;
@@ -138,7 +138,7 @@ impl<R> TableFile<R> {
             Sink::Csv(writer) => writer.write(&batch),
             Sink::Mat(_, _, columns) => {
                 let held: usize = columns.iter().map(|column| column.values.count()).sum();
-                if held + batch.num_rows() * batch.num_columns() > MOST_NUMBERS {
+                if held + batch.num_rows() * batch.num_columns() > MAX_NUMBERS {
                     return Err("a .mat file holds at most 2 GiB; lower --rate, or write .parquet".into());
                 }
                 gather(columns, &batch, Names::AsPlaces)

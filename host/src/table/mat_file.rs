@@ -17,7 +17,7 @@ use super::mat_text;
 const YEAR_10000_S: u64 = 253_402_300_800;
 
 /// Most numbers of a table: the 2 GiB of a variable, less room for the names and dimensions of its fields.
-pub const MOST_NUMBERS: usize = ((1 << 31) - (1 << 20)) / size_of::<f64>();
+pub const MAX_NUMBERS: usize = ((1 << 31) - (1 << 20)) / size_of::<f64>();
 
 /// Length and digest of the numbers of a column.
 pub type Sum = (usize, u64);

@@ -305,7 +305,7 @@ impl BoundaryProblem<'_> {
 /// The eigenvalues of a transition matrix; infinite where it is not finite, as at a grazing.
 pub(crate) fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
     let is_finite = matrix.iter().all(|entry| entry.is_finite());
-    let schur = if is_finite { Schur::try_new(matrix.clone(), f64::EPSILON, MOST_SWEEPS) } else { None };
+    let schur = if is_finite { Schur::try_new(matrix.clone(), f64::EPSILON, MAX_SWEEPS) } else { None };
     schur.map_or_else(
         || vec![Complex::new(f64::INFINITY, 0.0); matrix.nrows()],
         |schur| schur.complex_eigenvalues().iter().copied().collect(),
@@ -313,4 +313,4 @@ pub(crate) fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
 }
 
 /// Most sweeps of the eigenvalue iteration.
-const MOST_SWEEPS: usize = 1_000;
+const MAX_SWEEPS: usize = 1_000;

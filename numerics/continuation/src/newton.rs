@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 /// Most Newton steps.
-const MOST_STEPS: u32 = 25;
+const MAX_STEPS: u32 = 25;
 
 /// A step below this, relative to the unknowns, is rounding.
 const ROUNDING: f64 = 1e-13;
@@ -29,7 +29,7 @@ pub fn solve(
 ) -> Option<Solution> {
     let mut unknowns = guess;
     let mut last = f64::INFINITY;
-    for steps in 1..=MOST_STEPS {
+    for steps in 1..=MAX_STEPS {
         let (residual, derivatives) = system(&unknowns);
         if !residual.iter().all(|value| value.is_finite()) {
             return None;

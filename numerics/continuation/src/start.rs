@@ -55,13 +55,13 @@ pub(crate) struct Start {
 }
 
 /// Most events of an orbit.
-const MOST_EVENTS: usize = 60;
+const MAX_EVENTS: usize = 60;
 
 /// Most drive periods of an orbit.
-const MOST_PERIODS: usize = 16;
+const MAX_PERIODS: usize = 16;
 
 /// States compared.
-const COMPARED: usize = 2 * MOST_PERIODS;
+const COMPARED: usize = 2 * MAX_PERIODS;
 
 /// Periods between two comparisons.
 const BLOCK: u64 = 100;
@@ -250,8 +250,8 @@ impl System {
             return Err(NoStart::NoConvergence);
         };
         let count = last - from;
-        if count > MOST_EVENTS {
-            return Err(NoStart::TooManyEvents { count, most: MOST_EVENTS });
+        if count > MAX_EVENTS {
+            return Err(NoStart::TooManyEvents { count, most: MAX_EVENTS });
         }
         let unit = (self.length_m, self.length_m / self.time_s);
         let start_s = first.start_s;

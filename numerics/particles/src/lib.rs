@@ -28,4 +28,4 @@ pub use contact::{ContactLaw, damping_ratio, restitution};
 pub use energy::Energies;
 pub use excitation::{Drive, Excitation};
 pub use forces::WallImpact;
-pub use motion::{Damper, LEAST_RESTITUTION, LEAST_STEPS, MOST_SPHERES, Motion, Start, State};
+pub use motion::{Damper, MAX_SPHERES, MIN_RESTITUTION, MIN_STEPS, Motion, Start, State};

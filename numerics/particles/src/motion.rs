@@ -16,7 +16,7 @@ use crate::vector::{Vector, dot, length, plus, plus_times};
 /// Spheres of one size in a box on the structure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Damper {
-    /// Number of spheres; from 1 to [`MOST_SPHERES`].
+    /// Number of spheres; from 1 to [`MAX_SPHERES`].
     pub count: usize,
     /// Of each, m; greater than 0.
     pub diameter_m: f64,
@@ -39,13 +39,13 @@ pub struct Damper {
 }
 
 /// Most spheres: so many make about 80 steps in a second of computing, and a run of 10 s takes an hour.
-pub const MOST_SPHERES: usize = 100_000;
+pub const MAX_SPHERES: usize = 100_000;
 
 /// Least coefficient of restitution: a smaller one needs ever stiffer dashpots.
-pub const LEAST_RESTITUTION: f64 = 0.01;
+pub const MIN_RESTITUTION: f64 = 0.01;
 
 /// Least steps of the shortest contact.
-pub const LEAST_STEPS: f64 = 4.0;
+pub const MIN_STEPS: f64 = 4.0;
 
 impl Damper {
     /// Mass of a sphere, kg.
@@ -84,7 +84,7 @@ impl Damper {
     /// Names the first parameter outside its range, spelled as in case files.
     pub fn validate(&self) -> Result<(), Invalid> {
         require(
-            (1..=MOST_SPHERES).contains(&self.count),
+            (1..=MAX_SPHERES).contains(&self.count),
             "many_particles.count",
             self.count as f64,
             "a whole number from 1 to 100000",
@@ -92,7 +92,7 @@ impl Damper {
         positive("many_particles.diameter_m", self.diameter_m)?;
         positive("many_particles.mass_kg", self.mass_kg)?;
         require(
-            (LEAST_RESTITUTION..=1.0).contains(&self.restitution),
+            (MIN_RESTITUTION..=1.0).contains(&self.restitution),
             "many_particles.restitution",
             self.restitution,
             "from 0.01 to 1",
@@ -104,7 +104,7 @@ impl Damper {
         positive("many_particles.height_m", self.cavity.height_m)?;
         not_negative("gravity_m_per_s2", self.gravity_m_per_s2)?;
         require(
-            self.steps_per_contact.is_finite() && self.steps_per_contact >= LEAST_STEPS,
+            self.steps_per_contact.is_finite() && self.steps_per_contact >= MIN_STEPS,
             "many_particles.steps_per_contact",
             self.steps_per_contact,
             "4 or more",

@@ -10,7 +10,7 @@ use crate::vector::{Vector, dot, minus};
 const SKIN: f64 = 0.25;
 
 /// Most cells of a box, for each sphere in it.
-const MOST_CELLS: usize = 8;
+const MAX_CELLS: usize = 8;
 
 /// The pairs, sorted, with the histories of their contacts.
 #[derive(Clone, Debug)]
@@ -35,7 +35,7 @@ impl Neighbours {
         let near_m = diameter_m * (1.0 + SKIN);
         let sides_m = cavity.sides_m();
         let mut cells = sides_m.map(|side_m| ((side_m / near_m) as usize).max(1));
-        while cells.into_iter().fold(1, usize::saturating_mul) > count.max(1).saturating_mul(MOST_CELLS) {
+        while cells.into_iter().fold(1, usize::saturating_mul) > count.max(1).saturating_mul(MAX_CELLS) {
             let longest = if cells[0] >= cells[1].max(cells[2]) { 0 } else { 1 + usize::from(cells[2] > cells[1]) };
             cells[longest] = cells[longest].div_ceil(2);
         }
@@ -170,7 +170,7 @@ mod tests {
         }
         let mut neighbours = Neighbours::new(&cavity, centres.len(), diameter_m);
         let cells: usize = neighbours.cells.iter().product();
-        assert!((centres.len()..=MOST_CELLS * centres.len()).contains(&cells), "{:?}", neighbours.cells);
+        assert!((centres.len()..=MAX_CELLS * centres.len()).contains(&cells), "{:?}", neighbours.cells);
         neighbours.update(&centres, 0.0);
         assert!(neighbours.pairs.len() > 300);
         assert_eq!(neighbours.pairs, near_each_other(&centres, diameter_m * (1.0 + SKIN)));

@@ -10,15 +10,15 @@ use damprig_core::io::{Actuators, Invalid, Sensors, TICK_HZ, WALL_SUBSAMPLES};
 use damprig_core::measure::snippet::SNIPPET;
 use damprig_core::rig::{Command, Event, Rejected, Rig, SIGNALS, State};
 use damprig_core::settings::{Settings, Source};
-use damprig_protocol::upload::MOST_BYTES;
+use damprig_protocol::upload::MAX_BYTES;
 use damprig_protocol::{
-    Clock, ClockSource, Counters, Crash, Description, FromDevice, Identity, MOST_SIGNALS, MOST_VALUES, NumberedRequest,
+    Clock, ClockSource, Counters, Crash, Description, FromDevice, Identity, MAX_SIGNALS, MAX_VALUES, NumberedRequest,
     PlantKind, Reply, Request, Reset, SAMPLES_TOLD, SCHEMA, SIGNALS_TOLD, Signal, Timing, VERSION, clipped,
 };
 use heapless::{Deque, Vec};
 
 // The values of all signals fit into one reply.
-const _: () = assert!(SIGNALS.len() <= MOST_VALUES);
+const _: () = assert!(SIGNALS.len() <= MAX_VALUES);
 
 /// Numbers of served requests that are kept to recognise a repetition: a late copy may arrive after some later
 /// requests.
@@ -97,9 +97,9 @@ impl Controller {
                 tick_hz: TICK_HZ,
                 clock: Clock::RealTime,
                 plant: PlantKind::Real,
-                most_points: damprig_core::control::stepped_sine::MOST_POINTS as u16,
+                most_points: damprig_core::control::stepped_sine::MAX_POINTS as u16,
                 signals: SIGNALS.len() as u8,
-                most_signals: MOST_SIGNALS as u8,
+                most_signals: MAX_SIGNALS as u8,
                 force_rate_hz: TICK_HZ * WALL_SUBSAMPLES as f32,
                 clock_source: boot.clock_source,
                 revision: clipped(info.revision),
@@ -436,7 +436,7 @@ impl Controller {
 }
 
 impl Selection {
-    fn new(every_ticks: u16, signals: &Vec<u8, MOST_SIGNALS>, impacts: bool) -> Result<Self, Invalid> {
+    fn new(every_ticks: u16, signals: &Vec<u8, MAX_SIGNALS>, impacts: bool) -> Result<Self, Invalid> {
         if let Some(&place) = signals.iter().find(|&&place| usize::from(place) >= SIGNALS.len()) {
             let allowed = "a place in the signal table";
             return Err(Invalid { parameter: "telemetry.signals", value: f64::from(place), allowed });
@@ -469,7 +469,7 @@ fn is_upload(ask: &Request) -> bool {
 }
 
 fn check_upload(bytes: u32) -> Result<(), Invalid> {
-    if bytes == 0 || bytes > MOST_BYTES || !bytes.is_multiple_of(2) {
+    if bytes == 0 || bytes > MAX_BYTES || !bytes.is_multiple_of(2) {
         let allowed = "an even number from 2 to 40960: the record buffer holds 20480 samples of two bytes";
         return Err(Invalid { parameter: "upload.bytes", value: f64::from(bytes), allowed });
     }

@@ -1,7 +1,7 @@
 //! Chooses the next message to send: replies and events first, then telemetry rows in batches.
 
 use crate::queues::{Row, StreamItem, Waiting};
-use damprig_protocol::{FromDevice, MOST_VALUES, Telemetry};
+use damprig_protocol::{FromDevice, MAX_VALUES, Telemetry};
 use heapless::{Deque, Vec};
 
 /// Baud rate of the serial line, bits per second.
@@ -78,7 +78,7 @@ impl Batch {
         for place in places {
             let _ = open.values.push(values.get(usize::from(*place)).copied().unwrap_or_default());
         }
-        if open.values.len() + width > MOST_VALUES || row.last {
+        if open.values.len() + width > MAX_VALUES || row.last {
             self.close();
         }
     }
@@ -106,7 +106,7 @@ mod tests {
 
     const WIDTH: usize = 6;
     /// Rows in a full message.
-    const ROWS: usize = MOST_VALUES / WIDTH;
+    const ROWS: usize = MAX_VALUES / WIDTH;
 
     fn row(tick: u32) -> Row {
         let chosen = Chosen::new(&(0..WIDTH as u8).collect());

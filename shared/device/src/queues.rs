@@ -3,7 +3,7 @@
 //! The control loop never waits for room: a full queue rejects, and the controller counts what was lost.
 
 use damprig_core::rig::{MOTION_SIGNALS, SIGNALS, Signals};
-use damprig_protocol::{FromDevice, MOST_SIGNALS, NumberedRequest};
+use damprig_protocol::{FromDevice, MAX_SIGNALS, NumberedRequest};
 use heapless::{Deque, Vec};
 
 use crate::{REPLIES_WAITING, ROWS_WAITING};
@@ -91,7 +91,7 @@ pub struct Row {
 /// The selected signals, as indices in the signal table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Chosen {
-    places: [u8; MOST_SIGNALS],
+    places: [u8; MAX_SIGNALS],
     width: u8,
 }
 
@@ -105,7 +105,7 @@ impl Default for Chosen {
 impl Chosen {
     /// Selects these signals, in the row's order.
     #[must_use]
-    pub fn new(signals: &Vec<u8, MOST_SIGNALS>) -> Self {
+    pub fn new(signals: &Vec<u8, MAX_SIGNALS>) -> Self {
         let place = |n| signals.get(n).copied().unwrap_or_default();
         Self { width: signals.len() as u8, places: core::array::from_fn(place) }
     }
@@ -113,7 +113,7 @@ impl Chosen {
     /// Indices of the selected signals.
     #[must_use]
     pub fn places(&self) -> &[u8] {
-        &self.places[..usize::from(self.width).min(MOST_SIGNALS)]
+        &self.places[..usize::from(self.width).min(MAX_SIGNALS)]
     }
 }
 

@@ -4,19 +4,19 @@
 //! rig. That takes 2.6 s for the longest record, about as long as the transfer. An upload is kept until another one
 //! begins, even if the host disconnects.
 
-use damprig_core::control::transient::playback::{MOST_SAMPLES, RecordId};
+use damprig_core::control::transient::playback::{MAX_SAMPLES, RecordId};
 use damprig_core::rig::Rejected;
-use damprig_protocol::upload::{MOST_BYTES, Progress, UploadStage, checksum};
+use damprig_protocol::upload::{MAX_BYTES, Progress, UploadStage, checksum};
 
 /// Samples added to the checksum per tick.
 const CHECKED_PER_TICK: u32 = 8;
 
-const _: () = assert!(MOST_SAMPLES as u32 * 2 == MOST_BYTES);
+const _: () = assert!(MAX_SAMPLES as u32 * 2 == MAX_BYTES);
 
 /// The record as far as it has arrived. A new buffer is all zeros, so it is placed in `.bss`.
 #[derive(Debug)]
 pub struct UploadBuffer {
-    samples: [i16; MOST_SAMPLES],
+    samples: [i16; MAX_SAMPLES],
     /// Length in samples and checksum of the upload that was begun; 0 samples for none.
     wanted: u32,
     crc32: u32,
@@ -41,7 +41,7 @@ impl UploadBuffer {
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            samples: [0; MOST_SAMPLES],
+            samples: [0; MAX_SAMPLES],
             wanted: 0,
             crc32: 0,
             there: 0,
@@ -170,7 +170,7 @@ mod tests {
     }
 
     fn settle(buffer: &mut UploadBuffer) -> UploadStage {
-        (0..MOST_SAMPLES).for_each(|_| buffer.check());
+        (0..MAX_SAMPLES).for_each(|_| buffer.check());
         buffer.progress().stage
     }
 
@@ -183,7 +183,7 @@ mod tests {
 
     #[test]
     fn a_record_received_in_chunks_is_lent_once_its_checksum_matches() {
-        for samples in [1, 7, 64, 65, MOST_SAMPLES] {
+        for samples in [1, 7, 64, 65, MAX_SAMPLES] {
             let (mut buffer, bytes) = (UploadBuffer::new(), record(samples, 5));
             let id = RecordId { samples: samples as u16, crc32: checksum(0, &bytes) };
             buffer.begin(bytes.len() as u32, id.crc32);

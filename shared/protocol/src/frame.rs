@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn a_stepped_sine_of_the_most_frequencies_fits() {
         use damprig_core::control::base_loop::ClosedLoop;
-        use damprig_core::control::stepped_sine::{DriveMode, MOST_POINTS, Start, SteppedSine};
+        use damprig_core::control::stepped_sine::{DriveMode, MAX_POINTS, Start, SteppedSine};
         let sine = SteppedSine {
             start: Start::FromRest { level_m: 5e-4 },
             amplitude_m: 1e-3,
@@ -167,7 +167,7 @@ mod tests {
             dwell_s: 4.0,
             steady: Default::default(),
             first_index: u16::MAX,
-            frequencies_hz: core::iter::repeat_n(2.5, MOST_POINTS).collect(),
+            frequencies_hz: core::iter::repeat_n(2.5, MAX_POINTS).collect(),
         };
         let request = NumberedRequest { seq: u16::MAX, at_tick: Some(u32::MAX), request: Request::Configure(sine) };
         assert!(encode(&ToDevice::Request(request), &mut [0; LONGEST]).is_some());
@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn the_longest_telemetry_fits() {
-        let values = core::iter::repeat_n(1.5, crate::MOST_VALUES).collect();
+        let values = core::iter::repeat_n(1.5, crate::MAX_VALUES).collect();
         let (seq, first_tick) = (u32::MAX, u32::MAX);
         let message = FromDevice::Telemetry(Telemetry { seq, first_tick, every_ticks: 9, width: 16, values });
         assert!(encode(&message, &mut [0; LONGEST]).is_some());

@@ -13,7 +13,7 @@ use crate::upload::Progress;
 use crate::{Event, Rejected};
 
 /// Maximum number of telemetry signals in a row.
-pub const MOST_SIGNALS: usize = 16;
+pub const MAX_SIGNALS: usize = 16;
 
 /// Maximum number of entries of the signal table in one reply.
 pub const SIGNALS_TOLD: usize = 4;
@@ -28,7 +28,7 @@ pub const STORED_TOLD: usize = 128;
 pub const CALLS_TOLD: usize = 6;
 
 /// Maximum number of values (rows × signals) in one telemetry message, and of entries in the signal table.
-pub const MOST_VALUES: usize = 64;
+pub const MAX_VALUES: usize = 64;
 
 /// A message from the device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
@@ -108,7 +108,7 @@ pub enum Reply {
     Transient(TransientResult),
     /// Reply to [`Request::SignalValues`](crate::Request::SignalValues): a value for each entry of the signal table, in
     /// its order.
-    SignalValues(Vec<f32, MOST_VALUES>),
+    SignalValues(Vec<f32, MAX_VALUES>),
 }
 
 /// Identity of a device. The layout of this type never changes.
@@ -342,5 +342,5 @@ pub struct Telemetry {
     /// Number of signals in a row.
     pub width: u8,
     /// Values row by row; within a row in the order of the selected signals.
-    pub values: Vec<f32, MOST_VALUES>,
+    pub values: Vec<f32, MAX_VALUES>,
 }

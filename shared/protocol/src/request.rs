@@ -10,7 +10,7 @@ use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use crate::MOST_SIGNALS;
+use crate::MAX_SIGNALS;
 use crate::upload::CHUNK_BYTES;
 
 /// Longest message to the simulator, bytes.
@@ -71,7 +71,7 @@ pub enum Request {
         /// Ticks from row to row; 0 for no rows.
         every_ticks: u16,
         /// Signals of a row: indices in the signal table, in any order. Empty for the motion signals alone.
-        signals: Vec<u8, MOST_SIGNALS>,
+        signals: Vec<u8, MAX_SIGNALS>,
         /// Send every impact as an event.
         impacts: bool,
     },
@@ -113,7 +113,7 @@ pub enum Request {
     SaveSettings,
     /// Begin an upload, or continue one with the same length and checksum. Only when idle.
     BeginUpload {
-        /// Length of the upload, bytes: even, at most [`crate::upload::MOST_BYTES`].
+        /// Length of the upload, bytes: even, at most [`crate::upload::MAX_BYTES`].
         bytes: u32,
         /// [`crate::upload::checksum`] of the upload.
         crc32: u32,

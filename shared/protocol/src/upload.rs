@@ -11,7 +11,7 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// Longest upload, bytes: the size of the controller's record buffer.
-pub const MOST_BYTES: u32 = 40 * 1024;
+pub const MAX_BYTES: u32 = 40 * 1024;
 
 /// Maximum number of bytes in a chunk.
 pub const CHUNK_BYTES: usize = 128;

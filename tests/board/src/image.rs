@@ -12,7 +12,7 @@ use crate::chip::{FLASH_BASE, FLASH_BYTES, RAM_BASE, RAM_BYTES};
 const ACCESSORS: [&str; 3] = ["core::ptr::", "::read_volatile", "stm32_metapac::common"];
 
 /// Maximum number of lines in the reported source location of an address.
-const MOST_PLACES: usize = 8;
+const MAX_PLACES: usize = 8;
 
 /// Path of a source file without its machine-specific part.
 fn short(file: &str) -> &str {
@@ -111,7 +111,7 @@ impl Image {
                 places.extend(line.map(|line| format!("{line} {}", name.unwrap_or_default())));
             }
         }
-        places.truncate(MOST_PLACES);
+        places.truncate(MAX_PLACES);
         places.join("\n     ")
     }
 

@@ -18,7 +18,7 @@ use crate::time::Time;
 pub const STEP: Time = Time::from_ms(1);
 
 /// A delay longer than this is dropped from the pace.
-const MOST_BEHIND: Duration = Duration::from_millis(100);
+const MAX_BEHIND: Duration = Duration::from_millis(100);
 
 /// Reason why the service ended.
 #[derive(Debug, thiserror::Error)]
@@ -102,7 +102,7 @@ impl Pace {
         let passed = self.host.elapsed();
         if due > passed {
             std::thread::sleep(due - passed);
-        } else if passed - due > MOST_BEHIND {
+        } else if passed - due > MAX_BEHIND {
             *self = Self::new(self.pace, now);
         }
     }

@@ -86,7 +86,7 @@ impl Arguments {
 }
 
 /// Number of functions in the report.
-const MOST_FUNCTIONS: usize = 40;
+const MAX_FUNCTIONS: usize = 40;
 
 fn report(board: &Board, took: Duration) {
     let (device_s, instructions) = (board.now().s(), board.instructions());
@@ -100,7 +100,7 @@ fn report(board: &Board, took: Duration) {
         println!("{name:9} {:8} {:7.0} {:7}", cost.count, cost.mean(), cost.most);
     }
     println!("instructions   share  function");
-    for (name, count) in board.profile().into_iter().take(MOST_FUNCTIONS) {
+    for (name, count) in board.profile().into_iter().take(MAX_FUNCTIONS) {
         println!("{count:12} {:6.2}%  {name}", 100.0 * count as f64 / instructions as f64);
     }
     for (time, deviation) in board.chip().deviations() {

@@ -16,7 +16,7 @@ use damprig::report::page::document_with_images;
 use damprig::report::plot::png_of;
 
 /// Bytes of an SVG above which the page has an image of pixels: a map of many points.
-const MOST_SVG: usize = 100_000;
+const MAX_SVG: usize = 100_000;
 
 /// Pixels of that image per point: as wide as the page. The file itself, which the caption names, is finer.
 const PIXELS_PER_POINT: f32 = 1.0;
@@ -185,7 +185,7 @@ fn figure(file: &Path, caption: &str, out: &Path) -> Markup {
         Ok(svg) => svg,
         Err(error) => return html! { p.note.bad { (name) ": " (error) } },
     };
-    if svg.len() <= MOST_SVG {
+    if svg.len() <= MAX_SVG {
         // The drawing escapes its own text.
         return html! { figure { (PreEscaped(svg)) (caption) } };
     }

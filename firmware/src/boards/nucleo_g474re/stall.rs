@@ -20,7 +20,7 @@ const COUNT_HZ: u32 = 10_000;
 
 /// Number of consecutive checks without a tick: 30 ms to 35 ms after the last tick. The watchdog expires after 47 ms
 /// at the earliest.
-const MOST_LOOKS: u32 = 6;
+const MAX_LOOKS: u32 = 6;
 
 static TICK_BEFORE: AtomicU32 = AtomicU32::new(0);
 static WITHOUT: AtomicU32 = AtomicU32::new(0);
@@ -44,7 +44,7 @@ unsafe fn TIM7_DAC() {
     let noted = tick::now();
     if TICK_BEFORE.swap(noted, Ordering::Relaxed) != noted {
         WITHOUT.store(0, Ordering::Relaxed);
-    } else if WITHOUT.fetch_add(1, Ordering::Relaxed) + 1 == MOST_LOOKS {
+    } else if WITHOUT.fetch_add(1, Ordering::Relaxed) + 1 == MAX_LOOKS {
         // The first call is the exception's own return mark; the following ones are the callers of the interrupted
         // code.
         crash::note(CrashCause::ControlStalled, callers::of_here());

@@ -56,7 +56,7 @@ const LONGEST_STALL_S: (f64, f64) = (1.0, 2.0);
 const TURN: Duration = Duration::from_millis(1);
 
 /// Most bytes that wait for the host; more are lost, as in a serial port.
-const MOST_WAITING: usize = 16 << 20;
+const MAX_WAITING: usize = 16 << 20;
 
 /// The rigs of this process.
 static RIGS: Mutex<Vec<(Address, Arc<Line>)>> = Mutex::new(Vec::new());
@@ -228,7 +228,7 @@ fn live(device: &mut VirtualDevice, line: &Line, speed: Speed) -> ! {
 fn deliver(line: &Line, sent: &mut Vec<u8>) {
     if !sent.is_empty() {
         let mut state = line.state();
-        if state.is_open && !state.is_pulled && state.to_host.len() < MOST_WAITING {
+        if state.is_open && !state.is_pulled && state.to_host.len() < MAX_WAITING {
             state.to_host.append(sent);
             line.arrived.notify_one();
         }

@@ -9,10 +9,10 @@ use super::{Session, SessionError};
 use crate::settings::entries;
 
 /// Most reports that wait to be taken: minutes of every signal of a board at its fastest, about 40 MiB.
-const MOST_REPORTS: usize = 1 << 17;
+const MAX_REPORTS: usize = 1 << 17;
 
 /// Most messages that nothing was asked of, since the device last answered a request.
-const MOST_UNASKED: u32 = 100_000;
+const MAX_UNASKED: u32 = 100_000;
 
 impl Session {
     /// Counts a message that nothing was asked of.
@@ -22,9 +22,9 @@ impl Session {
 
     /// Checks that the device does not send more than it was asked for; a defective one could fill the memory.
     pub(super) fn check_flood(&mut self) -> Result<(), SessionError> {
-        let what = if self.reports.len() > MOST_REPORTS {
+        let what = if self.reports.len() > MAX_REPORTS {
             format!("{} reports are waiting", self.reports.len())
-        } else if self.unasked > MOST_UNASKED {
+        } else if self.unasked > MAX_UNASKED {
             format!("{} messages that answer nothing", self.unasked)
         } else {
             return Ok(());

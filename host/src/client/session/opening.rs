@@ -14,8 +14,8 @@ use super::{Session, SessionError, hex, version_5};
 use crate::client::link::{Address, Link, Speed};
 
 /// Most pages of a settings memory, and most bytes of a page: more than any board has.
-const MOST_PAGES: u8 = 8;
-const MOST_BYTES: u16 = 4096;
+const MAX_PAGES: u8 = 8;
+const MAX_BYTES: u16 = 4096;
 
 /// A device that has identified itself and may have another protocol than this program.
 pub struct AnyBoard(Session);
@@ -167,7 +167,7 @@ impl Session {
     /// As [`Session::request`]; more bytes than any board has.
     pub fn stored_records(&mut self) -> Result<Vec<Vec<u8>>, SessionError> {
         let mut pages = Vec::new();
-        for page in 0..MOST_PAGES {
+        for page in 0..MAX_PAGES {
             let bytes = self.stored_page(page)?;
             if bytes.is_empty() {
                 break;
@@ -182,7 +182,7 @@ impl Session {
         let mut all = Vec::new();
         loop {
             match self.request(WHAT, Request::StoredSettings { page, from: all.len() as u16 })? {
-                Reply::Stored(StoredPart { length, bytes }) if length <= MOST_BYTES => {
+                Reply::Stored(StoredPart { length, bytes }) if length <= MAX_BYTES => {
                     let is_empty = bytes.is_empty();
                     all.extend(bytes);
                     if all.len() == usize::from(length) {

@@ -42,22 +42,22 @@ pub struct Flights {
 }
 
 /// Impacts that a fit needs at least.
-const LEAST: usize = 8;
+const MIN: usize = 8;
 
 /// Relative standard uncertainty of d above which it cannot be told from a record.
-const MOST_UNCERTAIN: f64 = 0.025;
+const MAX_UNCERTAIN: f64 = 0.025;
 
 /// Deviation of an impact from the fit, in its standard deviations, above which it is left out.
 const MISFIT: f64 = 5.0;
 
 /// Rounds in which impacts are left out and taken again, at most.
-const MOST_ROUNDS: usize = 20;
+const MAX_ROUNDS: usize = 20;
 
 /// Least relative standard uncertainty: of the polynomial, of the pulses' times and of single precision.
-const LEAST_UNCERTAINTY: f64 = 1e-5;
+const MIN_UNCERTAINTY: f64 = 1e-5;
 
 /// Share of misfits above which the records are not those of the set-up.
-const MOST_MISFITS: f64 = 0.2;
+const MAX_MISFITS: f64 = 0.2;
 
 /// Identifies e and d.
 ///
@@ -69,7 +69,7 @@ pub fn identify(records: &[Record], known: &Known) -> Result<Flights, CannotIden
     enough(&sorted)?;
     let mut solved = solve(&sorted, known).ok_or_else(|| no_fit(&sorted))?;
     let candidates = sorted.usable.clone();
-    for _ in 0..MOST_ROUNDS {
+    for _ in 0..MAX_ROUNDS {
         // An impact that was left out beside a gross error may fit once that is gone.
         let kept: Vec<Usable> = solved.fitting(&candidates, known);
         let is_settled = kept.iter().map(|usable| usable.places).eq(sorted.usable.iter().map(|usable| usable.places));
@@ -82,10 +82,10 @@ pub fn identify(records: &[Record], known: &Known) -> Result<Flights, CannotIden
         solved = go_on(&sorted, known, solved.at, solved.kinks).ok_or_else(|| no_fit(&sorted))?;
     }
     sorted.left_out.retain(|_, count| *count > 0);
-    if (sorted.usable.len() as f64) < (1.0 - MOST_MISFITS) * candidates.len() as f64 {
+    if (sorted.usable.len() as f64) < (1.0 - MAX_MISFITS) * candidates.len() as f64 {
         return Err(no_fit(&sorted));
     }
-    let is_clear = |clearance: Value| clearance.standard_uncertainty < MOST_UNCERTAIN * clearance.value;
+    let is_clear = |clearance: Value| clearance.standard_uncertainty < MAX_UNCERTAIN * clearance.value;
     if known.is_clearance_held || is_clear(solved.value(CLEARANCE)) {
         return flights(&sorted, known, &solved);
     }
@@ -112,14 +112,14 @@ fn check_rate(records: &[Record], known: &Known) -> Result<(), CannotIdentify> {
 
 /// Refuses too few impacts, with the reasons.
 fn enough(sorted: &Sorted) -> Result<(), CannotIdentify> {
-    if sorted.usable.len() >= LEAST {
+    if sorted.usable.len() >= MIN {
         return Ok(());
     }
     let all = sorted.windows.len();
     let reasons: Vec<String> =
         sorted.left_out.iter().map(|(reason, count)| format!("{count} {}", reason.words())).collect();
     Err(CannotIdentify(format!(
-        "{} of {all} impacts are usable; at least {LEAST} are needed. Left out: {}\n  drive so that the particle flies from wall to \
+        "{} of {all} impacts are usable; at least {MIN} are needed. Left out: {}\n  drive so that the particle flies from wall to \
          wall, near the natural frequency, and longer",
         sorted.usable.len(),
         if reasons.is_empty() { "none".into() } else { reasons.join("; ") }
@@ -342,7 +342,7 @@ fn go_on(sorted: &Sorted, known: &Known, mut at: Parameters, mut kinks: Kinks) -
             let variance = fit.variance() * correlated.fold(1.0, f64::max);
             return Some(Solved { fit, at, fitted, variance, kinks });
         }
-        if at.late_s.abs() > MOST_LATE_S {
+        if at.late_s.abs() > MAX_LATE_S {
             return None;
         }
         kinks = Kinks::new(sorted, at.late_s, known);
@@ -351,7 +351,7 @@ fn go_on(sorted: &Sorted, known: &Known, mut at: Parameters, mut kinks: Kinks) -
 }
 
 /// Most time from a pulse to the kink of x that a contact and a sensor can cause, s.
-const MOST_LATE_S: f64 = 0.05;
+const MAX_LATE_S: f64 = 0.05;
 
 /// Measured less predicted velocity, jump and step of an impact, whitened.
 fn deviations(usable: &Usable, kinks: &Kinks, at: &Parameters, known: &Known) -> Option<[f64; PER_IMPACT]> {
@@ -413,7 +413,7 @@ fn flights(sorted: &Sorted, known: &Known, solved: &Solved) -> Result<Flights, C
         let scale = known.sensors.scale * by_scale[which] * value.value;
         let mass = known.mass_ratio_uncertainty * by_mass_ratio[which] * value.value;
         let known = |u: f64| if u.is_finite() { u } else { 0.0 };
-        value.widened((LEAST_UNCERTAINTY * value.value).hypot(known(scale)).hypot(known(mass)))
+        value.widened((MIN_UNCERTAINTY * value.value).hypot(known(scale)).hypot(known(mass)))
     };
     if !(-0.05..=1.05).contains(&e) {
         return Err(CannotIdentify(format!(

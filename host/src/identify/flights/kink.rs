@@ -13,7 +13,7 @@ use super::Known;
 pub(super) const HALF_WIDTH_PERIODS: f64 = 0.2;
 
 /// Part of a period that a side of the fit must have at least.
-pub(super) const LEAST_SIDE_PERIODS: f64 = 0.05;
+pub(super) const MIN_SIDE_PERIODS: f64 = 0.05;
 
 /// Time in which a sensor has followed a kink, s: five times the response of a slow laser, 1 ms.
 pub(super) const SENSOR_S: f64 = 5e-3;
@@ -25,7 +25,7 @@ const POLYNOMIAL: usize = 8;
 pub(super) const PARAMETERS: usize = POLYNOMIAL + 2;
 
 /// Readings that a side must have at least.
-pub(super) const LEAST_READINGS: usize = 10;
+pub(super) const MIN_READINGS: usize = 10;
 
 /// The readings around an impact: times from the centre of its pulse.
 #[derive(Clone, Debug)]

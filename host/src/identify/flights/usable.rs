@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::kink::{HALF_WIDTH_PERIODS, LEAST_READINGS, LEAST_SIDE_PERIODS, SENSOR_S, Window};
+use super::kink::{HALF_WIDTH_PERIODS, MIN_READINGS, MIN_SIDE_PERIODS, SENSOR_S, Window};
 use super::{Hit, Known, Record};
 
 /// Why an impact is left out.
@@ -127,7 +127,7 @@ fn window(record: &Record, n: usize, step_s: f64, known: &Known) -> Result<Windo
     let after_s = record.hits.get(n + 1).map_or(f64::MAX, until);
     let [before_s, after_s] = [before_s, after_s].map(|side_s| side_s.min(HALF_WIDTH_PERIODS * period_s));
     let inside_s = [-hit.contact_s, hit.contact_s + SENSOR_S];
-    if before_s + inside_s[0] < LEAST_SIDE_PERIODS * period_s || after_s - inside_s[1] < LEAST_SIDE_PERIODS * period_s {
+    if before_s + inside_s[0] < MIN_SIDE_PERIODS * period_s || after_s - inside_s[1] < MIN_SIDE_PERIODS * period_s {
         return Err(LeftOut::Crowded);
     }
     let from = record.t_s.partition_point(|t| *t < hit.t_s - before_s);
@@ -149,7 +149,7 @@ fn window(record: &Record, n: usize, step_s: f64, known: &Known) -> Result<Windo
             sides[usize::from(since_s > 0.0)] += 1;
         }
     }
-    if sides.iter().any(|count| *count < LEAST_READINGS) { Err(LeftOut::Crowded) } else { Ok(window) }
+    if sides.iter().any(|count| *count < MIN_READINGS) { Err(LeftOut::Crowded) } else { Ok(window) }
 }
 
 /// The step of evenly spaced times with gaps, s.

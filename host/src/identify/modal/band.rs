@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::Line;
-use super::fit::LEAST_LINES;
+use super::fit::MIN_LINES;
 
 /// Ends of the band; what is left out is chosen about the highest peak.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -19,7 +19,7 @@ pub(super) const WIDTHS: f64 = 10.0;
 
 /// Where a mode does not fit, the band is narrowed by this factor, down to this many widths: the flanks then still tell the residual terms.
 pub(super) const NARROWER: f64 = 0.6;
-pub(super) const LEAST_WIDTHS: f64 = 2.0;
+pub(super) const MIN_WIDTHS: f64 = 2.0;
 
 /// A peak is this many times as high as what is between it and a higher one.
 const PROMINENT: f64 = 1.5;
@@ -28,7 +28,7 @@ const PROMINENT: f64 = 1.5;
 const NEXT: (f64, f64) = (5.0, 0.05);
 
 /// Lines of a band at most: the time of a fit.
-const MOST_LINES: usize = 20_000;
+const MAX_LINES: usize = 20_000;
 
 /// Places of the lines within the ends that are stated.
 pub(super) fn wished(lines: &[Line], wish: Wish) -> Result<Range<usize>, String> {
@@ -38,9 +38,9 @@ pub(super) fn wished(lines: &[Line], wish: Wish) -> Result<Range<usize>, String>
     let (from, to) = (wish.from_hz.unwrap_or(first.frequency_hz), wish.to_hz.unwrap_or(last.frequency_hz));
     let range =
         lines.partition_point(|line| line.frequency_hz < from)..lines.partition_point(|line| line.frequency_hz <= to);
-    if range.len() < LEAST_LINES {
+    if range.len() < MIN_LINES {
         return Err(format!(
-            "{} lines from {from} Hz to {to} Hz: at least {LEAST_LINES} are needed; it has {} lines from {} Hz to {} Hz\n  give other --from-hz and \
+            "{} lines from {from} Hz to {to} Hz: at least {MIN_LINES} are needed; it has {} lines from {} Hz to {} Hz\n  give other --from-hz and \
              --to-hz",
             range.len(),
             lines.len(),
@@ -48,9 +48,9 @@ pub(super) fn wished(lines: &[Line], wish: Wish) -> Result<Range<usize>, String>
             last.frequency_hz
         ));
     }
-    if wish.from_hz.is_some() && wish.to_hz.is_some() && range.len() > MOST_LINES {
+    if wish.from_hz.is_some() && wish.to_hz.is_some() && range.len() > MAX_LINES {
         return Err(format!(
-            "{} lines from {from} Hz to {to} Hz: at most {MOST_LINES} are fitted\n  give a band about one peak with --from-hz and --to-hz",
+            "{} lines from {from} Hz to {to} Hz: at most {MAX_LINES} are fitted\n  give a band about one peak with --from-hz and --to-hz",
             range.len()
         ));
     }
@@ -92,7 +92,7 @@ pub(super) fn about(lines: &[Line], within: &Range<usize>, peak: usize, reach_hz
     let end = |places: &mut dyn Iterator<Item = usize>| {
         let (mut last, mut lowest) = (peak, (size(peak), peak));
         for (count, n) in places.enumerate() {
-            if count >= LEAST_LINES && (at(n) - at(peak)).abs() > reach_hz {
+            if count >= MIN_LINES && (at(n) - at(peak)).abs() > reach_hz {
                 break;
             }
             // The median of three: a single line may be noise.
@@ -101,7 +101,7 @@ pub(super) fn about(lines: &[Line], within: &Range<usize>, peak: usize, reach_hz
             if three[1] < lowest.0 {
                 lowest = (three[1], n);
             }
-            if count >= LEAST_LINES && three[1] > (NEXT.0 * lowest.0).max(NEXT.1 * size(peak)) {
+            if count >= MIN_LINES && three[1] > (NEXT.0 * lowest.0).max(NEXT.1 * size(peak)) {
                 return lowest.1;
             }
             last = n;
@@ -111,6 +111,6 @@ pub(super) fn about(lines: &[Line], within: &Range<usize>, peak: usize, reach_hz
     let low = end(&mut (within.start..peak).rev());
     let high = end(&mut (peak + 1..within.end));
     // Never fewer lines than a fit needs: `within` has as many.
-    let missing = LEAST_LINES.saturating_sub(high + 1 - low);
+    let missing = MIN_LINES.saturating_sub(high + 1 - low);
     low.saturating_sub(missing).max(within.start)..(high + 1 + missing).min(within.end)
 }

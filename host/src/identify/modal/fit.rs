@@ -23,10 +23,10 @@ use crate::identify::statistics::{self, Value, variance_parts};
 pub(super) const PARAMETERS: usize = 8;
 
 /// Lines that a fit needs at least.
-pub(super) const LEAST_LINES: usize = 8;
+pub(super) const MIN_LINES: usize = 8;
 
 /// Least standard deviation of a line as a share of |H|: of sensors and their digits.
-const LEAST_DEVIATION: f64 = 1e-6;
+const MIN_DEVIATION: f64 = 1e-6;
 
 /// Rounds in which variances and parameters follow each other.
 const ROUNDS: usize = 6;
@@ -131,7 +131,7 @@ impl Band<'_> {
     /// Variance of a line for one average, by its coherence.
     fn of_coherence(&self, n: usize) -> Option<f64> {
         let line = &self.lines[n];
-        let least = (LEAST_DEVIATION * line.h.norm()).powi(2);
+        let least = (MIN_DEVIATION * line.h.norm()).powi(2);
         line.coherence.map(|coherence| (line.h.norm_sqr() * (1.0 - coherence) / (2.0 * coherence)).max(least))
     }
 
@@ -208,7 +208,7 @@ impl Band<'_> {
     }
 
     fn variances(&self, shapes: &[[f64; 2]], Noise { parts, scale }: Noise) -> Vec<f64> {
-        let least = (LEAST_DEVIATION * LEAST_DEVIATION * self.floor()).powi(2);
+        let least = (MIN_DEVIATION * MIN_DEVIATION * self.floor()).powi(2);
         let of = |(n, [a, b]): (usize, &[f64; 2])| {
             let usual = parts[0] * a + parts[1] * b;
             let own = self.of_coherence(n).filter(|own| *own > WORSE * usual);

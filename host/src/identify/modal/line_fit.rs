@@ -15,7 +15,7 @@ use crate::identify::statistics::Value;
 const SHARE: f64 = 0.5;
 
 /// Lines at least.
-const LEAST: usize = 4;
+const MIN: usize = 4;
 
 /// Standard uncertainties beyond which the line of the measured lines and that of the fitted mode contradict each other.
 const APART: f64 = 3.5;
@@ -50,7 +50,7 @@ fn of_values(band: &Band, mode: &Mode, h: impl Fn(usize) -> Complex<f64>) -> Opt
     // Over the peak's magnitude.
     let fitted = |n: usize| 2.0 * zeta / (1.0 - r(n).powi(2)).hypot(2.0 * zeta * r(n));
     let used: Vec<usize> = (0..band.lines.len()).filter(|n| fitted(*n) >= SHARE).collect();
-    if used.len() < LEAST {
+    if used.len() < MIN {
         return None;
     }
     let peak = mode.factors[0].norm() / (2.0 * zeta * natural * natural);

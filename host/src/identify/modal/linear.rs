@@ -37,7 +37,7 @@ pub(super) struct Sensitivities {
 }
 
 /// Share of a column's square beyond the others that is left to rounding.
-const LEAST_SHARE: f64 = 1e-6;
+const MIN_SHARE: f64 = 1e-6;
 
 impl Sensitivities {
     /// Of complex columns, one a real parameter; `None` where they depend on each other.
@@ -82,7 +82,7 @@ impl Sensitivities {
                 of_fit -= of_other * share;
             }
             let size = left.norm();
-            if size * size > LEAST_SHARE * whole && size > 0.0 {
+            if size * size > MIN_SHARE * whole && size > 0.0 {
                 free.push(left / size);
                 taken.push(of_fit / size);
             }

@@ -130,14 +130,14 @@ fn modal(band: &Band, [natural_hz, zeta]: [f64; 2]) -> Vec<Complex<f64>> {
 const DAMPINGS: [f64; 3] = [0.3, 1.0, 3.0];
 
 /// Frequencies of another mode at most: the time of the test.
-const MOST_PLACES: f64 = 2000.0;
+const MAX_PLACES: f64 = 2000.0;
 
 /// Frequencies and damping ratios at which another mode is looked for: over the band, nearer than its half-power width and the lines.
 fn places(band: &Band, mode: &Mode) -> Vec<[f64; 2]> {
     let (Some(first), Some(last)) = (band.lines.first(), band.lines.last()) else { return Vec::new() };
     let spacing = (last.frequency_hz - first.frequency_hz) / (band.lines.len() - 1).max(1) as f64;
     let [natural_hz, zeta] = mode.place;
-    let step = spacing.max(0.5 * zeta * natural_hz).max((last.frequency_hz - first.frequency_hz) / MOST_PLACES);
+    let step = spacing.max(0.5 * zeta * natural_hz).max((last.frequency_hz - first.frequency_hz) / MAX_PLACES);
     let count = ((last.frequency_hz - first.frequency_hz) / step).round() as usize;
     let at = |n: usize| first.frequency_hz + n as f64 * step;
     (0..=count).flat_map(|n| DAMPINGS.map(|share| [at(n), (share * zeta).max(0.25 * spacing / at(n))])).collect()

@@ -83,10 +83,10 @@ pub struct Modal {
 }
 
 /// Deviation that is refused, RMS over the RMS of H.
-const MOST_DEVIATION: f64 = 0.3;
+const MAX_DEVIATION: f64 = 0.3;
 
 /// Uncertainty of ζ relative to ζ that is refused.
-const MOST_UNCERTAIN: f64 = 0.5;
+const MAX_UNCERTAIN: f64 = 0.5;
 
 /// Identifies a mode: within the band that is wished, or about the highest peak.
 ///
@@ -116,8 +116,7 @@ pub fn identify(response: &FrequencyResponse, wish: Wish) -> Result<Modal, Canno
     let widest = of_widths(band::WIDTHS)?;
     // The other modes bend the flanks: nearer to the peak they do so less.
     let narrower = std::iter::successors(Some(band::NARROWER * band::WIDTHS), |widths| Some(band::NARROWER * widths));
-    let narrower =
-        narrower.take_while(|widths| *widths > band::LEAST_WIDTHS).filter_map(|widths| of_widths(widths).ok());
+    let narrower = narrower.take_while(|widths| *widths > band::MIN_WIDTHS).filter_map(|widths| of_widths(widths).ok());
     let is_of_others = matches!(widest.misfits.first(), Some(Misfit::Background | Misfit::Mode(_)));
     let found = if is_of_others { narrower.into_iter().find(|found| found.misfits.is_empty()) } else { None };
     found.unwrap_or(widest).checked().map_err(refuse)
@@ -172,7 +171,7 @@ impl Modal {
         let deviation = rms(&mut self.residuals.iter().map(Complex::norm_sqr))
             / rms(&mut self.lines.iter().map(|line| line.h.norm_sqr()));
         let (from, to) = (self.lines[0].frequency_hz, self.lines[self.lines.len() - 1].frequency_hz);
-        if deviation > MOST_DEVIATION {
+        if deviation > MAX_DEVIATION {
             return Err(format!(
                 "H from {from:.4} Hz to {to:.4} Hz is not that of a mode with viscous damping: it deviates by {:.0} % RMS\n  choose a band about \
                  one peak with --from-hz and --to-hz",
@@ -185,7 +184,7 @@ impl Modal {
                  with --from-hz and --to-hz"
             ));
         }
-        if zeta.standard_uncertainty > MOST_UNCERTAIN * zeta.value {
+        if zeta.standard_uncertainty > MAX_UNCERTAIN * zeta.value {
             return Err(format!(
                 "the damping ratio {:.3e} has the uncertainty {:.3e}: the lines do not resolve the resonance at {natural:.4} Hz\n  measure with a \
                  finer resolution there",

@@ -59,7 +59,7 @@ pub(super) fn of_force(table: &Table, approach: Option<Approach>) -> Result<Vec<
         vec![Estimate::new("contact time", "s", "force record: time above 5 % of the largest peak", &contact)];
     if let Some(Approach { mass_kg, velocity_m_per_s }) = approach {
         let values: Vec<f64> = impulses.iter().map(|impulse| impulse / (mass_kg * velocity_m_per_s) - 1.0).collect();
-        if let Some(wrong) = values.iter().find(|e| !(0.0..=super::MOST).contains(*e)) {
+        if let Some(wrong) = values.iter().find(|e| !(0.0..=super::MAX).contains(*e)) {
             return Err(table.refuse(format!(
                 "a coefficient of restitution of {wrong:.3} is not possible: it is 0 to 1\n  check --mass-kg and --approach-m-per-s"
             )));

@@ -69,7 +69,7 @@ const LIMITED: f64 = 0.05;
 const STEPS: usize = 50;
 const SETTLED: f64 = 1e-10;
 /// Scatter that rounding leaves.
-const LEAST_SCATTER: f64 = 1e-9;
+const MIN_SCATTER: f64 = 1e-9;
 
 impl Joined {
     pub(super) fn new(groups: &[Impacts]) -> Option<Self> {
@@ -153,7 +153,7 @@ impl Joined {
             shared.covariance = self.covariance.clone().map(|part| part * (1.0 - share));
             let Some(mut fitted) = shared.least_squares(model, usual * share.sqrt()) else { continue };
             let variance =
-                (fitted.chi_square / freedom).max(LEAST_SCATTER.powi(2) / usual.powi(2).max(LEAST_SCATTER.powi(2)));
+                (fitted.chi_square / freedom).max(MIN_SCATTER.powi(2) / usual.powi(2).max(MIN_SCATTER.powi(2)));
             let unlikely = freedom * variance.ln() + fitted.ln_determinant - fitted.covariance.determinant().ln();
             if unlikely.is_finite() && best.as_ref().is_none_or(|(least, ..)| unlikely < *least) {
                 let scatter = usual * (share * variance).sqrt();
@@ -244,8 +244,8 @@ impl Joined {
             return exact.map(|fitted| self.with_freedom(fitted, freedom));
         }
         // χ² falls with the scatter; at the spread of e it is below its expectation.
-        let spread = (self.e.max() - self.e.min()).max(LEAST_SCATTER);
-        let (mut low, mut high) = (LEAST_SCATTER, 10.0 * spread);
+        let spread = (self.e.max() - self.e.min()).max(MIN_SCATTER);
+        let (mut low, mut high) = (MIN_SCATTER, 10.0 * spread);
         for _ in 0..60 {
             let middle = (low * high).sqrt();
             if chi_square(middle)? > freedom { low = middle } else { high = middle }
@@ -292,7 +292,7 @@ impl Joined {
                     + by_speed[i] * by_speed[j] * of_speed[(i, j)]
             });
             for i in 0..n {
-                covariance[(i, i)] += scatter.powi(2) + (1e-3 * LEAST_SCATTER).powi(2);
+                covariance[(i, i)] += scatter.powi(2) + (1e-3 * MIN_SCATTER).powi(2);
             }
             let weights = covariance.cholesky()?;
             let weighted = weights.solve(&slopes);

@@ -92,7 +92,7 @@ impl Options {
 }
 
 /// Largest e of a single impact that errors of a measurement may give.
-const MOST: f64 = 1.05;
+const MAX: f64 = 1.05;
 
 /// Restitution over the approach speed.
 #[derive(Clone, Debug, PartialEq, Serialize)]

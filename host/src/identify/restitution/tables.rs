@@ -6,7 +6,7 @@
 use nalgebra::DMatrix;
 
 use super::law::{Impact, Impacts};
-use super::{MOST, Options};
+use super::{MAX, Options};
 use crate::identify::CannotIdentify;
 use crate::identify::table::{METRES, Quantity, TIME, Table};
 
@@ -95,7 +95,7 @@ fn of_times(table: &Table, options: &Options) -> Result<Impacts, CannotIdentify>
                 Flights::Between => 0.5 * g * (t[n] - t[n - 1]),
             };
             let e = 0.5 * g * after_s / speed;
-            if !(0.0..=MOST).contains(&e) {
+            if !(0.0..=MAX).contains(&e) {
                 return Err(table.refuse(format!(
                     "line {}: a coefficient of restitution of {e:.3} is not possible: it is 0 to 1\n  is an impact missing from the list, or a \
                      double one in it?",
@@ -190,7 +190,7 @@ fn of_heights(table: &Table, g: f64) -> Result<Impacts, CannotIdentify> {
             return Err(table.refuse(format!("line {}: heights must be greater than 0", table.line(row))));
         }
         let e = (after / before).sqrt();
-        if e > MOST {
+        if e > MAX {
             return Err(table.refuse(format!(
                 "line {}: a coefficient of restitution of {e:.3} is not possible: it is 0 to 1\n  are the columns swapped?",
                 table.line(row)

@@ -30,7 +30,7 @@ pub fn level_db(mean_square_pa2: f64) -> f64 {
 const DB_PER_SHARE: f64 = 10.0 / std::f64::consts::LN_10;
 
 /// Least difference from the background, dB: below it the source's own level is only bounded.
-pub const LEAST_DIFFERENCE_DB: f64 = 3.0;
+pub const MIN_DIFFERENCE_DB: f64 = 3.0;
 
 /// How a recording is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,7 +61,7 @@ pub struct Levels {
 }
 
 /// Windows from which the scatter of the level is known.
-const FEWEST_WINDOWS: usize = 3;
+const MIN_WINDOWS: usize = 3;
 
 /// Evaluates a recording.
 ///
@@ -102,7 +102,7 @@ pub fn levels(recording: &Recording, evaluation: &Evaluation) -> Result<Levels, 
 /// Leq with the uncertainty that the scatter of the windows' mean squares shows; none from fewer than three windows.
 fn equivalent(mean: f64, powers: &[f64]) -> Value {
     let value = level_db(mean);
-    match Value::mean(powers).filter(|_| powers.len() >= FEWEST_WINDOWS) {
+    match Value::mean(powers).filter(|_| powers.len() >= MIN_WINDOWS) {
         Some(windows) => Value { value, ..windows.mapped(value, DB_PER_SHARE / mean) },
         None => Value { value, standard_uncertainty: 0.0, degrees_of_freedom: f64::MAX },
     }
@@ -140,9 +140,9 @@ pub enum Corrected {
 #[must_use]
 pub fn corrected(level: &Value, background: &Value) -> Corrected {
     let difference = level.value - background.value;
-    if difference < LEAST_DIFFERENCE_DB {
+    if difference < MIN_DIFFERENCE_DB {
         // ISO 3744 and others: at a difference of 3 dB the correction is 3 dB.
-        return Corrected::AtMost(level.value - correction_db(LEAST_DIFFERENCE_DB));
+        return Corrected::AtMost(level.value - correction_db(MIN_DIFFERENCE_DB));
     }
     let share = 10f64.powf(-difference / 10.0);
     // L = 10 lg(E − B): ∂L/∂L_E = 1/(1 − B/E), ∂L/∂L_B = −(B/E)/(1 − B/E).
@@ -196,7 +196,7 @@ pub fn remarks(levels: &Levels, background: Option<&Levels>, evaluation: &Evalua
         ends[0],
         ends[1]
     )];
-    if levels.windows_db.len() < FEWEST_WINDOWS {
+    if levels.windows_db.len() < MIN_WINDOWS {
         remarks.push(
             "fewer than three windows: the uncertainty is that of the calibration alone; record longer, or give a shorter --window-s".into(),
         );
@@ -206,7 +206,7 @@ pub fn remarks(levels: &Levels, background: Option<&Levels>, evaluation: &Evalua
         if let Corrected::AtMost(bound) = corrected(&levels.equivalent_db, &background.equivalent_db) {
             remarks.push(format!(
                 "the recording is only {difference:.1} dB above the background: the source alone has at most {bound:.1} {unit}. For a level \
-                 the difference must be at least {LEAST_DIFFERENCE_DB} dB: lower the background or move the microphone nearer"
+                 the difference must be at least {MIN_DIFFERENCE_DB} dB: lower the background or move the microphone nearer"
             ));
         }
     }

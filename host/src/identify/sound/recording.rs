@@ -28,7 +28,7 @@ pub struct Recording {
 }
 
 /// Lowest sample rate at which sound can be evaluated, Hz.
-const LEAST_RATE_HZ: f64 = 8000.0;
+const MIN_RATE_HZ: f64 = 8000.0;
 
 /// Samples at the end of the span in a row that count as clipped, and as the span of a converter.
 const CLIPPED_RUN: usize = 3;
@@ -44,9 +44,9 @@ impl Recording {
     pub fn read(path: &Path, channel: Option<u16>) -> Result<Self, CannotIdentify> {
         let is_table = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
         let recording = if is_table { Self::of_table(path, channel) } else { Self::of_signal(path, channel) }?;
-        if recording.sample_rate_hz < LEAST_RATE_HZ {
+        if recording.sample_rate_hz < MIN_RATE_HZ {
             return Err(recording.refuse(format!(
-                "{} samples per second are too few for sound: at least {LEAST_RATE_HZ}\n  record with 44100 Hz or 48000 Hz",
+                "{} samples per second are too few for sound: at least {MIN_RATE_HZ}\n  record with 44100 Hz or 48000 Hz",
                 recording.sample_rate_hz
             )));
         }

@@ -49,11 +49,11 @@ pub struct TimeResponse {
 }
 
 /// Shortest record, in periods of the natural frequency.
-const LEAST_PERIODS: f64 = 10.0;
+const MIN_PERIODS: f64 = 10.0;
 
 /// Coherence that a line of the fit to H1 must have, and that one line of a record must have at least.
 const GOOD_COHERENCE: f64 = 0.8;
-const LEAST_COHERENCE: f64 = 0.5;
+const MIN_COHERENCE: f64 = 0.5;
 
 /// Half-width of the noise bandwidth of Hann's window, in lines: 1.5 lines are its whole width.
 pub(super) const HANN_WIDTH_LINES: f64 = 1.5;
@@ -63,7 +63,7 @@ pub(super) const HANN_WIDTH_LINES: f64 = 1.5;
 pub(super) const RESOLVED: f64 = 4.0;
 
 /// Averages that the fit to H1 needs at least.
-const LEAST_AVERAGES: f64 = 8.0;
+const MIN_AVERAGES: f64 = 8.0;
 
 /// Segments in a record without a wish, with half of each shared: nine averages.
 pub(super) const USUAL_SEGMENTS: f64 = 5.0;
@@ -84,10 +84,10 @@ pub fn identify(motion: &Motion, wanted: Wanted) -> Result<TimeResponse, CannotI
     let rough = welch::spectrum(motion, &first);
     let peak = output_error::peak(&rough);
     if let Ok(peak_hz) = peak
-        && length_s * peak_hz < LEAST_PERIODS
+        && length_s * peak_hz < MIN_PERIODS
     {
         return Err(CannotIdentify(format!(
-            "the record of {length_s:.1} s is too short: {:.1} periods of {peak_hz:.2} Hz, at least {LEAST_PERIODS} are needed\n  record \
+            "the record of {length_s:.1} s is too short: {:.1} periods of {peak_hz:.2} Hz, at least {MIN_PERIODS} are needed\n  record \
              longer",
             length_s * peak_hz
         )));
@@ -133,7 +133,7 @@ fn check_motion(motion: &Motion) -> Result<(), CannotIdentify> {
 /// Refuses x that does not follow z.
 fn check_coherence(spectrum: &Spectrum) -> Result<(), CannotIdentify> {
     let best = spectrum.excited().map(|line| line.coherence).fold(0.0, f64::max);
-    if best < LEAST_COHERENCE {
+    if best < MIN_COHERENCE {
         return Err(CannotIdentify(format!(
             "x does not follow z: the coherence is at most {best:.2} where the base moves\n  is the structure moved by something else, or are \
              x and z of different records?"
@@ -146,7 +146,7 @@ fn check_coherence(spectrum: &Spectrum) -> Result<(), CannotIdentify> {
 fn by_h1(spectrum: &Spectrum, natural_hz: f64, width_hz: f64, length_s: f64) -> Result<Vec<Estimate>, String> {
     let noise_width_hz = HANN_WIDTH_LINES / spectrum.segments.segment_s;
     let resolution = width_hz / noise_width_hz;
-    if resolution < RESOLVED || spectrum.averages < LEAST_AVERAGES {
+    if resolution < RESOLVED || spectrum.averages < MIN_AVERAGES {
         let needed_s = needed_s(width_hz);
         return Err(format!(
             "H1 does not resolve the resonance: its half-power width is {width_hz:.4} Hz, the width of the lines {noise_width_hz:.4} Hz with \

@@ -41,13 +41,13 @@ const FINE_PER_PERIOD: f64 = 60.0;
 const DAMPINGS: [f64; 3] = [0.003, 0.02, 0.1];
 
 /// Peak of |H| below which there is no resonance.
-const LEAST_PEAK: f64 = 1.5;
+const MIN_PEAK: f64 = 1.5;
 
 /// RMS of the residuals over that of x above which the structure is not one mass on a spring.
-const MOST_RESIDUAL: f64 = 0.2;
+const MAX_RESIDUAL: f64 = 0.2;
 
 /// Relative standard uncertainty of ζ above which it is not known.
-const MOST_UNCERTAIN: f64 = 0.5;
+const MAX_UNCERTAIN: f64 = 0.5;
 
 /// Frequency of the largest |H| where the base moves and x follows it, Hz.
 ///
@@ -55,7 +55,7 @@ const MOST_UNCERTAIN: f64 = 0.5;
 /// No resonance in the excited band.
 pub(super) fn peak(rough: &Spectrum) -> Result<f64, CannotIdentify> {
     let peak = rough.excited().max_by(|a, b| (a.magnitude() * a.coherence).total_cmp(&(b.magnitude() * b.coherence)));
-    if let Some(line) = peak.filter(|line| line.magnitude() > LEAST_PEAK) {
+    if let Some(line) = peak.filter(|line| line.magnitude() > MIN_PEAK) {
         return Ok(line.frequency_hz);
     }
     let ends = rough
@@ -98,7 +98,7 @@ pub(super) fn fit_motion(motion: &Motion, rough: &Spectrum, peak_hz: f64) -> Res
 
 fn check(result: &OutputError, rough: &Spectrum) -> Result<(), CannotIdentify> {
     let (natural, zeta) = (&result.natural_frequency_hz, &result.damping_ratio);
-    if result.relative_residual > MOST_RESIDUAL {
+    if result.relative_residual > MAX_RESIDUAL {
         return Err(CannotIdentify(format!(
             "the motion is not that of one mass on a spring with viscous damping: the simulated x deviates by {:.0} % of x\n  is a damper \
              mounted, or is x moved by something else?",
@@ -111,7 +111,7 @@ fn check(result: &OutputError, rough: &Spectrum) -> Result<(), CannotIdentify> {
             natural.value
         )));
     }
-    if zeta.standard_uncertainty > MOST_UNCERTAIN * zeta.value {
+    if zeta.standard_uncertainty > MAX_UNCERTAIN * zeta.value {
         return Err(CannotIdentify(format!(
             "the damping ratio {:.3e} has the uncertainty {:.3e}\n  record longer, or move the base more around {:.3} Hz",
             zeta.value, zeta.standard_uncertainty, natural.value
@@ -203,12 +203,12 @@ impl Simulated {
 }
 
 /// Least damping ratio of the search.
-const LEAST_ZETA: f64 = -0.05;
+const MIN_ZETA: f64 = -0.05;
 
 /// x and its velocity from rest under z, the free motions from each initial state, and a constant, sample by sample.
 fn columns(motion: &Motion, omega: f64, zeta: f64) -> Option<Vec<[f64; LINEAR]>> {
     // The search may step over 0: what it finds there is refused.
-    if !(omega > 0.0 && (LEAST_ZETA..1.0).contains(&zeta)) {
+    if !(omega > 0.0 && (MIN_ZETA..1.0).contains(&zeta)) {
         return None;
     }
     let h = motion.step_s;

@@ -24,7 +24,7 @@ pub struct Segments {
 }
 
 /// Segments of a record at least: one average has the coherence 1 whatever the motion.
-const FEWEST: usize = 2;
+const MIN: usize = 2;
 
 impl Segments {
     /// Segments of this length (s) and overlap.
@@ -35,11 +35,11 @@ impl Segments {
         let samples = (segment_s / motion.step_s).round() as usize;
         let hop = (((1.0 - overlap) * samples as f64).round() as usize).max(1);
         let all = motion.x_m.len();
-        if samples < 16 || samples + (FEWEST - 1) * hop > all {
+        if samples < 16 || samples + (MIN - 1) * hop > all {
             let length_s = motion.step_s * all as f64;
             return Err(CannotIdentify(format!(
                 "a segment of {segment_s} s does not fit: the record has {length_s:.3} s with a sample each {:.6} s; segments have at least 16 \
-                 samples, and a record at least {FEWEST} segments\n  give a shorter --segment-s, or record longer",
+                 samples, and a record at least {MIN} segments\n  give a shorter --segment-s, or record longer",
                 motion.step_s
             )));
         }

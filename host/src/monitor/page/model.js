@@ -5,7 +5,7 @@ import { Ring, append } from "./ring.js";
 
 const ROWS = 1 << 16;
 const SLOW = 1 << 12;
-const MOST = { points: 20000, transients: 200, impacts: 4000, section: 2000, log: 200, curves: 64, perCurve: 5000 };
+const MAX = { points: 20000, transients: 200, impacts: 4000, section: 2000, log: 200, curves: 64, perCurve: 5000 };
 
 export class Model {
   constructor() {
@@ -59,7 +59,7 @@ export class Model {
       signals: new Set(check.entries(message.signals, 200, check.signalOf, this.ignore)),
     };
     this.curves = [];
-    for (const curve of check.entries(message.curves, MOST.curves, check.curveOf, this.ignore)) {
+    for (const curve of check.entries(message.curves, MAX.curves, check.curveOf, this.ignore)) {
       this.#curve(curve.set_up, curve.experiment).predicted = curve.predicted;
     }
     this.log = [];
@@ -70,7 +70,7 @@ export class Model {
   }
 
   #add(message) {
-    const read = (name, one) => check.entries(message[name], MOST[name], one, this.ignore);
+    const read = (name, one) => check.entries(message[name], MAX[name], one, this.ignore);
     for (const name of ["rows", "slow"]) {
       const part = message[name];
       if (part !== undefined && part !== null && !append(this[name], part)) this.ignore();
@@ -78,17 +78,17 @@ export class Model {
     const points = read("points", check.pointOf);
     for (const point of points) {
       const curve = this.#curve(point.set_up, point.experiment);
-      if (curve !== undefined && curve.points.size < MOST.perCurve) curve.points.set(point.frequency_hz, point);
+      if (curve !== undefined && curve.points.size < MAX.perCurve) curve.points.set(point.frequency_hz, point);
     }
     this.changes.points += points.length;
     for (const [name, one] of [["impacts", check.impactOf], ["section", check.sectionOf]]) {
       this[name].push(...read(name, one));
-      this[name].splice(0, this[name].length - MOST[name]);
+      this[name].splice(0, this[name].length - MAX[name]);
     }
     for (const [name, one] of [["log", check.logOf], ["transients", check.transientOf]]) {
       const fresh = read(name, one);
       this[name].push(...fresh);
-      this[name].splice(0, this[name].length - MOST[name]);
+      this[name].splice(0, this[name].length - MAX[name]);
       this.changes[name] += fresh.length;
     }
     const state = check.stateOf(message.state);
@@ -100,7 +100,7 @@ export class Model {
   #curve(setUp, experiment) {
     let curve = this.curves.find((c) => c.set_up === setUp && c.experiment === experiment);
     if (curve === undefined) {
-      if (this.curves.length >= MOST.curves) return undefined;
+      if (this.curves.length >= MAX.curves) return undefined;
       const known = [...new Set(this.curves.map((c) => c.set_up))];
       const index = known.includes(setUp) ? known.indexOf(setUp) : known.length;
       const nth = this.curves.filter((c) => c.set_up === setUp).length;

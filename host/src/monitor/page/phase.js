@@ -6,7 +6,7 @@ import { put } from "./text.js";
 
 const $ = (id) => document.getElementById(id);
 // Rows of the orbit that are drawn, at most, and the time that they cover, in s.
-const MOST_ROWS = 3000;
+const MAX_ROWS = 3000;
 const ORBIT_S = 2.5;
 // The mean of x_velocity covers 8 ms; differences of x use about the same.
 const DIFFERENCE_S = 0.008;
@@ -78,7 +78,7 @@ function newest(rows) {
   if (last < 2) return { from: rows.length, step: 0 };
   const step = Math.max(1e-6, (rows.t[last] - rows.t[Math.max(0, last - 20)]) / Math.min(20, last));
   let from = last;
-  while (from > 0 && last - from < MOST_ROWS && rows.t[last] - rows.t[from] < ORBIT_S) {
+  while (from > 0 && last - from < MAX_ROWS && rows.t[last] - rows.t[from] < ORBIT_S) {
     const gap = rows.t[from] - rows.t[from - 1];
     if (gap > 4 * step || gap < 0.25 * step) break;
     from -= 1;

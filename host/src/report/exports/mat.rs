@@ -16,7 +16,7 @@ use super::{ExportSelection, ExportSummary, Exporter, RunTable, write_export};
 use crate::run_folder::schema::manifest::SetUpRecord;
 use crate::run_folder::{ReadError, RunFolder};
 use crate::storage::out_file::{OutFile, to_failure};
-use crate::table::mat_file::{MOST_NUMBERS, MatTable, cells, numbers, structure, text, write_checked};
+use crate::table::mat_file::{MAX_NUMBERS, MatTable, cells, numbers, structure, text, write_checked};
 
 /// The MATLAB exporter.
 #[derive(Clone, Copy, Debug)]
@@ -39,7 +39,7 @@ impl Exporter for Mat {
             let mut mat = MatFile::new();
             mat.insert("run", run_struct(run));
             let (mut units, mut descriptions, mut sums) = (IndexMap::new(), IndexMap::new(), Vec::new());
-            for (table, columns) in part.gathered(run, MOST_NUMBERS, &mut exported).map_err(|e| failed(&e))? {
+            for (table, columns) in part.gathered(run, MAX_NUMBERS, &mut exported).map_err(|e| failed(&e))? {
                 let name = table.name().to_string();
                 let of_table = MatTable::new(&name, columns);
                 units.insert(name.clone(), of_table.units);

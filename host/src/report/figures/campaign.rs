@@ -58,13 +58,13 @@ const X_OVER_Z: &str = "Vibration amplitude ratio X/Z (cycle maxima)";
 const ABOUT_X_OVER_Z: &str = "X: mean of the cycle maxima of |x|; Z: lock-in amplitude of the base";
 
 /// Most curves of one figure on a page.
-const MOST_CURVES: usize = 12;
+const MAX_CURVES: usize = 12;
 
 /// The figures of each kind that a page shows: one with all curves, or one for each experiment (with its repeats) if that would be
 /// too many curves.
 #[must_use]
 pub fn groups(campaign: &Campaign) -> Vec<Option<String>> {
-    if series_of(campaign).count() <= MOST_CURVES {
+    if series_of(campaign).count() <= MAX_CURVES {
         return vec![None];
     }
     let sines = campaign.experiments.iter().filter(|e| e.stepped_sine().is_some());
@@ -99,7 +99,7 @@ pub fn responses_of_runs(runs: &[PlottedRun], breadth: Breadth) -> Vec<(Option<S
             names.push(&set_up.name);
         }
     }
-    let groups = if all.len() <= MOST_CURVES {
+    let groups = if all.len() <= MAX_CURVES {
         vec![(None, all)]
     } else {
         names.iter().map(|name| (Some((*name).to_string()), curves_of_runs(runs, Some(name)))).collect()
@@ -287,11 +287,11 @@ fn means(
 
 /// A label of at most 48 characters: a longer one would leave no room for the curves.
 pub(super) fn shortened(label: &str) -> String {
-    const MOST: usize = 48;
-    if label.chars().count() <= MOST {
+    const MAX: usize = 48;
+    if label.chars().count() <= MAX {
         return label.to_string();
     }
-    label.chars().take(MOST - 1).chain(['…']).collect()
+    label.chars().take(MAX - 1).chain(['…']).collect()
 }
 
 /// The natural frequency of all set-ups, Hz, if it is the same.

@@ -16,7 +16,7 @@ use crate::report::plot::{FigureError, Picture, TITLE};
 const HEIGHTS: [f64; 4] = [300.0, 150.0, 150.0, 110.0];
 
 /// Points that are marked singly, at most.
-const MOST_MARKED: usize = 400;
+const MAX_MARKED: usize = 400;
 
 const IMAGINARY: Style = colour(1).stroke(1.5);
 
@@ -67,7 +67,7 @@ pub fn draw(found: &Modal) -> Result<Picture, FigureError> {
         let mut traces = Traces::new(&frame);
         let points = |value: &dyn Fn(usize) -> f64| (0..lines.len()).map(|n| (at(n), value(n))).collect::<Vec<_>>();
         let mut measured = |values: Vec<(f64, f64)>, style: Style| {
-            if lines.len() <= MOST_MARKED && place < 2 {
+            if lines.len() <= MAX_MARKED && place < 2 {
                 values.iter().filter(|(x, y)| frame.draws(*x, *y)).for_each(|point| traces.dot(*point, 2.0, colour(0)));
             }
             curve(&mut traces, &frame, values.into_iter(), style);

@@ -19,16 +19,16 @@ use crate::run_folder::{ResultRow, RunFolder};
 use crate::table::values::{numbers, texts};
 
 /// Most motions of a figure, the first ones: their picture is 12 000 points high.
-const MOST_MOTIONS: usize = 40;
+const MAX_MOTIONS: usize = 40;
 
 /// Cycles of the time history.
 const CYCLES: f64 = 8.0;
 
 /// Fewest samples of a cycle from which a velocity is computed: its error is (Ωh)⁴/30, 0.03 % of its amplitude.
-const LEAST_SAMPLES: f64 = 20.0;
+const MIN_SAMPLES: f64 = 20.0;
 
 /// Most samples of a dwell that are used, its last ones.
-const MOST_SAMPLES: usize = 60_000;
+const MAX_SAMPLES: usize = 60_000;
 
 /// Points of all phase planes of a figure together.
 const IN_PHASE_PLANES: usize = 60_000;
@@ -72,7 +72,7 @@ type Key = (String, String, u32);
 pub fn draw(campaign: &Campaign, run: &RunFolder, taken: &JournalState) -> Result<Option<Picture>, FigureError> {
     let peaks: Vec<(String, Look, &ResultRow)> = stepped_sines(campaign)
         .filter(|(_, experiment)| experiment.repeat == 0)
-        .take(MOST_MOTIONS)
+        .take(MAX_MOTIONS)
         .filter_map(|(set_up, experiment)| {
             let is_repeat =
                 |name: &str| campaign.experiments.iter().any(|e| e.name == name && e.series == experiment.series);
@@ -95,7 +95,7 @@ pub fn draw(campaign: &Campaign, run: &RunFolder, taken: &JournalState) -> Resul
             let own = taken.impacts.iter().filter(|some| is_own(&some.id)).flat_map(|some| &some.impacts);
             let impacts = own.map(|i| (f64::from(i.tick) + f64::from(i.centre_ticks), i.side)).collect();
             let motion = Motion { title: title.clone(), look: *look, row, dwell, impacts, tick_hz: f64::from(TICK_HZ) };
-            (motion.samples_in_a_cycle() >= LEAST_SAMPLES).then_some(motion)
+            (motion.samples_in_a_cycle() >= MIN_SAMPLES).then_some(motion)
         })
         .collect();
     if motions.is_empty() {
@@ -143,7 +143,7 @@ fn dwells(run: &RunFolder, peaks: &[(String, Look, &ResultRow)]) -> Result<BTree
         }
     }
     for dwell in dwells.values_mut() {
-        let early = dwell.ticks.len().saturating_sub(MOST_SAMPLES);
+        let early = dwell.ticks.len().saturating_sub(MAX_SAMPLES);
         [&mut dwell.ticks, &mut dwell.x_mm, &mut dwell.z_mm].into_iter().for_each(|list| drop(list.drain(..early)));
     }
     Ok(dwells)

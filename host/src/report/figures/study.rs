@@ -11,10 +11,10 @@ use crate::report::plot::{Breadth, FigureError, Picture};
 use crate::study::Study;
 use crate::study::axis::{Axis, Value, Values};
 use crate::study::evaluate::{main_column, main_quantile};
-use crate::study::table::{LEAST_OF_MAP, StudyTable, numbers};
+use crate::study::table::{MIN_OF_MAP, StudyTable, numbers};
 
 /// Most curves of a figure.
-const MOST_CURVES: usize = 12;
+const MAX_CURVES: usize = 12;
 
 /// A figure of a study.
 #[derive(Debug)]
@@ -71,7 +71,7 @@ pub fn draw(study: &Study, table: &StudyTable, best: Option<u64>, overlays: &[Fo
 
 /// Whether a study is drawn over two of its axes.
 fn is_map(study: &Study) -> bool {
-    matches!(&grids(study)[..], [_, b, ..] if study.axes[*b].count() >= LEAST_OF_MAP)
+    matches!(&grids(study)[..], [_, b, ..] if study.axes[*b].count() >= MIN_OF_MAP)
 }
 
 fn has_drawn_axis(study: &Study) -> bool {
@@ -254,7 +254,7 @@ impl Sheet<'_> {
     /// Curves over `x`, one for each combination of the other axes. If these are too many: through the best point, one for each value
     /// of `next`.
     fn curves(&self, x: usize, next: Option<usize>) -> (Drawn, String) {
-        let is_all = self.values.len() / self.axis(x).count() <= MOST_CURVES;
+        let is_all = self.values.len() / self.axis(x).count() <= MAX_CURVES;
         let varied = self.study.points.kept().iter().copied().filter(|place| self.axis(*place).count() > 1);
         let shown: Vec<usize> = if is_all { varied.collect() } else { [x].into_iter().chain(next).collect() };
         let fixed = self.others(&shown);

@@ -135,9 +135,9 @@ fn elements_of(frame: &Frame, place: usize, curve: &Curve, labels: &CurveLabels)
         let range = band_at(n).filter(|band| band.0 == at.0).map(|(_, low, high)| (*low, *high));
         PointerValue { x: at.0, value: at.1, range }
     };
-    let drawn = curve.points.iter().enumerate().filter(|(_, at)| is_drawn(at)).take(MOST_READ_OUT).map(shown);
+    let drawn = curve.points.iter().enumerate().filter(|(_, at)| is_drawn(at)).take(MAX_READ_OUT).map(shown);
     traces.curve(place, &curve.label, &drawn.collect::<Vec<_>>())
 }
 
 /// Most points of a curve whose numbers are on the page.
-const MOST_READ_OUT: usize = 20_000;
+const MAX_READ_OUT: usize = 20_000;

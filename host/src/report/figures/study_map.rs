@@ -74,7 +74,7 @@ impl Map {
     /// The map with some values of its longest axes, evenly taken; the best point stays.
     fn thinned(&self) -> Self {
         let places = |count: usize| -> Vec<usize> {
-            let kept = count.min(MOST_VALUES);
+            let kept = count.min(MAX_VALUES);
             (0..kept).map(|n| n * (count - 1) / (kept - 1)).collect()
         };
         let (columns, across, up) = (self.x.values.len(), places(self.x.values.len()), places(self.y.values.len()));
@@ -107,13 +107,13 @@ const COLOUR_STEPS: usize = 64;
 const CONTOURS: usize = 9;
 
 /// Most segments of a contour line: a line with more of them runs through noise and shows nothing.
-const MOST_SEGMENTS: usize = 20_000;
+const MAX_SEGMENTS: usize = 20_000;
 
 /// Ratio of largest to smallest value from which the colour scale is logarithmic.
 const LOG_FROM: f64 = 20.0;
 
 /// Most values of an axis that are drawn: more are closer than the pixels of a screen, and too many shapes for an SVG.
-const MOST_VALUES: usize = 400;
+const MAX_VALUES: usize = 400;
 
 /// Draws a map.
 ///
@@ -123,7 +123,7 @@ pub fn draw(map: &Map) -> Result<Picture, FigureError> {
     if map.x.values.len() < 2 || map.y.values.len() < 2 {
         return Err(FigureError("a map needs at least two values on both axes".into()));
     }
-    if map.x.values.len() > MOST_VALUES || map.y.values.len() > MOST_VALUES {
+    if map.x.values.len() > MAX_VALUES || map.y.values.len() > MAX_VALUES {
         return draw(&map.thinned());
     }
     for axis in [&map.x, &map.y] {
@@ -211,7 +211,7 @@ fn contours(map: &Map, colours: &Axis) -> impl Iterator<Item = Vec<[(f64, f64); 
         Scale::Linear => from + share * (to - from),
         Scale::Log => from * (to / from).powf(share),
     });
-    levels.map(move |level| contour::segments(&values, columns, level)).filter(|line| line.len() <= MOST_SEGMENTS)
+    levels.map(move |level| contour::segments(&values, columns, level)).filter(|line| line.len() <= MAX_SEGMENTS)
 }
 
 /// Diagonals of a square of 10 points, rising and falling.
@@ -319,10 +319,10 @@ mod tests {
             curves: Vec::new(),
         };
         let thinned = map.thinned();
-        assert_eq!((thinned.x.values.len(), thinned.y.values.len()), (MOST_VALUES, MOST_VALUES));
-        assert_eq!((thinned.x.values[MOST_VALUES - 1], thinned.y.values[MOST_VALUES - 1]), (999.0, 1999.0));
+        assert_eq!((thinned.x.values.len(), thinned.y.values.len()), (MAX_VALUES, MAX_VALUES));
+        assert_eq!((thinned.x.values[MAX_VALUES - 1], thinned.y.values[MAX_VALUES - 1]), (999.0, 1999.0));
         for (place, value) in thinned.values.iter().enumerate() {
-            let (x, y) = (thinned.x.values[place % MOST_VALUES], thinned.y.values[place / MOST_VALUES]);
+            let (x, y) = (thinned.x.values[place % MAX_VALUES], thinned.y.values[place / MAX_VALUES]);
             assert_eq!(*value, ((y as usize * columns + x as usize) % 97) as f64);
         }
         assert!(draw(&map).expect("a picture").png().is_ok());

@@ -75,7 +75,7 @@ fn contents(comparison: &Comparison) -> Markup {
 }
 
 /// Most differences in the table at the top; the tables of the experiments have all.
-const MOST_DIFFERENCES: usize = 40;
+const MAX_DIFFERENCES: usize = 40;
 
 /// The quantities that differ, the largest normalised error first.
 fn differences(comparison: &Comparison) -> Markup {
@@ -92,15 +92,15 @@ fn differences(comparison: &Comparison) -> Markup {
                 h2 { "Differences" }
                 div.wide { table {
                     thead { tr { th.word { "Set-up and experiment" } (heads()) } }
-                    tbody { @for (n, experiment, point, own) in rows.iter().take(MOST_DIFFERENCES) {
+                    tbody { @for (n, experiment, point, own) in rows.iter().take(MAX_DIFFERENCES) {
                         tr {
                             td.word { a href=(format!("#experiment-{n}")) { (name(experiment)) } }
                             (cells(point, own, true))
                         }
                     } }
                 } }
-                @if rows.len() > MOST_DIFFERENCES {
-                    p.under { "The " (MOST_DIFFERENCES) " largest of " (rows.len()) "; the tables of the experiments have all." }
+                @if rows.len() > MAX_DIFFERENCES {
+                    p.under { "The " (MAX_DIFFERENCES) " largest of " (rows.len()) "; the tables of the experiments have all." }
                 }
             }
         }

@@ -115,10 +115,10 @@ fn content(run: &RunFolder, data: &PageData) -> Markup {
 }
 
 /// Characters of a text above the results; a longer one is folded below them.
-const MOST_CHARACTERS: usize = 400;
+const MAX_CHARACTERS: usize = 400;
 
 fn is_long(text: &str) -> bool {
-    text.chars().count() > MOST_CHARACTERS || text.lines().count() > 8
+    text.chars().count() > MAX_CHARACTERS || text.lines().count() > 8
 }
 
 /// The long texts of the campaign's plan, folded.

@@ -8,7 +8,7 @@ use super::{LABEL, TITLE};
 use crate::report::numbers::significant;
 
 /// Range of a linear axis over the magnitude of its values below which the values count as equal.
-const LEAST_RANGE: f64 = 1e-6;
+const MIN_RANGE: f64 = 1e-6;
 
 /// Magnitudes between which values are drawn: no measured or computed quantity of a rig is beyond them, and the sums, ratios and powers of
 /// a drawing stay finite. Smaller values are drawn as 0.
@@ -18,10 +18,10 @@ const DRAWN: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 const FARTHEST: f64 = 50.0;
 
 /// Fewest labels of an axis.
-const FEWEST_LABELS: usize = 3;
+const MIN_LABELS: usize = 3;
 
 /// Most decades of a logarithmic axis that are all labelled.
-const MOST_DECADES: f64 = 12.0;
+const MAX_DECADES: f64 = 12.0;
 
 /// Values from which, and decimals above which, ticks are labelled as powers of ten.
 const LONG_LABEL: (f64, i32) = (1e7, 7);
@@ -122,7 +122,7 @@ impl Axis {
         let decades = (self.from.log10().floor() as i32)..=(self.to.log10().ceil() as i32);
         let spread = (self.to / self.from).log10();
         let labelled: &[f64] = if spread <= 3.5 { &[1.0, 2.0, 5.0] } else { &[1.0] };
-        let step = (spread / MOST_DECADES).ceil().max(1.0) as usize;
+        let step = (spread / MAX_DECADES).ceil().max(1.0) as usize;
         let digits = if step > 1 { 1..2 } else { 1..10 };
         let of_decade = |d| digits.clone().map(move |m| (f64::from(m), f64::from(m) * 10f64.powi(d)));
         let all = decades.step_by(step).flat_map(of_decade);
@@ -132,13 +132,13 @@ impl Axis {
 
     /// Step of evenly spaced ticks: of a linear axis, and of a logarithmic one that is too short for labels at 1, 2 and 5.
     fn even_step(&self) -> Option<f64> {
-        if self.scale == Scale::Log && self.decade_ticks().0.len() >= FEWEST_LABELS {
+        if self.scale == Scale::Log && self.decade_ticks().0.len() >= MIN_LABELS {
             return None;
         }
         let steps = [7.0, 10.0, 14.0].map(|parts| round_step((self.to - self.from) / parts));
         let is_enough = |step: &f64| {
             let (first, last) = self.within(*step);
-            last - first + 1 >= FEWEST_LABELS as i64
+            last - first + 1 >= MIN_LABELS as i64
         };
         steps.iter().copied().find(is_enough).or(Some(steps[2]))
     }
@@ -182,7 +182,7 @@ fn with_margin((low, high): (f64, f64), share: f64) -> (f64, f64) {
     let size = low.abs().max(high.abs());
     let margin = match high - low {
         _ if size < *DRAWN.start() => 0.5,
-        range if range > LEAST_RANGE * size => share * range,
+        range if range > MIN_RANGE * size => share * range,
         _ => 0.5 * size,
     };
     (low - margin, high + margin)

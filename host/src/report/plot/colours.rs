@@ -9,10 +9,10 @@ const STYLE: &str = include_str!("../page/style.css");
 const DISTINCT: usize = 8;
 
 /// Least contrast of a graphical object with its background (WCAG 2.2, 1.4.11).
-const LEAST_CONTRAST: f64 = 3.0;
+const MIN_CONTRAST: f64 = 3.0;
 
 /// Least distance in OKLab; 0.02 is just noticeable, and lines are thin.
-const LEAST_DISTANCE: f64 = 0.07;
+const MIN_DISTANCE: f64 = 0.07;
 
 /// Linear sRGB of a reader with full colour vision and, of severity 1, with protanopia, deuteranopia and tritanopia (Machado,
 /// Oliveira & Fernandes 2009, doi:10.1109/TVCG.2009.113).
@@ -90,14 +90,14 @@ fn dark_curves_stand_out_and_the_first_eight_differ_for_colour_blind_readers() {
     let sheet = luminance(variables("sheet")[1]);
     for index in 0..COLOURS {
         let contrast = (luminance(dark(index)) + 0.05) / (sheet + 0.05);
-        assert!(contrast >= LEAST_CONTRAST, "curve {index}: contrast {contrast:.2}");
+        assert!(contrast >= MIN_CONTRAST, "curve {index}: contrast {contrast:.2}");
     }
     for (reader, matrix) in &READERS {
         for a in 0..DISTINCT {
             for b in 0..a {
                 let [one, other] = [a, b].map(|index| oklab(times(matrix, dark(index))));
                 let distance = one.iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
-                assert!(distance >= LEAST_DISTANCE, "{reader}: curves {b} and {a} are {distance:.3} apart");
+                assert!(distance >= MIN_DISTANCE, "{reader}: curves {b} and {a} are {distance:.3} apart");
             }
         }
     }

@@ -21,7 +21,7 @@ export function around(values, isLog = false) {
   return [low - margin, high + margin];
 }
 
-const FEWEST_LABELS = 3;
+const MIN_LABELS = 3;
 
 // Ticks at round steps: at most `divisions` steps over the axis, or as few more as give three labels. The figures have 7; a small plot
 // has room for fewer.
@@ -32,7 +32,7 @@ export function linearTicks(from, to, divisions = 7) {
     const step = roundStep((to - from) / parts);
     ticks = [];
     for (let i = Math.ceil(from / step); i <= Math.floor(to / step) && ticks.length < 50; i += 1) ticks.push(i * step);
-    if (ticks.length >= FEWEST_LABELS) break;
+    if (ticks.length >= MIN_LABELS) break;
   }
   return ticks;
 }
@@ -49,7 +49,7 @@ export function logTicks(from, to) {
       if (value >= from * (1 - 1e-9) && value <= to * (1 + 1e-9)) (labelled.includes(m) ? major : minor).push(value);
     }
   }
-  return major.length < FEWEST_LABELS ? { major: linearTicks(from, to), minor: [] } : { major, minor };
+  return major.length < MIN_LABELS ? { major: linearTicks(from, to), minor: [] } : { major, minor };
 }
 
 const decimalsOf = (step) => Math.min(12, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));

@@ -7,7 +7,7 @@ import { significant } from "./text.js";
 const SVG = "http://www.w3.org/2000/svg";
 const HINT = "Point at a curve for its values, drag to zoom, click on an entry of the legend to hide its curve.";
 // Distances in points of the figure: shortest drag that zooms, farthest point of a curve that is read out.
-const LEAST_DRAG = 5;
+const MIN_DRAG = 5;
 const FARTHEST = 40;
 
 function make(name, attributes, text = "") {
@@ -257,7 +257,7 @@ class Drawing {
     if (this.selection === undefined) return;
     const span = this.#span(this.#at(event).x);
     const range = span.map((place) => this.dragged.x.value(place));
-    if (span[1] - span[0] >= LEAST_DRAG && range[1] > range[0]) this.zoom(range);
+    if (span[1] - span[0] >= MIN_DRAG && range[1] > range[0]) this.zoom(range);
     this.#endDrag();
   }
 

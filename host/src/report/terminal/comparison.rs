@@ -6,7 +6,7 @@ use crate::quantity::Quantity;
 use crate::report::numbers::{normalised_error, trimmed, with_uncertainty};
 
 /// Most differences that are listed.
-const MOST_LISTED: usize = 24;
+const MAX_LISTED: usize = 24;
 
 /// The lines below the header of the comparison.
 #[must_use]
@@ -21,8 +21,8 @@ pub fn text(comparison: &Comparison) -> String {
     let differences = differences(comparison);
     if !differences.is_empty() {
         lines.push("Differences:".into());
-        lines.extend(differences.iter().take(MOST_LISTED).cloned());
-        let more = differences.len().saturating_sub(MOST_LISTED);
+        lines.extend(differences.iter().take(MAX_LISTED).cloned());
+        let more = differences.len().saturating_sub(MAX_LISTED);
         lines.extend((more > 0).then(|| format!("  and {more} more; --out or --json has all")));
     }
     for experiment in &comparison.experiments {

@@ -18,7 +18,7 @@ use crate::run_folder::schema::journal_state::JournalState;
 use crate::setup::set_up_file;
 
 /// More repeats than an experiment can have.
-const MOST_REPEATS: usize = 1000;
+const MAX_REPEATS: usize = 1000;
 
 /// The campaign's name in a run folder.
 const CAMPAIGN: &str = "campaign.toml";
@@ -87,7 +87,7 @@ fn played(campaign: &Table) -> Vec<Played> {
     for (number, experiment) in (1..).zip(experiments) {
         let repeats = experiment.get("repeats").and_then(toml::Value::as_integer).unwrap_or(1);
         // More are refused by the campaign's parser.
-        let repeats = usize::try_from(repeats).unwrap_or(1).clamp(1, MOST_REPEATS);
+        let repeats = usize::try_from(repeats).unwrap_or(1).clamp(1, MAX_REPEATS);
         let file = match experiment.get("file").and_then(|file| file.as_str()) {
             Some(file) => Some(PathBuf::from(file)),
             None => experiment.get("noise").map(|_| PathBuf::from(NOISE_FILE)),

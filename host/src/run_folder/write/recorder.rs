@@ -19,10 +19,10 @@ use crate::run_folder::journal::{Entry, JOURNAL};
 use crate::run_folder::schema::samples::PointLabel;
 
 /// Capacity of the queue in values (rows × signals): nine minutes of 8 signals at 1 kHz, 8 s of 50 at 10 kHz; 16 MiB.
-const MOST_WAITING: usize = 4 << 20;
+const MAX_WAITING: usize = 4 << 20;
 
 /// Most lines of the journal that wait: more than a disk that writes at all leaves behind.
-const MOST_ENTRIES: usize = 1 << 16;
+const MAX_ENTRIES: usize = 1 << 16;
 
 /// Longest time for which samples are held in memory before they are synced.
 const SYNC_EVERY: Duration = Duration::from_millis(250);
@@ -114,7 +114,7 @@ impl<S: Sink> Recorder<S> {
     /// Starts the thread. `waits_for_room`: the clock is granted, so the device stands still while the host waits.
     #[must_use]
     pub fn start(sink: S, waits_for_room: bool) -> Self {
-        Self::with_room(sink, waits_for_room, MOST_WAITING)
+        Self::with_room(sink, waits_for_room, MAX_WAITING)
     }
 
     /// As [`Recorder::start`], with this capacity in values (rows × signals).
@@ -170,8 +170,8 @@ impl<S: Sink> Recording for Recorder<S> {
 
     fn note(&self, entry: Entry) {
         let mut entries = lock(&self.shared.entries);
-        if *entries >= MOST_ENTRIES {
-            let message = format!("{MOST_ENTRIES} lines of the journal are waiting: the disk is too slow");
+        if *entries >= MAX_ENTRIES {
+            let message = format!("{MAX_ENTRIES} lines of the journal are waiting: the disk is too slow");
             lock(&self.shared.failed).get_or_insert(StorageError::new("record", Path::new(JOURNAL), message));
             return;
         }
@@ -360,12 +360,12 @@ mod tests {
         let line = || Entry::Joined(Joined::default());
         recorder.note(line());
         held.recv().unwrap();
-        (0..MOST_ENTRIES - 1).for_each(|_| recorder.note(line()));
+        (0..MAX_ENTRIES - 1).for_each(|_| recorder.note(line()));
         assert!(recorder.check().is_ok());
         recorder.note(line());
         assert!(recorder.check().unwrap_err().to_string().contains("the disk is too slow"));
         drop(give);
-        assert_eq!(recorder.finish().0.unwrap().entries, MOST_ENTRIES as u64, "those that were taken are written");
+        assert_eq!(recorder.finish().0.unwrap().entries, MAX_ENTRIES as u64, "those that were taken are written");
     }
 
     #[test]

@@ -19,7 +19,7 @@ use crate::run_folder::schema::stream_sums::{RunningSum, sums_path};
 use crate::run_folder::{StorageError, own_files};
 
 /// A part is closed at this many rows, if its point has not ended before.
-pub(super) const MOST_ROWS: u64 = 100_000;
+pub(super) const MAX_ROWS: u64 = 100_000;
 
 /// Rows that are written to the stream together at the latest.
 const ROWS_PER_BATCH: usize = 4096;

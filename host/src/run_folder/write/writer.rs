@@ -13,7 +13,7 @@ use arrow_schema::{Metadata, SchemaRef};
 use super::parquet_file::{Durability, write_table};
 use super::recorder::{Message, Rows, Sink};
 use super::sample_join::{join, remove_parts};
-use super::sample_part::{MOST_ROWS, OpenPart, seal_salvaged};
+use super::sample_part::{MAX_ROWS, OpenPart, seal_salvaged};
 use crate::run_folder::file_name::FileName;
 use crate::run_folder::journal::{Entry, Journal, Sealed, SetAside};
 use crate::run_folder::read::folder::readable_rows;
@@ -228,7 +228,7 @@ impl Writer {
                 continue;
             }
             let gap_ticks = tick - expected;
-            if self.open.as_ref().is_some_and(|p| p.label != rows.label || p.rows >= MOST_ROWS) {
+            if self.open.as_ref().is_some_and(|p| p.label != rows.label || p.rows >= MAX_ROWS) {
                 self.seal()?;
             }
             let part = match &mut self.open {

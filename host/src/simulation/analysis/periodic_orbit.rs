@@ -10,10 +10,10 @@ use damprig_core::model::{Initial, SetUp};
 use nalgebra::{Complex, DMatrix, DVector};
 
 /// Most Newton steps.
-const MOST_STEPS: u32 = 40;
+const MAX_STEPS: u32 = 40;
 
 /// Most sections tried.
-const MOST_SECTIONS: usize = 6;
+const MAX_SECTIONS: usize = 6;
 
 /// An orbit grazes a wall if a disturbance of this size, relative to the motion, removes an impact. Chosen, near the square root of a
 /// double's rounding: the derivative would hold for smaller disturbances only.
@@ -110,7 +110,7 @@ impl PeriodicOrbit {
         let mut motion = Exact::new(set_up, &sine, &guess)?;
         let mut not_found = OrbitError::Resting;
         // Newton's method may find an orbit from one section and not from another.
-        for at_s in at(0.5).take(3).chain(at(0.25)).chain(at(0.75)).take(MOST_SECTIONS) {
+        for at_s in at(0.5).take(3).chain(at(0.25)).chain(at(0.75)).take(MAX_SECTIONS) {
             motion.reset(0.0, &guess);
             motion.run(at_s, &mut ());
             let phase_rad = (angular_frequency_rad_per_s * at_s).rem_euclid(TAU);
@@ -205,7 +205,7 @@ impl Map {
         let mut at = self.vector(guess);
         let mut image = self.of(&at);
         let mut distance = (&image - &at).norm();
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let derivative = self.derivative(&at)?;
             // The map magnifies rounding by its norm.
             let magnification = 1.0 + derivative.matrix.norm();

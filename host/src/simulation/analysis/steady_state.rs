@@ -20,7 +20,7 @@ use crate::simulation::statistics::{LastCyclesMeter, STEADY};
 const ANALYSED_PERIODS: u64 = 64;
 
 /// Fewest of them, in a run that has as many: the last twenty cycles are what a steady |x| is judged by.
-const FEWEST_PERIODS: u64 = 20;
+const MIN_PERIODS: u64 = 20;
 
 /// Distance from a stable orbit, relative to the motion, up to which a run counts as settling onto it.
 const SETTLING: f64 = 0.1;
@@ -251,7 +251,7 @@ impl ForcedResponse {
             motion.run(case.run.duration_s, meter);
             return None;
         }
-        let periods = ANALYSED_PERIODS.min(whole.div_ceil(2)).max(FEWEST_PERIODS).min(whole);
+        let periods = ANALYSED_PERIODS.min(whole.div_ceil(2)).max(MIN_PERIODS).min(whole);
         let start_s = (whole - periods) as f64 * period_s;
         motion.run(start_s, &mut (&mut *meter, &mut *watch));
         if !watch.goes_on(start_s) {

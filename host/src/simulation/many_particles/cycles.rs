@@ -68,7 +68,7 @@ pub struct SpheresCycle {
 }
 
 /// Most cycles kept in a list.
-const MOST_CYCLES: usize = 100_000;
+const MAX_CYCLES: usize = 100_000;
 
 /// Cycles at the end of a run whose mean is given, as in the last cycles of every run.
 pub const LAST_CYCLES: usize = 10;
@@ -137,7 +137,7 @@ impl CycleMeter {
                 self.last.remove(0);
             }
             self.last.push(closed);
-            if self.cycles.len() < MOST_CYCLES {
+            if self.cycles.len() < MAX_CYCLES {
                 let number = |value: f64| value.is_finite().then_some(value);
                 self.cycles.push(SpheresCycle {
                     end_s: (self.number + 1) as f64 * self.cycle_s,

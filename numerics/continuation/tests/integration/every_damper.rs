@@ -120,7 +120,7 @@ fn motion_on(system: &System, task: &Task, orbit: &Orbit) -> (Exact, f64) {
 }
 
 /// Multipliers beyond this magnify the rounding of the start too much for a comparison.
-const MOST_GROWTH: f64 = 1e4;
+const MAX_GROWTH: f64 = 1e4;
 
 fn assert_returns(name: &str, system: &System, task: &Task, orbit: &Orbit) {
     let (mut motion, period_s) = motion_on(system, task, orbit);
@@ -128,7 +128,7 @@ fn assert_returns(name: &str, system: &System, task: &Task, orbit: &Orbit) {
     motion.run(1.001 * period_s, &mut ());
     let after = *motion.state();
     let growth = orbit.multipliers[0].norm().max(1.0);
-    if growth > MOST_GROWTH {
+    if growth > MAX_GROWTH {
         return;
     }
     // Within a period a disturbance may grow more than after it: on the way, not normal.

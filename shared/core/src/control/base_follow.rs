@@ -11,10 +11,10 @@ use crate::control::fault::FaultCause;
 use crate::scalar::Scalar;
 
 /// Least amplitude of z as a share of the demand; below it the base does not follow.
-pub const LEAST: f32 = 0.01;
+pub const MIN: f32 = 0.01;
 
 /// Largest amplitude of z as a multiple of the demand; above it the base is overdriven.
-pub const MOST: f32 = 10.0;
+pub const MAX: f32 = 10.0;
 
 /// Sums over the present cycle.
 #[derive(Clone, Copy, Debug, Default)]
@@ -49,9 +49,9 @@ impl BaseFollow {
         let (z_m, drive_m) = (amplitude(z), amplitude(drive));
         // A closed loop may still be rising. The bound is half the demand because a sum over a cycle is uncertain by
         // one tick of it.
-        if z_m < LEAST * demand_m && drive_m > 0.5 * demand_m {
-            return Some((FaultCause::BaseStill, z_m, LEAST * demand_m));
+        if z_m < MIN * demand_m && drive_m > 0.5 * demand_m {
+            return Some((FaultCause::BaseStill, z_m, MIN * demand_m));
         }
-        (z_m > MOST * demand_m).then_some((FaultCause::BaseOverdriven, z_m, MOST * demand_m))
+        (z_m > MAX * demand_m).then_some((FaultCause::BaseOverdriven, z_m, MAX * demand_m))
     }
 }

@@ -42,7 +42,7 @@
 //! modulus squared), so where its phase is −α its modulus is at most cos α. The loop's phase reaches −180° at the
 //! frequency where ωτ = π/2 − α. There its modulus is at most 2K ω sin(ωτ)/(ω² − Ω²), which above 2Ω is less than (8/3)
 //! K τ.
-//! So **K < 3/(8τ)** for every passive load: 94 /s at τ = 4 ms. [`MOST_GAIN_PER_S`] is below half of it. Near Ω an
+//! So **K < 3/(8τ)** for every passive load: 94 /s at τ = 4 ms. [`MAX_GAIN_PER_S`] is below half of it. Near Ω an
 //! uncompensated phase θ = Ωτ could at worst excite an envelope at K θ²/4 (10⁻³ /s for a further 1 ms), below the
 //! structure's own σ.
 //!
@@ -65,7 +65,7 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// Largest K, 1/s.
-pub const MOST_GAIN_PER_S: f32 = 40.0;
+pub const MAX_GAIN_PER_S: f32 = 40.0;
 
 /// Ticks from a drive value to the block of samples that shows it: one tick of waiting, half a tick of hold, half a
 /// block of averaging.
@@ -81,7 +81,7 @@ pub const RUNAWAY: f32 = 1.5;
 /// Parameters of the closed loop.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct ClosedLoop {
-    /// K, 1/s: the rate at which an amplitude error decays without load; greater than 0, at most [`MOST_GAIN_PER_S`].
+    /// K, 1/s: the rate at which an amplitude error decays without load; greater than 0, at most [`MAX_GAIN_PER_S`].
     pub gain_per_s: f32,
     /// Frequency at which the drive is calibrated, Hz: there the unloaded table moves by the demanded amplitude (twice
     /// the movement is twice the gain); greater than 0.
@@ -110,7 +110,7 @@ impl ClosedLoop {
     pub fn validate(&self) -> Result<(), Invalid> {
         let gain = f64::from(self.gain_per_s);
         positive("drive.gain_per_s", gain)?;
-        require(self.gain_per_s <= MOST_GAIN_PER_S, "drive.gain_per_s", gain, "at most 40")?;
+        require(self.gain_per_s <= MAX_GAIN_PER_S, "drive.gain_per_s", gain, "at most 40")?;
         positive("drive.calibrated_at_hz", f64::from(self.calibrated_at_hz))?;
         let tolerance = f64::from(self.tolerance);
         // The amplitude over one cycle is known to one tick of the cycle.
@@ -248,7 +248,7 @@ mod tests {
     fn the_envelope_is_damped_for_every_gain_load_and_distance_from_resonance() {
         for exponent in -3..=3i8 {
             let kappa = libm::pow(10.0, f64::from(exponent));
-            for gain in [0.01, 1.0, 20.0, f64::from(MOST_GAIN_PER_S)] {
+            for gain in [0.01, 1.0, 20.0, f64::from(MAX_GAIN_PER_S)] {
                 for n in -100..=100i8 {
                     let delta = f64::from(n) * 0.05;
                     let poles = envelope_poles(0.0597, kappa, delta, gain);
@@ -273,7 +273,7 @@ mod tests {
     fn the_delay_bound_holds_for_every_passive_load() {
         let (omega, delay) = (core::f64::consts::TAU * 2.5, 4e-3);
         let gain = 3.0 / (8.0 * delay);
-        assert!(f64::from(MOST_GAIN_PER_S) < gain / 2.0);
+        assert!(f64::from(MAX_GAIN_PER_S) < gain / 2.0);
         for n in 0..=1000u16 {
             let at = 2.0 * omega * libm::pow(1.004, f64::from(n));
             if at * delay < core::f64::consts::FRAC_PI_2 {

@@ -50,7 +50,7 @@ pub use observer::{Impact, Observer};
 pub const LARGEST_RATE_PER_STEP: f64 = 0.1;
 
 /// Largest number of events in one step of [`Sampled::step`].
-const MOST_EVENTS_PER_STEP: u8 = 64;
+const MAX_EVENTS_PER_STEP: u8 = 64;
 
 /// Displacements and velocities of structure and particle, in [`Units`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -238,7 +238,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// step to step, as in the steps of [`super::base::BaseTrack`], because a sticking structure moves with the base.
     /// Where the base velocity jumps, restart with [`Sampled::reset`].
     pub fn step(&mut self, base: &BaseSegment<S>, observer: &mut (impl Observer<S> + ?Sized)) {
-        self.step_bounded(base, MOST_EVENTS_PER_STEP, observer);
+        self.step_bounded(base, MAX_EVENTS_PER_STEP, observer);
     }
 
     /// Advances by one step of base motion, with at most `most_events` events in it: this bounds the work for all

@@ -3,13 +3,13 @@
 use crate::scalar::Scalar;
 
 /// Most batches; a full list is merged in pairs.
-const MOST: usize = 16;
+const MAX: usize = 16;
 
 /// Means of batches of successive values. The batches grow with the sequence, so that their means become independent
 /// even if neighbouring values are not.
 #[derive(Clone, Copy, Debug)]
 pub struct Batches {
-    means: [f32; MOST],
+    means: [f32; MAX],
     full: usize,
     /// Values in a full batch.
     size: u32,
@@ -19,7 +19,7 @@ pub struct Batches {
 
 impl Default for Batches {
     fn default() -> Self {
-        Self { means: [0.0; MOST], full: 0, size: 1, sum: 0.0, count: 0 }
+        Self { means: [0.0; MAX], full: 0, size: 1, sum: 0.0, count: 0 }
     }
 }
 
@@ -41,11 +41,11 @@ impl Batches {
         self.means[self.full] = self.sum / self.size as f32;
         self.full += 1;
         (self.sum, self.count) = (0.0, 0);
-        if self.full == MOST {
-            for n in 0..MOST / 2 {
+        if self.full == MAX {
+            for n in 0..MAX / 2 {
                 self.means[n] = 0.5 * (self.means[2 * n] + self.means[2 * n + 1]);
             }
-            self.full = MOST / 2;
+            self.full = MAX / 2;
             self.size *= 2;
         }
     }

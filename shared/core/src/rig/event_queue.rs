@@ -8,15 +8,15 @@ use crate::measure::impacts::ImpactRecord;
 use heapless::Deque;
 
 /// Most impacts in the queue.
-pub const MOST_IMPACTS: usize = 8;
+pub const MAX_IMPACTS: usize = 8;
 
 /// Most events in the queue: the impacts, and one each of spring event, fault, result and end of experiment.
-pub const MOST_EVENTS: usize = MOST_IMPACTS + 4;
+pub const MAX_EVENTS: usize = MAX_IMPACTS + 4;
 
 /// The events in the order of their occurrence.
 #[derive(Clone, Debug, Default)]
 pub(super) struct EventQueue {
-    events: Deque<Event, MOST_EVENTS>,
+    events: Deque<Event, MAX_EVENTS>,
     lost: u32,
 }
 
@@ -30,7 +30,7 @@ impl EventQueue {
 
     /// Adds an impact. Impacts come first in a tick.
     pub fn push_impact(&mut self, record: &ImpactRecord) {
-        if self.events.len() < MOST_IMPACTS {
+        if self.events.len() < MAX_IMPACTS {
             self.push(Event::Impact(*record));
         } else {
             self.lost = self.lost.saturating_add(1);

@@ -6,7 +6,7 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// Most impacts that wait for a partner, predicted and measured each.
-const MOST_WAITING: usize = 8;
+const MAX_WAITING: usize = 8;
 
 /// Settings of the matching.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
@@ -104,8 +104,8 @@ pub struct Matcher {
     wait: f32,
     smallest_impulse_n_s: f32,
     alarm_after: u8,
-    predicted: Vec<Waiting, MOST_WAITING>,
-    detected: Vec<Waiting, MOST_WAITING>,
+    predicted: Vec<Waiting, MAX_WAITING>,
+    detected: Vec<Waiting, MAX_WAITING>,
     /// Missing impacts since the last paired one, at the wall at −d and at +d: a dead sensor at one wall is told although the
     /// other measures.
     missing_in_a_row: [u8; 2],
@@ -219,7 +219,7 @@ impl Matcher {
 }
 
 /// Removes from `waiting` the nearest partner within the window and returns it.
-fn take_nearest(waiting: &mut Vec<Waiting, MOST_WAITING>, partner: &Waiting, window: f32) -> Option<Waiting> {
+fn take_nearest(waiting: &mut Vec<Waiting, MAX_WAITING>, partner: &Waiting, window: f32) -> Option<Waiting> {
     let mut nearest = None;
     let mut least = window;
     for (place, candidate) in waiting.iter().enumerate() {

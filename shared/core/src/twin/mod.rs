@@ -15,7 +15,7 @@
 //! structure above 16 Hz). The base's cubic needs one sample of the future, so the twin is one tick behind the rig: a
 //! prediction is compared with the x of the tick before. [`matching`] pairs predictions with measurements.
 //!
-//! The work of a tick is bounded: at most [`MOST_EVENTS_PER_TICK`] events of the motion, and at most
+//! The work of a tick is bounded: at most [`MAX_EVENTS_PER_TICK`] events of the motion, and at most
 //! [`DETECTIONS_WAITING`] measured impacts.
 
 pub mod matching;
@@ -37,7 +37,7 @@ use serde::{Deserialize, Serialize};
 /// have more; it is then at rest from the last one on ([`Sampled::step_bounded`]). The omitted bounces begin and end
 /// within the tick, so their approach speed is below a T/2: 5 mm/s and 1 mN s at 10 m/s² and 0.16 kg, a twentieth of
 /// the smallest impulse that must be measured ([`MatcherConfig`]).
-pub const MOST_EVENTS_PER_TICK: u8 = 8;
+pub const MAX_EVENTS_PER_TICK: u8 = 8;
 
 /// Most measured impacts that wait until the twin has passed their time. Further impacts do not correct the twin.
 pub const DETECTIONS_WAITING: usize = 8;
@@ -50,7 +50,7 @@ const LEARNT_AFTER: f32 = 2.0;
 const APPROACH_STEPS: u8 = 8;
 
 /// Most integrator steps per tick; a structure above 31 Hz needs more.
-const MOST_STEPS: u8 = 2;
+const MAX_STEPS: u8 = 2;
 
 /// Time of a tick's mean, in ticks from its start.
 const MEAN_AT: f32 = (SUBSAMPLES as f32 + 1.0) / (2 * SUBSAMPLES) as f32;
@@ -163,13 +163,13 @@ impl TwinPlan {
         let structure = &set_up.structure;
         let undamped = Structure { damping_n_s_per_m: 0.0, ..*structure };
         require(
-            Sampled::<f32>::steps_per_sample(&SetUp::bare(undamped), tick_s)? <= MOST_STEPS,
+            Sampled::<f32>::steps_per_sample(&SetUp::bare(undamped), tick_s)? <= MAX_STEPS,
             "structure.stiffness_n_per_m",
             structure.stiffness_n_per_m,
             "low enough for a twin (natural frequency at most 31 Hz)",
         )?;
         require(
-            steps <= MOST_STEPS,
+            steps <= MAX_STEPS,
             "structure.damping_n_s_per_m",
             structure.damping_n_s_per_m,
             "low enough for a twin (damping over mass at most 200 /s)",
@@ -361,7 +361,7 @@ impl Twin {
         let mut impacts = Impacts { step: 0.0, list: Vec::new() };
         for part in 0..steps {
             impacts.step = f32::from(part);
-            self.plan.motion.step_bounded(&base.part(part, steps), MOST_EVENTS_PER_TICK / steps, &mut impacts);
+            self.plan.motion.step_bounded(&base.part(part, steps), MAX_EVENTS_PER_TICK / steps, &mut impacts);
         }
         self.base_m = base.end();
         for impact in &impacts.list {
@@ -421,7 +421,7 @@ impl Twin {
 struct Impacts {
     /// Index of the present step in the tick.
     step: f32,
-    list: Vec<Impact<f32>, { MOST_EVENTS_PER_TICK as usize }>,
+    list: Vec<Impact<f32>, { MAX_EVENTS_PER_TICK as usize }>,
 }
 
 impl Observer<f32> for Impacts {

@@ -11,7 +11,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 const TOLERANCE: f64 = 1e-11;
 const TOLERANCE_M: f64 = 1e-13;
 
-const MOST_IMPACTS: u32 = 200;
+const MAX_IMPACTS: u32 = 200;
 
 /// x, x′, y, y′.
 type Phase = [f64; 4];
@@ -107,7 +107,7 @@ fn run(equations: &Equations, initial: &Initial, end_s: f64) -> Option<Phase> {
         // Start slightly inside the cavity; otherwise rounding causes the same impact again.
         hit[2] = hit[0] + (hit[2] - hit[0]).signum() * clearance_m * (1.0 - 1e-14);
         impacts += 1;
-        if impacts > MOST_IMPACTS {
+        if impacts > MAX_IMPACTS {
             return None;
         }
         (t, s) = (late, hit);

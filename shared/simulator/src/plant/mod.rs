@@ -41,7 +41,7 @@ use table::Table;
 use walls::{WallSensors, Walls};
 
 /// Impacts of one tick that the force sensors see. A chatter may have more, each weaker than the last.
-const MOST_IMPACTS: usize = 8;
+const MAX_IMPACTS: usize = 8;
 
 /// What moves the structure's base.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
@@ -431,7 +431,7 @@ struct Sampler<S> {
     step: S,
     steps: S,
     impacts: u32,
-    hits: Vec<Impact<S>, MOST_IMPACTS>,
+    hits: Vec<Impact<S>, MAX_IMPACTS>,
     /// Forces of soft walls; `None` for hard walls.
     pressed: Option<Pressed<S>>,
 }

@@ -33,7 +33,7 @@ use damprig_core::scalar::Scalar;
 pub const LARGEST_RATE_PER_STEP: f64 = 0.05;
 
 /// Maximum number of evaluations of the structure in the search for a step's acceleration.
-const MOST_EVALUATIONS: usize = 8;
+const MAX_EVALUATIONS: usize = 8;
 
 /// The table: its coefficients per structure mass in [`Units`], and its state.
 #[derive(Clone, Debug)]
@@ -135,7 +135,7 @@ impl<S: Scalar> Table<S> {
         };
         let mut a = self.a;
         let mut last: Option<(S, S)> = None;
-        for _ in 0..MOST_EVALUATIONS {
+        for _ in 0..MAX_EVALUATIONS {
             let mut trial = *motion;
             trial.step(&self.segment(a), &mut ());
             let gained = trial.momentum() - before;

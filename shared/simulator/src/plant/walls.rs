@@ -14,7 +14,7 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// Maximum number of pulses in progress. In a long chatter the oldest are dropped.
-const MOST_PULSES: usize = 16;
+const MAX_PULSES: usize = 16;
 
 /// The force sensors of the walls.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
@@ -81,7 +81,7 @@ pub struct Walls {
     scales: [ForceScale; 2],
     /// Contact time in ticks.
     contact: f32,
-    pulses: Deque<Pulse, MOST_PULSES>,
+    pulses: Deque<Pulse, MAX_PULSES>,
     noise: Noise,
 }
 

@@ -1,7 +1,7 @@
 //! The closed base-amplitude loop on the shaker that feels its load: accuracy, overshoot, and the reports at its
 //! limits.
 
-use damprig_core::control::base_loop::{ClosedLoop, MOST_GAIN_PER_S};
+use damprig_core::control::base_loop::{ClosedLoop, MAX_GAIN_PER_S};
 use damprig_core::control::experiment::Experiment;
 use damprig_core::control::fault::FaultCause;
 use damprig_core::control::outcome::ExperimentStage;
@@ -145,7 +145,7 @@ fn the_base_keeps_its_amplitude_from_2_to_3_hz_under_every_damper_kind() {
 fn the_loop_is_stable_at_the_largest_gain_allowed_and_half_the_calibration() {
     let gain = |gain_per_s| DriveMode::ClosedLoop(ClosedLoop { gain_per_s, ..ClosedLoop::default() });
     let near_resonance = [2.4, 2.5, 2.55].into_iter().collect();
-    let most = SteppedSine { drive: gain(MOST_GAIN_PER_S), frequencies_hz: near_resonance, ..plan(3e-4) };
+    let most = SteppedSine { drive: gain(MAX_GAIN_PER_S), frequencies_hz: near_resonance, ..plan(3e-4) };
     assert_kept("largest gain", &plant(bare()), &most);
     // Calibrated at twice the frequency, the table moves twice as far for the same drive.
     let shaker = Shaker { calibrated_at_hz: 5.0, ..Shaker::default() };

@@ -3,7 +3,7 @@
 use damprig_core::control::experiment::Experiment;
 use damprig_core::control::fault::FaultCause;
 use damprig_core::control::outcome::ExperimentStage;
-use damprig_core::control::transient::playback::{MOST_SAMPLES, PlaybackPlan, RecordId};
+use damprig_core::control::transient::playback::{MAX_SAMPLES, PlaybackPlan, RecordId};
 use damprig_core::control::transient::{FreeVibration, Playback, free_vibration};
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::sampled::Sampled;
@@ -263,7 +263,7 @@ fn a_record_longer_than_the_buffer_is_refused_with_the_limit() {
     let refused = PlaybackPlan::new(long).unwrap_err();
     assert_eq!((refused.parameter, refused.value), ("record.samples", 20_481.0));
     assert!(refused.allowed.contains("20480"), "{}", refused.allowed);
-    assert_eq!(MOST_SAMPLES * 2, 40 * 1024);
+    assert_eq!(MAX_SAMPLES * 2, 40 * 1024);
     for bad in [
         Playback { sample_rate_hz: 1000.1, ..playback(&[0; 4], 100.0) },
         Playback { sample_rate_hz: f32::NAN, ..playback(&[0; 4], 100.0) },

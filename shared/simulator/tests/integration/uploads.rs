@@ -8,7 +8,7 @@ use damprig_core::measure::transient::TransientResult;
 use damprig_core::model::{SetUp, Structure};
 use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, Reader};
-use damprig_protocol::upload::{CHUNK_BYTES, MOST_BYTES, Progress, UploadStage, checksum};
+use damprig_protocol::upload::{CHUNK_BYTES, MAX_BYTES, Progress, UploadStage, checksum};
 use damprig_protocol::{Event, FromDevice, NumberedRequest, Rejected, Reply, Request, ToDevice};
 use damprig_simulator::device::{Progress as Clock, SimulatedDevice};
 use damprig_simulator::messages::set_plant;
@@ -255,9 +255,9 @@ fn nothing_is_uploaded_while_a_record_is_played() {
 #[test]
 fn the_longest_record_is_verified_within_three_seconds_and_a_longer_one_is_refused_with_the_limit() {
     let mut host = Host::new();
-    let bytes: Vec<u8> = (0..MOST_BYTES).map(|n| (n * 7 + n / 256) as u8).collect();
+    let bytes: Vec<u8> = (0..MAX_BYTES).map(|n| (n * 7 + n / 256) as u8).collect();
     assert_eq!(host.complete(&bytes).stage, UploadStage::Whole);
-    for (bytes, named) in [(MOST_BYTES + 2, "upload.bytes"), (0, "upload.bytes"), (7, "upload.bytes")] {
+    for (bytes, named) in [(MAX_BYTES + 2, "upload.bytes"), (0, "upload.bytes"), (7, "upload.bytes")] {
         match host.ask(Request::BeginUpload { bytes, crc32: 0 }) {
             Err(Rejected::Invalid { parameter, value, allowed }) => {
                 assert_eq!((parameter.as_str(), value), (named, f64::from(bytes)));

@@ -14,7 +14,7 @@ use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 use crate::common::{Host, TICK, driving, image, is_driving, pass, project, sine};
 
 /// The function names of the profile that are printed.
-const MOST_FUNCTIONS: usize = 20;
+const MAX_FUNCTIONS: usize = 20;
 
 fn budget(what: &str) -> u64 {
     let text = std::fs::read_to_string(project().join("firmware/budgets.toml")).unwrap();
@@ -121,7 +121,7 @@ fn a_tick_and_the_memory_keep_their_budgets_with_everything_switched_on() {
     println!("an idle tick: {:.0} instructions, at most {}", idle.mean(), idle.most);
     println!("a tick of an experiment: {:.0} instructions, at most {}", running.mean(), running.most);
     println!("while the spring moves: {:.0} instructions, at most {}", spring_moves.mean(), spring_moves.most);
-    for (name, count) in host.board.profile().into_iter().take(MOST_FUNCTIONS) {
+    for (name, count) in host.board.profile().into_iter().take(MAX_FUNCTIONS) {
         println!("{:5.1} %  {name}", 100.0 * count as f64 / instructions as f64);
     }
     check("instructions_per_tick_worst", running.most.max(spring_moves.most));

@@ -13,7 +13,7 @@ const OUTSIDE: f64 = 4.5;
 const ROUNDS: usize = 40;
 /// Frames that a flight needs at least: with the frames at its impacts, so that a turn is seen; and to fit it.
 pub(super) const LONG: usize = 9;
-const LEAST: usize = 5;
+const MIN: usize = 5;
 
 /// A flight and its frames.
 #[derive(Clone, Debug)]
@@ -43,7 +43,7 @@ impl Bounce {
     }
 
     pub(super) fn is_long(&self) -> bool {
-        self.candidates.len() >= LONG && self.used.len() >= LEAST
+        self.candidates.len() >= LONG && self.used.len() >= MIN
     }
 }
 
@@ -83,7 +83,7 @@ pub(super) fn fitted(at: &[f64], down: &[f64], flights: &mut [Bounce], noise: f6
             let own = fit.flight(n, &fit.parameters);
             let fits = |place: &usize| own.left(at[*place], down[*place]).abs() <= limit;
             let kept: Vec<usize> = flight.used.iter().copied().filter(fits).collect();
-            if kept.len() >= LEAST && kept.len() < flight.used.len() {
+            if kept.len() >= MIN && kept.len() < flight.used.len() {
                 flight.used = kept;
                 has_changed = true;
             }
@@ -114,7 +114,7 @@ impl Bounce {
         let from = if self.ends[0] || self.candidates.start == 0 { first } else { first + hidden };
         let to = if self.ends[1] || self.candidates.end == at.len() { last } else { last - hidden };
         let kept: Vec<usize> = self.used.iter().copied().filter(|place| (from..=to).contains(&at[*place])).collect();
-        if kept.len() >= LEAST {
+        if kept.len() >= MIN {
             self.used = kept;
         }
     }
@@ -144,7 +144,7 @@ fn settle(at: &[f64], down: &[f64], flights: &mut [Bounce], mut fit: Fit, noise:
             let fits =
                 |place: &usize| own.left(at[*place], down[*place]).abs() <= limit && (from..=to).contains(&at[*place]);
             let kept = fitting(flight, fits);
-            if kept.len() >= LEAST && kept != flight.used {
+            if kept.len() >= MIN && kept != flight.used {
                 flight.used = kept;
                 has_changed = true;
             }

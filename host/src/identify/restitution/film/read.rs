@@ -200,7 +200,7 @@ fn varies(dialect: &Dialect, rows: &[(usize, Vec<&str>)], n: usize) -> bool {
 }
 
 /// Frame numbers above this are none.
-const MOST_FRAMES: f64 = 1e9;
+const MAX_FRAMES: f64 = 1e9;
 
 impl Film {
     /// Reads a film.
@@ -249,7 +249,7 @@ impl Film {
             if at.is_nan() {
                 return Err(format!("line {line}: the {what} is missing"));
             }
-            if columns.seconds.is_none() && (at.fract() != 0.0 || at.abs() > MOST_FRAMES) {
+            if columns.seconds.is_none() && (at.fract() != 0.0 || at.abs() > MAX_FRAMES) {
                 return Err(format!(
                     "line {line}: the frame number {at} must be a whole number\n  name a column of times with its unit, for example t_s"
                 ));

@@ -33,9 +33,9 @@ pub(super) struct Segments {
 }
 
 /// Frames that a track needs at least.
-const LEAST: usize = 12;
+const MIN: usize = 12;
 /// Frames of a part between two turns that show a curvature.
-const LEAST_PART: usize = 5;
+const MIN_PART: usize = 5;
 /// Standard deviations of the noise that a turn has to exceed.
 const TURN: f64 = 10.0;
 /// Part of the amplitudes whose curvature must have one sign.
@@ -168,15 +168,15 @@ struct Part {
 /// # Errors
 /// Too few frames, no curvature of one sign, no impact.
 pub(super) fn segments(at: &[f64], values: &[f64]) -> Result<Segments, String> {
-    if at.len() < LEAST {
-        return Err(format!("{} tracked frames are too few; at least {LEAST} are needed", at.len()));
+    if at.len() < MIN {
+        return Err(format!("{} tracked frames are too few; at least {MIN} are needed", at.len()));
     }
     let noise = noise(at, values);
     let turns = turns(values, TURN * noise);
     let part = |pair: &[(usize, bool)]| -> Option<Part> {
         let (from, to) = (pair[0].0, pair[1].0 + 1);
         let inner = from + 1..to - 1;
-        let parabola = (inner.len() >= LEAST_PART).then(|| Parabola::through(&at[inner.clone()], &values[inner]))??;
+        let parabola = (inner.len() >= MIN_PART).then(|| Parabola::through(&at[inner.clone()], &values[inner]))??;
         let acceleration = parabola.acceleration();
         Some(Part {
             amplitude: (values[to - 1] - values[from]).abs(),
@@ -226,7 +226,7 @@ fn below_the_top(at: &[f64], down: &[f64], from: usize, to: usize) -> Option<(f6
     let inner = from + 1..to;
     let below: Vec<usize> = inner.filter(|place| down[*place] > top + TOP * height).collect();
     let pick = |values: &[f64]| below.iter().map(|place| values[*place]).collect::<Vec<_>>();
-    let parabola = (below.len() >= LEAST_PART).then(|| Parabola::through(&pick(at), &pick(down)))??;
+    let parabola = (below.len() >= MIN_PART).then(|| Parabola::through(&pick(at), &pick(down)))??;
     Some((parabola.acceleration(), height))
 }
 

@@ -5,7 +5,7 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// Most steps in one tick that are requested of a board's pulse timer.
-pub const MOST_STEPS_PER_TICK: u8 = 16;
+pub const MAX_STEPS_PER_TICK: u8 = 16;
 
 /// Targets may reach this part of [`SpringConfig::largest_force_n`]. The rest is a margin in which the force may vary
 /// before it is a fault.
@@ -21,7 +21,7 @@ pub struct SpringConfig {
     pub travel_m: f32,
     /// Position of the seat when the block is released, m from the limit switch.
     pub back_off_m: f32,
-    /// Highest rate, steps/s; at most [`MOST_STEPS_PER_TICK`] per tick.
+    /// Highest rate, steps/s; at most [`MAX_STEPS_PER_TICK`] per tick.
     pub rate_hz: f32,
     /// Rate of the searches for the switch and for the touch, steps/s: low enough for the motor to stop at once.
     pub search_rate_hz: f32,
@@ -138,7 +138,7 @@ impl SpringConfig {
         )?;
         ask(self.back_off_m < self.travel_m, "spring.back_off_m", self.back_off_m, "below spring.travel_m")?;
         ask(
-            self.rate_hz <= f32::from(MOST_STEPS_PER_TICK) * TICK_HZ,
+            self.rate_hz <= f32::from(MAX_STEPS_PER_TICK) * TICK_HZ,
             "spring.rate_hz",
             self.rate_hz,
             "at most 16 steps per tick (16 000 per second)",

@@ -33,7 +33,7 @@ impl Limits {
 
 /// Shortest time after which a sensor may count as frozen, s. A record counts as moving for 0.25 s after its last visible
 /// change, in which the sensors may rightly stand still.
-pub const LEAST_FROZEN_S: f32 = 0.3;
+pub const MIN_FROZEN_S: f32 = 0.3;
 
 /// The settings of the interlocks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
@@ -99,7 +99,7 @@ impl SafetyConfig {
             not_negative(name, f64::from(value))?;
         }
         let (ahead, restart) = (f64::from(self.half_cycles_ahead), f64::from(self.restart_m));
-        let is_long_enough = self.frozen_s == 0.0 || self.frozen_s >= LEAST_FROZEN_S;
+        let is_long_enough = self.frozen_s == 0.0 || self.frozen_s >= MIN_FROZEN_S;
         require(is_long_enough, "safety.frozen_s", f64::from(self.frozen_s), "0 for never, or 0.3 or more")?;
         require(self.half_cycles_ahead <= 20.0, "safety.half_cycles_ahead", ahead, "from 0 to 20")?;
         require(

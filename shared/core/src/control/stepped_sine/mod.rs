@@ -21,13 +21,13 @@ use serde::{Deserialize, Serialize};
 
 /// Most frequencies in one experiment, enough for 2 to 3 Hz in steps of 0.01 Hz. Each costs the controller 4 bytes in
 /// several places.
-pub const MOST_POINTS: usize = 400;
+pub const MAX_POINTS: usize = 400;
 
 /// Fewest ticks in a cycle of the drive. The highest frequency is the tick rate divided by this.
-pub const FEWEST_TICKS_PER_CYCLE: f32 = 20.0;
+pub const MIN_TICKS_PER_CYCLE: f32 = 20.0;
 
 /// Fewest whole cycles in a dwell: the trend of the cycle maxima needs three in the second half of the dwell.
-pub const FEWEST_CYCLES: f32 = 6.0;
+pub const MIN_CYCLES: f32 = 6.0;
 
 /// Time of the drive's fade-out after a stop or a fault, and its least fade-out time before a rest, s.
 pub const FADE_S: f32 = 0.2;
@@ -78,7 +78,7 @@ pub struct SteppedSine {
     /// interruption.
     pub first_index: u16,
     /// Frequencies in the order of the experiment, Hz.
-    pub frequencies_hz: Vec<f32, MOST_POINTS>,
+    pub frequencies_hz: Vec<f32, MAX_POINTS>,
 }
 
 impl SteppedSine {
@@ -124,13 +124,13 @@ impl SteppedSine {
         for &frequency in &self.frequencies_hz {
             positive("frequencies_hz", f64::from(frequency))?;
             require(
-                frequency * FEWEST_TICKS_PER_CYCLE <= tick_hz,
+                frequency * MIN_TICKS_PER_CYCLE <= tick_hz,
                 "frequencies_hz",
                 f64::from(frequency),
                 "at most a twentieth of the tick rate",
             )?;
             require(
-                frequency * self.dwell_s >= FEWEST_CYCLES,
+                frequency * self.dwell_s >= MIN_CYCLES,
                 "dwell_s",
                 f64::from(self.dwell_s),
                 "long enough for 6 cycles of every frequency",

@@ -9,7 +9,7 @@
 //! The host computes the decay's logarithmic decrement and loss from x0, the peak after whole cycles and their
 //! duration. The core has no logarithm.
 
-use super::{LEAST, LONGEST_S, Limit, Measuring, ticks, within};
+use super::{LONGEST_S, Limit, MIN, Measuring, ticks, within};
 use crate::control::fault::{Fault, FaultCause};
 use crate::control::outcome::{ExperimentStage, Outcome, TickInputs};
 use crate::io::{Invalid, TICK_HZ, require};
@@ -39,7 +39,7 @@ const TICK_S: f32 = 1.0 / TICK_HZ;
 const A_TICK_OR_MORE: &str = "a tick or more, at most 10⁹";
 
 const LIMITS: [Limit; 5] = [
-    ("level_m", LEAST, f32::MAX, "greater than 0"),
+    ("level_m", MIN, f32::MAX, "greater than 0"),
     ("hold_s", TICK_S, LONGEST_S, A_TICK_OR_MORE),
     ("measure_s", TICK_S, LONGEST_S, A_TICK_OR_MORE),
     ("timeout_s", TICK_S, LONGEST_S, A_TICK_OR_MORE),
@@ -75,7 +75,7 @@ const STEADY: f32 = 0.03;
 const RELEASED: f32 = 0.9;
 
 /// A half-cycle counts when |x| has been beyond this share of x0 in it, so that noise about zero does not count.
-const LEAST_SWING: f32 = 0.01;
+const MIN_SWING: f32 = 0.01;
 
 /// A checked free vibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -133,7 +133,7 @@ impl Swings {
         self.last_m = x_m;
         let along = if self.positive { x_m } else { -x_m };
         self.peak_m = self.peak_m.max(along);
-        if along > -LEAST_SWING * self.start_m {
+        if along > -MIN_SWING * self.start_m {
             return;
         }
         // x is beyond zero on the other side: a half-cycle ended at the latest crossing.

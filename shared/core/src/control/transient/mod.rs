@@ -19,7 +19,7 @@ fn ticks(seconds: f32) -> u32 {
 }
 
 /// The smallest value that a parameter greater than 0 may have.
-const LEAST: f32 = f32::MIN_POSITIVE;
+const MIN: f32 = f32::MIN_POSITIVE;
 
 /// A parameter's name, smallest and largest value, and what is allowed in words.
 type Limit = (&'static str, f32, f32, &'static str);

@@ -10,7 +10,7 @@
 //!
 //! `damprig-device` receives the record; the host makes it from a shape or a file.
 
-use super::{LEAST, LONGEST_S, Limit, Measuring, ticks, within};
+use super::{LONGEST_S, Limit, MIN, Measuring, ticks, within};
 use crate::control::fault::{Fault, FaultCause};
 use crate::control::outcome::{ExperimentStage, Outcome, TickInputs};
 use crate::control::rest::{RestWait, Waited};
@@ -22,7 +22,7 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// Most samples of a record: the controller's buffer of 40 KiB holds this many.
-pub const MOST_SAMPLES: usize = 20_480;
+pub const MAX_SAMPLES: usize = 20_480;
 
 /// Identifies a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
@@ -54,8 +54,8 @@ pub struct Playback {
 
 const LIMITS: [Limit; 5] = [
     ("sample_rate_hz", 0.1, TICK_HZ, "from 0.1 Hz to the tick rate of 1000 Hz"),
-    ("scale_m", LEAST, f32::MAX, "greater than 0"),
-    ("rest_level_m", LEAST, f32::MAX, "greater than 0"),
+    ("scale_m", MIN, f32::MAX, "greater than 0"),
+    ("rest_level_m", MIN, f32::MAX, "greater than 0"),
     ("ramp_s", 0.0, LONGEST_S, "0 or greater, at most half the record"),
     ("tail_s", 0.0, LONGEST_S, "from 0 to 10⁹ ticks"),
 ];
@@ -68,7 +68,7 @@ impl Playback {
     pub fn validate(&self) -> Result<(), Invalid> {
         let samples = usize::from(self.record.samples);
         require(
-            (2..=MOST_SAMPLES).contains(&samples),
+            (2..=MAX_SAMPLES).contains(&samples),
             "record.samples",
             f64::from(self.record.samples),
             "from 2 to 20480: the controller's record buffer holds 40 KiB",

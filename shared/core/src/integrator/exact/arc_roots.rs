@@ -12,7 +12,7 @@ use crate::integrator::modes::{Sign, signed};
 const NEAR: f64 = 1e-3;
 
 /// Newton steps after which the walk takes over.
-const MOST_STEPS: u32 = 8;
+const MAX_STEPS: u32 = 8;
 
 /// Fraction of an arc at which a quantity that falls by `travel` over the arc has fallen by `part`, from its rates of
 /// fall at both ends: the cubic that interpolates time as a function of the quantity, with value and slope at both
@@ -73,7 +73,7 @@ impl<'a> Motion<'a> {
     #[inline]
     pub fn gap_closes(&self, side: Sign, gap: f64, closing: f64, pull: f64, guess: f64) -> Option<(f64, Near, u32)> {
         let (mut low, mut high, mut t) = (0.0, 1.0, guess);
-        for steps in 1..=MOST_STEPS {
+        for steps in 1..=MAX_STEPS {
             let (curved, rate) = self.bend.at(t);
             let here = gap - (closing + pull * t) * t + signed(side, curved);
             let per_speed = 1.0 / (closing + 2.0 * pull * t - signed(side, rate));
@@ -108,7 +108,7 @@ impl<'a> Motion<'a> {
     pub fn top(&self, guess: f64) -> Option<(f64, f64)> {
         let start_rate = self.unit[1] * self.table.step_s;
         let mut t = guess;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let (curved, bend_rate) = self.bend.at(t);
             let (_, [second, third, fourth, fifth]) = self.rates(t, curved, bend_rate);
             let rate = start_rate + bend_rate;

@@ -12,7 +12,7 @@ use crate::io::{Invalid, require};
 use crate::model::{Initial, SetUp};
 
 /// Number of events at one instant after which a sliver of time is taken without guards; see [`Exact::unresolved`].
-const MOST_EVENTS_AT_ONCE: u32 = 64;
+const MAX_EVENTS_AT_ONCE: u32 = 64;
 
 /// Length of the sliver, as a fraction of an arc.
 const SLIVER: f64 = 1e-6;
@@ -177,7 +177,7 @@ impl Exact {
         self.work.arcs_walked += 1;
         let span = self.flows.span(&self.leg, &state, &wave);
         let (mut at, mut event) = (most, None);
-        if self.events_at_once < MOST_EVENTS_AT_ONCE {
+        if self.events_at_once < MAX_EVENTS_AT_ONCE {
             (at, event) = guards::first(self, &span, most);
         } else {
             self.unresolved += 1;
@@ -189,7 +189,7 @@ impl Exact {
                 self.state.offset_m = state.offset_m;
                 self.state.slide_m_per_s = 0.0;
             }
-            if self.events_at_once >= MOST_EVENTS_AT_ONCE && self.wall_side() != 0 {
+            if self.events_at_once >= MAX_EVENTS_AT_ONCE && self.wall_side() != 0 {
                 self.state.offset_m = self.c.wall(self.wall_side());
             }
             self.wave = self.wave.turned(self.flows.turning * h * at);

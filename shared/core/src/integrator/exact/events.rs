@@ -15,7 +15,7 @@ const LEFT_OUT: f64 = f64::EPSILON;
 const SLOW: f64 = 1e-4;
 
 /// Flights of a summed chatter, of impacts whose e has not reached its maximum, whose durations are added up one by one.
-const MOST_UNEVEN_FLIGHTS: u32 = 1_000;
+const MAX_UNEVEN_FLIGHTS: u32 = 1_000;
 
 /// Largest relative change of the pressing acceleration until the chatter ends.
 const PRESSING_CHANGE: f64 = 0.125;
@@ -196,7 +196,7 @@ impl Exact {
         let (flight, slowed) = (1.0 / out + 1.0 / libm::sqrt(out * back), libm::sqrt(back / out));
         let (mut speed, mut first) = (lift, 0.0);
         // Flights until e has reached its maximum; from there they are shortened by the same factor each.
-        for _ in 0..MOST_UNEVEN_FLIGHTS {
+        for _ in 0..MAX_UNEVEN_FLIGHTS {
             let e = law.at(speed * slowed / self.leg.step_s);
             if e == law.maximum() {
                 break;

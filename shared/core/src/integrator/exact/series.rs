@@ -147,11 +147,11 @@ pub fn first_failure(guard: &Series, end: f64) -> Option<f64> {
 
 /// Steps after which the walk continues with a shorter stretch. Convergence is quadratic at a simple root and halves
 /// the distance at a double one, so this many steps exceed the available bits.
-const MOST_STEPS: u32 = 200;
+const MAX_STEPS: u32 = 200;
 
 /// Stretches after which a quantity that has fallen counts as failed: it is then too close to zero for this arithmetic
 /// to decide.
-const MOST_STRETCHES: u32 = 200;
+const MAX_STRETCHES: u32 = 200;
 
 /// Outcome of one stretch of the walk.
 enum Stretch {
@@ -170,7 +170,7 @@ enum Stretch {
 /// with its own bound.
 fn walk(g: &Series, from: f64, end: f64) -> Option<f64> {
     let (mut t, mut until, mut has_fallen) = (from, end, false);
-    for _ in 0..MOST_STRETCHES {
+    for _ in 0..MAX_STRETCHES {
         t = match stretch(g, (t, until), end, &mut has_fallen) {
             Stretch::Root(at) => return Some(at),
             Stretch::Clear if until >= end => return None,
@@ -189,7 +189,7 @@ fn stretch(g: &Series, (from, until): (f64, f64), end: f64, has_fallen: &mut boo
     let smallest_step = end * f64::EPSILON;
     let mut t = from;
     let (mut value, mut slope) = value_and_slope(g, from);
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_STEPS {
         *has_fallen |= slope < 0.0;
         let root = libm::sqrt(slope * slope + 4.0 * bound * value.max(0.0));
         let step = if slope < 0.0 {
