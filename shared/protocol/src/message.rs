@@ -288,7 +288,7 @@ impl CrashCause {
             Self::HardFault => "the processor met a fault",
             Self::ControlStalled => "the control tick did not come",
             Self::CommunicationStalled => "the line's tasks did not run",
-            Self::Watchdog => "the watchdog bit",
+            Self::Watchdog => "the watchdog reset the board",
             Self::ClockFailed => "the crystal stopped",
             Self::SupplyLow => "the supply fell below 2.9 V",
             Self::ProgramDamaged => "the program's flash is damaged: flash the board again",
