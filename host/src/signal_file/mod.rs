@@ -9,6 +9,7 @@ mod complex;
 mod cosmos;
 mod csmip;
 mod delimited;
+mod even;
 mod mat;
 pub(crate) mod number;
 pub mod overview;
@@ -25,8 +26,9 @@ use std::io::Read;
 use std::path::Path;
 
 use crate::input::{regular, without_panic};
+pub use delimited::Dialect;
 pub(crate) use delimited::SAMPLE_BYTES;
-pub use delimited::{Dialect, EvenSignal};
+pub use even::EvenSignal;
 pub use selector::Selector;
 pub use stated::{Calibration, Sensitivity, Stated, Unsettled};
 pub use tone::Tone;

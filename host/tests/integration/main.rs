@@ -74,6 +74,7 @@ mod study_cluster;
 mod study_damage;
 mod study_work;
 mod transients;
+mod universal_files;
 mod unusual;
 mod walls;
 mod written_by_0_1_0;

@@ -188,7 +188,7 @@ impl BoundaryProblem<'_> {
     /// How the row of a guard, or of its rate, changes with each parameter.
     fn guard_changes<T: Real>(
         &self,
-        along: &[crate::system::Equations<Dual<T>>],
+        along: &[crate::equations::Equations<Dual<T>>],
         n: usize,
         guard: Guard,
         is_rate: bool,

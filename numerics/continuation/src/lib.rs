@@ -12,6 +12,7 @@ mod checks;
 mod curve;
 mod defining;
 mod dual;
+mod equations;
 mod explore;
 mod flow;
 mod follower;

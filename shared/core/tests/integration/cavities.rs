@@ -7,28 +7,12 @@ use damprig_core::integrator::exact::{Accumulation, Arc, Exact, ExactState, Exci
 use damprig_core::integrator::modes::{Contact, Mode};
 use damprig_core::integrator::sampled::{Joined, SampledState};
 use damprig_core::integrator::units::Units;
-use damprig_core::model::{
-    Cavity, FrictionDamper, GRAVITY_M_PER_S2, Initial, Particle, Release, Restitution, SetUp, Structure, Wall,
-};
+use damprig_core::model::{Cavity, GRAVITY_M_PER_S2, Initial, Particle, Release, Restitution, SetUp, Structure, Wall};
 use damprig_core::scalar::Scalar;
-use rand_core::{RngCore, SeedableRng};
-use rand_xoshiro::Xoshiro256PlusPlus;
 
-struct Draw(Xoshiro256PlusPlus);
+use crate::draw::Draw;
 
 impl Draw {
-    fn new(seed: u64) -> Self {
-        Self(Xoshiro256PlusPlus::seed_from_u64(seed))
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn one_of(&mut self, count: u32) -> u32 {
-        self.0.next_u32() % count
-    }
-
     fn wall(&mut self) -> Wall {
         match self.one_of(4) {
             0 => Wall::Restitution { coefficient: self.between(0.0, 0.95) },
@@ -46,43 +30,16 @@ impl Draw {
         }
     }
 
-    /// A cavity with two walls of any kinds, off its centre and inclined; with friction in half the cases, and under a friction
-    /// damper in half of them.
-    fn set_up(&mut self) -> SetUp {
-        let structure = Structure::from_modal(self.between(0.5, 4.0), self.between(1.0, 6.0), self.between(0.0, 0.08));
-        let clearance_m = self.between(2e-3, 40e-3);
-        let particle = Particle {
-            mass_kg: structure.mass_kg * self.between(0.02, 0.4),
-            clearance_m,
-            friction_coefficient: if self.one_of(2) == 0 { self.between(0.0, 0.2) } else { 0.0 },
-            wall: self.wall(),
-            cavity: Cavity {
+    /// A cavity with two walls of any kinds, off its centre and inclined.
+    fn cavity(&mut self) -> SetUp {
+        let set_up = self.set_up(Self::wall);
+        with(&set_up, |particle| {
+            particle.cavity = Cavity {
                 positive_wall: Some(self.wall()),
-                offset_m: clearance_m * self.between(-2.0, 2.0),
+                offset_m: particle.clearance_m * self.between(-2.0, 2.0),
                 inclination_deg: if self.one_of(4) == 0 { 90.0 } else { self.between(-90.0, 90.0) },
-            },
-        };
-        let friction_damper = (self.one_of(2) == 0).then(|| FrictionDamper { force_n: self.between(0.05, 2.0) });
-        SetUp { particle: Some(particle), friction_damper, ..SetUp::bare(structure) }
-    }
-
-    fn sine(&mut self, set_up: &SetUp) -> Excitation {
-        Excitation::Sine {
-            amplitude_m: self.between(0.5e-3, 4e-3),
-            angular_frequency_rad_per_s: set_up.structure.angular_frequency_rad_per_s() * self.between(0.5, 1.6),
-            phase_rad: self.between(-3.0, 3.0),
-        }
-    }
-
-    fn initial(&mut self, set_up: &SetUp) -> Initial {
-        let x_m = self.between(-20e-3, 20e-3);
-        let [low, high] = particle(set_up).ends_m();
-        Initial {
-            x_m,
-            v_m_per_s: self.between(-0.3, 0.3),
-            y_m: x_m + low + (high - low) * self.between(0.01, 0.99),
-            u_m_per_s: self.between(-0.3, 0.3),
-        }
+            }
+        })
     }
 }
 
@@ -124,7 +81,7 @@ fn joined_states<S: Scalar>(set_up: &SetUp, initial: &Initial, pulse_m: f64) -> 
 fn two_equal_walls_that_are_given_apart_are_one_wall_to_the_last_bit() {
     let mut draw = Draw::new(1);
     for _ in 0..60 {
-        let one = with(&draw.set_up(), |p| p.cavity.positive_wall = None);
+        let one = with(&draw.cavity(), |p| p.cavity.positive_wall = None);
         let two = with(&one, |p| p.cavity.positive_wall = Some(p.wall));
         let (sine, initial) = (draw.sine(&one), draw.initial(&one));
         assert_eq!(exact_states(&one, &sine, &initial), exact_states(&two, &sine, &initial));
@@ -137,7 +94,7 @@ fn two_equal_walls_that_are_given_apart_are_one_wall_to_the_last_bit() {
 fn the_mirrored_set_up_has_the_mirrored_motion_to_the_last_bit() {
     let mut draw = Draw::new(2);
     for _ in 0..120 {
-        let set_up = draw.set_up();
+        let set_up = draw.cavity();
         let mirrored = with(&set_up, |p| {
             let [negative, positive] = p.walls();
             (p.wall, p.cavity.positive_wall) = (positive, Some(negative));
@@ -175,7 +132,7 @@ fn a_cavity_off_its_centre_moves_the_structure_as_a_centred_one_does() {
     let mut draw = Draw::new(3);
     let mut worst = 0.0_f64;
     for _ in 0..60 {
-        let set_up = draw.set_up();
+        let set_up = draw.cavity();
         let offset_m = particle(&set_up).cavity.offset_m;
         let centred = with(&set_up, |p| p.cavity.offset_m = 0.0);
         let initial = draw.initial(&set_up);
@@ -382,9 +339,9 @@ impl Observer for Counts {
 #[test]
 fn the_energy_balance_of_every_cavity_closes_and_no_particle_passes_a_hard_wall() {
     let mut draw = Draw::new(4);
-    let mut all = Counts::default();
+    let (mut all, mut worst) = (Counts::default(), 0.0_f64);
     for n in 0..300 {
-        let set_up = draw.set_up();
+        let set_up = draw.cavity();
         let (sine, initial) = (draw.sine(&set_up), draw.initial(&set_up));
         let mut motion = Exact::new(&set_up, &sine, &initial).expect("drawn within the ranges");
         let (mut meter, mut inside) = (EnergyMeter::new(&set_up), Inside(set_up));
@@ -393,10 +350,14 @@ fn the_energy_balance_of_every_cavity_closes_and_no_particle_passes_a_hard_wall(
         let balance = meter.balance();
         let turned_over = balance.dissipated_j() + balance.input_j.abs() + balance.stored_change_j.abs();
         // The weight does much work that comes back.
-        let weight_j = particle(&set_up).mass_kg * set_up.weight_m_per_s2().abs() * 0.1;
-        let size = turned_over + weight_j;
-        assert!(balance.residual_j.abs() <= 3e-12 * size, "{n}: {:e} of {size:e} {set_up:?}", balance.residual_j);
+        let size = turned_over + particle(&set_up).mass_kg * set_up.weight_m_per_s2().abs() * 0.1;
+        // At 10 s the time of an event is rounded to 1.8e-15 s. A particle of 10 g on a wall of 60 kN/m, with √(k1/m) = 2450/s, has then
+        // 4e-12 of its energy more or less after a contact; the contacts add as a random walk whose early steps are smaller.
+        let off = balance.residual_j.abs() / size;
+        assert!(off <= 1e-11, "{n}: {:e} of {size:e} {set_up:?}", balance.residual_j);
+        worst = worst.max(off);
     }
+    println!("at most {worst:e} of the energy");
     assert!(all.impacts > 10_000 && all.ends > 100 && all.held > 100, "{} {} {}", all.impacts, all.ends, all.held);
 }
 
@@ -420,7 +381,7 @@ fn both_drivers_move_alike_in_every_cavity() {
     let mut draw = Draw::new(5);
     let (mut worst, mut resolved) = (0.0_f64, 0);
     for n in 0..120 {
-        let set_up = draw.set_up();
+        let set_up = draw.cavity();
         let initial = draw.initial(&set_up);
         let mut exact = Exact::new(&set_up, &Excitation::Fixed, &initial).expect("physical");
         exact.run(0.4, &mut ());
@@ -469,7 +430,7 @@ fn the_closed_form_orbit_is_of_symmetric_cavities_and_shifts_with_the_cavity() {
 
 #[test]
 fn values_of_a_cavity_outside_their_ranges_are_named() {
-    let set_up = Draw::new(6).set_up();
+    let set_up = Draw::new(6).cavity();
     let refused = |change: fn(&mut Particle)| with(&set_up, change).validate().expect_err("out of range").parameter;
     assert_eq!(refused(|p| p.cavity.inclination_deg = 90.1), "particle.inclination_deg");
     assert_eq!(refused(|p| p.cavity.inclination_deg = f64::NAN), "particle.inclination_deg");

@@ -2,47 +2,20 @@
 
 use damprig_core::analysis::energy::EnergyMeter;
 use damprig_core::integrator::exact::{Arc, Exact, ExactState, Excitation, Impact, Observer};
-use damprig_core::model::{Cavity, FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
-use rand_core::{RngCore, SeedableRng};
-use rand_xoshiro::Xoshiro256PlusPlus;
+use damprig_core::model::{Initial, Particle, Release, SetUp, Tmd, Wall};
 
-struct Draw(Xoshiro256PlusPlus);
+use crate::draw::Draw;
 
 impl Draw {
-    fn new(seed: u64) -> Self {
-        Self(Xoshiro256PlusPlus::seed_from_u64(seed))
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn coin(&mut self) -> bool {
-        self.0.next_u32() & 1 == 1
-    }
-
-    fn structure(&mut self) -> Structure {
-        Structure::from_modal(self.between(0.5, 4.0), self.between(1.0, 6.0), self.between(0.0, 0.08))
-    }
-
     /// A particle between hard walls, with friction in half the cases.
     fn hard(&mut self) -> SetUp {
-        let structure = self.structure();
-        let particle = Particle {
-            mass_kg: structure.mass_kg * self.between(0.02, 0.4),
-            clearance_m: self.between(2e-3, 40e-3),
-            friction_coefficient: if self.coin() { self.between(0.0, 0.2) } else { 0.0 },
-            wall: Wall::Restitution { coefficient: self.between(0.0, 1.0) },
-            cavity: Cavity::default(),
-        };
-        let friction_damper = self.coin().then(|| FrictionDamper { force_n: self.between(0.05, 2.0) });
-        SetUp { particle: Some(particle), friction_damper, ..SetUp::bare(structure) }
+        self.set_up(|draw| Wall::Restitution { coefficient: draw.between(0.0, 1.0) })
     }
 
     /// Any kind of system.
     fn any(&mut self) -> SetUp {
         let mut set_up = self.hard();
-        match self.0.next_u32() % 4 {
+        match self.one_of(4) {
             0 => {
                 let mass_kg = set_up.structure.mass_kg * self.between(0.02, 0.3);
                 set_up.particle = None;
@@ -63,26 +36,6 @@ impl Draw {
             _ => {}
         }
         set_up
-    }
-
-    fn sine(&mut self, set_up: &SetUp) -> Excitation {
-        let natural = (set_up.structure.stiffness_n_per_m / set_up.structure.mass_kg).sqrt();
-        Excitation::Sine {
-            amplitude_m: self.between(0.5e-3, 4e-3),
-            angular_frequency_rad_per_s: natural * self.between(0.5, 1.6),
-            phase_rad: self.between(-3.0, 3.0),
-        }
-    }
-
-    fn initial(&mut self, set_up: &SetUp) -> Initial {
-        let x_m = self.between(-20e-3, 20e-3);
-        let room = set_up.particle.map_or(5e-3, |p| p.clearance_m);
-        Initial {
-            x_m,
-            v_m_per_s: self.between(-0.3, 0.3),
-            y_m: x_m + room * self.between(-1.0, 1.0),
-            u_m_per_s: self.between(-0.3, 0.3),
-        }
     }
 }
 

@@ -3,6 +3,7 @@
 mod accumulations;
 mod cavities;
 mod closed_forms;
+mod draw;
 mod energy_books;
 mod events;
 mod exact_properties;

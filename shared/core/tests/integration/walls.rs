@@ -6,65 +6,18 @@ use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::exact::{Accumulation, Exact, Excitation, Impact, Observer};
 use damprig_core::integrator::sampled::{self, Sampled, SampledState};
 use damprig_core::integrator::units::Units;
-use damprig_core::model::{Cavity, FrictionDamper, Initial, Particle, Restitution, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Initial, Particle, Restitution, SetUp, Structure, Wall};
 use damprig_core::scalar::Scalar;
-use rand_core::{RngCore, SeedableRng};
-use rand_xoshiro::Xoshiro256PlusPlus;
 
-struct Draw(Xoshiro256PlusPlus);
+use crate::draw::Draw;
 
 impl Draw {
-    fn new(seed: u64) -> Self {
-        Self(Xoshiro256PlusPlus::seed_from_u64(seed))
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn coin(&mut self) -> bool {
-        self.0.next_u32() & 1 == 1
-    }
-
     fn law(&mut self) -> Restitution {
         Restitution {
             coefficient: self.between(0.1, 0.9),
             reference_speed_m_per_s: 10.0_f64.powf(self.between(-3.0, 1.0)),
             exponent: if self.coin() { self.between(0.0, 1.0) } else { 10.0_f64.powf(self.between(-6.0, 0.0)) },
             maximum: self.between(0.3, 0.95),
-        }
-    }
-
-    /// A particle between hard walls, half of them with friction, half under a friction damper.
-    fn set_up(&mut self, wall: Wall) -> SetUp {
-        let structure = Structure::from_modal(self.between(0.5, 4.0), self.between(1.0, 6.0), self.between(0.0, 0.08));
-        let particle = Particle {
-            mass_kg: structure.mass_kg * self.between(0.02, 0.4),
-            clearance_m: self.between(2e-3, 40e-3),
-            friction_coefficient: if self.coin() { self.between(0.0, 0.2) } else { 0.0 },
-            wall,
-            cavity: Cavity::default(),
-        };
-        let friction_damper = self.coin().then(|| FrictionDamper { force_n: self.between(0.05, 2.0) });
-        SetUp { particle: Some(particle), friction_damper, ..SetUp::bare(structure) }
-    }
-
-    fn sine(&mut self, set_up: &SetUp) -> Excitation {
-        Excitation::Sine {
-            amplitude_m: self.between(0.5e-3, 4e-3),
-            angular_frequency_rad_per_s: set_up.structure.angular_frequency_rad_per_s() * self.between(0.5, 1.6),
-            phase_rad: self.between(-3.0, 3.0),
-        }
-    }
-
-    fn initial(&mut self, set_up: &SetUp) -> Initial {
-        let x_m = self.between(-20e-3, 20e-3);
-        let room = set_up.particle.map_or(5e-3, |p| p.clearance_m);
-        Initial {
-            x_m,
-            v_m_per_s: self.between(-0.3, 0.3),
-            y_m: x_m + room * self.between(-1.0, 1.0),
-            u_m_per_s: self.between(-0.3, 0.3),
         }
     }
 }
@@ -97,7 +50,7 @@ fn restitution_falls_with_speed_from_its_maximum_and_the_rebound_never_does() {
 fn values_of_the_law_outside_their_ranges_are_named() {
     let good = Restitution { coefficient: 0.6, reference_speed_m_per_s: 0.5, exponent: 0.25, maximum: 0.9 };
     let refused = |law: Restitution| {
-        let set_up = Draw::new(2).set_up(Wall::SpeedRestitution(law));
+        let set_up = Draw::new(2).set_up(|_| Wall::SpeedRestitution(law));
         set_up.validate().expect_err("the value is out of range").parameter
     };
     assert_eq!(refused(Restitution { coefficient: 1.1, ..good }), "particle.wall.coefficient");
@@ -107,7 +60,7 @@ fn values_of_the_law_outside_their_ranges_are_named() {
     assert_eq!(refused(Restitution { exponent: 1.1, ..good }), "particle.wall.exponent");
     assert_eq!(refused(Restitution { maximum: 1.0, ..good }), "particle.wall.maximum");
     let elastic = Restitution { exponent: 0.0, maximum: 1.0, ..good };
-    assert!(Draw::new(2).set_up(Wall::SpeedRestitution(elastic)).validate().is_ok());
+    assert!(Draw::new(2).set_up(|_| Wall::SpeedRestitution(elastic)).validate().is_ok());
 }
 
 /// Checks every impact against the law, and counts impacts and ends of chatters.
@@ -147,7 +100,7 @@ fn every_impact_follows_the_law_and_the_energy_balance_closes() {
     let (mut impacts, mut ends) = (0, 0);
     for _ in 0..200 {
         let law = draw.law();
-        let set_up = draw.set_up(Wall::SpeedRestitution(law));
+        let set_up = draw.set_up(|_| Wall::SpeedRestitution(law));
         let (sine, initial) = (draw.sine(&set_up), draw.initial(&set_up));
         let mut motion = Exact::new(&set_up, &sine, &initial).expect("drawn within the ranges");
         let (mut meter, mut seen) = (EnergyMeter::new(&set_up), Impacts::of(law));
@@ -257,7 +210,7 @@ fn an_exponent_of_zero_gives_the_bits_of_the_constant_coefficient() {
     let mut draw = Draw::new(6);
     for n in 0..40 {
         let coefficient = draw.between(0.0, 1.0);
-        let plain = draw.set_up(Wall::Restitution { coefficient });
+        let plain = draw.set_up(|_| Wall::Restitution { coefficient });
         let law = Restitution { coefficient, reference_speed_m_per_s: 0.37, exponent: 0.0, maximum: 1.0 };
         let mut stated = plain;
         stated.particle.as_mut().expect("it has one").wall = Wall::SpeedRestitution(law);

@@ -119,6 +119,17 @@ fn a_twin_with_the_true_model_follows_the_motion_and_its_impacts() {
     assert!(!signals.alarm);
 }
 
+/// RMS residual, m, and impacts that a twin misses from 30 s to 90 s.
+fn followed(truth: &SetUp, twin: &SetUp, amplitude_m: f64, initial: &Initial) -> (f32, u32) {
+    let mut bench = Bench::new(truth, twin, amplitude_m, initial);
+    bench.run(30);
+    let before = bench.twin_counts();
+    let signals = bench.run(60);
+    println!("{signals:?}");
+    assert!(signals.detected - before.1 > 100, "{signals:?}");
+    (signals.residual_rms_m, signals.missing - before.2)
+}
+
 /// The twin takes the particle's rebound from the measured impulse by the law of the wall. A twin with the coefficient at another
 /// speed does not follow as closely.
 #[test]
@@ -130,15 +141,7 @@ fn a_twin_follows_a_wall_whose_restitution_falls_with_the_speed() {
         set_up
     };
     let truth = with(Wall::SpeedRestitution(law));
-    let follow = |twin: &SetUp| {
-        let mut bench = Bench::new(&truth, twin, 1.5e-3, &Initial::default());
-        bench.run(30);
-        let before = bench.twin_counts();
-        let signals = bench.run(60);
-        println!("{signals:?}");
-        assert!(signals.detected - before.1 > 100, "{signals:?}");
-        (signals.residual_rms_m, signals.missing - before.2)
-    };
+    let follow = |twin: &SetUp| followed(&truth, twin, 1.5e-3, &Initial::default());
     let (residual_rms_m, missing) = follow(&truth);
     // As with a constant coefficient.
     assert!(residual_rms_m < 8e-6 && missing == 0, "{residual_rms_m} {missing}");
@@ -157,15 +160,7 @@ fn a_twin_follows_an_inclined_cavity_off_its_centre_with_two_walls() {
         set_up
     };
     let truth = lopsided(8.0);
-    let follow = |twin: &SetUp| {
-        let mut bench = Bench::new(&truth, twin, 3e-3, &truth.neutral());
-        bench.run(30);
-        let before = bench.twin_counts();
-        let signals = bench.run(60);
-        println!("{signals:?}");
-        assert!(signals.detected - before.1 > 100, "{signals:?}");
-        (signals.residual_rms_m, signals.missing - before.2)
-    };
+    let follow = |twin: &SetUp| followed(&truth, twin, 3e-3, &truth.neutral());
     let (residual_rms_m, missing) = follow(&truth);
     assert!(residual_rms_m < 8e-6 && missing == 0, "{residual_rms_m} {missing}");
     let (other_m, _) = follow(&lopsided(0.0));

@@ -3,8 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::fit::{Fit, Flight};
-use super::floor::{Floor, crossing, impacts};
-use super::frames::{Bounce, LONG, fitted, meeting};
+use super::floor::{Floor, impacts};
+use super::frames::{Bounce, LONG, fitted};
+use super::met::{Met, Values};
 use super::read::Track;
 use super::segments::Segments;
 use super::{Names, Scale, tracked};
@@ -19,11 +20,11 @@ pub(super) struct Bounces {
     /// Steps and places across the vertical.
     across: (Vec<f64>, Vec<f64>),
     flights: Vec<Bounce>,
-    fit: Fit,
+    pub(super) fit: Fit,
     /// Noise of a place, with what makes it larger in the mean of neighbours.
     variance: f64,
     /// The floor, where several impacts show it.
-    floor: Option<Floor>,
+    pub(super) floor: Option<Floor>,
     /// Flights that are too short.
     short: usize,
     /// Whether the vertical is y, and the sign towards the floor.
@@ -205,12 +206,12 @@ impl Bounces {
         if scale.has_times { format!("{:.4} s", at * scale.step_s) } else { format!("frame {at:.1}") }
     }
 
-    fn flight(&self, n: usize, parameters: &DVector<f64>) -> Flight {
+    pub(super) fn flight(&self, n: usize, parameters: &DVector<f64>) -> Flight {
         self.fit.flight(n, parameters)
     }
 
     /// Acceleration at an impact, per step²: the mean of the flights beside it.
-    fn acceleration(&self, pair: usize, parameters: &DVector<f64>) -> f64 {
+    pub(super) fn acceleration(&self, pair: usize, parameters: &DVector<f64>) -> f64 {
         0.5 * (self.flight(pair, parameters).acceleration() + self.flight(pair + 1, parameters).acceleration())
     }
 
@@ -437,74 +438,10 @@ fn shown_contact(at: &[f64], before: &Bounce, after: &Bounce) -> f64 {
 
 impl Scale {
     /// m/s per place and step.
-    fn per_step(&self, acceleration: f64) -> f64 {
+    pub(super) fn per_step(&self, acceleration: f64) -> f64 {
         match self.m_per_pixel {
             Some(m) => m / self.step_s,
             None => self.gravity_m_per_s2 * self.step_s / acceleration,
         }
-    }
-}
-
-/// Two flights that meet.
-#[derive(Clone, Copy, Debug)]
-struct Met {
-    /// The flight before; the next one is after.
-    pair: usize,
-    /// Last step of the flight before, first one of the flight after.
-    ends: [f64; 2],
-    /// The steps of the frames next to these, towards the impact.
-    inner: [f64; 2],
-    /// Whether frames between them belong to neither.
-    has_contact: bool,
-    /// Standard uncertainty of the beginning and the end of the contact, in steps.
-    unknown: [f64; 2],
-}
-
-/// What an impact is like.
-#[derive(Clone, Copy, Debug)]
-struct Values {
-    at: f64,
-    /// End of the flight before, beginning of the flight after.
-    ends: [f64; 2],
-    /// Speeds per step.
-    before: f64,
-    after: f64,
-    e: f64,
-    /// m/s.
-    speed: f64,
-}
-
-impl Met {
-    /// Ranges of the beginning and of the end of a contact that frames show, where the flights meet at `at`.
-    fn contact(&self, at: f64) -> [[f64; 2]; 2] {
-        let [last, first] = self.ends;
-        [[last, self.inner[0].min(at.max(last))], [self.inner[1].max(at.min(first)), first]]
-    }
-
-    /// The end of the flight before, where the flights meet, and the beginning of the flight after.
-    fn moments(&self, bounces: &Bounces, parameters: &DVector<f64>) -> Option<(f64, f64, f64)> {
-        let [a, b] = [self.pair, self.pair + 1].map(|n| bounces.flight(n, parameters));
-        let at = meeting(&a, &b, 0.5 * (self.ends[0] + self.ends[1]));
-        let near = (self.ends[0] - 2.0..=self.ends[1] + 2.0).contains(&at);
-        if !near {
-            return None;
-        }
-        if let Some(floor) = &bounces.floor {
-            let level = floor.level(&bounces.fit, parameters);
-            return Some((crossing(&a, level, at), at, crossing(&b, level, at)));
-        }
-        if !self.has_contact {
-            return Some((at, at, at));
-        }
-        let [before, after] = self.contact(at).map(|[from, to]| 0.5 * (from + to));
-        Some((before, at, after))
-    }
-
-    fn values(&self, bounces: &Bounces, parameters: &DVector<f64>, scale: &Scale) -> Values {
-        let (from, at, to) = self.moments(bounces, parameters).unwrap_or((f64::NAN, f64::NAN, f64::NAN));
-        let [a, b] = [self.pair, self.pair + 1].map(|n| bounces.flight(n, parameters));
-        let (before, after) = (a.velocity(from), -b.velocity(to));
-        let per_step = scale.per_step(bounces.acceleration(self.pair, parameters));
-        Values { at, ends: [from, to], before, after, e: after / before, speed: before * per_step }
     }
 }

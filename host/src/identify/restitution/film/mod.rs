@@ -6,6 +6,7 @@ mod bounces;
 mod fit;
 mod floor;
 mod frames;
+mod met;
 mod read;
 mod segments;
 

@@ -3,7 +3,7 @@
 //! The series is evaluated at a guess; five derivatives at that point then give the motion to the last bit.
 
 use super::excitation::Wave;
-use super::flow::{Oscillator, dot};
+use super::oscillator::{Oscillator, dot};
 use super::series::Bend;
 use crate::integrator::modes::{Sign, signed};
 

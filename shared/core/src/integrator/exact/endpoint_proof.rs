@@ -4,9 +4,10 @@
 
 use super::arc_roots::{Motion, back_after, inverse_cubic};
 use super::excitation::Wave;
-use super::flow::{ExactState, Oscillator, dot};
+use super::flow::ExactState;
 use super::motion::{ARCS_PER_ANCHOR, Exact, Fresh, Touch};
 use super::observe::Observer;
+use super::oscillator::{Oscillator, dot};
 use crate::integrator::modes::{Contact, Grip, Sign, sign, signed};
 
 /// Outcome of the end-point proof for an arc.

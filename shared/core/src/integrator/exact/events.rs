@@ -1,9 +1,10 @@
 //! Event handling of the exact driver: start, impact, soft contact and release, stick and slip, end of a chatter.
 
-use super::flow::{Path, dot};
+use super::flow::Path;
 use super::guards::Event;
 use super::motion::{Exact, ROUNDINGS, Touch};
 use super::observe::{Accumulation, ContactEnd, Impact, Observer};
+use super::oscillator::dot;
 use super::series::TERMS;
 use crate::integrator::modes::{self, Contact, Grip, Mode, Sign, sign, signed};
 use crate::model::Release;

@@ -149,7 +149,7 @@ fn holding_force(exact: &Exact, span: &Span) -> Series {
     let push = 1.0 - exact.flows.base_share;
     if push > 0.0 {
         let angle = exact.flows.turning * span.step_s;
-        let force = super::flow::wave_series(exact.wave.sine, exact.wave.cosine, angle);
+        let force = super::oscillator::wave_series(exact.wave.sine, exact.wave.cosine, angle);
         for n in 0..TERMS {
             needed[n] -= push * force[n];
         }

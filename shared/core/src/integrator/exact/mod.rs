@@ -58,6 +58,7 @@ pub mod flow;
 mod guards;
 mod motion;
 pub mod observe;
+mod oscillator;
 pub mod response;
 pub mod series;
 pub mod time;

@@ -2,8 +2,9 @@
 
 use super::arc_roots::{Motion, inverse_cubic};
 use super::excitation::Wave;
-use super::flow::{ExactState, Oscillator, dot};
+use super::flow::ExactState;
 use super::observe::{Accumulation, Arc, ContactEnd, Impact, Observer};
+use super::oscillator::{Oscillator, dot};
 use super::series::{self, Series};
 use crate::integrator::modes::signed;
 
