@@ -16,8 +16,11 @@ const TRIAL: Duration = Duration::from_millis(30);
 /// Longest duration of the trial of a run that seems long: a flood of events may end soon.
 const LONG_TRIAL: Duration = Duration::from_secs(1);
 
-/// Computing time above which a run seems long, s.
-const LONG_S: f64 = 10.0;
+/// Computing time above which a run is said to take long, s.
+pub const LONG_S: f64 = 10.0;
+
+/// Computing time above which a trial goes on, s. Less than [`LONG_S`]: a falling estimate does not end the trial just where it would still be told.
+const UNCLEAR_S: f64 = 0.5 * LONG_S;
 
 /// Arcs or record steps between two readings of the clock.
 const STEPS_PER_CLOCK: f64 = 1_000.0;
@@ -91,7 +94,7 @@ fn trial(case: &Case, least_s: f64, stiff_arc_s: Option<f64>) -> Result<Cost, In
         }
         let elapsed = start.elapsed();
         marks.push((elapsed.as_secs_f64(), t_s));
-        elapsed < TRIAL || (elapsed < LONG_TRIAL && whole_s(&marks, elapsed.as_secs_f64(), t_s, duration_s) > LONG_S)
+        elapsed < TRIAL || (elapsed < LONG_TRIAL && whole_s(&marks, elapsed.as_secs_f64(), t_s, duration_s) > UNCLEAR_S)
     };
     let options = RunOptions { keep: false, longest_part_s: STEPS_PER_CLOCK * least_s, go_on: &mut go_on };
     let trial_s = simulate(&trial, &mut count, options)?.summary.simulated_s;

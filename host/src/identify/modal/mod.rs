@@ -19,6 +19,7 @@ use realfft::num_complex::Complex;
 
 use super::lack_of_fit::LackOfFit;
 use super::statistics::Value;
+use super::time_response::HANN_WIDTH_LINES;
 use super::{CannotIdentify, Estimate};
 pub use band::Wish;
 use fit::{Band, Mode};
@@ -160,6 +161,10 @@ fn result(band: &Band, mode: Mode) -> Option<Modal> {
     })
 }
 
+/// Lines in the half-power width below which a stored response may show the window in place of the mode: twice the width of Hann's window, which
+/// makes ζ too large by up to a twelfth there.
+const MIN_LINES: f64 = 2.0 * HANN_WIDTH_LINES;
+
 /// How the values were found.
 const METHOD: &str = "fit of a mode with residual terms";
 const BY_LINE: &str = "line through 1/H about the peak";
@@ -248,7 +253,20 @@ impl Modal {
     /// What does not fit, a sentence each.
     #[must_use]
     pub fn sentences(&self) -> Vec<String> {
-        self.misfits.iter().map(Misfit::sentence).collect()
+        let unresolved = (self.lines_in_width() < MIN_LINES).then(|| {
+            format!(
+                "the peak is {:.1} lines wide, less than {:.1}: ζ may be that of the analyser's window, and its interval does not include that; measure with \
+                 finer lines",
+                self.lines_in_width(),
+                MIN_LINES
+            )
+        });
+        self.misfits.iter().map(Misfit::sentence).chain(unresolved).collect()
+    }
+
+    /// Lines in the half-power width.
+    fn lines_in_width(&self) -> f64 {
+        self.width_hz() / self.spacing_hz()
     }
 
     /// What a person has to know of the values.
@@ -270,13 +288,13 @@ impl Modal {
             format!(
                 "the half-power width is {:.4} Hz, {:.1} lines of {:.4} Hz{}",
                 self.width_hz(),
-                self.width_hz() / self.spacing_hz(),
+                self.lines_in_width(),
                 self.spacing_hz(),
-                if self.width_hz() < h1::RESOLVED_LINES * self.spacing_hz() {
+                if self.lines_in_width() >= h1::RESOLVED_LINES {
+                    ""
+                } else {
                     ": under Hann's window the peak would be as wide as the window, and ζ too large; a stepped sine, or a free vibration that ends \
                      within the record under a rectangular window, is not widened; an exponential window adds its own damping"
-                } else {
-                    ""
                 }
             ),
         ];

@@ -1,5 +1,7 @@
 //! Restitution over the approach speed: every impact with its 95 % interval, one constant, and the power of the speed.
 
+use std::path::Path;
+
 use crate::identify::restitution::{Impact, Law};
 use crate::identify::statistics::student_95;
 use crate::report::plot::axis::{Axis, Frame, Scale};
@@ -57,7 +59,9 @@ pub fn draw(law: &Law, impacts: &[Impact]) -> Result<Picture, FigureError> {
         traces.dot((impact.speed_m_per_s, impact.coefficient), 3.2, colour(place));
     }
     for (place, source) in sources.iter().enumerate() {
-        entries.push(Entry::mark(format!("impacts of {source}"), &circle(3.2, colour(place).fill())));
+        let name =
+            Path::new(source).file_name().map_or_else(|| source.to_string(), |name| name.to_string_lossy().into());
+        entries.push(Entry::mark(format!("impacts of {name}"), &circle(3.2, colour(place).fill())));
     }
     entries.push(Entry::line("one coefficient", constant));
     if law.power.is_some() {

@@ -9,14 +9,11 @@ use crate::motion_record::{Quantity, Record};
 use crate::report::describe;
 use crate::report::numbers::{about, millimetres, significant};
 use crate::simulation::collector::MAX_ACCUMULATIONS_WITHOUT_IMPACTS;
-use crate::simulation::cost::Cost;
+use crate::simulation::cost::{Cost, LONG_S};
 use crate::simulation::many_particles::SpheresResult;
 use crate::simulation::settling;
 use crate::simulation::time_history::TablePath;
 use crate::simulation::{Case, SimulationResult};
-
-/// Computing time above which a warning is given, s.
-const LONG_S: f64 = 10.0;
 
 /// Rows of a time history above which a warning is given.
 const MANY_ROWS: f64 = 2e7;
