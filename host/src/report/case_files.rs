@@ -1,7 +1,7 @@
 //! A simulated case as one JSON object, as `damprig simulate --json` prints it.
 
 use damprig_core::model::SetUp;
-use damprig_particles::Damper;
+use damprig_particles::{Damper, Elasticity};
 use serde::Serialize;
 
 use crate::report::describe;
@@ -33,12 +33,32 @@ struct Spheres {
     mass_kg: f64,
     restitution: f64,
     friction_coefficient: f64,
-    stiffness_n_per_m: f64,
+    #[serde(flatten)]
+    elasticity: Elastic,
     length_m: f64,
     width_m: f64,
     height_m: f64,
     steps_per_contact: f64,
     seed: u64,
+}
+
+/// The keys of [`Elasticity`].
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+enum Elastic {
+    Spring { stiffness_n_per_m: f64 },
+    Hertz { youngs_modulus_pa: f64, poissons_ratio: f64 },
+}
+
+impl Elastic {
+    fn of(elasticity: Elasticity) -> Self {
+        match elasticity {
+            Elasticity::Spring { stiffness_n_per_m } => Self::Spring { stiffness_n_per_m },
+            Elasticity::Hertz { youngs_modulus_pa, poissons_ratio } => {
+                Self::Hertz { youngs_modulus_pa, poissons_ratio }
+            }
+        }
+    }
 }
 
 impl Spheres {
@@ -49,7 +69,7 @@ impl Spheres {
             mass_kg: damper.mass_kg,
             restitution: damper.restitution,
             friction_coefficient: damper.friction_coefficient,
-            stiffness_n_per_m: damper.stiffness_n_per_m,
+            elasticity: Elastic::of(damper.elasticity),
             length_m: damper.cavity.length_m,
             width_m: damper.cavity.width_m,
             height_m: damper.cavity.height_m,

@@ -129,10 +129,28 @@ fn what_spheres_do_not_go_with_is_refused_with_a_reason() {
     refused(&[("case.toml", &narrow)], &simulate, &["many_particles.width_m", "diameter"]);
     let e = case(&SPHERES.replace("restitution = 0.5", "restitution = 0"));
     refused(&[("case.toml", &e)], &simulate, &["many_particles.restitution", "0.01"]);
+    let hertz = |modulus: &str| SPHERES.replace("contact_time_s = 0.002", &format!("youngs_modulus_pa = {modulus}"));
+    let soft = case(&hertz("1e4"));
+    refused(&[("case.toml", &soft)], &simulate, &["`youngs_modulus_pa`", "must be at least", "Pa"]);
+    let of_a_spring = case(&format!("{SPHERES}poissons_ratio = 0.3\n"));
+    let words = ["many_particles.poissons_ratio", "it needs `youngs_modulus_pa`", "remove it"];
+    refused(&[("case.toml", &of_a_spring)], &simulate, &words);
     let noise =
         "base = { kind = \"record\", target_peak_m = 0.003, noise = { from_hz = 1, to_hz = 4, duration_s = 8 } }\n";
     let on_noise = format!("{STRUCTURE}{noise}{RUN}{SPHERES}");
     refused(&[("case.toml", &on_noise)], &simulate, &["recorded base motion or noise", "a sine or a pulse"]);
+}
+
+#[test]
+fn spheres_of_a_material_have_hertz_contacts() {
+    let spheres = SPHERES.replace("contact_time_s = 0.002", "youngs_modulus_pa = 1e7\npoissons_ratio = 0.4");
+    let found = answer(&case(&spheres), &[]);
+    let stated = &found["case"]["many_particles"];
+    assert_eq!((stated["youngs_modulus_pa"].as_f64(), stated["poissons_ratio"].as_f64()), (Some(1e7), Some(0.4)));
+    let number = |place: &str| found["many_particles"][place].as_f64().unwrap_or_else(|| panic!("{place}"));
+    let lost_j = number("lost_in_impacts_j") + number("lost_in_friction_j");
+    assert!(number("lost_in_impacts_j") > 0.0 && number("lost_in_friction_j") > 0.0);
+    assert!(number("energy_error_j").abs() < 0.02 * lost_j, "{}", found["many_particles"]);
 }
 
 #[test]

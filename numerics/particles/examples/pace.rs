@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::Structure;
-use damprig_particles::{Cavity, Damper, Motion, Start};
+use damprig_particles::{Cavity, Damper, Elasticity, Motion, Start};
 
 fn main() {
     let structure = Structure::from_modal(1.6, 2.5, 0.0038);
@@ -21,7 +21,7 @@ fn main() {
             mass_kg: 0.16,
             restitution: 0.5,
             friction_coefficient: 0.3,
-            stiffness_n_per_m: 1e4,
+            elasticity: Elasticity::Spring { stiffness_n_per_m: 1e4 },
             cavity,
             gravity_m_per_s2: 9.81,
             steps_per_contact: 25.0,

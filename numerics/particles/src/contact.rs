@@ -36,53 +36,162 @@ pub fn restitution(damping_ratio: f64) -> f64 {
     libm::exp(-damping_ratio * duration)
 }
 
+/// What presses two surfaces apart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Elasticity {
+    /// A spring with the same stiffness in every contact: a choice of the calculation.
+    Spring {
+        /// k, N/m; greater than 0.
+        stiffness_n_per_m: f64,
+    },
+    /// Elastic spheres in an elastic box of the same material (Hertz 1882, Mindlin 1949).
+    Hertz {
+        /// E, Pa; greater than 0.
+        youngs_modulus_pa: f64,
+        /// ν, from 0 to 0.5.
+        poissons_ratio: f64,
+    },
+}
+
+/// Speed of the contacts whose duration gives the steps of Hertz contacts, m/s. The duration falls with v^(−1/5): contacts at a
+/// hundredth of this speed last 2.5 times as long.
+pub const FAST_M_PER_S: f64 = 10.0;
+
+/// Duration of an elastic Hertz contact, s: force k·δ^1.5 with k in N/m^1.5, bodies of this reduced mass that meet at this speed.
+///
+/// 2·∫₀¹(1 − s^(5/2))^(−1/2) ds·δ_max/v with the deepest overlap δ_max = (5mv²/4k)^(2/5); the integral is √π·Γ(7/5)/Γ(9/10) (Johnson,
+/// *Contact Mechanics*, 1985, section 11.4).
+#[must_use]
+pub fn hertz_contact_s(stiffness_n_per_m15: f64, reduced_kg: f64, speed_m_per_s: f64) -> f64 {
+    let integral = PI.sqrt() * libm::tgamma(1.4) / libm::tgamma(0.9);
+    2.0 * integral * deepest_m(stiffness_n_per_m15, reduced_kg, speed_m_per_s) / speed_m_per_s
+}
+
+fn deepest_m(stiffness_n_per_m15: f64, reduced_kg: f64, speed_m_per_s: f64) -> f64 {
+    libm::pow(1.25 * reduced_kg * speed_m_per_s * speed_m_per_s / stiffness_n_per_m15, 0.4)
+}
+
+/// Spring and dashpot along the line of centres between two kinds of bodies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpringAndDashpot {
+    /// k, N/m; of Hertz contacts N/m^1.5.
+    stiffness: f64,
+    /// c, N·s/m; of Hertz contacts N·s/m^1.25.
+    damping: f64,
+}
+
+impl SpringAndDashpot {
+    /// k, N/m; of Hertz contacts N/m^1.5.
+    #[must_use]
+    pub fn stiffness(&self) -> f64 {
+        self.stiffness
+    }
+}
+
 /// Constants of the contacts.
 ///
-/// Along the line of centres: the force k·δ + c·δ′ on the overlap δ, but never less than 0. Across it: a spring of 2/7·k
+/// Along the line of centres a spring: the force k·δ + c·δ′ on the overlap δ, but never less than 0. Across it: a spring of 2/7·k
 /// and a dashpot of 2/7·c on the sliding of the surfaces, which gives both directions one frequency for full spheres;
 /// spring and force have at most μ times the force along the line of centres.
+///
+/// Hertz: along the line of centres k·δ^1.5 + c·δ^(1/4)·δ′, but never less than 0, with k = 4/3·E\*√R and c = √5·ζ√(km) (Tsuji, Tanaka
+/// and Ishida 1992). With w = √(4/5)·δ^(5/4) for δ its phase plane is that of the spring with the damping ratio ζ, so that [`damping_ratio`]
+/// holds and the restitution does not depend on the speed. Across it the stiffness is that of Mindlin without slip,
+/// 2(1 − ν)/(2 − ν) times the slope of the force along it: a stretched spring whose energy grows with √δ, so that it also presses the
+/// surfaces apart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactLaw {
-    /// k, N/m.
-    pub stiffness_n_per_m: f64,
-    /// c between two spheres, N·s/m.
-    pub pair_damping_n_s_per_m: f64,
-    /// c at the walls across the motion, which are as heavy as the structure, N·s/m.
-    pub end_damping_n_s_per_m: f64,
-    /// c at the other walls, N·s/m.
-    pub side_damping_n_s_per_m: f64,
+    /// Between two spheres.
+    pub pair: SpringAndDashpot,
+    /// At the walls across the motion, which are as heavy as the structure.
+    pub end: SpringAndDashpot,
+    /// At the other walls.
+    pub side: SpringAndDashpot,
     /// μ, 0 or greater.
     pub friction_coefficient: f64,
     /// Fastest rate of a contact, rad/s: √(k/m) of the lightest pair, or more with heavy damping.
     pub fastest_rate_rad_per_s: f64,
+    /// Slope of the force at an end on the overlap, N/m; with Hertz contacts in the deepest overlap at [`FAST_M_PER_S`].
+    pub end_stiffness_n_per_m: f64,
+    /// Slope of the force at an end on the speed of approach, N·s/m; with Hertz contacts as above.
+    pub end_damping_n_s_per_m: f64,
+    is_hertz: bool,
+    /// Stiffness across the line of centres over k, or over k√δ.
+    tangential_stiffness: f64,
+    /// Damping across the line of centres over that along it.
+    tangential_damping: f64,
 }
 
-/// Stiffness and damping across the line of centres over those along it.
+/// Stiffness and damping across the line of centres over those along it, of springs.
 pub const TANGENTIAL: f64 = 2.0 / 7.0;
 
 impl ContactLaw {
-    /// Of spheres with this coefficient of restitution. `structure_kg` moves with the walls across the motion.
+    /// Of spheres of this mass and radius with this coefficient of restitution. `structure_kg` moves with the walls across the motion.
     #[must_use]
     pub fn new(
-        (stiffness_n_per_m, restitution_coefficient, friction_coefficient): (f64, f64, f64),
-        sphere_kg: f64,
+        (elasticity, restitution_coefficient, friction_coefficient): (Elasticity, f64, f64),
+        (sphere_kg, radius_m): (f64, f64),
         structure_kg: f64,
     ) -> Self {
         let ratio = damping_ratio(restitution_coefficient);
-        let damping = |mass_kg: f64| 2.0 * ratio * libm::sqrt(stiffness_n_per_m * mass_kg);
         let end_kg = sphere_kg * structure_kg / (sphere_kg + structure_kg);
-        Self {
-            stiffness_n_per_m,
-            pair_damping_n_s_per_m: damping(0.5 * sphere_kg),
-            end_damping_n_s_per_m: damping(end_kg),
-            side_damping_n_s_per_m: damping(sphere_kg),
+        let law = Self {
+            pair: SpringAndDashpot { stiffness: 0.0, damping: 0.0 },
+            end: SpringAndDashpot { stiffness: 0.0, damping: 0.0 },
+            side: SpringAndDashpot { stiffness: 0.0, damping: 0.0 },
             friction_coefficient,
-            fastest_rate_rad_per_s: libm::sqrt(stiffness_n_per_m / end_kg.min(0.5 * sphere_kg))
-                * (2.0 * ratio).max(1.0),
+            fastest_rate_rad_per_s: 0.0,
+            end_stiffness_n_per_m: 0.0,
+            end_damping_n_s_per_m: 0.0,
+            is_hertz: false,
+            tangential_stiffness: TANGENTIAL,
+            tangential_damping: TANGENTIAL,
+        };
+        match elasticity {
+            Elasticity::Spring { stiffness_n_per_m: stiffness } => {
+                let contact =
+                    |kg: f64| SpringAndDashpot { stiffness, damping: 2.0 * ratio * libm::sqrt(stiffness * kg) };
+                let end = contact(end_kg);
+                Self {
+                    pair: contact(0.5 * sphere_kg),
+                    end,
+                    side: contact(sphere_kg),
+                    fastest_rate_rad_per_s: libm::sqrt(stiffness / end_kg.min(0.5 * sphere_kg))
+                        * (2.0 * ratio).max(1.0),
+                    end_stiffness_n_per_m: stiffness,
+                    end_damping_n_s_per_m: end.damping,
+                    ..law
+                }
+            }
+            Elasticity::Hertz { youngs_modulus_pa, poissons_ratio } => {
+                let modulus_pa = 0.5 * youngs_modulus_pa / (1.0 - poissons_ratio * poissons_ratio);
+                let contact = |kg: f64, radius_m: f64| {
+                    let stiffness = 4.0 / 3.0 * modulus_pa * libm::sqrt(radius_m);
+                    SpringAndDashpot { stiffness, damping: libm::sqrt(5.0) * ratio * libm::sqrt(stiffness * kg) }
+                };
+                let duration_s =
+                    |contact: &SpringAndDashpot, kg: f64| hertz_contact_s(contact.stiffness, kg, FAST_M_PER_S);
+                let (pair, end) = (contact(0.5 * sphere_kg, 0.5 * radius_m), contact(end_kg, radius_m));
+                let shortest_s = duration_s(&pair, 0.5 * sphere_kg).min(duration_s(&end, end_kg));
+                let root = libm::sqrt(deepest_m(end.stiffness, end_kg, FAST_M_PER_S));
+                let mindlin = 2.0 * (1.0 - poissons_ratio) / (2.0 - poissons_ratio);
+                Self {
+                    pair,
+                    end,
+                    side: contact(sphere_kg, radius_m),
+                    fastest_rate_rad_per_s: PI / shortest_s * (2.0 * ratio).max(1.0),
+                    end_stiffness_n_per_m: 1.5 * end.stiffness * root,
+                    end_damping_n_s_per_m: end.damping * libm::sqrt(root),
+                    is_hertz: true,
+                    tangential_stiffness: 1.5 * mindlin,
+                    tangential_damping: mindlin,
+                    ..law
+                }
+            }
         }
     }
 
-    /// Duration of the shortest contact, s.
+    /// Duration of the shortest contact, s; of Hertz contacts at [`FAST_M_PER_S`].
     #[must_use]
     pub fn shortest_contact_s(&self) -> f64 {
         PI / self.fastest_rate_rad_per_s
@@ -119,24 +228,34 @@ impl ContactLaw {
     #[inline]
     pub fn force(
         &self,
-        damping_n_s_per_m: f64,
+        contact: &SpringAndDashpot,
         (overlap_m, normal, velocity): (f64, &Vector, &Vector),
         step_s: f64,
         history: &mut History,
         energy: &mut ContactEnergy,
     ) -> Vector {
+        // Spheres in their packing may touch in a point.
+        if self.is_hertz && overlap_m <= 0.0 {
+            history.touches = false;
+            return [0.0; 3];
+        }
         let approach = -dot(velocity, normal);
-        let normal_n = (self.stiffness_n_per_m * overlap_m + damping_n_s_per_m * approach).max(0.0);
+        // √δ of a Hertz contact.
+        let root = if self.is_hertz { overlap_m.sqrt() } else { 1.0 };
+        let secant_n_per_m = contact.stiffness * root;
+        let damping_n_s_per_m = if self.is_hertz { contact.damping * root.sqrt() } else { contact.damping };
+        let stored = if self.is_hertz { 0.4 } else { 0.5 };
+        let normal_n = (secant_n_per_m * overlap_m + damping_n_s_per_m * approach).max(0.0);
         energy.normal_w += normal_n * approach;
-        energy.normal_j += 0.5 * self.stiffness_n_per_m * overlap_m * overlap_m;
-        let force = times(normal_n, normal);
+        energy.normal_j += stored * secant_n_per_m * overlap_m * overlap_m;
+        let mut force = times(normal_n, normal);
         if self.friction_coefficient == 0.0 {
             history.touches = true;
             return force;
         }
         let sliding = across(velocity, normal);
-        let stiffness = TANGENTIAL * self.stiffness_n_per_m;
-        let damping = TANGENTIAL * damping_n_s_per_m;
+        let stiffness = self.tangential_stiffness * secant_n_per_m;
+        let damping = self.tangential_damping * damping_n_s_per_m;
         let mut stretch = if history.touches {
             let moved = plus_times(&history.stretch_m, 0.5 * step_s, &history.sliding_m_per_s);
             // The plane of the contact turns with the spheres.
@@ -155,8 +274,15 @@ impl ContactLaw {
         if wanted_n > most_n {
             tangential = times(most_n / wanted_n, &tangential);
         }
+        let stretched_j = 0.5 * stiffness * dot(&stretch, &stretch);
+        if self.is_hertz {
+            // The slope of the stretched spring's energy ~√δ on the overlap: with it no work is gained as its stiffness changes.
+            let parting_n = 0.5 * stretched_j / overlap_m;
+            force = plus_times(&force, parting_n, normal);
+            energy.tangential_w += parting_n * approach;
+        }
         energy.tangential_w -= dot(&tangential, &sliding);
-        energy.tangential_j += 0.5 * stiffness * dot(&stretch, &stretch);
+        energy.tangential_j += stretched_j;
         *history = History { touches: true, stretch_m: stretch, sliding_m_per_s: sliding };
         [force[0] + tangential[0], force[1] + tangential[1], force[2] + tangential[2]]
     }

@@ -103,8 +103,7 @@ impl Contacts {
             self.largest_overlap_m = self.largest_overlap_m.max(overlap_m);
             self.collisions += u64::from(!history.touches);
             let contact = (overlap_m, &normal, &velocity);
-            let damping = self.law.pair_damping_n_s_per_m;
-            let force = self.law.force(damping, contact, self.step_s, history, &mut self.energy);
+            let force = self.law.force(&self.law.pair, contact, self.step_s, history, &mut self.energy);
             spheres.accelerations[i] = plus(&spheres.accelerations[i], &force);
             spheres.accelerations[j] = minus(&spheres.accelerations[j], &force);
             if has_spin {
@@ -154,9 +153,9 @@ impl Contacts {
                         centre_m: centre[0],
                     });
                 }
-                let damping = if is_end { self.law.end_damping_n_s_per_m } else { self.law.side_damping_n_s_per_m };
+                let law = if is_end { &self.law.end } else { &self.law.side };
                 let contact = (overlap_m, &normal, &velocity);
-                let force = self.law.force(damping, contact, self.step_s, history, &mut self.energy);
+                let force = self.law.force(law, contact, self.step_s, history, &mut self.energy);
                 spheres.accelerations[sphere] = plus(&spheres.accelerations[sphere], &force);
                 on_box_n -= force[0];
                 if has_spin {

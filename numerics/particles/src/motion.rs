@@ -6,7 +6,7 @@ use damprig_core::io::{Invalid, finite, not_negative, positive, require};
 use damprig_core::model::Structure;
 
 use crate::cavity::{Cavity, packing};
-use crate::contact::{ContactEnergy, ContactLaw, History};
+use crate::contact::{ContactEnergy, ContactLaw, Elasticity, History, hertz_contact_s};
 use crate::energy::Energies;
 use crate::excitation::{Drive, Excitation};
 use crate::forces::{BoxMotion, Contacts, Spheres, WallImpact};
@@ -26,13 +26,13 @@ pub struct Damper {
     pub restitution: f64,
     /// μ of every contact; 0 or greater. Without friction the spheres do not rotate.
     pub friction_coefficient: f64,
-    /// k of every contact, N/m; greater than 0.
-    pub stiffness_n_per_m: f64,
+    /// What presses the surfaces of every contact apart.
+    pub elasticity: Elasticity,
     /// The box.
     pub cavity: Cavity,
     /// Downwards, m/s²; 0 or greater.
     pub gravity_m_per_s2: f64,
-    /// Steps of the shortest contact, and at least so many of half a period of the structure; 4 or more.
+    /// Steps of the shortest contact (Hertz: at [`FAST_M_PER_S`](crate::FAST_M_PER_S)), and at least so many of half a period of the structure; 4 or more.
     pub steps_per_contact: f64,
     /// Of the places at the start.
     pub seed: u64,
@@ -43,6 +43,9 @@ pub const MAX_SPHERES: usize = 100_000;
 
 /// Least coefficient of restitution: a smaller one needs ever stiffer dashpots.
 pub const MIN_RESTITUTION: f64 = 0.01;
+
+/// Speed of a slow contact, m/s.
+const SLOW_M_PER_S: f64 = 1e-3;
 
 /// Least steps of the shortest contact.
 pub const MIN_STEPS: f64 = 4.0;
@@ -57,8 +60,14 @@ impl Damper {
     /// Constants of the contacts on a structure of this mass, kg.
     #[must_use]
     pub fn law(&self, structure_kg: f64) -> ContactLaw {
-        let contact = (self.stiffness_n_per_m, self.restitution, self.friction_coefficient);
-        ContactLaw::new(contact, self.sphere_kg(), structure_kg)
+        let contact = (self.elasticity, self.restitution, self.friction_coefficient);
+        ContactLaw::new(contact, (self.sphere_kg(), 0.5 * self.diameter_m), structure_kg)
+    }
+
+    /// Duration of an elastic Hertz contact of two spheres that meet at 1 mm/s, s.
+    #[must_use]
+    pub fn slow_contact_s(&self) -> f64 {
+        hertz_contact_s(self.law(self.mass_kg).pair.stiffness(), 0.5 * self.sphere_kg(), SLOW_M_PER_S)
     }
 
     /// Length of a step, s: that of the shortest contact or of half a period of the structure, whichever is shorter, over
@@ -73,7 +82,7 @@ impl Damper {
     /// Fastest rate of the structure, rad/s: with all spheres against an end of the box, or more with heavy damping.
     fn structure_rate_rad_per_s(&self, structure: &Structure, law: &ContactLaw) -> f64 {
         let count = self.count as f64;
-        let stiffness_n_per_m = structure.stiffness_n_per_m + count * law.stiffness_n_per_m;
+        let stiffness_n_per_m = structure.stiffness_n_per_m + count * law.end_stiffness_n_per_m;
         let damping_n_s_per_m = structure.damping_n_s_per_m + count * law.end_damping_n_s_per_m;
         (stiffness_n_per_m / structure.mass_kg).sqrt().max(damping_n_s_per_m / structure.mass_kg)
     }
@@ -98,7 +107,16 @@ impl Damper {
             "from 0.01 to 1",
         )?;
         not_negative("many_particles.friction_coefficient", self.friction_coefficient)?;
-        positive("many_particles.stiffness_n_per_m", self.stiffness_n_per_m)?;
+        match self.elasticity {
+            Elasticity::Spring { stiffness_n_per_m } => {
+                positive("many_particles.stiffness_n_per_m", stiffness_n_per_m)?
+            }
+            Elasticity::Hertz { youngs_modulus_pa, poissons_ratio } => {
+                positive("many_particles.youngs_modulus_pa", youngs_modulus_pa)?;
+                let allowed = (0.0..=0.5).contains(&poissons_ratio);
+                require(allowed, "many_particles.poissons_ratio", poissons_ratio, "from 0 to 0.5")?;
+            }
+        }
         positive("many_particles.length_m", self.cavity.length_m)?;
         positive("many_particles.width_m", self.cavity.width_m)?;
         positive("many_particles.height_m", self.cavity.height_m)?;
@@ -366,6 +384,12 @@ impl<E: Excitation> Motion<E> {
     #[must_use]
     pub fn largest_overlap_m(&self) -> f64 {
         self.contacts.largest_overlap_m
+    }
+
+    /// Angular velocities of the spheres, rad/s; empty without friction.
+    #[must_use]
+    pub fn spins_rad_per_s(&self) -> &[[f64; 3]] {
+        &self.spheres.spins
     }
 
     /// Collisions between spheres so far.

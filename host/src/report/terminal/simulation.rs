@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_particles::Damper;
+use damprig_particles::{Damper, Elasticity};
 
 use crate::motion_record::{Quantity, Record};
 use crate::report::describe;
@@ -121,14 +121,20 @@ fn many_particles(case: &Case, spheres: &Damper) -> [(&'static str, String); 2] 
         0.0 => String::new(),
         mu => format!(", μ = {}", significant(mu, 4)),
     };
+    let elasticity = match spheres.elasticity {
+        Elasticity::Spring { stiffness_n_per_m } => format!("k = {} N/m", significant(stiffness_n_per_m, 3)),
+        Elasticity::Hertz { youngs_modulus_pa, poissons_ratio } => {
+            format!("E = {} GPa, ν = {}", significant(1e-9 * youngs_modulus_pa, 3), significant(poissons_ratio, 3))
+        }
+    };
     let text = format!(
-        "{} of {}, mass ratio {} ({} kg/m³), e = {}{friction}, k = {} N/m",
+        "{} of {}, mass ratio {} ({} kg/m³), e = {}{friction}, {}",
         spheres.count,
         millimetres(spheres.diameter_m),
         significant(ratio, 4),
         significant(spheres.sphere_kg() / volume_m3, 3),
         significant(spheres.restitution, 4),
-        significant(spheres.stiffness_n_per_m, 3)
+        elasticity
     );
     let sides = sides.map(millimetres).join(" × ");
     [("spheres", text), ("box", format!("{sides}, {} % filled", significant(100.0 * share, 3)))]
@@ -160,11 +166,8 @@ fn spheres_results(result: &SpheresResult) -> Vec<(&'static str, String)> {
         ),
     ));
     let overlap = significant(100.0 * result.largest_overlap_ratio, 2);
-    let soft = if result.largest_overlap_ratio > LARGE_OVERLAP {
-        ": the contacts are soft; raise `stiffness_n_per_m`"
-    } else {
-        ""
-    };
+    let soft =
+        if result.largest_overlap_ratio > LARGE_OVERLAP { ": the contacts are soft; raise the stiffness" } else { "" };
     lines.push((
         "contacts",
         format!("largest overlap {overlap} % of the diameter{soft}; step {} µs", significant(1e6 * result.step_s, 3)),

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use damprig_core::model::Structure;
-use damprig_particles::{Cavity, Damper};
+use damprig_particles::{Cavity, Damper, Elasticity};
 
 use crate::input::Section;
 use crate::simulation::keys::many_particles as keys;
@@ -16,6 +16,7 @@ pub fn read(s: &Section, structure: Option<&Structure>, gravity_m_per_s2: f64) -
     let restitution = s.scalar(&keys::RESTITUTION);
     let friction = s.scalar(&keys::FRICTION);
     let stiffness = s.one_of(&keys::STIFFNESS);
+    let poissons_ratio = s.scalar(&keys::POISSONS_RATIO);
     let length = s.one_of(&keys::LENGTH);
     let (width, height) = (s.scalar(&keys::WIDTH), s.scalar(&keys::HEIGHT));
     let steps = s.scalar(&keys::STEPS);
@@ -30,10 +31,24 @@ pub fn read(s: &Section, structure: Option<&Structure>, gravity_m_per_s2: f64) -
         s.warn_if_it_means(&keys::MASS, "mass_ratio", mass_kg / structure.mass_kg);
     }
     let sphere_kg = mass_kg / count as f64;
-    let stiffness_n_per_m = match stiffness? {
-        (0, stiffness) => stiffness,
-        (_, contact_s) => contact_stiffness_n_per_m(sphere_kg, contact_s),
+    let elasticity = match (stiffness?, poissons_ratio?) {
+        ((0, stiffness_n_per_m), _) => Elasticity::Spring { stiffness_n_per_m },
+        ((1, contact_s), _) => {
+            Elasticity::Spring { stiffness_n_per_m: contact_stiffness_n_per_m(sphere_kg, contact_s) }
+        }
+        ((_, youngs_modulus_pa), poissons_ratio) => Elasticity::Hertz { youngs_modulus_pa, poissons_ratio },
     };
+    if let Elasticity::Spring { .. } = elasticity
+        && s.is_given(&keys::POISSONS_RATIO)
+    {
+        let allowed = "is a property of a material: it needs `youngs_modulus_pa`".to_string();
+        s.reject(
+            keys::POISSONS_RATIO.name(),
+            allowed,
+            Some("remove it, or state the material in place of a stiffness".into()),
+        );
+        return None;
+    }
     let mut cavity = Cavity { length_m: 0.0, width_m: width?, height_m: height? };
     for (key, side_m) in [(&keys::WIDTH, cavity.width_m), (&keys::HEIGHT, cavity.height_m)] {
         if side_m < diameter_m * (1.0 - 1e-9) {
@@ -60,7 +75,7 @@ pub fn read(s: &Section, structure: Option<&Structure>, gravity_m_per_s2: f64) -
         mass_kg,
         restitution: restitution?,
         friction_coefficient: friction?,
-        stiffness_n_per_m,
+        elasticity,
         cavity,
         gravity_m_per_s2,
         steps_per_contact: steps?,
@@ -75,12 +90,25 @@ const LONGEST_CONTACT: f64 = 0.1;
 /// that couples the masses, and is seen in fewer steps of that period than the scheme needs.
 pub fn check_contact(s: &Section, damper: &Damper, period_s: f64) {
     let longest_s = LONGEST_CONTACT * period_s;
+    let why = "a contact lasts at most a tenth of the period of structure or drive, else it is no impact";
+    let stiffness_n_per_m = match damper.elasticity {
+        Elasticity::Spring { stiffness_n_per_m } => stiffness_n_per_m,
+        Elasticity::Hertz { youngs_modulus_pa, .. } => {
+            let contact_s = damper.slow_contact_s();
+            if contact_s > longest_s {
+                // The duration falls with the modulus to the power −2/5.
+                let least_pa = rounded_up(youngs_modulus_pa * (contact_s / longest_s).powf(2.5));
+                let allowed = format!("must be at least {least_pa} Pa: {why}");
+                s.reject("youngs_modulus_pa", allowed, Some("make it larger: that of steel is 2.1e11".into()));
+            }
+            return;
+        }
+    };
     let least_n_per_m = contact_stiffness_n_per_m(damper.sphere_kg(), longest_s);
     // A contact of just that time is allowed, whatever the rounding.
-    if damper.stiffness_n_per_m >= least_n_per_m * (1.0 - 1e-9) {
+    if stiffness_n_per_m >= least_n_per_m * (1.0 - 1e-9) {
         return;
     }
-    let why = "a contact lasts at most a tenth of the period of structure or drive, else it is no impact";
     let (allowed, help) = match s.written(&keys::STIFFNESS).map(|key| key.name) {
         Some("stiffness_n_per_m") => {
             (format!("must be at least {} N/m: {why}", rounded_up(least_n_per_m)), "make it larger")

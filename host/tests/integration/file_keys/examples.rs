@@ -133,7 +133,21 @@ measure_s = 2
 cycles = 4
 "#;
 
-pub const MORE_CASES: [&str; 11] = [
+pub const MORE_CASES: [&str; 12] = [
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+run = { duration_s = 0.01 }
+[many_particles]
+count = 3
+diameter_m = 0.01
+mass_kg = 0.16
+restitution = 0.5
+youngs_modulus_pa = 2.1e11
+poissons_ratio = 0.3
+length_m = 0.1
+width_m = 0.02
+height_m = 0.02
+"#,
     r#"
 structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
 run = { duration_s = 1 }

@@ -4,7 +4,7 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::Structure;
 use damprig_particles::{Cavity, Damper, Motion, Start};
 
-use crate::{rig, spheres};
+use crate::{rig, spheres, spring};
 
 fn bed(steps_per_contact: f64, seed: u64) -> Motion<Excitation> {
     let cavity = Cavity { length_m: 0.06, width_m: 0.025, height_m: 0.04 };
@@ -79,9 +79,9 @@ fn the_book_closes_with_contacts_slower_than_the_structure_and_with_heavy_damper
     let cavity = Cavity { length_m: 0.06, width_m: 0.025, height_m: 0.04 };
     let bed = spheres(40, 0.008, cavity);
     // A contact of a second, a structure with ζ = 200, spheres of 50 times the structure's mass.
-    let soft = Damper { stiffness_n_per_m: 0.02, gravity_m_per_s2: 0.0, ..bed };
+    let soft = Damper { elasticity: spring(0.02), gravity_m_per_s2: 0.0, ..bed };
     let stiff = Structure::from_modal(1.6, 2.5, 200.0);
-    let heavy = Damper { mass_kg: 80.0, stiffness_n_per_m: 1e6, ..bed };
+    let heavy = Damper { mass_kg: 80.0, elasticity: spring(1e6), ..bed };
     for (structure, damper) in [(rig(), soft), (stiff, bed), (rig(), heavy)] {
         let start = Start { x_m: 0.01, v_m_per_s: 0.1 };
         let sine = Excitation::Sine { amplitude_m: 0.003, angular_frequency_rad_per_s: 15.7, phase_rad: 0.3 };

@@ -6,7 +6,7 @@ use damprig_core::integrator::exact::{Exact, Excitation, Impact, Observer};
 use damprig_core::model::{Initial, Particle, SetUp, Wall};
 use damprig_particles::{Cavity, Damper, Motion, Start};
 
-use crate::{rig, spheres};
+use crate::{rig, spheres, spring};
 
 const DIAMETER_M: f64 = 0.01;
 const START_M: f64 = 0.035;
@@ -82,8 +82,11 @@ fn one_sphere_tends_to_the_exact_impact_damper_as_its_contacts_get_shorter() {
     let mut exact = Impacts(vec![]);
     exact_motion(clearance_m, 0.5).run(0.7, &mut exact);
     let errors = [1e6, 4e6, 1.6e7].map(|stiffness_n_per_m| {
-        let damper =
-            Damper { stiffness_n_per_m, steps_per_contact: 800.0, ..spheres(1, DIAMETER_M, room(clearance_m)) };
+        let damper = Damper {
+            elasticity: spring(stiffness_n_per_m),
+            steps_per_contact: 800.0,
+            ..spheres(1, DIAMETER_M, room(clearance_m))
+        };
         let mut motion = sphere_motion(&damper, vec![[START_M, 0.0, 0.5 * DIAMETER_M]]);
         let mut times_s = vec![];
         while times_s.len() < 4 && motion.state().t_s < 0.7 {
@@ -102,7 +105,7 @@ fn one_sphere_tends_to_the_exact_impact_damper_as_its_contacts_get_shorter() {
 fn a_sphere_of_very_lossy_contacts_is_a_perfectly_inelastic_particle() {
     let clearance_m = 0.6 * START_M;
     let exact = of_particle(clearance_m, 0.0, 5);
-    let damper = Damper { stiffness_n_per_m: 1.6e7, restitution: 0.01, ..spheres(1, DIAMETER_M, room(clearance_m)) };
+    let damper = Damper { elasticity: spring(1.6e7), restitution: 0.01, ..spheres(1, DIAMETER_M, room(clearance_m)) };
     let found = largest_difference(&of_spheres(&damper, 5, vec![[START_M, 0.0, 0.5 * DIAMETER_M]]), &exact);
     println!("{found}");
     // A rebound at 0.01 of a speed of some X·ω moves the next impact by about 0.01 of the amplitude.
@@ -114,8 +117,8 @@ fn spheres_side_by_side_are_one_particle_of_their_mass() {
     let clearance_m = 0.8 * START_M;
     let one = room(clearance_m);
     let four = Cavity { width_m: 4.0 * DIAMETER_M, ..one };
-    let single = Damper { stiffness_n_per_m: 4e6, ..spheres(1, DIAMETER_M, one) };
-    let side_by_side = Damper { stiffness_n_per_m: 1e6, ..spheres(4, DIAMETER_M, four) };
+    let single = Damper { elasticity: spring(4e6), ..spheres(1, DIAMETER_M, one) };
+    let side_by_side = Damper { elasticity: spring(1e6), ..spheres(4, DIAMETER_M, four) };
     let height_m = 0.5 * DIAMETER_M;
     let row = (0..4).map(|n| [START_M, (f64::from(n) - 1.5) * DIAMETER_M, height_m]).collect();
     let a = of_spheres(&single, 5, vec![[START_M, 0.0, height_m]]);
@@ -127,7 +130,7 @@ fn spheres_side_by_side_are_one_particle_of_their_mass() {
 #[test]
 fn a_bed_that_fills_the_box_is_an_added_mass() {
     let cavity = Cavity { length_m: 4.0 * DIAMETER_M, width_m: 4.0 * DIAMETER_M, height_m: 4.0 * DIAMETER_M };
-    let damper = Damper { stiffness_n_per_m: 2e4, restitution: 0.3, ..spheres(64, DIAMETER_M, cavity) };
+    let damper = Damper { elasticity: spring(2e4), restitution: 0.3, ..spheres(64, DIAMETER_M, cavity) };
     let start = Start { x_m: START_M, v_m_per_s: 0.0 };
     let mut motion = Motion::new(rig(), &damper, Excitation::Fixed, start).expect("it holds 64");
     let mut crossings = vec![];
