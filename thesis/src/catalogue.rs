@@ -144,7 +144,7 @@ impl Work {
     }
 }
 
-/// A bifurcation diagram, with the options of `damprig bifurcation`.
+/// A bifurcation diagram, with the options of `damprig study bifurcation`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bifurcation {
     /// The case.

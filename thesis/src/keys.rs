@@ -43,7 +43,7 @@ tables! {
         ];
     }
 
-    "A bifurcation diagram, with the options of `damprig bifurcation`."
+    "A bifurcation diagram, with the options of `damprig study bifurcation`."
     bifurcation("item.part.bifurcation") {
         CASE: Required, [key("case", Kind::Text, "the case file")];
         AXIS: Required, [key("axis", Kind::Text, "KEY=FROM:TO:COUNT")];

@@ -1,4 +1,4 @@
-//! `damprig bifurcation`: sweeps a key of a case up and down and draws the sampled cycles.
+//! `damprig study bifurcation`: sweeps a key of a case up and down and draws the sampled cycles.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -57,9 +57,9 @@ pub struct Args {
 
 const AFTER_HELP: &str = "\
 Examples:
-  damprig bifurcation host/cases/spid.toml --axis particle.clearance_ratio=10:16:301
-  damprig bifurcation host/cases/spid.toml --axis particle.wall.coefficient=0.2:0.9:201 --set particle.clearance_ratio=12
-  damprig bifurcation host/cases/spid.toml --axis particle.clearance_ratio=10:16:301 --section 15 --cycles 500
+  damprig study bifurcation host/cases/spid.toml --axis particle.clearance_ratio=10:16:301
+  damprig study bifurcation host/cases/spid.toml --axis particle.wall.coefficient=0.2:0.9:201 --set particle.clearance_ratio=12
+  damprig study bifurcation host/cases/spid.toml --axis particle.clearance_ratio=10:16:301 --section 15 --cycles 500
 
 The motion goes on from value to value, so up and down may follow different motions; a particle that a smaller cavity has no
 room for is put at its wall. The folder gets bifurcation.svg, .png and bifurcation.parquet with the state at the end of each sampled

@@ -28,6 +28,7 @@ mod devices;
 mod documents;
 #[cfg(feature = "probe")]
 mod flash;
+mod groups;
 mod identify;
 mod init;
 mod inspect;
@@ -104,9 +105,7 @@ enum Command {
     Init(init::Args),
     /// Simulate cases exactly, event by event
     Simulate(simulate::Args),
-    /// Draw a bifurcation diagram: sweep a key of a case up and down
-    Bifurcation(bifurcation::Args),
-    /// Run a study: a case over many values of its keys
+    /// Run a study: a case over many values of its keys; draw a bifurcation diagram
     Study(study::Args),
     /// Follow periodic orbits of a case over a parameter: stability, bifurcations, grazings
     Continue(continue_::Args),
@@ -116,13 +115,13 @@ enum Command {
     Identify(identify::Args),
     /// Say what is in a measured file: signals, units, sample rates, gaps
     Inspect(inspect::Args),
-    /// Response spectra of an acceleration record: Sd, Sv and Sa over period and damping ratio
+    /// Compute response spectra of an acceleration record over period and damping ratio
     Spectrum(spectrum::Args),
     /// Compare a run with simulations of its set-ups, with uncertainties
     Compare(compare::Args),
-    /// Print the JSON Schema of campaigns, cases, set-up files, studies or optimisations, for editors
+    /// Print the JSON Schema of a kind of file, for editors
     Schema(documents::Schema),
-    /// Print the keys of campaigns, cases, set-up files, studies and optimisations
+    /// Print the keys of all files
     Keys(documents::Keys),
     /// Print the completions of a shell
     Completions(documents::Completions),
@@ -136,26 +135,31 @@ enum Command {
     Log(log::Args),
     /// Flash the firmware of the controller board (not in this build)
     #[cfg(not(feature = "probe"))]
-    #[command(hide = true)]
     Flash(without_probe::Args),
     /// Show the firmware's log (not in this build)
     #[cfg(not(feature = "probe"))]
-    #[command(hide = true)]
     Log(without_probe::Args),
 }
 
 /// Parses the command line and runs the subcommand.
 #[must_use]
 pub fn main() -> ExitCode {
-    start(|cli: Cli| run(cli.command))
+    start_as(groups::grouped(Cli::command()), |cli: Cli| run(cli.command))
 }
 
 /// Parses the command line of a program and runs it; gives its exit code.
 #[must_use]
 pub fn start<A: Parser>(run: impl FnOnce(A) -> Outcome) -> ExitCode {
-    let arguments = match A::try_parse() {
+    start_as(A::command(), run)
+}
+
+fn start_as<A: Parser>(mut command: clap::Command, run: impl FnOnce(A) -> Outcome) -> ExitCode {
+    let matches = command.try_get_matches_from_mut(std::env::args_os());
+    let parsed = matches
+        .and_then(|mut matches| A::from_arg_matches_mut(&mut matches).map_err(|error| error.format(&mut command)));
+    let arguments = match parsed {
         Ok(arguments) => arguments,
-        Err(text) => return output::print_help(&text),
+        Err(text) => return output::print_help(&groups::with_hint(text)),
     };
     // A file beyond `ulimit -f` then fails like a full disk: with a message, and the rig is stopped.
     #[cfg(unix)]
@@ -181,7 +185,6 @@ fn run(command: Command) -> Outcome {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Init(args) => init::run(&args),
         Command::Simulate(args) => simulate::run(&args),
-        Command::Bifurcation(args) => bifurcation::run(&args),
         Command::Study(args) => study::run(&args),
         Command::Continue(args) => continue_::run(&args),
         Command::Optimise(args) => optimise::run(&args),

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use clap::{Args as ClapArgs, Subcommand};
 
+use super::bifurcation;
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
 use super::study_figures::say_result;
@@ -38,6 +39,8 @@ enum What {
     Verify(study_work::PlaceArgs),
     /// Join the parts of a study to its table
     Merge(study_work::PlaceArgs),
+    /// Draw a bifurcation diagram: sweep a key of a case up and down
+    Bifurcation(bifurcation::Args),
 }
 
 /// Runs a study on all cores and writes its table; goes on where an earlier run stopped.
@@ -91,6 +94,7 @@ pub fn run(args: &Args) -> Outcome {
         What::Status(args) => study_work::status(args),
         What::Verify(args) => study_work::verify(args),
         What::Merge(args) => study_work::merge(args),
+        What::Bifurcation(args) => bifurcation::run(args),
     }
 }
 

@@ -1,4 +1,4 @@
-//! `damprig bifurcation`: sampled cycles over a swept key, up and down.
+//! `damprig study bifurcation`: sampled cycles over a swept key, up and down.
 
 use std::process::Output;
 
@@ -17,7 +17,7 @@ const RUN: &str = "run = { duration_s = 8 }\n";
 fn run(case: &str, arguments: &[&str]) -> (TempDir, Output) {
     let folder = TempDir::new().unwrap();
     std::fs::write(folder.path().join("case.toml"), case).unwrap();
-    let output = damprig(&folder).args(["bifurcation", "case.toml"]).args(arguments).output().unwrap();
+    let output = damprig(&folder).args(["study", "bifurcation", "case.toml"]).args(arguments).output().unwrap();
     (folder, output)
 }
 

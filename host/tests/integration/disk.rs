@@ -202,7 +202,8 @@ mod linux {
             "case = \"case.toml\"\nobjective = \"x_over_z\"\nevaluations = 100\n[[variable]]\nkey = \"particle.clearance_ratio\"\nfrom = 8\nto = 12\n",
         )
         .unwrap();
-        let bifurcation = ["bifurcation", "case.toml", "--axis", "particle.clearance_ratio=9:10:9", "--out", "disk/b"];
+        let bifurcation =
+            ["study", "bifurcation", "case.toml", "--axis", "particle.clearance_ratio=9:10:9", "--out", "disk/b"];
         for arguments in [
             bifurcation.map(str::to_string).to_vec(),
             ["continue", &shipped("continuations/clearance.toml"), "--out", "disk/c"].map(str::to_string).to_vec(),

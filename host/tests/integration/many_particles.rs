@@ -163,7 +163,7 @@ fn commands_that_need_exact_events_refuse_spheres() {
         refused(files, arguments, &[&at[..], &[what]].concat());
     };
     needs_events(&[spheres], &["simulate", "case.toml", "--analyse"], "--analyse");
-    let bifurcation = ["bifurcation", "case.toml", "--axis", "many_particles.restitution=0.2:0.8:5"];
+    let bifurcation = ["study", "bifurcation", "case.toml", "--axis", "many_particles.restitution=0.2:0.8:5"];
     needs_events(&[spheres], &bifurcation, "a bifurcation diagram");
     let continuation = "case = \"case.toml\"\nparameter = \"base.frequency_hz\"\nfrom = 2\nto = 3\n";
     needs_events(&[spheres, ("c.toml", continuation)], &["continue", "c.toml"], "a continuation");

@@ -307,7 +307,7 @@ pub fn command(part: &Part, files: &Path) -> String {
             format!("damprig simulate {}", cases.join(" "))
         }
         Work::Bifurcation(sweep) => {
-            let mut text = format!("damprig bifurcation {} --axis {}", shown(&sweep.case), sweep.axis);
+            let mut text = format!("damprig study bifurcation {} --axis {}", shown(&sweep.case), sweep.axis);
             let options = [
                 (sweep.direction != "both").then(|| format!(" --direction {}", sweep.direction)),
                 (sweep.settle_cycles != 200).then(|| format!(" --settle-cycles {}", sweep.settle_cycles)),
