@@ -6,7 +6,7 @@
 
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::{Mode, Sign};
-use damprig_core::integrator::polynomial::{Polynomial, increment};
+use damprig_core::integrator::polynomial::{Polynomial, value};
 use damprig_core::integrator::sampled::{Flight, Impact, Joined, Observer, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Invalid, Reading, SUBSAMPLES, TICK_HZ};
@@ -107,7 +107,7 @@ pub(super) fn simulate(
         // Rounding of the instants can leave the last sample just after the end of the last flight.
         observer.x_m[observer.taken..].fill(motion.state().x);
         let z_m: [f32; SUBSAMPLES] =
-            std::array::from_fn(|n| (tick.0[0] + increment(&tick.0, (n + 1) as f64 / SUBSAMPLES as f64)) as f32);
+            std::array::from_fn(|n| value(&tick.0, (n + 1) as f64 / SUBSAMPLES as f64) as f32);
         let (x, z) = (Reading::of(&observer.x_m.map(|x| x as f32)), Reading::of(&z_m));
         readings.push(TickReading { x_m: x.mean_m, max_abs_x_m: x.peak_m, z_m: z.mean_m, max_abs_z_m: z.peak_m });
     }
@@ -143,7 +143,7 @@ impl Observer<f64> for Sampler {
             if since > length {
                 return;
             }
-            self.x_m[self.taken] = flight.x[0] + increment(&flight.x, since);
+            self.x_m[self.taken] = value(&flight.x, since);
             self.taken += 1;
         }
     }

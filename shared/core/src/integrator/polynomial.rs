@@ -23,6 +23,12 @@ pub fn increment<S: Scalar>(p: &[S], t: S) -> S {
     sum * t
 }
 
+/// `p(t)`: not generic, so that it is as fast as this crate wherever it is called.
+#[must_use]
+pub fn value(p: &[f64], t: f64) -> f64 {
+    p[0] + increment(p, t)
+}
+
 /// `p′(t) − p′(0)`.
 #[inline]
 pub fn derivative_increment<S: Scalar>(p: &[S], t: S) -> S {
