@@ -29,11 +29,17 @@ pub fn text(identified: &Identification, earlier: Option<&str>) -> Result<String
         let (table, name) = table_of(&mut file, key)?;
         table.insert(name.into(), Value::String((*word).into()));
     }
-    // A constant coefficient replaces a law over the speed.
+    // One coefficient replaces a table, and a constant one a power of the speed too.
     let has = |key: &str| keyed.iter().any(|estimate| estimate.key == Some(key));
     let law = ["particle.wall.exponent", "particle.wall.reference_speed_m_per_s", "particle.wall.maximum"];
     let is_constant = has("particle.wall.coefficient") && !law.iter().any(|key| has(key));
-    for key in law.iter().filter(|_| is_constant) {
+    let table = ["particle.wall.coefficients", "particle.wall.speeds_m_per_s"];
+    let replaced: Vec<&str> = match (has("particle.wall.coefficient"), is_constant) {
+        (false, _) => vec![],
+        (true, false) => table.to_vec(),
+        (true, true) => law.into_iter().chain(table).collect(),
+    };
+    for key in &replaced {
         let (table, name) = table_of(&mut file, key)?;
         table.remove(name);
     }
@@ -46,7 +52,7 @@ pub fn text(identified: &Identification, earlier: Option<&str>) -> Result<String
     };
     let is_kept = |entry: &Value| {
         let key = entry.get("key").and_then(Value::as_str);
-        let is_replaced = is_constant && key.is_some_and(|key| law.contains(&key));
+        let is_replaced = key.is_some_and(|key| replaced.contains(&key));
         !is_replaced && !keyed.iter().any(|estimate| estimate.key == key)
     };
     let mut list: Vec<Value> = list.into_iter().filter(is_kept).collect();

@@ -50,7 +50,8 @@ pub fn walls(particle: &Particle) -> String {
     text
 }
 
-/// A wall: `e = 0.47`, `e = 0.6 (v/0.5 m/s)^−0.25, at most 0.9`, `k1 = 4000 N/m, c1 = 14.6 N·s/m`.
+/// A wall: `e = 0.47`, `e = 0.6 (v/0.5 m/s)^−0.25, at most 0.9`,
+/// `e = 0.9 at 0.1 m/s, 0.6 at 2 m/s`, `k1 = 4000 N/m, c1 = 14.6 N·s/m`.
 pub(super) fn wall(wall: &Wall) -> String {
     match *wall {
         Wall::Restitution { coefficient } => format!("e = {}", significant(coefficient, 4)),
@@ -61,6 +62,10 @@ pub(super) fn wall(wall: &Wall) -> String {
             significant(law.exponent, 4),
             significant(law.maximum, 4)
         ),
+        Wall::TableRestitution(table) => {
+            let point = |[speed, e]: &[f64; 2]| format!("{} at {} m/s", significant(*e, 4), significant(*speed, 4));
+            format!("e = {}", table.points().iter().map(point).collect::<Vec<_>>().join(", "))
+        }
         Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
             let (k1, c1) = (significant(stiffness_n_per_m, 5), significant(damping_n_s_per_m, 5));
             format!("k1 = {k1} N/m, c1 = {c1} N·s/m")

@@ -51,6 +51,7 @@ const PARAMETERS: &[(&str, Value)] = &[
     ("reference speed of e (m/s)", |_, m| Some(number(m.particle?.wall.falling()?.reference_speed_m_per_s))),
     ("exponent of e over speed", |_, m| Some(number(m.particle?.wall.falling()?.exponent))),
     ("largest e", |_, m| Some(number(m.particle?.wall.falling()?.maximum))),
+    ("e over speed", |_, m| m.particle?.wall.table().map(|table| describe::wall(&Wall::TableRestitution(table)))),
     ("k1, wall's stiffness (N/m)", |_, m| Some(number(voigt(m.particle?.wall)?.0))),
     ("c1, wall's damping (N·s/m)", |_, m| Some(number(voigt(m.particle?.wall)?.1))),
     ("contact ends at", |_, m| {

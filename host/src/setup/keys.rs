@@ -110,8 +110,12 @@ tables! {
         COEFFICIENT: Required, [
             number("coefficient", Between(0.0, 1.0), "e, the coefficient of restitution; with an exponent, that at the reference speed")
                 .usual(0.05, 0.98),
+            key("coefficients", Kind::Numbers(Between(0.0, 1.0)), "e at each of `speeds_m_per_s`, 2 to 6 numbers less than 1: linear in the approach speed between them, constant beyond"),
         ];
-        EXPONENT: Optional, [
+        SPEEDS: If(&COEFFICIENT, "coefficients", &Required, &Forbidden), [
+            key("speeds_m_per_s", Kind::Numbers(Positive), "approach speeds of `coefficients`, rising").usual(0.001, 20.0),
+        ];
+        EXPONENT: If(&COEFFICIENT, "coefficients", &Forbidden, &Optional), [
             number("exponent", Between(0.0, 1.0), "p of e(v) = min(coefficient·(v/reference speed)^(−p), maximum), with the approach speed v; without it e is the same at every speed")
                 .usual(0.0, 0.5),
         ];

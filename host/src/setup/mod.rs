@@ -8,12 +8,15 @@ pub mod set_up_file;
 mod spec;
 
 use damprig_core::integrator::sampled::Sampled;
-use damprig_core::model::{Cavity, DampingLaw, Material, Release, Restitution, SetUp, Structure, Tmd, Tuning, Wall};
+use damprig_core::model::{
+    Cavity, DampingLaw, Material, Release, Restitution, SPEED_TABLE_POINTS, SetUp, SpeedTable, Structure, Tmd, Tuning,
+    Wall,
+};
 use toml::de::DeTable;
 
-use crate::input::Section;
 use crate::input::key::{Key, Kind, Quantity};
 use crate::input::section::Given;
+use crate::input::{Number, Section};
 use keys::{friction_damper, particle, set_up, spring, structure, tmd, wall_restitution, wall_voigt};
 use spec::{Friction, ParticleSpec, Place, Relative};
 
@@ -238,10 +241,16 @@ fn read_wall(s: &Section, structure: Option<&Structure>, particle_mass_kg: Optio
 }
 
 fn read_hard(s: &Section) -> Option<Wall> {
-    let coefficient = s.scalar(&wall_restitution::COEFFICIENT);
+    let given = s.given(&wall_restitution::COEFFICIENT);
+    let speeds = s.numbers_of(&wall_restitution::SPEEDS);
     let exponent = s.scalar(&wall_restitution::EXPONENT);
     let reference_speed = s.scalar(&wall_restitution::REFERENCE_SPEED);
     let maximum = s.scalar(&wall_restitution::MAXIMUM);
+    let coefficient = match given {
+        Some((_, Given::Numbers(coefficients))) => return read_speed_table(s, &speeds?, &coefficients),
+        Some((_, Given::Number(coefficient))) => Some(coefficient),
+        _ => None,
+    };
     if !s.is_given(&wall_restitution::EXPONENT) {
         return Some(Wall::Restitution { coefficient: coefficient? });
     }
@@ -251,6 +260,34 @@ fn read_hard(s: &Section) -> Option<Wall> {
         exponent: exponent?,
         maximum: maximum?,
     }))
+}
+
+/// Refuses the first value with which the list up to it is no table.
+fn read_speed_table(s: &Section, speeds: &[Number], coefficients: &[Number]) -> Option<Wall> {
+    let count = speeds.len();
+    if count != coefficients.len() || !(2..=SPEED_TABLE_POINTS).contains(&count) {
+        let allowed = format!(
+            "must be 2 to {SPEED_TABLE_POINTS} numbers, one for each of `speeds_m_per_s`; there are {} for {count} speeds",
+            coefficients.len()
+        );
+        s.reject("coefficients", allowed, Some("write a speed for each coefficient".into()));
+        return None;
+    }
+    let points: Vec<[f64; 2]> = speeds.iter().zip(coefficients).map(|(v, e)| [v.value, e.value]).collect();
+    for n in 2..=count {
+        let table = SpeedTable::new(&points[..n])?;
+        let Err(invalid) = table.validate() else { continue };
+        let is_speed = invalid.parameter.ends_with("speeds_m_per_s");
+        let (name, list) = if is_speed { ("speeds_m_per_s", speeds) } else { ("coefficients", coefficients) };
+        let number = list[..n].iter().rfind(|number| number.value == invalid.value)?;
+        let [before, [speed, _]] = [points[n - 2], points[n - 1]];
+        let least = SpeedTable::least_at(before, speed);
+        let falls = !is_speed && invalid.value < least && least < 1.0;
+        let help = falls.then(|| format!("write at least {:.4} at {speed} m/s", (least * 1e4).ceil() / 1e4));
+        s.refuse(name, &number.span, format!("must be {}", invalid.allowed), help);
+        return None;
+    }
+    SpeedTable::new(&points).map(Wall::TableRestitution)
 }
 
 /// k1 stated, by its material's name, or from storage modulus and shape factor; c1 stated, or from the loss factor by a law.

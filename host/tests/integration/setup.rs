@@ -96,6 +96,7 @@ impl<'t> Writer<'t> {
             }
             Kind::Word(words) => format!("{:?}", words[self.rng.usize(..words.len())]),
             Kind::Number(_) => format!("{:?}", self.number(path, key.name)),
+            Kind::Numbers(Range::Positive) => "[0.01, 0.05]".into(),
             Kind::Numbers(_) => "[0.0, 0.05]".into(),
             Kind::Text => "\"some.csv\"".into(),
             Kind::TextOrPlace => "2".into(),

@@ -4,7 +4,7 @@
 use damprig::campaign::Campaign;
 use damprig::input::Source;
 use damprig::simulation::Case;
-use damprig_core::model::{Cavity, Release, Restitution, SetUp, Wall};
+use damprig_core::model::{Cavity, Release, Restitution, SetUp, SpeedTable, Wall};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -50,6 +50,65 @@ fn a_case_and_a_campaign_read_the_same_falling_restitution() {
     let wall = read(FALLING).particle.expect("it has one").wall;
     assert_eq!(wall, Wall::SpeedRestitution(law));
     assert_eq!(in_campaign(FALLING).particle.expect("it has one").wall, wall);
+}
+
+const TABLE: &str =
+    "wall = { kind = \"restitution\", speeds_m_per_s = [0.1, 0.5, 2], coefficients = [0.9, 0.75, 0.6] }";
+
+#[test]
+fn a_case_and_a_campaign_read_the_same_table_of_restitution() {
+    let table = SpeedTable::new(&[[0.1, 0.9], [0.5, 0.75], [2.0, 0.6]]).expect("three points");
+    let set_up = read(TABLE);
+    assert_eq!(set_up.particle.expect("it has one").wall, Wall::TableRestitution(table));
+    assert_eq!(in_campaign(TABLE).particle, set_up.particle);
+    let text = serde_json::to_string(&set_up).unwrap();
+    assert_eq!(serde_json::from_str::<SetUp>(&text).unwrap(), set_up, "{text}");
+}
+
+#[test]
+fn a_level_table_gives_the_numbers_of_the_constant_coefficient() {
+    let level = "wall = { kind = \"restitution\", speeds_m_per_s = [0.1, 2], coefficients = [0.6, 0.6] }";
+    let constant = answer("wall = { kind = \"restitution\", coefficient = 0.6 }");
+    assert_eq!(constant["summary"], answer(level)["summary"]);
+    assert_ne!(constant["summary"], answer(TABLE)["summary"]);
+}
+
+#[test]
+fn a_table_is_in_the_text_of_a_simulation_and_in_its_analysis() {
+    let folder = TempDir::new().unwrap();
+    let (is_done, out, told) = run(&folder, &case(TABLE), &["--set", "run.duration_s=40", "--analyse"]);
+    assert!(is_done, "{told}");
+    assert!(out.contains("e = 0.9 at 0.1 m/s, 0.75 at 0.5 m/s, 0.6 at 2 m/s"), "{out}");
+}
+
+#[test]
+fn values_of_a_table_that_are_missing_or_not_allowed_are_named() {
+    let wall = |keys: &str| format!("wall = {{ kind = \"restitution\", {keys} }}");
+    refused(&wall("coefficients = [0.9, 0.6]"), &["particle.wall", "speeds_m_per_s"]);
+    refused(&wall("speeds_m_per_s = [0.1, 0.6]"), &["coefficient"]);
+    refused(&wall("coefficient = 0.5, speeds_m_per_s = [0.1, 0.6]"), &["speeds_m_per_s", "coefficients"]);
+    refused(&wall("coefficient = 0.5, coefficients = [0.9, 0.6], speeds_m_per_s = [0.1, 2]"), &["leave out"]);
+    refused(
+        &wall("coefficients = [0.9, 0.6], speeds_m_per_s = [0.1, 2], exponent = 0.2"),
+        &["exponent", "coefficients"],
+    );
+    refused(
+        &wall("coefficients = [0.9, 0.6, 0.5], speeds_m_per_s = [0.1, 2]"),
+        &["must be 2 to 6 numbers, one for each of `speeds_m_per_s`; there are 3 for 2 speeds", "case.toml:4"],
+    );
+    refused(&wall("coefficients = [0.9], speeds_m_per_s = [0.1]"), &["must be 2 to 6 numbers"]);
+    refused(
+        &wall("coefficients = [0.9, 0.8, 0.5], speeds_m_per_s = [0.5, 1, 1.2]"),
+        &["`particle.wall.coefficients` = 0.5 is not allowed", "never falls", "write at least 0.6858 at 1.2 m/s"],
+    );
+    refused(
+        &wall("coefficients = [0.9, 0.8, 0.7], speeds_m_per_s = [0.5, 1.5, 1]"),
+        &["`particle.wall.speeds_m_per_s` = 1 is not allowed", "1.001 times the speed before"],
+    );
+    refused(
+        &wall("coefficients = [1, 0.8], speeds_m_per_s = [0.5, 1.5]"),
+        &["`particle.wall.coefficients` = 1 is not allowed", "less than 1"],
+    );
 }
 
 /// The same particle as a campaign reads it.

@@ -192,9 +192,8 @@ impl<T: Real> Equations<T> {
         }
         match guard {
             Guard::Wall(side) if self.walls[of(side)].release.is_none() => {
-                // e(|s|) s of s = y′ − x′ has the derivative e (1 − p), with the exponent p.
-                let (e, falls) = self.walls[of(side)].restitution(before[SLIDE]);
-                let (steep, rest) = (e * (one - falls), e * falls * before[SLIDE]);
+                let (steep, falls) = self.walls[of(side)].restitution(before[SLIDE]);
+                let rest = falls * before[SLIDE];
                 let share = self.mass / (one + self.mass);
                 (rows[V][SLIDE], rows[V][ONE]) = ((one + steep) * share, rest * share);
                 (rows[SLIDE][SLIDE], rows[SLIDE][ONE]) = (-steep, -rest);

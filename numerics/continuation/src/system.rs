@@ -93,7 +93,7 @@ impl System {
             Parameter::Clearance => self.has_particle,
             Parameter::InternalFriction => self.has_particle && self.level_gravity() > 0.0,
             Parameter::ClearanceRatio => self.has_particle && moves_base,
-            Parameter::Restitution => self.is_hard(-1),
+            Parameter::Restitution => self.set_up.particle.is_some_and(|p| p.wall.restitution().is_some()),
             Parameter::LinkStiffness | Parameter::LinkDamping => {
                 self.has_tmd || (self.has_particle && !self.is_hard(-1))
             }
@@ -151,6 +151,7 @@ impl System {
             match &mut particle.wall {
                 Wall::Restitution { coefficient } => *coefficient = v.restitution,
                 Wall::SpeedRestitution(law) => law.coefficient = v.restitution,
+                Wall::TableRestitution(_) => {}
                 Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
                     (*stiffness_n_per_m, *damping_n_s_per_m) = (v.link_stiffness, v.link_damping);
                 }

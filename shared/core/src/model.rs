@@ -7,6 +7,7 @@
 
 mod cavity;
 mod soft_wall;
+mod speed_table;
 mod tuning;
 mod wall;
 
@@ -18,6 +19,7 @@ use serde::{Deserialize, Serialize};
 
 pub use cavity::Cavity;
 pub use soft_wall::{DampingLaw, Material};
+pub use speed_table::{SPEED_TABLE_POINTS, SpeedTable};
 pub use tuning::Tuning;
 pub use wall::{ImpactLaw, Release, Restitution, Wall};
 

@@ -14,7 +14,7 @@ use crate::MAX_SIGNALS;
 use crate::upload::CHUNK_BYTES;
 
 /// Longest message to the simulator, bytes.
-pub const SIMULATOR_BYTES: usize = 480;
+pub const SIMULATOR_BYTES: usize = 600;
 
 /// A message from the host.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]

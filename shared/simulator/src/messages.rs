@@ -68,25 +68,18 @@ mod tests {
     use crate::plant::walls::WallSensors;
     use crate::plant::{Base, DataSheet, Shaker, TrueScales};
     use damprig_core::io::Calibration;
-    use damprig_core::model::{Cavity, FrictionDamper, Particle, Release, Restitution, SetUp, Structure, Tmd, Wall};
+    use damprig_core::model::{Cavity, FrictionDamper, Particle, SetUp, SpeedTable, Structure, Tmd, Wall};
 
     fn longest() -> PlantConfig {
         let mut set_up = SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038));
+        let table = SpeedTable::new(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0].map(|speed| [speed, 0.6])).expect("six points");
+        let wall = Wall::TableRestitution(table);
         set_up.particle = Some(Particle {
             mass_kg: 0.16,
             clearance_m: 0.0075,
             friction_coefficient: 0.08,
-            wall: Wall::Voigt { stiffness_n_per_m: 1e3, damping_n_s_per_m: 0.2, release: Release::ZeroPenetration },
-            cavity: Cavity {
-                positive_wall: Some(Wall::SpeedRestitution(Restitution {
-                    coefficient: 0.6,
-                    reference_speed_m_per_s: 0.5,
-                    exponent: 0.25,
-                    maximum: 0.9,
-                })),
-                offset_m: 0.001,
-                inclination_deg: 30.0,
-            },
+            wall,
+            cavity: Cavity { positive_wall: Some(wall), offset_m: 0.001, inclination_deg: 30.0 },
         });
         set_up.friction_damper = Some(FrictionDamper { force_n: 0.2 });
         set_up.tmd = Some(Tmd { mass_kg: 0.16, stiffness_n_per_m: 32.8, damping_n_s_per_m: 0.7 });

@@ -37,11 +37,40 @@ pub const RARE_PARAMETERS: &[Parameter] = &[
     ("positive_restitution_reference_speed_m_per_s", |s| Some(positive(s)?.falling()?.reference_speed_m_per_s)),
     ("positive_restitution_exponent", |s| Some(positive(s)?.falling()?.exponent)),
     ("positive_restitution_maximum", |s| Some(positive(s)?.falling()?.maximum)),
+    ("restitution_speed_1_m_per_s", |s| point(s.particle?.wall, 0, 0)),
+    ("restitution_at_speed_1", |s| point(s.particle?.wall, 0, 1)),
+    ("restitution_speed_2_m_per_s", |s| point(s.particle?.wall, 1, 0)),
+    ("restitution_at_speed_2", |s| point(s.particle?.wall, 1, 1)),
+    ("restitution_speed_3_m_per_s", |s| point(s.particle?.wall, 2, 0)),
+    ("restitution_at_speed_3", |s| point(s.particle?.wall, 2, 1)),
+    ("restitution_speed_4_m_per_s", |s| point(s.particle?.wall, 3, 0)),
+    ("restitution_at_speed_4", |s| point(s.particle?.wall, 3, 1)),
+    ("restitution_speed_5_m_per_s", |s| point(s.particle?.wall, 4, 0)),
+    ("restitution_at_speed_5", |s| point(s.particle?.wall, 4, 1)),
+    ("restitution_speed_6_m_per_s", |s| point(s.particle?.wall, 5, 0)),
+    ("restitution_at_speed_6", |s| point(s.particle?.wall, 5, 1)),
+    ("positive_restitution_speed_1_m_per_s", |s| point(s.particle?.cavity.positive_wall?, 0, 0)),
+    ("positive_restitution_at_speed_1", |s| point(s.particle?.cavity.positive_wall?, 0, 1)),
+    ("positive_restitution_speed_2_m_per_s", |s| point(s.particle?.cavity.positive_wall?, 1, 0)),
+    ("positive_restitution_at_speed_2", |s| point(s.particle?.cavity.positive_wall?, 1, 1)),
+    ("positive_restitution_speed_3_m_per_s", |s| point(s.particle?.cavity.positive_wall?, 2, 0)),
+    ("positive_restitution_at_speed_3", |s| point(s.particle?.cavity.positive_wall?, 2, 1)),
+    ("positive_restitution_speed_4_m_per_s", |s| point(s.particle?.cavity.positive_wall?, 3, 0)),
+    ("positive_restitution_at_speed_4", |s| point(s.particle?.cavity.positive_wall?, 3, 1)),
+    ("positive_restitution_speed_5_m_per_s", |s| point(s.particle?.cavity.positive_wall?, 4, 0)),
+    ("positive_restitution_at_speed_5", |s| point(s.particle?.cavity.positive_wall?, 4, 1)),
+    ("positive_restitution_speed_6_m_per_s", |s| point(s.particle?.cavity.positive_wall?, 5, 0)),
+    ("positive_restitution_at_speed_6", |s| point(s.particle?.cavity.positive_wall?, 5, 1)),
     ("positive_wall_stiffness_n_per_m", |s| Some(positive(s)?.spring_and_dashpot()?.0)),
     ("positive_wall_damping_n_s_per_m", |s| Some(positive(s)?.spring_and_dashpot()?.1)),
     ("cavity_offset_m", |s| s.particle.map(|p| p.cavity.offset_m).filter(|offset_m| *offset_m != 0.0)),
     ("inclination_deg", |s| s.particle.map(|p| p.cavity.inclination_deg).filter(|degrees| *degrees != 0.0)),
 ];
+
+/// A point's speed, m/s, or e, of a wall with a table of e over the speed.
+fn point(wall: Wall, n: usize, column: usize) -> Option<f64> {
+    wall.table()?.points().get(n).map(|point| point[column])
+}
 
 /// The wall at the positive side, where it differs.
 fn positive(set_up: &SetUp) -> Option<Wall> {

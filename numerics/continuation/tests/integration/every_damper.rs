@@ -6,7 +6,7 @@ use damprig_continuation::{Branch, Orbit, Parameter, ReturnMap, System, Task, Ti
 use damprig_core::integrator::exact::{Exact, Excitation};
 use damprig_core::integrator::modes::Grip;
 use damprig_core::model::{
-    Cavity, FrictionDamper, Initial, Particle, Release, Restitution, SetUp, Structure, Tmd, Wall,
+    Cavity, FrictionDamper, Initial, Particle, Release, Restitution, SetUp, SpeedTable, Structure, Tmd, Wall,
 };
 use nalgebra::{Complex, DMatrix};
 
@@ -31,6 +31,8 @@ fn systems() -> Vec<(&'static str, SetUp, Excitation, Task)> {
     let hard = Wall::Restitution { coefficient: 0.5 };
     let law = Restitution { coefficient: 0.5, reference_speed_m_per_s: 40.0, exponent: 0.25, maximum: 0.9 };
     let falling = Wall::SpeedRestitution(law);
+    let table = SpeedTable::new(&[[5.0, 0.8], [30.0, 0.55], [100.0, 0.4]]).expect("three points");
+    let tabulated = Wall::TableRestitution(table);
     let soft = |release| Wall::Voigt { stiffness_n_per_m: 3_000.0, damping_n_s_per_m: 4.0, release };
     let k = structure(0.01).structure.stiffness_n_per_m;
     let damper = |ratio: f64| Some(FrictionDamper { force_n: ratio * k });
@@ -53,6 +55,12 @@ fn systems() -> Vec<(&'static str, SetUp, Excitation, Task)> {
         (
             "falling restitution, friction",
             SetUp { particle: particle(10.0, 1.0, falling), ..structure(0.01) },
+            sine(1.0),
+            task(Parameter::Clearance, (5.0, 20.0), 10.0),
+        ),
+        (
+            "table of restitution",
+            SetUp { particle: particle(10.0, 1.0, tabulated), ..structure(0.01) },
             sine(1.0),
             task(Parameter::Clearance, (5.0, 20.0), 10.0),
         ),

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use damprig_continuation::ReturnMap;
 use damprig_core::integrator::exact::{Accumulation, Exact, ExactState, Excitation, Impact, Observer};
 use damprig_core::model::{
-    Cavity, FrictionDamper, Initial, Particle, Release, Restitution, SetUp, Structure, Tmd, Wall,
+    Cavity, FrictionDamper, Initial, Particle, Release, Restitution, SetUp, SpeedTable, Structure, Tmd, Wall,
 };
 use nalgebra::DMatrix;
 
@@ -140,6 +140,16 @@ fn falling(draw: Draw<'_>, maximum: f64) -> Wall {
     Wall::SpeedRestitution(Restitution { coefficient, reference_speed_m_per_s, exponent: draw(0.05, 1.0), maximum })
 }
 
+/// A table of restitution over such speeds; it rises too.
+fn table(draw: Draw<'_>, most: f64) -> Wall {
+    let mut points = [[draw(2.0, 20.0), draw(0.0, most)]; 4];
+    for n in 1..points.len() {
+        let speed = points[n - 1][0] * draw(1.3, 3.0);
+        points[n] = [speed, draw(SpeedTable::least_at(points[n - 1], speed), most)];
+    }
+    Wall::TableRestitution(SpeedTable::new(&points).expect("four points"))
+}
+
 fn soft(draw: Draw<'_>, release: Release) -> Wall {
     Wall::Voigt { stiffness_n_per_m: draw(500.0, 2e4), damping_n_s_per_m: draw(0.5, 10.0), release }
 }
@@ -154,6 +164,10 @@ fn the_derivative_is_that_of_the_differences_for_every_damper() {
     };
     let slower = |draw: Draw<'_>| {
         let wall = falling(draw, 0.9);
+        (SetUp { particle: particle(draw(1.0, 15.0), 0.0, wall), ..structure(draw(0.01, 0.1)) }, draw(0.7, 1.3))
+    };
+    let tabulated = |draw: Draw<'_>| {
+        let wall = table(draw, 0.9);
         (SetUp { particle: particle(draw(1.0, 15.0), 0.0, wall), ..structure(draw(0.01, 0.1)) }, draw(0.7, 1.3))
     };
     // Two walls of any kinds, off the centre and inclined, under a weight as large as the structure's acceleration.
@@ -202,6 +216,7 @@ fn the_derivative_is_that_of_the_differences_for_every_damper() {
     for (name, least, (compared, _)) in [
         ("particle", 20, compare("particle", 1, free)),
         ("falling restitution", 20, compare("falling restitution", 11, slower)),
+        ("table of restitution", 20, compare("table of restitution", 14, tabulated)),
         ("lopsided", 15, compare("lopsided", 13, lopsided)),
         ("particle with friction", 20, compare("particle with friction", 2, slides)),
         ("soft walls, zero force", 20, compare("soft walls, zero force", 3, zero_force)),
@@ -225,6 +240,10 @@ fn the_derivative_is_that_of_the_differences_where_impacts_accumulate() {
         let wall = falling(draw, 0.5);
         (SetUp { particle: particle(draw(0.1, 0.8), 0.0, wall), ..structure(draw(0.02, 0.1)) }, draw(0.5, 1.5))
     });
+    let (_, varies) = compare("chatter of a table", 15, |draw| {
+        let wall = table(draw, 0.5);
+        (SetUp { particle: particle(draw(0.1, 0.8), 0.0, wall), ..structure(draw(0.02, 0.1)) }, draw(0.5, 1.5))
+    });
     let (_, with_friction) = compare("chatter with friction", 9, |draw| {
         let wall = Wall::Restitution { coefficient: draw(0.05, 0.5) };
         let friction = draw(0.05, 1.0);
@@ -237,7 +256,7 @@ fn the_derivative_is_that_of_the_differences_where_impacts_accumulate() {
         let particle = particle(draw(0.1, 0.8), 0.0, wall);
         (SetUp { particle, friction_damper, ..structure(draw(0.02, 0.1)) }, draw(0.5, 1.5))
     });
-    assert!(falls >= 10, "{falls}");
+    assert!(falls >= 10 && varies >= 10, "{falls} {varies}");
     assert!(alone >= 10 && with_friction >= 10 && with_damper >= 10, "{alone} {with_friction} {with_damper}");
 }
 

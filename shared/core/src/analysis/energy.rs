@@ -84,7 +84,7 @@ impl EnergyMeter {
             second_mass_kg = particle.mass_kg;
             let horizontal_n = particle.friction_coefficient * particle.mass_kg * set_up.gravity_m_per_s2;
             friction_n = horizontal_n * particle.cavity.level();
-            restitution = particle.walls().map(|wall| wall.restitution().map(|law| law.law(1.0)));
+            restitution = particle.walls().map(|wall| wall.impact_law(1.0));
             links = particle.walls().map(|wall| wall.spring_and_dashpot().unwrap_or_default());
         } else if let Some(tmd) = set_up.tmd {
             second_mass_kg = tmd.mass_kg;

@@ -240,8 +240,9 @@ fn ends_m(set_up: &SetUp) -> [f64; 2] {
 
 /// The laws of impact in a unit of velocity of this many m/s.
 fn impact_laws<S: Scalar>(set_up: &SetUp, velocity_m_per_s: f64) -> [ImpactLaw<S>; 2] {
-    let walls = set_up.particle.map_or([None; 2], |particle| particle.walls().map(|wall| wall.restitution()));
-    walls.map(|law| law.unwrap_or(Restitution::constant(0.0)).law(velocity_m_per_s))
+    let walls =
+        set_up.particle.map_or([None; 2], |particle| particle.walls().map(|wall| wall.impact_law(velocity_m_per_s)));
+    walls.map(|law| law.unwrap_or(Restitution::constant(0.0).law(velocity_m_per_s)))
 }
 
 /// `value` with the sign of `direction`, or zero.

@@ -51,6 +51,8 @@ fn of_positive_wall(invalid: Invalid) -> Invalid {
         "particle.wall.reference_speed_m_per_s" => "particle.positive_wall.reference_speed_m_per_s",
         "particle.wall.exponent" => "particle.positive_wall.exponent",
         "particle.wall.maximum" => "particle.positive_wall.maximum",
+        "particle.wall.coefficients" => "particle.positive_wall.coefficients",
+        "particle.wall.speeds_m_per_s" => "particle.positive_wall.speeds_m_per_s",
         "particle.wall.stiffness_n_per_m" => "particle.positive_wall.stiffness_n_per_m",
         "particle.wall.damping_n_s_per_m" => "particle.positive_wall.damping_n_s_per_m",
         other => other,

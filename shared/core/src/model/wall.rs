@@ -1,5 +1,6 @@
 //! A wall of the particle's cavity: hard, with a law of impact, or soft, with a spring and a dashpot.
 
+use super::speed_table::{Pieces, SpeedTable};
 use crate::io::{Invalid, not_negative, positive, require};
 use crate::scalar::Scalar;
 use postcard_schema::Schema;
@@ -24,6 +25,8 @@ pub enum Wall {
     },
     /// A hard wall whose coefficient of restitution falls with the speed of the impact.
     SpeedRestitution(Restitution),
+    /// A hard wall whose coefficient of restitution is a table over the speed of the impact.
+    TableRestitution(SpeedTable),
 }
 
 /// Condition at which a particle leaves a soft wall.
@@ -69,13 +72,16 @@ impl Restitution {
     /// The law in the scalar of a calculation whose unit of velocity is this many m/s.
     #[must_use]
     pub fn law<S: Scalar>(&self, velocity_m_per_s: f64) -> ImpactLaw<S> {
-        let is_constant = self.exponent == 0.0 || self.coefficient == 0.0;
-        ImpactLaw {
-            coefficient: S::from_f64(if is_constant { self.coefficient.min(self.maximum) } else { self.coefficient }),
-            reference: S::from_f64(self.reference_speed_m_per_s / velocity_m_per_s),
-            exponent: S::from_f64(if is_constant { 0.0 } else { self.exponent }),
-            maximum: S::from_f64(if is_constant { self.coefficient.min(self.maximum) } else { self.maximum }),
-        }
+        ImpactLaw(if self.exponent == 0.0 || self.coefficient == 0.0 {
+            Law::Constant(S::from_f64(self.coefficient.min(self.maximum)))
+        } else {
+            Law::Power(Power {
+                coefficient: S::from_f64(self.coefficient),
+                reference: S::from_f64(self.reference_speed_m_per_s / velocity_m_per_s),
+                exponent: S::from_f64(self.exponent),
+                maximum: S::from_f64(self.maximum),
+            })
+        })
     }
 
     fn validate(&self) -> Result<(), Invalid> {
@@ -89,55 +95,132 @@ impl Restitution {
     }
 }
 
-/// [`Restitution`] in the scalar and the unit of velocity of a calculation.
+/// The law of impact of a hard wall in the scalar and the unit of velocity of a calculation.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ImpactLaw<S> {
+pub struct ImpactLaw<S>(Law<S>);
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Law<S> {
+    Constant(S),
+    Power(Power<S>),
+    Table(Pieces<S>),
+}
+
+/// [`Restitution`] whose exponent is greater than 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Power<S> {
     coefficient: S,
     reference: S,
-    /// 0 for a constant coefficient.
     exponent: S,
-    /// Largest e; the coefficient where it is constant.
     maximum: S,
 }
 
-impl<S: Scalar> ImpactLaw<S> {
-    /// e of an impact with this approach speed; greater than 0.
-    #[inline]
-    #[must_use]
-    pub fn at(&self, speed: S) -> S {
-        if self.exponent == S::ZERO { self.coefficient } else { self.falling(speed) }
-    }
+/// Steps that find the approach speed of an impact where e follows a power of it.
+const APPROACH_STEPS: u8 = 8;
 
-    /// A call of its own: the common constant coefficient stays inline.
-    fn falling(&self, speed: S) -> S {
+impl<S: Scalar> Power<S> {
+    fn at(&self, speed: S) -> S {
         (self.coefficient * (speed / self.reference).power(-self.exponent)).min(self.maximum)
     }
 
-    /// e of slow impacts: no impact has a larger one.
+    /// As e falls with at most the first power of v, each step at least halves the error, which is below half the closing speed at the
+    /// start.
+    fn approach(&self, closing: S) -> S {
+        let mut approach = closing;
+        for _ in 0..APPROACH_STEPS {
+            approach = closing / (S::ONE + self.at(approach));
+        }
+        approach
+    }
+}
+
+impl<S: Scalar> ImpactLaw<S> {
+    /// e of an impact with this approach speed; 0 or greater.
+    #[inline]
+    #[must_use]
+    pub fn at(&self, speed: S) -> S {
+        if let Law::Constant(e) = self.0 { e } else { self.varying(speed) }
+    }
+
+    /// A call of its own: the common constant coefficient stays inline.
+    fn varying(&self, speed: S) -> S {
+        match &self.0 {
+            Law::Constant(e) => *e,
+            Law::Power(law) => law.at(speed),
+            Law::Table(pieces) => pieces.at(speed),
+        }
+    }
+
+    /// The largest e: no impact has a larger one.
     #[must_use]
     pub fn maximum(&self) -> S {
-        self.maximum
+        match &self.0 {
+            Law::Constant(e) => *e,
+            Law::Power(law) => law.maximum,
+            Law::Table(pieces) => pieces.maximum(),
+        }
+    }
+
+    /// e of slow impacts.
+    #[must_use]
+    pub fn slow(&self) -> S {
+        if let Law::Table(pieces) = &self.0 { pieces.slow() } else { self.maximum() }
+    }
+
+    /// Whether e is that of slow impacts at this approach speed and all lower ones.
+    #[must_use]
+    pub fn is_slow(&self, speed: S) -> bool {
+        match &self.0 {
+            Law::Constant(_) => true,
+            Law::Power(law) => law.at(speed) == law.maximum,
+            Law::Table(pieces) => pieces.is_slow(speed),
+        }
+    }
+
+    /// The approach speed v at which approach and rebound speed together, v (1 + e(v)), are `closing`, 0 or greater.
+    #[must_use]
+    pub fn approach(&self, closing: S) -> S {
+        match &self.0 {
+            Law::Constant(e) => closing / (S::ONE + *e),
+            Law::Power(law) => law.approach(closing),
+            Law::Table(pieces) => pieces.approach(closing),
+        }
     }
 
     /// Whether e is the same at every speed.
     #[must_use]
     pub fn is_constant(&self) -> bool {
-        self.exponent == S::ZERO
+        matches!(self.0, Law::Constant(_))
     }
 }
 
 impl Wall {
-    /// The law of impact of a hard wall; `None` of a soft one.
+    /// The law of impact of a hard wall in a calculation whose unit of velocity is this many m/s; `None` of a soft wall.
+    #[must_use]
+    pub fn impact_law<S: Scalar>(&self, velocity_m_per_s: f64) -> Option<ImpactLaw<S>> {
+        match self {
+            Self::TableRestitution(table) => Some(ImpactLaw(Law::Table(table.pieces(velocity_m_per_s)))),
+            _ => self.restitution().map(|law| law.law(velocity_m_per_s)),
+        }
+    }
+
+    /// A constant e, or e as a power of the speed; `None` of a soft wall and of a table.
     #[must_use]
     pub fn restitution(&self) -> Option<Restitution> {
         match *self {
             Self::Restitution { coefficient } => Some(Restitution::constant(coefficient)),
             Self::SpeedRestitution(law) => Some(law),
-            Self::Voigt { .. } => None,
+            Self::TableRestitution(_) | Self::Voigt { .. } => None,
         }
     }
 
-    /// The law of impact of a hard wall whose e falls with the speed.
+    /// The table of a hard wall that has one.
+    #[must_use]
+    pub fn table(&self) -> Option<SpeedTable> {
+        if let Self::TableRestitution(table) = *self { Some(table) } else { None }
+    }
+
+    /// The law of impact of a hard wall whose e falls with a power of the speed.
     #[must_use]
     pub fn falling(&self) -> Option<Restitution> {
         self.restitution().filter(|law| law.exponent > 0.0)
@@ -172,6 +255,7 @@ impl Wall {
         match *self {
             Self::Restitution { coefficient } => Restitution::constant(coefficient).validate(),
             Self::SpeedRestitution(law) => law.validate(),
+            Self::TableRestitution(table) => table.validate(),
             Self::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
                 positive("particle.wall.stiffness_n_per_m", stiffness_n_per_m)?;
                 not_negative("particle.wall.damping_n_s_per_m", damping_n_s_per_m)

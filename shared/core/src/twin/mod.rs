@@ -46,9 +46,6 @@ pub const DETECTIONS_WAITING: usize = 8;
 /// met the wall itself, unless its error is as large as that.
 const LEARNT_AFTER: f32 = 2.0;
 
-/// Steps that find the approach speed of an impact where restitution depends on it.
-const APPROACH_STEPS: u8 = 8;
-
 /// Most integrator steps per tick; a structure above 31 Hz needs more.
 const MAX_STEPS: u8 = 2;
 
@@ -206,17 +203,18 @@ struct Rebound {
 impl Rebound {
     fn new(set_up: &SetUp, side: Sign) -> Self {
         let mass_kg = set_up.particle.map_or(0.0, |particle| particle.mass_kg);
-        let restitution = set_up.particle.and_then(|particle| particle.walls()[of(side)].restitution());
-        let per_impulse = restitution.map_or(0.0, |law| {
+        let wall = set_up.particle.map(|particle| particle.walls()[of(side)]);
+        let law = wall.and_then(|wall| wall.impact_law(1.0));
+        let coefficient = wall.and_then(|wall| wall.restitution()).map_or(0.0, |law| law.coefficient);
+        let per_impulse = law.map_or(0.0, |_| {
             let ratio = mass_kg / set_up.structure.mass_kg;
-            (1.0 + ratio) / (mass_kg * (1.0 + law.coefficient))
+            (1.0 + ratio) / (mass_kg * (1.0 + coefficient))
         });
-        let law = restitution.unwrap_or(Restitution::constant(0.0));
         let approach_per_impulse = per_impulse as f32;
         Self {
-            law: law.law(1.0),
+            law: law.unwrap_or(Restitution::constant(0.0).law(1.0)),
             approach_per_impulse,
-            closing_per_impulse: approach_per_impulse * (1.0 + law.coefficient as f32),
+            closing_per_impulse: approach_per_impulse * (1.0 + coefficient as f32),
         }
     }
 
@@ -225,14 +223,8 @@ impl Rebound {
         if self.law.is_constant() {
             return self.law.maximum() * self.approach_per_impulse * step_s * impulse_n_s;
         }
-        // The approach speed w is where w (1 + e(w)) is the closing speed. As e falls with at most the first power of w, each step
-        // at least halves the error, which is below half the closing speed at the start.
         let closing = self.closing_per_impulse * Scalar::max(impulse_n_s, 0.0);
-        let mut approach = closing;
-        for _ in 0..APPROACH_STEPS {
-            approach = closing / (1.0 + self.law.at(approach));
-        }
-        (closing - approach) * step_s
+        (closing - self.law.approach(closing)) * step_s
     }
 }
 

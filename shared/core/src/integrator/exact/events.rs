@@ -15,7 +15,7 @@ const LEFT_OUT: f64 = f64::EPSILON;
 /// Impacts are summed instead of listed only when slower than this fraction of the fastest impact of the run.
 const SLOW: f64 = 1e-4;
 
-/// Flights of a summed chatter, of impacts whose e has not reached its maximum, whose durations are added up one by one.
+/// Flights of a summed chatter, of impacts whose e is not yet that of slow ones, whose durations are added up one by one.
 const MAX_UNEVEN_FLIGHTS: u32 = 1_000;
 
 /// Largest relative change of the pressing acceleration until the chatter ends.
@@ -132,7 +132,8 @@ impl Exact {
         let h = self.leg.step_s;
         // The remaining impacts are slower, so that none has a larger e.
         let law = self.c.restitution(side);
-        let e = law.maximum();
+        let is_slow = law.is_slow(self.state.slide_m_per_s.abs());
+        let e = if is_slow { law.slow() } else { law.maximum() };
         let lift = self.state.slide_m_per_s.abs() * h;
         let pressing_out = self.pressing(side, slip) * h * h;
         let (mass, light) = (self.c.mass, self.c.particle_mass);
@@ -154,7 +155,7 @@ impl Exact {
         let hop = 2.0 / 3.0 * lift * lift * lift / (pressing * pressing);
         let kick = self.c.stiffness * h * h * light / (together * together) * hop / (1.0 - e * e * e);
         let sure = lasts <= 1.0 && jerk * lasts <= PRESSING_CHANGE * pressing;
-        let is_even = both_ways == 0.0 && law.at(self.state.slide_m_per_s.abs()) == e;
+        let is_even = both_ways == 0.0 && is_slow;
         let left_out = if is_even { kick * (jerk * lasts / pressing + lasts) } else { kick };
         // With a friction damper the impulses may make the structure stick and slip. The error in its position is of
         // the order of the height.
@@ -196,16 +197,16 @@ impl Exact {
         let law = self.c.restitution(side);
         let (flight, slowed) = (1.0 / out + 1.0 / libm::sqrt(out * back), libm::sqrt(back / out));
         let (mut speed, mut first) = (lift, 0.0);
-        // Flights until e has reached its maximum; from there they are shortened by the same factor each.
+        // Flights until e is that of slow impacts; from there they are shortened by the same factor each.
         for _ in 0..MAX_UNEVEN_FLIGHTS {
-            let e = law.at(speed * slowed / self.leg.step_s);
-            if e == law.maximum() {
+            let approach = speed * slowed / self.leg.step_s;
+            if law.is_slow(approach) {
                 break;
             }
             first += speed * flight;
-            speed *= e * slowed;
+            speed *= law.at(approach) * slowed;
         }
-        let even = first + speed * flight / (1.0 - law.maximum() * slowed);
+        let even = first + speed * flight / (1.0 - law.slow() * slowed);
         if self.leg.path != Path::Alone {
             return even;
         }
