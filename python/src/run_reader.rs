@@ -1,6 +1,7 @@
 //! A run folder, read by the host's reader.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use arrow_array::RecordBatch;
 use damprig::report::exports::uff::Uff;
@@ -73,6 +74,7 @@ impl RunReader {
             set_up: None,
             from_s: 0.0,
             to_s: f64::INFINITY,
+            samples_read: Arc::default(),
         };
         work(py, || {
             Uff.export(&self.0, &selection, &OutFile { path: file, force: true })?;

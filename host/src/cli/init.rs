@@ -1,4 +1,4 @@
-//! `damprig init`: writes a new campaign, case or study with comments, from flags or from a few questions.
+//! `damprig init`: writes a new campaign, case, study or optimisation with comments, from flags or from a few questions.
 
 use std::io::{BufRead, IsTerminal, Write, stdin};
 use std::path::{Path, PathBuf};
@@ -11,21 +11,22 @@ use super::arguments::{not_negative, positive};
 use super::outcome::{Failure, Outcome};
 use crate::campaign::Campaign;
 use crate::file_keys::fit;
-use crate::file_keys::new_file::{self, Damper, Excitation, Fitted, RecordFile, Values};
+use crate::file_keys::new_file::{self, Damper, Excitation, Fitted, RecordFile, Sensors, Values};
 use crate::file_keys::new_study;
 use crate::input::Source;
+use crate::optimise::Optimisation;
 use crate::simulation::Case;
 use crate::storage::out_file::{EXISTS, OutFile, to_failure, write_new};
 use crate::study::Study;
 use crate::study::bifurcation::SweepAxis;
 
-/// Writes a new campaign, case or study: a commented file to edit.
+/// Writes a new campaign, case, study or optimisation: a commented file to edit.
 ///
 /// Without options, on a terminal, it asks. Values that are not given are those of the rig of the source document.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// File to write [default: campaign.toml, case.toml or study.toml]
+    /// File to write [default: campaign.toml, case.toml, study.toml or optimisation.toml]
     #[arg(value_name = "FILE")]
     file: Option<PathBuf>,
 
@@ -40,6 +41,14 @@ pub struct Args {
     /// An axis of the study, may be repeated [default: what the case's damper is designed by]
     #[arg(long, value_name = "KEY=FROM:TO:COUNT", requires = "study")]
     axis: Vec<SweepAxis>,
+
+    /// Write an optimisation of this case, for damprig optimise
+    #[arg(long, value_name = "CASE", conflicts_with_all = ["case", "study", "damper", "experiment", "record", "ValueArgs"])]
+    optimise: Option<PathBuf>,
+
+    /// A variable of the optimisation, may be repeated [default: what the case's damper is designed by]
+    #[arg(long, value_name = "KEY=FROM:TO", requires = "optimise", value_parser = variable)]
+    variable: Vec<SweepAxis>,
 
     /// Dampers, a set-up each; a case has one [default: bare,spid; of a case: spid]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
@@ -76,7 +85,9 @@ Examples:
   damprig init --case --damper tmd --natural-frequency-hz 4
   damprig init soft.toml --damper bare,hybrid --wall pu-foam --friction-spring --experiment noise
   damprig init quake.toml --record quake.AT2
+  damprig init steel.toml --damper spid --wall steel --clearance-m 0.0075 --sensors data-sheet
   damprig init --study case.toml --axis particle.clearance_ratio=4:24:41
+  damprig init --optimise case.toml --variable particle.clearance_ratio=4:24
   damprig run my.toml --dry-run
 
 A set-up that a sweep with --base-amplitude-m would move beyond two thirds of the displacement limit, as the prediction has
@@ -127,9 +138,11 @@ enum ExperimentArg {
     Noise,
 }
 
-/// Materials of soft walls, as arguments.
+/// Materials of walls, as arguments.
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 enum WallArg {
+    /// Steel on aluminium
+    Steel,
     /// Rubber
     Rubber,
     /// Anti-vibration pad
@@ -140,15 +153,29 @@ enum WallArg {
     PuFoam,
 }
 
-impl From<WallArg> for Material {
-    fn from(argument: WallArg) -> Self {
-        match argument {
-            WallArg::Rubber => Self::Rubber,
-            WallArg::AntiVibrationPad => Self::AntiVibrationPad,
-            WallArg::AcrylicFoam => Self::AcrylicFoam,
-            WallArg::PuFoam => Self::PuFoam,
+/// e of steel on aluminium: table 3-2 of the source document.
+const STEEL: f64 = 0.82;
+
+impl WallArg {
+    /// The material of a soft wall.
+    fn soft(self) -> Option<Material> {
+        match self {
+            Self::Steel => None,
+            Self::Rubber => Some(Material::Rubber),
+            Self::AntiVibrationPad => Some(Material::AntiVibrationPad),
+            Self::AcrylicFoam => Some(Material::AcrylicFoam),
+            Self::PuFoam => Some(Material::PuFoam),
         }
     }
+}
+
+/// Simulated sensors, as arguments.
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+enum SensorsArg {
+    /// No errors
+    Ideal,
+    /// The errors of a data sheet, and noise
+    DataSheet,
 }
 
 impl From<ExperimentArg> for Excitation {
@@ -189,11 +216,15 @@ struct ValueArgs {
     #[arg(long, value_name = "RATIO", value_parser = positive)]
     clearance_ratio: Option<f64>,
 
+    /// d of the particle, half of its free travel
+    #[arg(long, value_name = "M", value_parser = positive, conflicts_with = "clearance_ratio")]
+    clearance_m: Option<f64>,
+
     /// e, the coefficient of restitution of the walls [default: 0.47]
     #[arg(long, value_name = "E", value_parser = not_negative)]
     restitution: Option<f64>,
 
-    /// Soft walls of this material instead of hard ones
+    /// Walls of this material: steel is hard with e = 0.82, the others are soft
     #[arg(long, value_name = "MATERIAL", conflicts_with = "restitution")]
     wall: Option<WallArg>,
 
@@ -204,6 +235,10 @@ struct ValueArgs {
     /// Friction dampers whose spring the rig adjusts to γF
     #[arg(long, conflicts_with = "case")]
     friction_spring: bool,
+
+    /// Errors of a campaign's simulated sensors [default: steps of 10 µm and noise]
+    #[arg(long, value_name = "KIND", conflicts_with = "case")]
+    sensors: Option<SensorsArg>,
 }
 
 impl ValueArgs {
@@ -217,10 +252,19 @@ impl ValueArgs {
             fitted: default.fitted,
             mass_ratio: self.mass_ratio.unwrap_or(default.mass_ratio),
             clearance_ratio: self.clearance_ratio.unwrap_or(default.clearance_ratio),
-            restitution: self.restitution.unwrap_or(default.restitution),
-            wall: self.wall.map(Material::from),
+            clearance_m: self.clearance_m,
+            restitution: match self.wall {
+                Some(WallArg::Steel) => STEEL,
+                _ => self.restitution.unwrap_or(default.restitution),
+            },
+            wall: self.wall.and_then(WallArg::soft),
             friction_ratio: self.friction_ratio.unwrap_or(default.friction_ratio),
             has_spring: self.friction_spring,
+            sensors: match self.sensors {
+                None => default.sensors,
+                Some(SensorsArg::Ideal) => Sensors::Ideal,
+                Some(SensorsArg::DataSheet) => Sensors::DataSheet,
+            },
             record: default.record,
         }
     }
@@ -242,6 +286,9 @@ struct Wanted {
 pub fn run(args: &Args) -> Outcome {
     if let Some(case) = &args.study {
         return study_of(case, args);
+    }
+    if let Some(case) = &args.optimise {
+        return optimisation_of(case, args);
     }
     let is_asked = stdin().is_terminal()
         && !args.case
@@ -294,6 +341,40 @@ fn study_of(case_path: &Path, args: &Args) -> Outcome {
     let shown = path.display();
     say!("Written to {shown}. Next: damprig study run {shown} --dry-run");
     Ok(())
+}
+
+/// Writes an optimisation of a case.
+fn optimisation_of(case_path: &Path, args: &Args) -> Outcome {
+    let path = args.file.clone().unwrap_or_else(|| "optimisation.toml".into());
+    refuse_existing(&path, args.force)?;
+    let case = Case::read(case_path).map_err(Failure::input)?;
+    let has_usual = case.set_up.particle.is_some() || case.set_up.friction_damper.is_some();
+    if args.variable.is_empty() && !has_usual {
+        return Err(Failure::Input(format!(
+            "--optimise {}: the case has no particle and no friction damper, whose clearance, restitution and force are usual variables\n  \
+             name what may change: --variable KEY=FROM:TO, for example --variable tmd.frequency_ratio=0.8:1.1",
+            case_path.display()
+        )));
+    }
+    let named = beside_or_whole("--optimise", case_path, &path)?;
+    let variables = if args.variable.is_empty() { new_study::usual_axes(&case) } else { args.variable.clone() };
+    let text = new_study::optimisation(&name_of(&path), &named, &case, &variables);
+    let source = Source::new(path.with_file_name("new file").display().to_string(), text.as_str());
+    Optimisation::parse(&source, &path, None)
+        .map_err(|refusal| Failure::Input(format!("{refusal}\n  nothing was written")))?;
+    write(&path, &text, args.force)?;
+    let shown = path.display();
+    say!("Written to {shown}. Next: damprig optimise {shown} --dry-run");
+    Ok(())
+}
+
+/// A variable and its range, as an axis from end to end.
+fn variable(text: &str) -> Result<SweepAxis, String> {
+    let is_range = text.split_once('=').is_some_and(|(_, range)| range.split(':').count() == 2);
+    if !is_range {
+        return Err("write KEY=FROM:TO, for example particle.clearance_ratio=4:24".into());
+    }
+    format!("{text}:2").parse()
 }
 
 fn write(path: &Path, text: &str, force: bool) -> Outcome {

@@ -101,7 +101,7 @@ enum Command {
     Settings(settings::Args),
     /// Calibrate the sensors and the drive of a board, guided, or rehearse it
     Calibrate(Box<calibrate::Args>),
-    /// Write a new campaign or case, with comments
+    /// Write a new campaign, case, study or optimisation, with comments
     Init(init::Args),
     /// Simulate cases exactly, event by event
     Simulate(simulate::Args),

@@ -21,7 +21,7 @@ use crate::client::session::Session;
 use crate::host_time;
 use crate::prediction::{Predicted, settling};
 use crate::recorded_run::begin_entry;
-use crate::report::compared::predicted_and_measured;
+use crate::report::compared;
 use crate::report::numbers::duration;
 use crate::report::terminal;
 use crate::run_folder::RunFolder;
@@ -188,7 +188,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     terminal::transients::plan(&campaign, &predicted.expected).iter().for_each(|plan| say!("{plan}"));
     check(&campaign, &predicted, &session)?;
     if args.dry_run {
-        predicted_and_measured(&campaign).iter().for_each(|note| say!("{note}"));
+        say!("{}", compared::IN_A_LINE);
         let which =
             if campaign.set_ups.iter().all(|s| s.is_predicted) { "All set-ups" } else { "All set-ups with a model" };
         say!("{which} stay within ±{} mm. Nothing has moved.", campaign.rig.structure_limit_m() * 1e3);

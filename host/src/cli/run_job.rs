@@ -18,7 +18,7 @@ use crate::monitor::terminal::{TerminalView, TerminalWatcher};
 use crate::monitor::{Actions, Handles, Monitor, Permissions, rig};
 use crate::prediction::Predicted;
 use crate::recorded_run::{EndedRun, RecordedRun, RunStart};
-use crate::report::compared::predicted_and_measured;
+use crate::report::compared;
 use crate::report::terminal;
 use crate::run_folder::journal::{Begin, Journal, Withdrawn};
 use crate::run_folder::schema::journal_state::JournalState;
@@ -225,7 +225,7 @@ impl Job<'_> {
             terminal::campaign::unresolved_peaks(self.campaign, &rows).iter().for_each(|line| say!("{line}"));
         }
         terminal::transients::results(taken.transients()).iter().for_each(|table| say!("{table}"));
-        predicted_and_measured(self.campaign).iter().for_each(|note| say!("{note}"));
+        say!("{}", compared::IN_A_LINE);
         say!("{}", terminal::campaign::summary(&manifest));
         super::output::print_always(&format!("Run folder: {}", self.folder.path().display()));
         if let Err(error) = &result {

@@ -2,16 +2,20 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
 
 use clap::{Args as ClapArgs, Subcommand};
 
 use super::outcome::{Failure, Outcome};
+use super::progress::bar;
 use crate::input::{near, shown_in_line};
 use crate::report::exports::csv::Csv;
 use crate::report::exports::hdf5::Hdf5;
 use crate::report::exports::mat::Mat;
 use crate::report::exports::uff::Uff;
-use crate::report::exports::{ExportSelection, Exporter, RunTable};
+use crate::report::exports::{ExportSelection, ExportSummary, Exporter, RunTable};
 use crate::report::page::{page, page_of_runs};
 use crate::report::terminal::campaign::unresolved_peaks;
 use crate::report::terminal::plain_table as table;
@@ -353,6 +357,30 @@ fn report(runs: &[RunFolder], out: Option<&Path>, force: bool) -> Outcome {
     Err(Failure::Failed(format!("{rest}\n  not on the page: {missing}")))
 }
 
+/// Exports with a bar over the samples that are read.
+fn exported_with_a_bar(
+    exporter: &dyn Exporter,
+    run: &RunFolder,
+    selection: &ExportSelection,
+    file: &OutFile,
+) -> Result<ExportSummary, ReadError> {
+    if !selection.tables.contains(&RunTable::Samples) {
+        return exporter.export(run, selection, file);
+    }
+    let bar = bar(run.manifest().sample_rows);
+    bar.set_message("samples");
+    let exported = std::thread::scope(|scope| {
+        let work = scope.spawn(|| exporter.export(run, selection, file));
+        while !work.is_finished() {
+            bar.set_position(selection.samples_read.load(Ordering::Relaxed));
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        work.join()
+    });
+    bar.finish_and_clear();
+    exported.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
 fn export(args: &Export) -> Outcome {
     let run = open(&args.run)?;
     let set_ups = run.set_up_names();
@@ -382,8 +410,9 @@ fn export(args: &Export) -> Outcome {
     let file = OutFile { path: out.clone(), force: args.force };
     refuse_existing(&file)?;
     let names: Vec<&str> = tables.iter().map(|t| t.name()).collect();
-    let selection = ExportSelection { tables, set_up: args.set_up.clone(), from_s: args.from_s, to_s: args.to_s };
-    let exported = exporter.export(&run, &selection, &file).map_err(Failure::failed)?;
+    let (set_up, samples_read) = (args.set_up.clone(), Arc::default());
+    let selection = ExportSelection { tables, set_up, from_s: args.from_s, to_s: args.to_s, samples_read };
+    let exported = exported_with_a_bar(exporter, &run, &selection, &file).map_err(Failure::failed)?;
     say!("{} rows of {} in {}", exported.rows, names.join(" and "), out.display());
     exported.notes.iter().for_each(|note| say!("{note}"));
     if !run.manifest().is_complete() {

@@ -106,8 +106,7 @@ pub(super) fn simulate(
         }
         // Rounding of the instants can leave the last sample just after the end of the last flight.
         observer.x_m[observer.taken..].fill(motion.state().x);
-        let z_m: [f32; SUBSAMPLES] =
-            std::array::from_fn(|n| value(&tick.0, (n + 1) as f64 / SUBSAMPLES as f64) as f32);
+        let z_m: [f32; SUBSAMPLES] = std::array::from_fn(|n| value(&tick.0, (n + 1) as f64 / SUBSAMPLES as f64) as f32);
         let (x, z) = (Reading::of(&observer.x_m.map(|x| x as f32)), Reading::of(&z_m));
         readings.push(TickReading { x_m: x.mean_m, max_abs_x_m: x.peak_m, z_m: z.mean_m, max_abs_z_m: z.peak_m });
     }

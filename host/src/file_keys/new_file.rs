@@ -66,6 +66,18 @@ impl Excitation {
     pub const ALL: [Self; 4] = [Self::SteppedSine, Self::FreeVibration, Self::Impulse, Self::Noise];
 }
 
+/// The simulated sensors of a campaign.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Sensors {
+    /// Steps of 10 µm and white noise.
+    #[default]
+    Noisy,
+    /// No errors.
+    Ideal,
+    /// White noise, and the errors of a data sheet.
+    DataSheet,
+}
+
 /// A recorded motion of the base.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RecordFile {
@@ -94,6 +106,8 @@ pub struct Values {
     pub mass_ratio: f64,
     /// d/Z.
     pub clearance_ratio: f64,
+    /// d, m, in place of d/Z.
+    pub clearance_m: Option<f64>,
     /// e.
     pub restitution: f64,
     /// Material of soft walls; none for hard ones.
@@ -102,6 +116,8 @@ pub struct Values {
     pub friction_ratio: f64,
     /// Whether the rig adjusts the friction damper's spring.
     pub has_spring: bool,
+    /// Errors of a campaign's simulated sensors.
+    pub sensors: Sensors,
     /// The recorded motion of [`Excitation::Record`].
     pub record: RecordFile,
 }
@@ -128,10 +144,12 @@ impl Default for Values {
             fitted: Vec::new(),
             mass_ratio: 0.1,
             clearance_ratio: 5.0,
+            clearance_m: None,
             restitution: 0.47,
             wall: None,
             friction_ratio: 0.6,
             has_spring: false,
+            sensors: Sensors::Noisy,
             record: RecordFile::default(),
         }
     }
@@ -191,10 +209,7 @@ pub fn campaign(name: &str, dampers: &[Damper], experiments: &[Excitation], valu
     file.line("");
     file.keys("", None, &[("name", text(name))]);
     file.structure(values);
-    file.table("rig", None);
-    let sensors =
-        [("sensor_resolution_m", number(1e-5)), ("sensor_noise_rms_m", number(5e-6)), ("noise_seed", "1".into())];
-    file.keys("rig", None, &sensors);
+    file.sensors(values.sensors);
     for damper in dampers {
         let (name, label) = damper.names();
         file.table("[set_up]", None);
@@ -352,12 +367,32 @@ impl Writer {
         self.keys("structure", None, &structure);
     }
 
+    fn sensors(&mut self, sensors: Sensors) {
+        let noise = [("sensor_noise_rms_m", number(5e-6)), ("noise_seed", "1".into())];
+        let (keys, kind) = match sensors {
+            Sensors::Noisy => ([&[("sensor_resolution_m", number(1e-5))][..], &noise].concat(), None),
+            Sensors::Ideal => (vec![], Some("ideal")),
+            Sensors::DataSheet => (noise.to_vec(), Some("data_sheet")),
+        };
+        if !keys.is_empty() {
+            self.table("rig", None);
+            self.keys("rig", None, &keys);
+        }
+        if let Some(kind) = kind {
+            self.table("rig.sensors", Some(kind));
+            self.keys("rig.sensors", Some(kind), &[("kind", text(kind))]);
+        }
+    }
+
     /// The tables of a damper, below `prefix`.
     fn damper(&mut self, prefix: &str, damper: Damper, values: &Values) {
         let mass = ("mass_ratio", number(values.mass_ratio));
         if damper.has_particle() {
             self.table(&format!("{prefix}particle"), None);
-            let clearance = ("clearance_ratio", number(values.clearance_ratio));
+            let clearance = match values.clearance_m {
+                Some(clearance_m) => ("clearance_m", number(clearance_m)),
+                None => ("clearance_ratio", number(values.clearance_ratio)),
+            };
             self.keys("particle", None, &[mass.clone(), clearance, ("friction_coefficient", number(0.0))]);
             let (kind, keys) = match values.wall {
                 None => ("restitution", vec![("coefficient", number(values.restitution))]),

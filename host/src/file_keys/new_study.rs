@@ -1,4 +1,4 @@
-//! The text of a new study: a case over some of its keys, with comments.
+//! The text of a new study or optimisation: a case over some of its keys, with comments.
 
 use damprig_core::integrator::exact::Excitation;
 
@@ -74,6 +74,49 @@ pub fn study(name: &str, case_file: &str, case: &Case, axes: &[SweepAxis]) -> St
     }
     if case.set_up.particle.is_some() {
         text += "\n# Each point from several starts of the particle, from wall to wall: median, 5 and 95 %.\n# [ensemble]\n# starts = 21\n";
+    }
+    text
+}
+
+/// The text of an optimisation of the case in the file `case_file`: for the lowest peak over a band about the natural frequency, or the
+/// smallest |x| of a motion that no sine drives. Axes give the variables and their ranges.
+#[must_use]
+pub fn optimisation(name: &str, case_file: &str, case: &Case, axes: &[SweepAxis]) -> String {
+    let objective = if is_driven(case) { "max_x_over_z" } else { "max_abs_x_m" };
+    let mut text = format!(
+        "# The values of the variables at which the objective is best. `damprig keys` has all keys of an optimisation.\n\
+         name = {}\n\
+         case = {}    # relative to this file\n\
+         objective = {}\n\
+         # goal = \"maximum\"    # the smallest value is the best without it\n",
+        quoted(name),
+        quoted(case_file),
+        quoted(objective)
+    );
+    for axis in axes {
+        text += &format!(
+            "\n[[variable]]\nkey = {}    # any number of the case, with its tables\nfrom = {}\nto = {}\n# tolerance = 0.01    # how exactly it can be made, as a share of the value\n",
+            quoted(&axis.key),
+            number(axis.values[0]),
+            number(axis.values[axis.values.len() - 1])
+        );
+    }
+    text += "\n# What has to be kept:\n# [[constraint]]\n# metric = \"max_abs_x_minus_z_m\"\n# at_most = 0.05\n";
+    if is_driven(case) {
+        let natural_hz = 1.0 / case.natural_period_s();
+        text += &format!(
+            "\n# The band whose highest peak counts.\n[[axis]]\nkey = {}\nfrom = {}\nto = {}\ncount = 21\nreduce = \"maximum\"\n",
+            quoted(drive_key(case)),
+            number(round(0.8 * natural_hz)),
+            number(round(1.2 * natural_hz))
+        );
+        text += &format!(
+            "\n[record]\nduration_s = {}    # simulated from the case's start, all of it counted\n",
+            number(round(80.0 * case.natural_period_s()))
+        );
+    }
+    if case.set_up.particle.is_some() {
+        text += "\n# The worst of several starts of the particle, from wall to wall.\n# [ensemble]\n# starts = 11\n";
     }
     text
 }

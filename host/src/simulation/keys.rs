@@ -3,7 +3,7 @@
 use damprig_particles::{MAX_SPHERES, MIN_RESTITUTION, MIN_STEPS};
 
 use crate::input::key::DefaultValue::Number;
-use crate::input::key::Need::{Default, Optional, Required, RequiredUnless};
+use crate::input::key::Need::{Default, Forbidden, If, Optional, Required, RequiredUnless};
 use crate::input::key::Range::{Above, Any, Between, NotNegative, Positive, Whole};
 use crate::input::key::{Key, Kind, MAX_WHOLE, Need, Quantity, Table, key, number, tables};
 use crate::setup;
@@ -97,7 +97,7 @@ tables! {
             number("contact_time_s", Positive, "duration of an undamped contact of two spheres, which gives the stiffness").usual(1e-6, 0.01),
             number("youngs_modulus_pa", Positive, "E of spheres and box, with Hertz contacts in place of springs").usual(1e6, 1e12),
         ];
-        POISSONS_RATIO: Default(Number(0.3)), [
+        POISSONS_RATIO: If(&STIFFNESS, "youngs_modulus_pa", &Default(Number(0.3)), &Forbidden), [
             number("poissons_ratio", Between(0.0, 0.5), "ν of spheres and box, with `youngs_modulus_pa`").usual(0.1, 0.5),
         ];
         LENGTH: Required, [

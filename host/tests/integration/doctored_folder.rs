@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::common::{Fate, PATIENCE, Served, damprig, folder_with, is_point, short, with_sums};
@@ -215,7 +216,13 @@ fn read_all(run: &Path, out: &Path) {
                 if exporter.cannot_hold(table).is_some() {
                     continue;
                 }
-                let part = ExportSelection { tables: vec![table], set_up: None, from_s: 0.0, to_s: f64::INFINITY };
+                let part = ExportSelection {
+                    tables: vec![table],
+                    set_up: None,
+                    from_s: 0.0,
+                    to_s: f64::INFINITY,
+                    samples_read: Arc::default(),
+                };
                 let file = OutFile { path: out.join("export"), force: true };
                 let _ = exporter.export(&run, &part, &file);
             }

@@ -12,6 +12,9 @@ pub mod mat;
 pub mod uff;
 mod uff_dataset;
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use arrow_array::{BooleanArray, RecordBatch};
 use arrow_schema::Metadata;
 use arrow_select::filter::filter_record_batch;
@@ -104,6 +107,8 @@ pub struct ExportSelection {
     pub from_s: f64,
     /// Samples and impacts before this time of their experiment, s.
     pub to_s: f64,
+    /// Rows of the samples that have been read so far.
+    pub samples_read: Arc<AtomicU64>,
 }
 
 /// What an export wrote.
@@ -164,6 +169,7 @@ impl ExportSelection {
                 match batch {
                     Ok(batch) => {
                         rows += batch.num_rows();
+                        self.samples_read.fetch_add(batch.num_rows() as u64, Ordering::Relaxed);
                         take_chosen(&batch, exported)?;
                     }
                     Err(error) => {
@@ -237,7 +243,7 @@ fn write_export(
 }
 
 /// Writes a part of a run in one format.
-pub trait Exporter {
+pub trait Exporter: Sync {
     /// Tables written by default, of which a run may lack some ([`RunTable::is_usual`]).
     fn usual_tables(&self) -> &'static [RunTable];
 

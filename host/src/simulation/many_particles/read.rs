@@ -31,24 +31,11 @@ pub fn read(s: &Section, structure: Option<&Structure>, gravity_m_per_s2: f64) -
         s.warn_if_it_means(&keys::MASS, "mass_ratio", mass_kg / structure.mass_kg);
     }
     let sphere_kg = mass_kg / count as f64;
-    let elasticity = match (stiffness?, poissons_ratio?) {
-        ((0, stiffness_n_per_m), _) => Elasticity::Spring { stiffness_n_per_m },
-        ((1, contact_s), _) => {
-            Elasticity::Spring { stiffness_n_per_m: contact_stiffness_n_per_m(sphere_kg, contact_s) }
-        }
-        ((_, youngs_modulus_pa), poissons_ratio) => Elasticity::Hertz { youngs_modulus_pa, poissons_ratio },
+    let elasticity = match stiffness? {
+        (0, stiffness_n_per_m) => Elasticity::Spring { stiffness_n_per_m },
+        (1, contact_s) => Elasticity::Spring { stiffness_n_per_m: contact_stiffness_n_per_m(sphere_kg, contact_s) },
+        (_, youngs_modulus_pa) => Elasticity::Hertz { youngs_modulus_pa, poissons_ratio: poissons_ratio? },
     };
-    if let Elasticity::Spring { .. } = elasticity
-        && s.is_given(&keys::POISSONS_RATIO)
-    {
-        let allowed = "is a property of a material: it needs `youngs_modulus_pa`".to_string();
-        s.reject(
-            keys::POISSONS_RATIO.name(),
-            allowed,
-            Some("remove it, or state the material in place of a stiffness".into()),
-        );
-        return None;
-    }
     let mut cavity = Cavity { length_m: 0.0, width_m: width?, height_m: height? };
     for (key, side_m) in [(&keys::WIDTH, cavity.width_m), (&keys::HEIGHT, cavity.height_m)] {
         if side_m < diameter_m * (1.0 - 1e-9) {

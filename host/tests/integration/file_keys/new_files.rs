@@ -272,6 +272,55 @@ fn a_new_study_of_every_new_and_shipped_case_is_accepted() {
 }
 
 #[test]
+fn a_new_optimisation_of_every_new_and_shipped_case_is_accepted() {
+    let folder = TempDir::new().unwrap();
+    let init =
+        |case: &str, more: &[&str]| damprig(&folder).args(["init", "--force", "--optimise", case]).args(more).assert();
+    for damper in Damper::ALL {
+        for excitation in Excitation::ALL {
+            let text = new_file::case("new", damper, excitation, &Values::default());
+            std::fs::write(folder.path().join("case.toml"), text).unwrap();
+            match damper {
+                Damper::Bare => {
+                    let said = init("case.toml", &[]).code(2);
+                    said.stderr(contains("no particle and no friction damper").and(contains("--variable KEY=FROM:TO")));
+                    init("case.toml", &["--variable", "structure.damping_ratio=0.01:0.1"]).success();
+                }
+                Damper::Tmd => drop(init("case.toml", &["--variable", "tmd.mass_ratio=0.05:0.2"]).success()),
+                _ => drop(init("case.toml", &[]).success().stdout(contains("damprig optimise optimisation.toml"))),
+            }
+        }
+    }
+    damprig(&folder).args(["init", "--case", "--force"]).assert().success();
+    init("case.toml", &[]).success();
+    let dry = damprig(&folder).args(["optimise", "optimisation.toml", "--dry-run"]).assert().success();
+    dry.stdout(contains("2 variables"));
+    init("case.toml", &["--variable", "particle.clearance_ratio=4"]).code(2).stderr(contains("KEY=FROM:TO"));
+    init("case.toml", &["--variable", "particle.clearence_ratio=4:8"]).code(2).stderr(contains("nothing was written"));
+}
+
+#[test]
+fn a_campaign_of_steel_walls_and_data_sheet_sensors_says_so_in_its_keys() {
+    let folder = TempDir::new().unwrap();
+    for (sensors, said, not) in [
+        ("data-sheet", "kind = \"data_sheet\"", "sensor_resolution_m"),
+        ("ideal", "kind = \"ideal\"", "sensor_noise_rms_m"),
+    ] {
+        let flags = ["--damper", "spid", "--wall", "steel", "--clearance-m", "0.0075", "--sensors", sensors];
+        damprig(&folder).args(["init", "steel.toml", "--force"]).args(flags).assert().success();
+        let text = std::fs::read_to_string(folder.path().join("steel.toml")).unwrap();
+        for words in ["coefficient = 0.82", "clearance_m = 0.0075", said] {
+            assert!(text.contains(words), "no {words} in\n{text}");
+        }
+        assert!(!text.contains("clearance_ratio = ") && !text.contains(not), "{text}");
+        let dry = damprig(&folder).args(["run", "steel.toml", "--dry-run"]).assert().success();
+        assert!(is_quiet(dry.get_output()), "{:?}", dry.get_output());
+    }
+    let both = ["init", "other.toml", "--wall", "steel", "--restitution", "0.5"];
+    damprig(&folder).args(both).assert().code(2).stderr(contains("cannot be used with"));
+}
+
+#[test]
 fn a_study_that_could_not_run_is_not_written() {
     let folder = folder_with(&new_file::case("new", Damper::Spid, Excitation::SteppedSine, &Values::default()));
     let init = |more: &[&str]| damprig(&folder).args(["init", "--study", "test.toml"]).args(more).assert().code(2);
