@@ -6,6 +6,7 @@
 //! the base, are in [`crate::integrator`].
 
 mod cavity;
+mod hertz;
 mod soft_wall;
 mod speed_table;
 mod tuning;
@@ -18,6 +19,7 @@ use serde::ser::{SerializeStruct, Serializer};
 use serde::{Deserialize, Serialize};
 
 pub use cavity::Cavity;
+pub use hertz::{Dissipation, Hertz};
 pub use soft_wall::{DampingLaw, Material};
 pub use speed_table::{SPEED_TABLE_POINTS, SpeedTable};
 pub use tuning::Tuning;
@@ -184,6 +186,12 @@ impl SetUp {
     #[must_use]
     pub fn has_soft_walls(&self) -> bool {
         self.particle.is_some_and(|particle| particle.walls().iter().any(Wall::is_soft))
+    }
+
+    /// Whether a particle with Hertz contact is mounted: only the exact integrator follows it.
+    #[must_use]
+    pub fn has_hertz_walls(&self) -> bool {
+        self.particle.is_some_and(|particle| particle.walls().iter().any(|wall| wall.hertz().is_some()))
     }
 
     /// The part of the weight along the motion that acts on the particle, per mass, m/s²: positive pulls it towards −y. 0 without

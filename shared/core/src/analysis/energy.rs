@@ -10,7 +10,7 @@
 
 use crate::integrator::exact::response::integral;
 use crate::integrator::exact::{Accumulation, Arc, ExactState, Impact, Observer, series};
-use crate::integrator::modes::{Contact, Grip};
+use crate::integrator::modes::{Contact, Grip, signed};
 use crate::model::{ImpactLaw, SetUp};
 use serde::Serialize;
 
@@ -199,6 +199,7 @@ impl Observer for EnergyMeter {
             self.balance.internal_friction_j += self.friction_n * (arc.end.offset_m - arc.start.offset_m).abs();
         }
         let (stiffness, damping) = self.links[usize::from(arc.pressed_side() > 0)];
+        let mut hertz_j = 0.0;
         let link = arc.link_rest_m().filter(|_| stiffness + damping > 0.0);
         if link.is_none() {
             // When a wall releases the particle early, its own dashpot dissipates the energy left in its spring.
@@ -210,9 +211,21 @@ impl Observer for EnergyMeter {
                 damping * slide * slide
             });
         }
+        if let Some((law, lag_s_per_m)) = arc.hertz_contact() {
+            let (side, k) = (arc.pressed_side(), law.stiffness_n_per_m15);
+            let depth = |offset: f64| signed(side, offset - arc.link_rest_m().unwrap_or_default()).max(0.0);
+            self.balance.link_damping_j += over(&mut |at| {
+                let (depth, slide) = (depth(series::value(&span.offset, at)), series::value(&slide, at));
+                k * depth * libm::sqrt(depth) * lag_s_per_m * slide * slide
+            });
+            let elastic_j = |offset: f64| 0.4 * k * depth(offset) * depth(offset) * libm::sqrt(depth(offset));
+            // What a wall that lagged behind the particle did not give back until it pushes again.
+            self.balance.link_damping_j -= elastic_j(arc.start.offset_m);
+            hertz_j = elastic_j(arc.end.offset_m);
+        }
         let pressed = |offset: f64| link.map_or(0.0, |rest| offset - rest);
         let end_base_m = series::value(&span.base, end);
-        let after = self.stored_j(&arc.end, end_base_m, (stiffness, pressed(arc.end.offset_m)));
+        let after = self.stored_j(&arc.end, end_base_m, (stiffness, pressed(arc.end.offset_m))) + hertz_j;
         let start = self.stored_at_start_j.unwrap_or_else(|| {
             let first = self.first.unwrap_or(arc.start);
             self.stored_j(&first, span.base[0], (stiffness, pressed(first.offset_m)))
@@ -220,7 +233,7 @@ impl Observer for EnergyMeter {
         self.stored_at_start_j = Some(start);
         self.balance.stored_change_j = after - start;
         let pressed = pressed(arc.end.offset_m);
-        self.linked_j = 0.5 * stiffness * pressed * pressed;
+        self.linked_j = 0.5 * stiffness * pressed * pressed + hertz_j;
         (self.base_m, self.last) = (end_base_m, Some(arc.end));
     }
 

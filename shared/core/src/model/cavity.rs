@@ -55,6 +55,8 @@ fn of_positive_wall(invalid: Invalid) -> Invalid {
         "particle.wall.speeds_m_per_s" => "particle.positive_wall.speeds_m_per_s",
         "particle.wall.stiffness_n_per_m" => "particle.positive_wall.stiffness_n_per_m",
         "particle.wall.damping_n_s_per_m" => "particle.positive_wall.damping_n_s_per_m",
+        "particle.wall.stiffness_n_per_m15" => "particle.positive_wall.stiffness_n_per_m15",
+        "particle.wall.coefficient_s_per_m" => "particle.positive_wall.coefficient_s_per_m",
         other => other,
     };
     Invalid { parameter, ..invalid }

@@ -1,5 +1,6 @@
-//! A wall of the particle's cavity: hard, with a law of impact, or soft, with a spring and a dashpot.
+//! A wall of the particle's cavity: hard, with a law of impact, or soft, with a law of force.
 
+use super::Hertz;
 use super::speed_table::{Pieces, SpeedTable};
 use crate::io::{Invalid, not_negative, positive, require};
 use crate::scalar::Scalar;
@@ -27,6 +28,9 @@ pub enum Wall {
     SpeedRestitution(Restitution),
     /// A hard wall whose coefficient of restitution is a table over the speed of the impact.
     TableRestitution(SpeedTable),
+    /// A wall with Hertz contact and dissipation: for motions of the exact integrator. No message to a board can carry it.
+    #[serde(skip_deserializing)]
+    Hertz(Hertz),
 }
 
 /// Condition at which a particle leaves a soft wall.
@@ -210,7 +214,7 @@ impl Wall {
         match *self {
             Self::Restitution { coefficient } => Some(Restitution::constant(coefficient)),
             Self::SpeedRestitution(law) => Some(law),
-            Self::TableRestitution(_) | Self::Voigt { .. } => None,
+            Self::TableRestitution(_) | Self::Voigt { .. } | Self::Hertz(_) => None,
         }
     }
 
@@ -226,13 +230,22 @@ impl Wall {
         self.restitution().filter(|law| law.exponent > 0.0)
     }
 
-    /// Whether it is a spring and a dashpot.
+    /// Whether a contact takes time: a spring and a dashpot, or Hertz contact.
     #[must_use]
     pub fn is_soft(&self) -> bool {
-        matches!(self, Self::Voigt { .. })
+        matches!(self, Self::Voigt { .. } | Self::Hertz(_))
     }
 
-    /// When a soft wall releases the particle; `None` of a hard one.
+    /// The law of a wall with Hertz contact; `None` of any other.
+    #[must_use]
+    pub fn hertz(&self) -> Option<Hertz> {
+        match *self {
+            Self::Hertz(law) => Some(law),
+            _ => None,
+        }
+    }
+
+    /// When a spring and a dashpot release the particle; `None` of another wall.
     #[must_use]
     pub fn release(&self) -> Option<Release> {
         match *self {
@@ -241,7 +254,7 @@ impl Wall {
         }
     }
 
-    /// k1, N/m, and c1, N·s/m, of a soft wall; `None` of a hard one.
+    /// k1, N/m, and c1, N·s/m, of a wall with a spring and a dashpot; `None` of another.
     #[must_use]
     pub fn spring_and_dashpot(&self) -> Option<(f64, f64)> {
         match *self {
@@ -256,6 +269,7 @@ impl Wall {
             Self::Restitution { coefficient } => Restitution::constant(coefficient).validate(),
             Self::SpeedRestitution(law) => law.validate(),
             Self::TableRestitution(table) => table.validate(),
+            Self::Hertz(law) => law.validate(),
             Self::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
                 positive("particle.wall.stiffness_n_per_m", stiffness_n_per_m)?;
                 not_negative("particle.wall.damping_n_s_per_m", damping_n_s_per_m)

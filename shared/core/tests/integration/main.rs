@@ -8,6 +8,7 @@ mod energy_books;
 mod events;
 mod exact_properties;
 mod first_instant;
+mod hertz;
 mod hold;
 mod joined;
 mod safety;

@@ -6,10 +6,11 @@ use super::flow::{ExactState, Flows, Leg, Path};
 use super::guards;
 use super::motion::{ARCS_PER_ANCHOR, Exact, Fresh, ROUNDINGS, Touch, Work};
 use super::observe::Observer;
+use super::squeeze::Squeeze;
 use super::time::Time;
 use crate::integrator::modes::{Coefficients, Contact, Grip, Mode, signed};
 use crate::io::{Invalid, require};
-use crate::model::{Initial, SetUp};
+use crate::model::{Initial, Release, SetUp};
 
 /// Number of events at one instant after which a sliver of time is taken without guards; see [`Exact::unresolved`].
 const MAX_EVENTS_AT_ONCE: u32 = 64;
@@ -25,7 +26,9 @@ impl Exact {
     pub fn new(set_up: &SetUp, excitation: &Excitation, initial: &Initial) -> Result<Self, Invalid> {
         Self::validate(set_up, excitation, initial)?;
         let c = Coefficients::new(set_up);
-        let soft = set_up.particle.map_or([None; 2], |p| p.walls().map(|wall| wall.release()));
+        let soft = set_up.particle.map_or([None; 2], |p| {
+            p.walls().map(|wall| wall.hertz().map_or(wall.release(), |_| Some(Release::ZeroForce)))
+        });
         let flows = Flows::new(set_up, excitation);
         let mode = Mode { grip: Grip::Absent, contact: Contact::Absent };
         let leg = Leg {
@@ -42,6 +45,7 @@ impl Exact {
             has_particle: set_up.particle.is_some(),
             has_tmd: set_up.tmd.is_some(),
             soft,
+            squeeze: Squeeze::new(set_up, excitation),
             flows,
             excitation: *excitation,
             state: ExactState::default(),
@@ -166,16 +170,18 @@ impl Exact {
 
     /// Advances by one arc, using its series.
     fn walk<O: Observer>(&mut self, limit_s: f64, observer: &mut O) {
-        let h = self.leg.step_s;
         let rest_s = self.time.until(limit_s);
         if rest_s <= 0.0 {
             return;
         }
+        let side = self.leg.pressed;
+        let squeezed = if self.squeeze.law(side).is_some() { Some(self.squeezed(side)) } else { None };
+        let h = self.leg.step_s;
         let full = rest_s > h;
         let (state, wave) = (self.state, self.wave);
         let most = if full { 1.0 } else { rest_s / h };
         self.work.arcs_walked += 1;
-        let span = self.flows.span(&self.leg, &state, &wave);
+        let span = squeezed.unwrap_or_else(|| self.flows.span(&self.leg, &state, &wave));
         let (mut at, mut event) = (most, None);
         if self.events_at_once < MAX_EVENTS_AT_ONCE {
             (at, event) = guards::first(self, &span, most);

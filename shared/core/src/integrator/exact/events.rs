@@ -46,6 +46,17 @@ impl Exact {
                 self.reach_wall(side, slip, observer);
             }
             Event::LetGo(side) => self.let_go(side, slip, observer),
+            Event::Lags(side) => {
+                self.touch = Touch::Leaving(side);
+                self.fresh.lag = 1;
+                self.resolve(slip, observer);
+            }
+            Event::CatchesUp(side) => {
+                self.touch = Touch::Pressing(side);
+                self.fresh.lag = 1;
+                self.resolve(slip, observer);
+            }
+            Event::Inside(side) if self.squeeze.law(side).is_some() => self.let_go(side, slip, observer),
             Event::Inside(side) => {
                 self.touch = Touch::Clear;
                 self.state.offset_m = self.c.wall(side);
@@ -235,6 +246,7 @@ impl Exact {
     fn touch_soft<O: Observer>(&mut self, side: Sign, approach: f64, slip: f64, observer: &mut O) {
         if approach > 0.0 {
             self.touch = Touch::Pressing(side);
+            self.squeeze.begin();
             self.fresh.press = 1;
             let (time_s, before) = (self.time.seconds(), self.state);
             observer.impact(&Impact { time_s, side, approach_speed_m_per_s: approach, before, after: before });
@@ -267,6 +279,7 @@ impl Exact {
     fn leave_rest(&mut self, side: Sign, presses: bool, order: usize) {
         if presses && self.soft(side).is_some() {
             self.touch = Touch::Pressing(side);
+            self.squeeze.begin();
             self.fresh.press = order;
         } else {
             (self.fresh.gap_side, self.fresh.gap) = (side, order);
@@ -284,7 +297,8 @@ impl Exact {
 
     fn let_go<O: Observer>(&mut self, side: Sign, slip: f64, observer: &mut O) {
         let past = signed(side, self.state.offset_m) - self.c.end(side);
-        if self.soft(side) == Some(Release::ZeroForce) && past > 0.0 {
+        // A Hertz wall is left where the penetration ends.
+        if self.soft(side) == Some(Release::ZeroForce) && past > 0.0 && self.squeeze.law(side).is_none() {
             self.touch = Touch::Leaving(side);
         } else {
             self.touch = Touch::Clear;

@@ -65,6 +65,10 @@ pub(super) enum Path {
     Carried,
     /// The structure is stuck to the base, and the second mass moves on the link.
     CarriedCoupled,
+    /// The particle presses into a Hertz wall.
+    Squeezed,
+    /// The structure is stuck to the base, and the particle presses into a Hertz wall.
+    CarriedSqueezed,
 }
 
 /// The equations of motion of the present mode.
@@ -178,7 +182,7 @@ impl Flows {
         match path {
             Path::Alone => Some(&self.alone),
             Path::Together => self.together.as_ref(),
-            Path::Coupled | Path::Carried | Path::CarriedCoupled => None,
+            _ => None,
         }
     }
 
@@ -188,7 +192,7 @@ impl Flows {
         match path {
             Path::Alone => Some(&self.relative_alone),
             Path::Together => self.relative_together.as_ref(),
-            Path::Coupled | Path::Carried | Path::CarriedCoupled => None,
+            _ => None,
         }
     }
 
@@ -199,7 +203,7 @@ impl Flows {
             Path::Coupled => joined.map_or(self.alone.step_s, |joined| joined.coupled.step_s),
             Path::CarriedCoupled => joined.map_or(self.alone.step_s, |joined| joined.carried.step_s),
             Path::Together => self.together.as_ref().map_or(self.alone.step_s, |together| together.step_s),
-            Path::Alone | Path::Carried => self.alone.step_s,
+            Path::Alone | Path::Carried | Path::Squeezed | Path::CarriedSqueezed => self.alone.step_s,
         }
     }
 
@@ -216,11 +220,11 @@ impl Flows {
                 let turned = wave_series(self.base_share * unit[3], self.base_share * unit[4], angle);
                 Some(turned.map(f64::abs))
             }
-            Path::Coupled | Path::CarriedCoupled => None,
+            _ => None,
         }
     }
 
-    /// The series of the arc that starts from `state`.
+    /// The series of the arc that starts from `state`; those in a Hertz wall are in [`super::squeeze`].
     #[inline]
     pub(super) fn span(&self, leg: &Leg, state: &ExactState, wave: &Wave) -> Span {
         let h = leg.step_s;

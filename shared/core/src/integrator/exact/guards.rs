@@ -13,6 +13,10 @@ pub(super) enum Event {
     Wall(Sign),
     /// The soft wall on that side releases the particle.
     LetGo(Sign),
+    /// The Hertz wall on that side, which lags behind the particle, stops pushing it.
+    Lags(Sign),
+    /// It pushes again.
+    CatchesUp(Sign),
     /// The particle is back inside the clearance after an early release by a soft wall.
     Inside(Sign),
     /// y′ − x′ reaches zero.
@@ -38,6 +42,9 @@ pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event
                     Touch::Pressing(_) => {}
                     Touch::Leaving(leaving) if leaving == side => {
                         search.consider(penetration(exact, span, side), 0, Event::Inside(side));
+                        if let Some(lag) = lag(exact, span, side) {
+                            search.consider(lag.map(|l| -l), fresh.lag, Event::CatchesUp(side));
+                        }
                     }
                     Touch::Clear | Touch::Leaving(_) => {
                         let gap = penetration(exact, span, side).map(|p| -p);
@@ -55,6 +62,11 @@ pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event
                 search.consider(slide, fresh.slide, Event::SlideStops);
             }
             if let Touch::Pressing(side) = exact.touch
+                && let Some(lag) = lag(exact, span, side)
+            {
+                search.consider(penetration(exact, span, side), fresh.press, Event::LetGo(side));
+                search.consider(lag, fresh.lag, Event::Lags(side));
+            } else if let Touch::Pressing(side) = exact.touch
                 && let Some(release) = exact.soft(side)
             {
                 let (press, link) = (penetration(exact, span, side), exact.flows.link(side));
@@ -129,6 +141,15 @@ fn penetration(exact: &Exact, span: &Span, side: Sign) -> Series {
     series
 }
 
+/// 1 + β δ′ of the contact with a Hertz wall of `side`, which pushes while this is positive; `None` of another wall.
+fn lag(exact: &Exact, span: &Span, side: Sign) -> Option<Series> {
+    exact.squeeze.law(side)?;
+    let rate = exact.squeeze.rate_s_per_m / span.step_s;
+    let mut lag = derivative(&span.offset).map(|slide| signed(side, rate * slide));
+    lag[0] += 1.0;
+    Some(lag)
+}
+
 /// The force that keeps the structure on the base, N.
 fn holding_force(exact: &Exact, span: &Span) -> Series {
     let contact = exact.mode.contact;
@@ -138,7 +159,12 @@ fn holding_force(exact: &Exact, span: &Span) -> Series {
     let mut needed = derivative(&derivative(&span.base)).map(|a| mass * per_square * a);
     needed[0] += exact.c.stiffness * situation.stretch - exact.c.drag(contact);
     let joined = exact.has_tmd || matches!(exact.touch, Touch::Pressing(_));
-    if joined && !matches!(contact, Contact::Held(_)) {
+    let is_free = !matches!(contact, Contact::Held(_));
+    if exact.squeeze.law(exact.leg.pressed).is_some() && is_free {
+        for (need, push) in needed.iter_mut().zip(&exact.squeeze.force) {
+            *need -= signed(exact.leg.pressed, *push);
+        }
+    } else if joined && is_free {
         let link = exact.flows.link(exact.leg.pressed);
         let rate = derivative(&span.offset);
         for n in 0..TERMS {

@@ -61,6 +61,7 @@ pub mod observe;
 mod oscillator;
 pub mod response;
 pub mod series;
+mod squeeze;
 pub mod time;
 
 pub use excitation::Excitation;

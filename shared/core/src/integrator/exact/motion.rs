@@ -8,6 +8,7 @@ use core::cell::OnceCell;
 use super::excitation::{Excitation, Wave};
 use super::flow::{ExactState, Flows, Leg, Path, Span};
 use super::observe::{Arc, Observer};
+use super::squeeze::Squeeze;
 use super::time::Time;
 use crate::integrator::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, signed};
 use crate::model::Release;
@@ -23,7 +24,7 @@ pub enum Touch {
     Clear,
     /// The particle presses into the wall on that side.
     Pressing(Sign),
-    /// The wall has released the particle, which is not yet back inside the clearance.
+    /// The wall does not push the particle, which is not yet back inside the clearance.
     Leaving(Sign),
 }
 
@@ -38,6 +39,8 @@ pub(super) struct Fresh {
     pub slide: usize,
     pub slip: usize,
     pub press: usize,
+    /// Of 1 + β δ′ in a Hertz wall.
+    pub lag: usize,
 }
 
 /// Counters of the computing effort of a motion.
@@ -75,6 +78,8 @@ pub struct Exact {
     pub(super) has_tmd: bool,
     /// When the soft walls at the negative and the positive side release the particle; `None` of a hard wall.
     pub(super) soft: [Option<Release>; 2],
+    /// The Hertz walls, and the contact with one of them.
+    pub(super) squeeze: Squeeze,
     pub(super) flows: Flows,
     pub(super) excitation: Excitation,
     pub(super) state: ExactState,
@@ -185,6 +190,11 @@ impl Exact {
 
     pub(super) fn situation(&self, slip: f64) -> Situation<f64> {
         let joint = |pressed: Sign, rest: f64| {
+            if self.squeeze.law(pressed).is_some() && !self.has_tmd {
+                let (depth, rate) =
+                    (signed(pressed, self.state.offset_m - rest), signed(pressed, self.state.slide_m_per_s));
+                return signed(pressed, self.squeeze.force_n(pressed, depth, rate));
+            }
             let link = self.flows.link(pressed);
             link.stiffness * (self.state.offset_m - rest) + link.damping * self.state.slide_m_per_s
         };
@@ -244,14 +254,18 @@ impl Exact {
         let held = matches!(mode.contact, Contact::Held(_));
         let pressed = if let Touch::Pressing(side) = self.touch { side } else { 0 };
         let joined = self.has_tmd || (pressed != 0 && !held);
+        let squeezed = joined && self.squeeze.law(pressed).is_some();
         let (path, force) = match mode.grip {
+            Grip::Stuck if squeezed => (Path::CarriedSqueezed, 0.0),
             Grip::Stuck if joined => (Path::CarriedCoupled, 0.0),
             Grip::Stuck => (Path::Carried, 0.0),
             Grip::Absent | Grip::Slip(_) => {
                 let force =
                     self.c.drag(mode.contact) - self.c.resistance(mode.grip) + self.c.stiffness * self.wave.offset;
                 (
-                    if joined {
+                    if squeezed {
+                        Path::Squeezed
+                    } else if joined {
                         Path::Coupled
                     } else if held {
                         Path::Together
@@ -289,6 +303,7 @@ impl Exact {
         if O::ARCS {
             observer.arc(&Arc {
                 flows: &self.flows,
+                squeeze: self.squeeze.law(self.leg.pressed).map(|law| (law, &self.squeeze)),
                 leg: &self.leg,
                 wave: *wave,
                 end_wave: *end_wave,

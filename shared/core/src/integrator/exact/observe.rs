@@ -5,11 +5,15 @@ use core::cell::OnceCell;
 use super::excitation::Wave;
 use super::flow::{ExactState, Flows, Leg, Path, Span};
 use super::series;
+use super::squeeze::Squeeze;
 use crate::integrator::modes::{Mode, Sign};
+use crate::model::Hertz;
 
 /// A piece of motion without an event inside.
 pub struct Arc<'a> {
     pub(super) flows: &'a Flows,
+    /// The law of the Hertz wall that the particle presses into, and the contact.
+    pub(super) squeeze: Option<(&'a Hertz, &'a Squeeze)>,
     pub(super) leg: &'a Leg,
     pub(super) wave: Wave,
     pub(super) end_wave: Wave,
@@ -53,6 +57,12 @@ impl Arc<'_> {
         let joined = matches!(self.leg.path, Path::Coupled | Path::CarriedCoupled);
         // A particle that friction holds against a pressed wall moves with the structure and keeps the wall compressed.
         (joined || self.leg.pressed != 0).then_some(self.leg.rest_offset)
+    }
+
+    /// The law of the Hertz wall that the particle presses into, and β of the contact, s/m; `None` without one.
+    #[must_use]
+    pub fn hertz_contact(&self) -> Option<(&Hertz, f64)> {
+        self.squeeze.map(|(law, squeeze)| (law, squeeze.rate_s_per_m))
     }
 
     /// The side of the soft wall that the particle compresses; 0 without one.

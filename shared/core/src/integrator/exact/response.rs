@@ -378,6 +378,9 @@ impl Arc<'_> {
     #[must_use]
     #[inline]
     pub fn contact_force(&self) -> Option<Series> {
+        if let Some((_, squeeze)) = self.squeeze {
+            return Some(squeeze.force);
+        }
         (self.leg.pressed != 0).then(|| self.force_of_wall())
     }
 
