@@ -33,6 +33,7 @@ impl System {
     /// Names a value that is not physical, or an excitation that is not a sine.
     pub fn new(set_up: &SetUp, excitation: &Excitation, ties: Ties) -> Result<Self, Invalid> {
         set_up.validate()?;
+        set_up.validate_without_hertz()?;
         excitation.validate()?;
         let (amplitude_m, turning) = match *excitation {
             Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, .. } => {

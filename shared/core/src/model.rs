@@ -248,6 +248,18 @@ impl SetUp {
         Ok(())
     }
 
+    /// Checks that no wall has Hertz contact, for motions whose impacts take no time or whose soft walls are linear.
+    ///
+    /// # Errors
+    /// Names the stiffness of the wall.
+    pub fn validate_without_hertz(&self) -> Result<(), Invalid> {
+        let stiffness = self.particle.and_then(|p| p.walls().iter().find_map(Wall::hertz));
+        stiffness.map_or(Ok(()), |hertz| {
+            let allowed = "left out: only the exact integrator follows a wall with Hertz contact";
+            require(false, "particle.wall.stiffness_n_per_m15", hertz.stiffness_n_per_m15, allowed)
+        })
+    }
+
     /// Checks a starting state against this set-up.
     ///
     /// # Errors

@@ -128,6 +128,7 @@ impl<S: Scalar> Sampled<S> {
     /// Names a value that is not physical, or a soft wall or tuned mass; those need [`Joined`].
     pub fn new(set_up: &SetUp, units: Units, initial: &Initial) -> Result<Self, Invalid> {
         set_up.validate()?;
+        set_up.validate_without_hertz()?;
         set_up.validate_initial(initial)?;
         if let Some(tmd) = &set_up.tmd {
             require(false, "tmd.mass_kg", tmd.mass_kg, "left out: a tuned mass is for `Joined`")?;

@@ -205,7 +205,8 @@ mod tests {
         // The law's own coefficient is met only near 1.
         assert!(e > 0.7 && e < 0.8, "{e}");
         let near = Hertz { dissipation: Dissipation::LankaraniNikravesh { coefficient: 0.99 }, ..wall };
-        assert!((near.restitution(1.0) - 0.99).abs() < 1e-4);
+        // To second order in 1 − e.
+        assert!((near.restitution(1.0) - 0.99).abs() < 2e-4);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! method of order 8 from a crate, separately written equations of motion, and impacts by bisection.
 
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation};
-use damprig_core::model::{Cavity, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
+use damprig_core::model::{Cavity, Dissipation, Hertz, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
 use differential_equations::prelude::{ExplicitRungeKutta, IVP, ODE};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -29,6 +29,12 @@ impl Equations {
         let (apart, closing) = (s[2] - s[0], s[3] - s[1]);
         if let Some(tmd) = self.set_up.tmd {
             return tmd.stiffness_n_per_m * apart + tmd.damping_n_s_per_m * closing;
+        }
+        if let Some((particle, hertz)) = self.set_up.particle.and_then(|p| p.wall.hertz().map(|hertz| (p, hertz))) {
+            let Dissipation::HuntCrossley { coefficient_s_per_m } = hertz.dissipation else { return f64::NAN };
+            let past = (apart.abs() - particle.clearance_m).max(0.0);
+            let bracket = 1.0 + 1.5 * coefficient_s_per_m * closing * apart.signum();
+            return apart.signum() * hertz.stiffness_n_per_m15 * past.powf(1.5) * bracket.max(0.0);
         }
         let Some(Particle { clearance_m, wall: Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. }, .. }) =
             self.set_up.particle
@@ -200,6 +206,24 @@ fn soft_walls_agree_with_an_adaptive_method() {
                 damping_n_s_per_m: draw(0.0, 10.0),
                 release: Release::ZeroForce,
             },
+            cavity: Cavity::default(),
+        };
+        SetUp { particle: Some(particle), ..SetUp::bare(structure) }
+    });
+}
+
+#[test]
+fn hertz_walls_agree_with_an_adaptive_method() {
+    compare(24, 30, 1e-9, |draw| {
+        let structure = Structure::from_modal(draw(0.5, 3.0), draw(1.0, 5.0), draw(0.0, 0.05));
+        let particle = Particle {
+            mass_kg: structure.mass_kg * draw(0.02, 0.3),
+            clearance_m: draw(5e-3, 20e-3),
+            friction_coefficient: 0.0,
+            wall: Wall::Hertz(Hertz {
+                stiffness_n_per_m15: draw(1e4, 1e6),
+                dissipation: Dissipation::HuntCrossley { coefficient_s_per_m: draw(0.0, 3.0) },
+            }),
             cavity: Cavity::default(),
         };
         SetUp { particle: Some(particle), ..SetUp::bare(structure) }

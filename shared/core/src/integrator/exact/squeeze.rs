@@ -43,6 +43,9 @@ pub(super) struct Squeeze {
     laws: [Option<Hertz>; 2],
     /// The structure's equation of motion.
     rates: Rates,
+    /// [`TOLERANCE`] and [`FAINT`].
+    tolerance: f64,
+    faint: f64,
     /// Whether the contact begins: its scales are not known yet.
     is_new: bool,
     /// β of the contact, s/m.
@@ -67,6 +70,8 @@ impl Squeeze {
         Self {
             laws: set_up.particle.map_or([None; 2], |particle| particle.walls().map(|wall| wall.hertz())),
             rates: Rates::of(&set_up.structure, set_up.structure.mass_kg, excitation),
+            tolerance: TOLERANCE,
+            faint: FAINT,
             is_new: false,
             rate_s_per_m: 0.0,
             depth_m: 0.0,
@@ -112,7 +117,7 @@ impl Exact {
         let stiffness = self.squeeze.law(side).map_or(0.0, |law| law.stiffness_n_per_m15);
         self.squeeze.depth_m = self.squeeze.depth_m.max(depth_m);
         self.squeeze.scale_n = self.squeeze.scale_n.max(self.squeeze.force_n(side, depth_m, self.closing(side)));
-        let (h, motion) = if depth_m <= FAINT * self.squeeze.depth_m {
+        let (h, motion) = if depth_m <= self.squeeze.faint * self.squeeze.depth_m {
             self.faint_piece(side, depth_m, most_s)
         } else {
             self.firm_piece(side, stiffness, most_s)
@@ -209,7 +214,7 @@ impl Exact {
 
     /// A piece near δ = 0: the force is the polynomial through its values at a few instants.
     fn faint_piece(&mut self, side: Sign, depth_m: f64, most_s: f64) -> (f64, Motion) {
-        let room_m = FAINT * self.squeeze.depth_m;
+        let room_m = self.squeeze.faint * self.squeeze.depth_m;
         let free = self.untouched(side, most_s).offset;
         let (speed, bend) = (free[1].abs(), free[2].abs());
         // The piece moves by about `room_m`.
@@ -261,7 +266,7 @@ impl Exact {
         law.depth[LAST + 1] = signed(side, motion.offset[LAST + 1]);
         force[LAST] = law.force(LAST);
         // The length at which the last terms of the force are at their limit.
-        let allowed = TOLERANCE * self.squeeze.scale_n;
+        let allowed = self.squeeze.tolerance * self.squeeze.scale_n;
         let longest = |n: usize| libm::pow(allowed / force[n].abs(), 1.0 / n as f64);
         let share = (LAST - 2..=LAST).map(longest).fold(most_s / guess_s, f64::min);
         let mut power = 1.0;
@@ -332,4 +337,42 @@ fn polynomial(values: &[f64; NODES]) -> Series {
         p[0] = divided[n] - INSTANTS[n] * p[0];
     }
     p
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Cavity, Dissipation, FrictionDamper, Initial, Particle, Structure, Wall};
+
+    /// x, y − x and the number of arcs after 2 s of a motion with about ten contacts.
+    fn run(tolerance: f64, faint: f64) -> (f64, f64, u64) {
+        let dissipation = Dissipation::HuntCrossley { coefficient_s_per_m: 0.8 };
+        let wall = Wall::Hertz(Hertz { stiffness_n_per_m15: 3e6, dissipation });
+        let particle =
+            Particle { mass_kg: 0.16, clearance_m: 0.01, friction_coefficient: 0.02, wall, cavity: Cavity::default() };
+        let set_up = SetUp {
+            particle: Some(particle),
+            friction_damper: Some(FrictionDamper { force_n: 0.3 }),
+            ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.02))
+        };
+        let sine = Excitation::Sine { amplitude_m: 3e-3, angular_frequency_rad_per_s: 15.0, phase_rad: 0.3 };
+        let mut exact = Exact::new(&set_up, &sine, &Initial::default()).expect("physical");
+        (exact.squeeze.tolerance, exact.squeeze.faint) = (tolerance, faint);
+        exact.run(2.0, &mut ());
+        (exact.state.x_m, exact.state.offset_m, exact.work.arcs_walked)
+    }
+
+    #[test]
+    fn tighter_limits_change_the_motion_by_less_than_the_stated_error() {
+        let stated = run(TOLERANCE, FAINT);
+        for (tolerance, faint) in [(0.5 * TOLERANCE, FAINT), (TOLERANCE, 0.5 * FAINT), (0.01 * TOLERANCE, 0.1 * FAINT)]
+        {
+            let tighter = run(tolerance, faint);
+            let off = (tighter.0 - stated.0).abs().max((tighter.1 - stated.1).abs());
+            assert!(off < 1e-11 * 0.01 && tighter.2 > stated.2, "{off:e} {} {}", tighter.2, stated.2);
+        }
+        // And looser limits show that the limits act.
+        let looser = run(1e6 * TOLERANCE, 30.0 * FAINT);
+        assert!((looser.1 - stated.1).abs() > 1e-12 && looser.2 < stated.2, "{:e}", looser.1 - stated.1);
+    }
 }

@@ -230,9 +230,10 @@ impl<S: Scalar> Joined<S> {
     /// Any set-up in `units`, starting from `initial`; see [`Sampled::new`].
     ///
     /// # Errors
-    /// Names a value that is not physical, or a joint too stiff for the step.
+    /// Names a value that is not physical, a wall with Hertz contact, or a joint too stiff for the step.
     pub fn joined(set_up: &SetUp, units: Units, initial: &Initial) -> Result<Self, Invalid> {
         set_up.validate()?;
+        set_up.validate_without_hertz()?;
         set_up.validate_initial(initial)?;
         let link = Link::new(set_up, &Coefficients::in_units(set_up, &units), &units)?;
         Ok(Self::with_joint(set_up, units, initial, link))
