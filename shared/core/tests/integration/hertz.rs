@@ -310,8 +310,8 @@ fn the_energy_balance_of_every_hertz_cavity_closes_and_no_wall_pulls() {
         "at most {worst:.1e} of the energy; {} impacts, {} lagging, least force {:.1e} of the largest, {arcs} arcs",
         all.impacts, all.lagging, least
     );
-    // The polynomial of a faint force: 10⁻³ of 4·10⁻⁵.
-    assert!(least > -1e-7, "{least:e}");
+    // The polynomial of a faint force.
+    assert!(least > -1e-6, "{least:e}");
     assert!(
         all.impacts > 2000 && all.ends > 1000 && all.slips > 100 && all.lagging > 0,
         "{} {}",

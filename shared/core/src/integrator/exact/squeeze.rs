@@ -4,9 +4,13 @@
 //! zero. Where the penetration δ is not small, the motion is analytic: a piece is its Taylor series, from the
 //! recurrence of a power of a series, and as long as the last terms of the force stay below [`TOLERANCE`] of the contact's
 //! largest force. δ^1.5 is not smooth at δ = 0, where each contact begins and ends. There, while δ is below [`FAINT`] of
-//! the contact's depth and the force below 4·10⁻⁵ of the largest, a piece takes the force as the polynomial through its
-//! values at [`NODES`] instants of the motion, which it corrects twice: an error of about 10⁻⁴ of a
-//! force that gives 10⁻⁸ of the contact's impulse.
+//! the contact's depth and the force below 2·10⁻⁴ of the largest, a piece takes the force as the polynomial through its
+//! values at [`NODES`] instants of the motion, which it corrects twice: an error of about 10⁻³ of a force that gives
+//! 5·10⁻⁷ of the contact's impulse, and most of which its integral does not have.
+//!
+//! Stated error: 10⁻⁹ of the contact's own depth, speed, force and duration. Measured: 10⁻¹¹, against the closed forms of
+//! free impacts and against a Runge–Kutta method under every smooth force; below 2·10⁻⁴ of the largest force the
+//! force itself is within 10⁻⁶ of the largest. A contact takes about 30 pieces.
 //!
 //! The pieces are spans like those of flight: the guards, the observers and their integrals need nothing else.
 
@@ -19,10 +23,10 @@ use crate::integrator::modes::{Sign, of, signed};
 use crate::model::{Hertz, SetUp};
 
 /// Largest last terms of the force in a piece, relative to the largest force of the contact.
-const TOLERANCE: f64 = 1e-12;
+const TOLERANCE: f64 = 1e-10;
 
 /// Penetration, relative to the depth of the contact, below which the force is a polynomial through a few values.
-const FAINT: f64 = 1e-3;
+const FAINT: f64 = 3e-3;
 
 /// Number of values of a faint force.
 const NODES: usize = 8;
@@ -369,10 +373,11 @@ mod tests {
         {
             let tighter = run(tolerance, faint);
             let off = (tighter.0 - stated.0).abs().max((tighter.1 - stated.1).abs());
-            assert!(off < 1e-11 * 0.01 && tighter.2 > stated.2, "{off:e} {} {}", tighter.2, stated.2);
+            // Of the clearance: ten contacts of 10⁻¹¹ each.
+            assert!(off < 1e-10 * 0.01 && tighter.2 > stated.2, "{off:e} {} {}", tighter.2, stated.2);
         }
         // And looser limits show that the limits act.
-        let looser = run(1e6 * TOLERANCE, 30.0 * FAINT);
+        let looser = run(1e4 * TOLERANCE, 30.0 * FAINT);
         assert!((looser.1 - stated.1).abs() > 1e-12 && looser.2 < stated.2, "{:e}", looser.1 - stated.1);
     }
 }
