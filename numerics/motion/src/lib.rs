@@ -64,6 +64,23 @@ pub struct AccumulationRecord {
     pub side: i8,
 }
 
+/// A contact with a Hertz wall, from the first touch until the penetration has returned to zero.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ContactRecord {
+    /// First touch, s.
+    pub t_s: f64,
+    /// +1 where y − x = +d.
+    pub side: i8,
+    /// |x′ − y′| at the first touch, m/s; 0 where the particle began to press from rest.
+    pub approach_speed_m_per_s: f64,
+    /// Duration, s.
+    pub duration_s: f64,
+    /// Largest force, N.
+    pub peak_force_n: f64,
+    /// Separation speed over approach speed; `None` of a contact that began from rest.
+    pub restitution: Option<f64>,
+}
+
 /// Stick, slip and contact, as tables name them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Phase {
@@ -115,6 +132,11 @@ pub trait Viewer {
         let _ = impact;
     }
 
+    /// A contact with a Hertz wall ended.
+    fn contact(&mut self, contact: &ContactRecord) {
+        let _ = contact;
+    }
+
     /// A chatter ended with the particle at rest on a wall.
     fn accumulation(&mut self, accumulation: &AccumulationRecord) {
         let _ = accumulation;
@@ -148,6 +170,11 @@ impl<A: Viewer, B: Viewer> Viewer for (A, B) {
         self.1.impact(impact);
     }
 
+    fn contact(&mut self, contact: &ContactRecord) {
+        self.0.contact(contact);
+        self.1.contact(contact);
+    }
+
     fn accumulation(&mut self, accumulation: &AccumulationRecord) {
         self.0.accumulation(accumulation);
         self.1.accumulation(accumulation);
@@ -169,6 +196,10 @@ impl<V: Viewer + ?Sized> Viewer for &mut V {
 
     fn impact(&mut self, impact: &ImpactRecord) {
         (**self).impact(impact);
+    }
+
+    fn contact(&mut self, contact: &ContactRecord) {
+        (**self).contact(contact);
     }
 
     fn accumulation(&mut self, accumulation: &AccumulationRecord) {
@@ -195,6 +226,12 @@ impl<V: Viewer> Viewer for Option<V> {
     fn impact(&mut self, impact: &ImpactRecord) {
         if let Some(viewer) = self {
             viewer.impact(impact);
+        }
+    }
+
+    fn contact(&mut self, contact: &ContactRecord) {
+        if let Some(viewer) = self {
+            viewer.contact(contact);
         }
     }
 
@@ -237,6 +274,19 @@ impl<V: Viewer> exact::Observer for ExactObserver<V> {
             side: impact.side,
             approach_speed_m_per_s: impact.approach_speed_m_per_s,
             y_m: impact.before.y_m(),
+        });
+    }
+
+    fn contact_end(&mut self, end: &exact::ContactEnd) {
+        let Some(contact) = end.hertz else { return };
+        let approach_speed_m_per_s = contact.approach_speed_m_per_s;
+        self.viewer.contact(&ContactRecord {
+            t_s: contact.touch_s,
+            side: end.side,
+            approach_speed_m_per_s,
+            duration_s: contact.duration_s,
+            peak_force_n: contact.peak_force_n,
+            restitution: (approach_speed_m_per_s > 0.0).then(|| end.separation_speed_m_per_s / approach_speed_m_per_s),
         });
     }
 

@@ -29,6 +29,7 @@ struct Contact {
     touch_s: f64,
     approach_m_per_s: f64,
     duration_s: f64,
+    force_n: f64,
     separation_m_per_s: f64,
     depth_m: f64,
     pieces: u32,
@@ -74,7 +75,13 @@ impl Observer for First {
     fn contact_end(&mut self, end: &ContactEnd) {
         if !self.ended {
             self.ended = true;
-            self.contact.duration_s = end.time_s - self.contact.touch_s;
+            let hertz = end.hertz.expect("a Hertz wall");
+            self.contact.duration_s = hertz.duration_s;
+            self.contact.force_n = hertz.peak_force_n;
+            assert_eq!(
+                (hertz.touch_s, hertz.approach_speed_m_per_s),
+                (self.contact.touch_s, self.contact.approach_m_per_s)
+            );
             self.contact.separation_m_per_s = end.separation_speed_m_per_s;
         }
     }
@@ -106,7 +113,9 @@ fn impact(set_up: &SetUp, speed_m_per_s: f64) -> (Contact, f64) {
     motion.run(1e3, &mut (&mut first, &mut response));
     assert!(first.ended, "{set_up:?}");
     assert_eq!(motion.unresolved(), 0);
-    (first.contact, response.peak_contact_force_n().expect("a contact"))
+    let force_n = response.peak_contact_force_n().expect("a contact");
+    assert_eq!(first.contact.force_n, force_n);
+    (first.contact, force_n)
 }
 
 /// ∫ dt of a free impact over δ′ = u from v to −e v, by tanh-sinh quadrature: dt = −(m/k) du/((1 + βu) δ^1.5).

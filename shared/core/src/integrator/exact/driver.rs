@@ -199,6 +199,9 @@ impl Exact {
                 self.state.offset_m = self.c.wall(self.wall_side());
             }
             self.wave = self.wave.turned(self.flows.turning * h * at);
+            if squeezed.is_some() {
+                self.squeeze.add_piece(at);
+            }
             let ends = ((&state, &wave), (&self.state, &self.wave));
             self.report(ends.0, ends.1, (self.time, h * at), Some(span), observer);
             self.time = if event.is_none() && !full && at == most { Time::at(limit_s) } else { self.time.plus(h * at) };

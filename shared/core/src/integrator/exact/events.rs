@@ -246,7 +246,7 @@ impl Exact {
     fn touch_soft<O: Observer>(&mut self, side: Sign, approach: f64, slip: f64, observer: &mut O) {
         if approach > 0.0 {
             self.touch = Touch::Pressing(side);
-            self.squeeze.begin();
+            self.squeeze.begin(self.time, approach);
             self.fresh.press = 1;
             let (time_s, before) = (self.time.seconds(), self.state);
             observer.impact(&Impact { time_s, side, approach_speed_m_per_s: approach, before, after: before });
@@ -279,7 +279,7 @@ impl Exact {
     fn leave_rest(&mut self, side: Sign, presses: bool, order: usize) {
         if presses && self.soft(side).is_some() {
             self.touch = Touch::Pressing(side);
-            self.squeeze.begin();
+            self.squeeze.begin(self.time, 0.0);
             self.fresh.press = order;
         } else {
             (self.fresh.gap_side, self.fresh.gap) = (side, order);
@@ -306,7 +306,8 @@ impl Exact {
             (self.fresh.gap_side, self.fresh.gap) = (side, 1);
         }
         let separation_speed_m_per_s = self.state.slide_m_per_s.abs();
-        observer.contact_end(&ContactEnd { time_s: self.time.seconds(), side, separation_speed_m_per_s });
+        let hertz = self.squeeze.end(side, self.time);
+        observer.contact_end(&ContactEnd { time_s: self.time.seconds(), side, separation_speed_m_per_s, hertz });
         self.resolve(slip, observer);
     }
 }

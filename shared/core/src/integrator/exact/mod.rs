@@ -67,4 +67,4 @@ pub mod time;
 pub use excitation::Excitation;
 pub use flow::ExactState;
 pub use motion::{Exact, Touch, Work};
-pub use observe::{Accumulation, Arc, ContactEnd, Impact, Observer};
+pub use observe::{Accumulation, Arc, ContactEnd, HertzContact, Impact, Observer};

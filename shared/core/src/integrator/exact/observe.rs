@@ -104,7 +104,20 @@ pub struct Impact {
     pub after: ExactState,
 }
 
-/// A soft wall releases the particle.
+/// A contact with a Hertz wall that has ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HertzContact {
+    /// Time of the first touch, s.
+    pub touch_s: f64,
+    /// |x′ − y′| at the first touch, m/s; 0 where the particle began to press from rest.
+    pub approach_speed_m_per_s: f64,
+    /// From the first touch until the penetration has returned to zero, s; without the rounding of the times.
+    pub duration_s: f64,
+    /// Largest force, N.
+    pub peak_force_n: f64,
+}
+
+/// A soft wall releases the particle; a Hertz wall where the penetration has returned to zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactEnd {
     /// Time, s.
@@ -113,6 +126,8 @@ pub struct ContactEnd {
     pub side: Sign,
     /// |x′ − y′| just after, m/s.
     pub separation_speed_m_per_s: f64,
+    /// The contact, of a Hertz wall.
+    pub hertz: Option<HertzContact>,
 }
 
 /// Accumulation of impacts: the particle has come to rest on a hard wall, and the remaining impacts were summed instead

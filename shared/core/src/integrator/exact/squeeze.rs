@@ -17,8 +17,10 @@
 use super::excitation::Excitation;
 use super::flow::{Path, Span};
 use super::motion::Exact;
+use super::observe::HertzContact;
 use super::oscillator::{Rates, wave_series};
-use super::series::{Series, TERMS, value_and_slope};
+use super::series::{Series, TERMS, largest, value_and_slope};
+use super::time::Time;
 use crate::integrator::modes::{Sign, of, signed};
 use crate::model::{Hertz, SetUp};
 
@@ -52,6 +54,9 @@ pub(super) struct Squeeze {
     faint: f64,
     /// Whether the contact begins: its scales are not known yet.
     is_new: bool,
+    /// When it began, and what it has been so far.
+    touch: Time,
+    contact: HertzContact,
     /// β of the contact, s/m.
     pub rate_s_per_m: f64,
     /// Scales of the contact so far: its depth, m, and its force, N.
@@ -77,6 +82,8 @@ impl Squeeze {
             tolerance: TOLERANCE,
             faint: FAINT,
             is_new: false,
+            touch: Time::default(),
+            contact: HertzContact { touch_s: 0.0, approach_speed_m_per_s: 0.0, duration_s: 0.0, peak_force_n: 0.0 },
             rate_s_per_m: 0.0,
             depth_m: 0.0,
             scale_n: 0.0,
@@ -91,9 +98,23 @@ impl Squeeze {
         if side == 0 { None } else { self.laws[of(side)].as_ref() }
     }
 
-    /// A contact begins.
-    pub fn begin(&mut self) {
+    /// A contact begins with this approach speed.
+    pub fn begin(&mut self, time: Time, approach_speed_m_per_s: f64) {
         (self.is_new, self.rate_s_per_m) = (true, 0.0);
+        self.touch = time;
+        self.contact =
+            HertzContact { touch_s: time.seconds(), approach_speed_m_per_s, duration_s: 0.0, peak_force_n: 0.0 };
+    }
+
+    /// A piece of the contact, as a fraction of its series.
+    pub fn add_piece(&mut self, fraction: f64) {
+        self.contact.peak_force_n = largest(&self.force, 0.0, fraction, self.contact.peak_force_n);
+    }
+
+    /// The contact with the wall of `side`, which ends now; `None` of another wall.
+    pub fn end(&self, side: Sign, time: Time) -> Option<HertzContact> {
+        self.law(side)?;
+        Some(HertzContact { duration_s: time.since(self.touch), ..self.contact })
     }
 
     /// The force at a penetration and its rate, N.

@@ -35,6 +35,12 @@ impl Time {
         Self { rounded, rest }
     }
 
+    /// self − `earlier`, s.
+    #[must_use]
+    pub fn since(self, earlier: Self) -> f64 {
+        (self.rounded - earlier.rounded) + (self.rest - earlier.rest)
+    }
+
     /// `seconds` − self, s.
     #[inline]
     #[must_use]
