@@ -152,7 +152,7 @@ impl System {
             match &mut particle.wall {
                 Wall::Restitution { coefficient } => *coefficient = v.restitution,
                 Wall::SpeedRestitution(law) => law.coefficient = v.restitution,
-                Wall::TableRestitution(_) => {}
+                Wall::TableRestitution(_) | Wall::Hertz(_) => {}
                 Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
                     (*stiffness_n_per_m, *damping_n_s_per_m) = (v.link_stiffness, v.link_damping);
                 }
