@@ -26,7 +26,7 @@ class Run:
     path : pathlib.Path
         Where it is.
     manifest : dict
-        Everything that is not a table (host/RUN_FOLDER.md).
+        Everything that is not a table (docs/RUN_FOLDER.md).
     problems : list of str
         What verification found damaged or incomplete; empty if the folder is intact.
     findings : list of str

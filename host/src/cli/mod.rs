@@ -261,7 +261,7 @@ mod tests {
     #[test]
     fn every_command_in_the_documents_exists() {
         let top = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-        for (document, least) in [("README.md", 5), ("firmware/README.md", 5), ("host/RUN_FOLDER.md", 3)] {
+        for (document, least) in [("README.md", 5), ("firmware/README.md", 5), ("docs/RUN_FOLDER.md", 3)] {
             let text = std::fs::read_to_string(top.join(document)).expect("a document of the project");
             let commands = commands(&text);
             assert!(commands.len() >= least, "{document}: {commands:?}");

@@ -1,4 +1,4 @@
-//! The run folder: what a run records, how it is written, and how it is read back. `host/RUN_FOLDER.md` describes its files.
+//! The run folder: what a run records, how it is written, and how it is read back. `docs/RUN_FOLDER.md` describes its files.
 //!
 //! [`schema`] has the records and columns, [`journal`] the append-only log, [`read`] opens, lists and verifies run folders,
 //! [`mod@write`] records into one. Nothing in [`read`] writes, moves or deletes a file.
