@@ -10,6 +10,7 @@ mod hardware;
 mod layout;
 mod link;
 mod log;
+mod manual;
 mod panics;
 mod protocol_page;
 mod recorded;

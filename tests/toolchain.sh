@@ -102,3 +102,10 @@ find_python() {
     fi
     target/python/bin/python --version
 }
+
+# mdBook, which builds the manual (book.toml): this version, in target/tools.
+mdbook_version=0.5.4
+find_mdbook() {
+    [ "$(target/tools/bin/mdbook --version 2>/dev/null)" = "mdbook v$mdbook_version" ] && return
+    cargo install --quiet --locked --root target/tools --version "$mdbook_version" mdbook
+}
