@@ -4,14 +4,8 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use crate::common::{damprig, folder_with};
+use crate::common::{blocks, damprig, folder_with};
 use tempfile::TempDir;
-
-/// The blocks of a language in a Markdown text.
-fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
-    let fence = format!("```{language}\n");
-    text.split(fence.as_str()).skip(1).filter_map(|rest| rest.split("```").next()).collect()
-}
 
 /// A monitor that says where its page is until it is stopped.
 fn starts(folder: &TempDir, arguments: &[&str]) {

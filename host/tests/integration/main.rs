@@ -34,6 +34,7 @@ mod init_peaks;
 mod killed_folder;
 mod kills;
 mod limits;
+mod manual;
 mod many_particles;
 mod monitor;
 mod monitor_folder;

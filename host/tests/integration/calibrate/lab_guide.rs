@@ -2,13 +2,7 @@
 
 use std::path::Path;
 
-use crate::common::{damprig, folder_with};
-
-/// The blocks of a language in a Markdown text.
-fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
-    let fence = format!("```{language}\n");
-    text.split(fence.as_str()).skip(1).filter_map(|rest| rest.split("```").next()).collect()
-}
+use crate::common::{blocks, damprig, folder_with};
 
 #[test]
 fn every_command_of_the_calibration_works_on_the_virtual_rig() {

@@ -122,6 +122,12 @@ pub fn with_sums(journal: &str) -> String {
     journal.lines().map(|text| line(text) + "\n").collect()
 }
 
+/// The blocks of a language in a Markdown text.
+pub fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
+    let fence = format!("```{language}\n");
+    text.split(fence.as_str()).skip(1).filter_map(|rest| rest.split("```").next()).collect()
+}
+
 /// The Python that `tests/run` makes, with the packages of tests/python; `None` if tests that need it may be left out.
 pub fn python() -> Option<PathBuf> {
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/python/bin/python");
