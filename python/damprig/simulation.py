@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-__all__ = ["Accumulations", "Impacts", "Simulation", "simulate"]
+__all__ = ["Accumulations", "Contacts", "Impacts", "Simulation", "simulate"]
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,37 @@ class Impacts:
     side: np.ndarray
     approach_speed: np.ndarray
     y: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contacts with Hertz walls that have ended; arrays of shape ``(n,)``, the first million.
+
+    Attributes
+    ----------
+    time : numpy.ndarray
+        First touch, s.
+    side : numpy.ndarray of int8
+        +1 where y − x = +d, −1 where y − x = −d.
+    approach_speed : numpy.ndarray
+        abs(x′ − y′) at the first touch, m/s; 0 where the particle began to press from rest.
+    duration : numpy.ndarray
+        From the first touch until the penetration is zero, s.
+    peak_force : numpy.ndarray
+        Largest force, N.
+    restitution : numpy.ndarray
+        Separation speed over approach speed; not a number where the particle began to press from rest.
+    """
+
+    time: np.ndarray
+    side: np.ndarray
+    approach_speed: np.ndarray
+    duration: np.ndarray
+    peak_force: np.ndarray
+    restitution: np.ndarray
 
     def __len__(self) -> int:
         return len(self.time)
@@ -84,6 +115,8 @@ class Simulation:
         Displacement of the base, m.
     impacts : Impacts
         The impacts.
+    contacts : Contacts
+        The contacts with Hertz walls; none at other walls.
     accumulations : Accumulations
         The chatters that ended on a wall.
     summary : dict
@@ -102,6 +135,7 @@ class Simulation:
     u: np.ndarray
     z: np.ndarray
     impacts: Impacts
+    contacts: Contacts
     accumulations: Accumulations
     summary: dict[str, Any]
     parameters: dict[str, Any]
@@ -159,6 +193,7 @@ def simulate(
     done["summary"] = json.loads(done["summary"])
     done["parameters"] = json.loads(done["parameters"])
     done["impacts"] = Impacts(**done["impacts"])
+    done["contacts"] = Contacts(**done["contacts"])
     done["accumulations"] = Accumulations(**done["accumulations"])
     listed, counted = len(done["impacts"]), done["summary"]["impact_count"]
     if counted > listed:

@@ -1,7 +1,9 @@
 //! Simulates a case and hands its motion over as arrays.
 
 use damprig::simulation::{
-    AccumulationRecord, Case, ImpactRecord, RunOptions, SimulationResult, Viewer, cost, motion::Piece, simulate as run,
+    AccumulationRecord, Case, ImpactRecord, RunOptions, SimulationResult, Viewer, cost,
+    motion::{ContactRecord, Piece},
+    simulate as run,
 };
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
@@ -143,6 +145,7 @@ pub fn simulate<'py>(
         dict.set_item(name, column.into_pyarray(py))?;
     }
     dict.set_item("impacts", impacts(py, &done.result.impacts)?)?;
+    dict.set_item("contacts", contacts(py, &done.result.contacts)?)?;
     dict.set_item("accumulations", accumulations(py, &done.result.accumulations)?)?;
     dict.set_item("summary", json(&done.result.summary)?)?;
     dict.set_item("parameters", parameters(&done.case)?)?;
@@ -156,6 +159,18 @@ fn impacts<'py>(py: Python<'py>, impacts: &[ImpactRecord]) -> PyResult<Bound<'py
     dict.set_item("side", impacts.iter().map(|impact| impact.side).collect::<Vec<i8>>().into_pyarray(py))?;
     dict.set_item("approach_speed", column(|impact| impact.approach_speed_m_per_s))?;
     dict.set_item("y", column(|impact| impact.y_m))?;
+    Ok(dict)
+}
+
+fn contacts<'py>(py: Python<'py>, contacts: &[ContactRecord]) -> PyResult<Bound<'py, PyDict>> {
+    let column = |value: fn(&ContactRecord) -> f64| contacts.iter().map(value).collect::<Vec<f64>>().into_pyarray(py);
+    let dict = PyDict::new(py);
+    dict.set_item("time", column(|contact| contact.t_s))?;
+    dict.set_item("side", contacts.iter().map(|contact| contact.side).collect::<Vec<i8>>().into_pyarray(py))?;
+    dict.set_item("approach_speed", column(|contact| contact.approach_speed_m_per_s))?;
+    dict.set_item("duration", column(|contact| contact.duration_s))?;
+    dict.set_item("peak_force", column(|contact| contact.peak_force_n))?;
+    dict.set_item("restitution", column(|contact| contact.restitution.unwrap_or(f64::NAN)))?;
     Ok(dict)
 }
 

@@ -162,6 +162,10 @@ fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSet
         section.reject(MANY_PARTICLES, allowed, Some(help.into()));
     }
     let spec = setup::read(section, shared, base, Some(1.0 / f64::from(TICK_HZ)));
+    if let Some(law) = spec.as_ref().and_then(SetUpSpec::hertz_wall) {
+        let allowed = "a wall of kind \"hertz\" is for cases: impacts of a campaign's models take no time";
+        section.reject(setup::set_up_keys::PARTICLE.name(), allowed, Some(setup::equivalent_of(&law)));
+    }
     let has_unmodelled_damper = section.word(&set_up::DAMPER).is_some();
     if has_unmodelled_damper && let Some(modelled) = spec.as_ref().and_then(SetUpSpec::damper) {
         let unmodelled = set_up::DAMPER.name();

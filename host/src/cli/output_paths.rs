@@ -27,11 +27,13 @@ pub fn check(
     let history = out.map(|out| ("--out", out.path().to_path_buf()));
     let beside = out.filter(|_| has_walls);
     let impacts = beside.map(|out| ("the table of impacts of --out", out.impacts().path().to_path_buf()));
+    let contacts = out.filter(|_| case.set_up.has_hertz_walls());
+    let contacts = contacts.map(|out| ("the table of contacts of --out", out.contacts().path().to_path_buf()));
     let accumulations =
         beside.map(|out| ("the table of accumulations of --out", out.accumulations().path().to_path_buf()));
     let picture = plot.map(|plot| ("--plot", plot.to_path_buf()));
     let mut taken: Vec<(&str, PathBuf)> = read.into_iter().flatten().collect();
-    for (role, file) in [history, impacts, accumulations, picture].into_iter().flatten() {
+    for (role, file) in [history, impacts, contacts, accumulations, picture].into_iter().flatten() {
         let place = place(&file);
         if let Some((other, _)) = taken.iter().find(|(_, other)| self::place(other) == place) {
             return Err(Failure::Input(format!(

@@ -71,6 +71,7 @@ impl Continuation {
         let name = case_source.name().to_string();
         let text = (case_source.name(), case_source.text());
         case.refuse_many_particles(text, &SetValues::default(), "a continuation")?;
+        case.refuse_hertz(text, "a continuation")?;
         if !matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. }) || case.record.is_some() {
             return Err(Refusal(format!(
                 "{name}: `base` or `force` must be a sine: only then does a motion repeat with the drive\n  \

@@ -225,8 +225,10 @@ const fn unit(suffix: &'static str, symbol: &'static str, least: f64, most: f64)
 }
 
 /// A suffix that ends with another suffix comes before it.
-const UNITS: [Unit; 21] = [
+const UNITS: [Unit; 23] = [
     unit("_n_s_per_m", "N·s/m", 1e-18, 1e18),
+    unit("_s_per_m", "s/m", 1e-18, 1e6),
+    unit("_n_per_m15", "N/m^1.5", 1e-12, 1e21),
     unit("_n_per_a", "N/A", 0.0, f64::MAX),
     unit("_n_per_m", "N/m", 1e-12, 1e18),
     unit("_rad_per_s", "rad/s", 1e-9, 1e9),

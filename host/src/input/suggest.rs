@@ -55,7 +55,17 @@ const CONVERSIONS: &[(&str, &str, f64)] = &[
 
 /// Name without its unit: `mass_kg` → `mass`, `clearance_mm` → `clearance`.
 fn stem(key: &str) -> &str {
-    const UNITS: &[&str] = &["_n_s_per_m", "_kn_per_m", "_n_per_mm", "_n_per_m", "_rad_per_s", "_m_per_s2", "_m_per_s"];
+    const UNITS: &[&str] = &[
+        "_n_s_per_m",
+        "_s_per_m",
+        "_n_per_m15",
+        "_kn_per_m",
+        "_n_per_mm",
+        "_n_per_m",
+        "_rad_per_s",
+        "_m_per_s2",
+        "_m_per_s",
+    ];
     const SHORT: &[&str] =
         &["_kg", "_g", "_mm", "_cm", "_um", "_m", "_khz", "_mhz", "_hz", "_ms", "_min", "_s", "_kn", "_mn", "_n"];
     for unit in UNITS.iter().chain(SHORT) {

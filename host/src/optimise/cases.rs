@@ -53,7 +53,7 @@ impl Number {
             Self::Restitution => match &mut case.set_up.particle.as_mut()?.wall {
                 Wall::Restitution { coefficient } => *coefficient = value,
                 Wall::SpeedRestitution(law) => law.coefficient = value,
-                Wall::TableRestitution(_) | Wall::Voigt { .. } => return None,
+                Wall::TableRestitution(_) | Wall::Voigt { .. } | Wall::Hertz(_) => return None,
             },
             Self::InternalFriction => case.set_up.particle.as_mut()?.friction_coefficient = value,
             Self::Friction => case.set_up.friction_damper.as_mut()?.force_n = value,

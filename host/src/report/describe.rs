@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{Cavity, Particle, Wall};
+use damprig_core::model::{Cavity, Dissipation, Particle, Wall};
 
 use super::numbers::{millimetres, significant, trimmed};
 use crate::campaign::{CampaignSetUp, Experiment};
@@ -69,6 +69,17 @@ pub(super) fn wall(wall: &Wall) -> String {
         Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
             let (k1, c1) = (significant(stiffness_n_per_m, 5), significant(damping_n_s_per_m, 5));
             format!("k1 = {k1} N/m, c1 = {c1} N·s/m")
+        }
+        Wall::Hertz(law) => {
+            let loss = match law.dissipation {
+                Dissipation::HuntCrossley { coefficient_s_per_m } => {
+                    format!("Hunt–Crossley α = {} s/m", significant(coefficient_s_per_m, 4))
+                }
+                Dissipation::LankaraniNikravesh { coefficient } => {
+                    format!("Lankarani–Nikravesh e = {}", significant(coefficient, 4))
+                }
+            };
+            format!("k = {} N/m^1.5, {loss}", significant(law.stiffness_n_per_m15, 5))
         }
     }
 }

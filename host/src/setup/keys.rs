@@ -18,7 +18,8 @@ pub(crate) const SET_UP_FILE: Key = key(
 );
 
 /// Tables of the wall at the positive side: those of `particle.wall`.
-const POSITIVE_WALL: [Table; 2] = [positive(wall_restitution::TABLE), positive(wall_voigt::TABLE)];
+const POSITIVE_WALL: [Table; 3] =
+    [positive(wall_restitution::TABLE), positive(wall_voigt::TABLE), positive(wall_hertz::TABLE)];
 
 const fn positive(table: Table) -> Table {
     Table { path: "particle.positive_wall", ..table }
@@ -33,6 +34,7 @@ pub const ALL_TABLES: &[Table] = &{
         n += 1;
     }
     all[n + 1] = POSITIVE_WALL[1];
+    all[n + 2] = POSITIVE_WALL[2];
     all
 };
 
@@ -146,6 +148,30 @@ tables! {
         ];
         RELEASE: Required, [
             word("release", &["zero_penetration", "zero_force"], "when the contact ends"),
+        ];
+    }
+
+    "A wall with Hertz contact and dissipation: F = k·δ^1.5·(1 + β·δ′), δ the penetration. For cases, studies, searches and bifurcation diagrams."
+    wall_hertz("particle.wall", "hertz") {
+        STIFFNESS: Required, [
+            number("stiffness_n_per_m15", Positive, "k, the stiffness of the contact").usual(1e4, 1e12),
+            number("youngs_modulus_pa", Positive, "E of the wall: k = 4/3·E*·√R with 1/E* = Σ(1 − ν²)/E of wall and particle").usual(1e5, 1e12),
+        ];
+        POISSON: If(&STIFFNESS, "youngs_modulus_pa", &Required, &Forbidden), [
+            number("poisson_ratio", Inside(-1.0, 0.5001), "ν of the wall").usual(0.0, 0.5),
+        ];
+        RADIUS: If(&STIFFNESS, "youngs_modulus_pa", &Required, &Forbidden), [
+            number("radius_m", Positive, "R of the particle where it touches the wall").usual(1e-4, 1.0),
+        ];
+        PARTICLE_MODULUS: If(&STIFFNESS, "youngs_modulus_pa", &Optional, &Forbidden), [
+            number("particle_youngs_modulus_pa", Positive, "E of the particle; that of the wall unless given").usual(1e5, 1e12),
+        ];
+        PARTICLE_POISSON: If(&STIFFNESS, "youngs_modulus_pa", &Optional, &Forbidden), [
+            number("particle_poisson_ratio", Inside(-1.0, 0.5001), "ν of the particle; that of the wall unless given").usual(0.0, 0.5),
+        ];
+        DISSIPATION: Required, [
+            number("hunt_crossley_s_per_m", NotNegative, "α of Hunt and Crossley: β = 1.5·α; e is about 1 − α·v at slow impacts; 0: no loss").usual(0.0, 10.0),
+            number("lankarani_nikravesh_coefficient", Between(0.0, 1.0), "e of Lankarani and Nikravesh: β = 0.75·(1 − e²)/v with the approach speed v of the contact").usual(0.1, 1.0),
         ];
     }
 

@@ -9,15 +9,15 @@ mod spec;
 
 use damprig_core::integrator::sampled::Sampled;
 use damprig_core::model::{
-    Cavity, DampingLaw, Material, Release, Restitution, SPEED_TABLE_POINTS, SetUp, SpeedTable, Structure, Tmd, Tuning,
-    Wall,
+    Cavity, DampingLaw, Dissipation, Hertz, Material, Release, Restitution, SPEED_TABLE_POINTS, SetUp, SpeedTable,
+    Structure, Tmd, Tuning, Wall,
 };
 use toml::de::DeTable;
 
 use crate::input::key::{Key, Kind, Quantity};
 use crate::input::section::Given;
 use crate::input::{Number, Section};
-use keys::{friction_damper, particle, set_up, spring, structure, tmd, wall_restitution, wall_voigt};
+use keys::{friction_damper, particle, set_up, spring, structure, tmd, wall_hertz, wall_restitution, wall_voigt};
 use spec::{Friction, ParticleSpec, Place, Relative};
 
 pub use keys::ALL_TABLES as TABLES;
@@ -232,8 +232,9 @@ fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude
 }
 
 fn read_wall(s: &Section, structure: Option<&Structure>, particle_mass_kg: Option<f64>) -> Option<Wall> {
-    let wall = match s.variant(&[wall_restitution::TABLE, wall_voigt::TABLE])? {
+    let wall = match s.variant(&[wall_restitution::TABLE, wall_voigt::TABLE, wall_hertz::TABLE])? {
         0 => read_hard(s),
+        2 => read_hertz(s),
         _ => read_voigt(s, structure, particle_mass_kg),
     };
     s.finish();
@@ -312,6 +313,47 @@ fn read_voigt(s: &Section, structure: Option<&Structure>, particle_mass_kg: Opti
     };
     let release = if release? == 0 { Release::ZeroPenetration } else { Release::ZeroForce };
     Some(Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release })
+}
+
+/// k stated, or from moduli, Poisson ratios and radius.
+fn read_hertz(s: &Section) -> Option<Wall> {
+    let stiffness = s.one_of(&wall_hertz::STIFFNESS);
+    let poisson = s.scalar(&wall_hertz::POISSON);
+    let radius = s.scalar(&wall_hertz::RADIUS);
+    let particle_modulus = s.scalar(&wall_hertz::PARTICLE_MODULUS);
+    let particle_poisson = s.scalar(&wall_hertz::PARTICLE_POISSON);
+    let dissipation = s.one_of(&wall_hertz::DISSIPATION);
+    let stiffness_n_per_m15 = match stiffness? {
+        (0, stiffness) => stiffness,
+        (_, modulus) => {
+            let own = |quantity, value: Option<f64>, wall| if s.is_given(quantity) { value } else { Some(wall) };
+            let moduli_pa = [modulus, own(&wall_hertz::PARTICLE_MODULUS, particle_modulus, modulus)?];
+            let poisson = poisson?;
+            let ratios = [poisson, own(&wall_hertz::PARTICLE_POISSON, particle_poisson, poisson)?];
+            Hertz::stiffness_of_sphere_n_per_m15(moduli_pa, ratios, radius?)
+        }
+    };
+    let dissipation = match dissipation? {
+        (0, coefficient_s_per_m) => Dissipation::HuntCrossley { coefficient_s_per_m },
+        (_, coefficient) => Dissipation::LankaraniNikravesh { coefficient },
+    };
+    Some(Wall::Hertz(Hertz { stiffness_n_per_m15, dissipation }))
+}
+
+/// What to write in place of a Hertz wall where impacts take no time: e of its free impacts.
+#[must_use]
+pub(crate) fn equivalent_of(law: &Hertz) -> String {
+    let e = |speed: f64| format!("{:.4}", law.restitution(speed));
+    let write = |e: &str| format!("wall = {{ kind = \"restitution\", coefficient = {e} }}");
+    match law.dissipation {
+        Dissipation::LankaraniNikravesh { .. } => {
+            format!("its free impacts have this e at every speed: {}", write(&e(1.0)))
+        }
+        Dissipation::HuntCrossley { .. } => {
+            let speeds = [0.01, 0.1, 0.3, 1.0, 3.0].map(|v| format!("{} at {v} m/s", e(v))).join(", ");
+            format!("write {} with e of the usual speed; its free impacts have e = {speeds}", write("…"))
+        }
+    }
 }
 
 fn read_friction(s: &Section, base: BaseAmplitude) -> Option<Friction> {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use arrow_schema::Metadata;
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{Initial, SetUp};
+use damprig_core::model::{Initial, Particle, SetUp};
 use damprig_particles::Damper;
 use toml::de::DeTable;
 
@@ -14,9 +14,9 @@ use super::json_case;
 use super::keys::{case, initial, run};
 use super::many_particles;
 use super::set_values::{self, SetValues};
-use crate::input::locate::Step::Key;
+use crate::input::locate::Step::{self, Key};
 use crate::input::locate::locate_in;
-use crate::input::{Problem, Refusal, Section, Source};
+use crate::input::{Problem, Refusal, Section, Source, Span};
 use crate::motion_record::{Record, resolve};
 use crate::run_folder::schema::self_description::of_case;
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, set_up_file};
@@ -179,6 +179,19 @@ impl Case {
         source.verdict()
     }
 
+    /// Refuses a case with a Hertz wall for what has impacts that take no time, or linear soft walls. `name` and `text` are those of
+    /// its file.
+    ///
+    /// # Errors
+    /// Says that `what` is not available, where the wall is written, and what to write.
+    pub fn refuse_hertz(&self, (name, text): (&str, &str), what: &str) -> Result<(), Refusal> {
+        let Some(particle) = self.set_up.particle.filter(|_| self.set_up.has_hertz_walls()) else { return Ok(()) };
+        let source = Source::new(name, text);
+        let toml = toml_of(&source).map(|(toml, _)| toml).unwrap_or_default();
+        source.report(hertz_problem(&particle, what, |path| locate_in(&toml, path)));
+        source.verdict()
+    }
+
     /// Length of a cycle, s: as given, else the drive period, else the natural period.
     #[must_use]
     pub fn cycle_s(&self) -> f64 {
@@ -192,6 +205,21 @@ impl Case {
             | Excitation::ForceSine { angular_frequency_rad_per_s, .. } => Some(TAU / angular_frequency_rad_per_s),
             _ => None,
         }
+    }
+}
+
+/// That `what` has no Hertz walls, at the first such wall of a particle.
+fn hertz_problem(particle: &Particle, what: &str, place: impl Fn(&[Step<'_>]) -> Option<Span>) -> Problem {
+    let walls = [(Some(particle.wall), "wall"), (particle.cavity.positive_wall, "positive_wall")];
+    let first = walls.into_iter().find_map(|(wall, key)| wall.and_then(|wall| Some((wall.hertz()?, key))));
+    let (key, help) = first.map_or(("wall", None), |(law, key)| (key, Some(setup::equivalent_of(&law))));
+    Problem {
+        title: format!("{what} is not available with `particle.{key}` of kind \"hertz\""),
+        span: place(&[Key("particle"), Key(key)]).or_else(|| place(&[Key("particle")])).unwrap_or_default(),
+        allowed:
+            "only `simulate`, `study`, `optimise` and `bifurcation` on an excitation in closed form follow its contacts"
+                .into(),
+        help,
     }
 }
 
@@ -309,6 +337,10 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
             allowed: format!("must be {}", invalid.allowed),
             help: None,
         });
+    }
+    if let (Some(particle), Some(_)) = (set_up.particle.filter(|_| set_up.has_hertz_walls()), &record) {
+        let source = root.source();
+        source.report(hertz_problem(&particle, "a recorded motion", |path| source.locate(path)));
     }
     let case = Case { name, set_up, many_particles, excitation, record, initial, run };
     if let Some(section) = &run_section {

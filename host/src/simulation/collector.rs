@@ -1,7 +1,8 @@
 //! Collects the results of a simulation run, and runs it in parts so that it can be stopped.
 
 use super::Case;
-use super::motion::{AccumulationRecord, ImpactRecord, StateSamples, Viewer};
+use super::motion::{AccumulationRecord, ContactRecord, ImpactRecord, StateSamples, Viewer};
+use super::result::ContactFigures;
 use super::statistics::LastCyclesMeter;
 
 /// Most impacts, and most accumulations, kept in a result. Later ones are only counted.
@@ -21,12 +22,15 @@ pub struct RunOptions<'a> {
     pub go_on: &'a mut dyn FnMut(f64) -> bool,
 }
 
-/// Lists impacts and accumulations, up to their limits.
+/// Lists impacts, contacts with Hertz walls and accumulations, up to their limits.
 #[derive(Debug, Default)]
 pub(super) struct EventLog {
     /// Impacts; `None` if they are not kept.
     pub impacts: Option<Vec<ImpactRecord>>,
+    pub contacts: Vec<ContactRecord>,
     pub accumulations: Vec<AccumulationRecord>,
+    /// Of all contacts.
+    pub contact_figures: Option<ContactFigures>,
 }
 
 impl Viewer for EventLog {
@@ -38,6 +42,13 @@ impl Viewer for EventLog {
         if let Some(kept) = self.impacts.as_mut().filter(|kept| kept.len() < MAX_IMPACTS) {
             kept.push(*impact);
         }
+    }
+
+    fn contact(&mut self, contact: &ContactRecord) {
+        if self.impacts.is_some() && self.contacts.len() < MAX_IMPACTS {
+            self.contacts.push(*contact);
+        }
+        self.contact_figures.get_or_insert_default().add(contact);
     }
 
     fn accumulation(&mut self, accumulation: &AccumulationRecord) {
@@ -60,7 +71,7 @@ impl<'v, V: Viewer> Collector<'v, V> {
     pub fn new(case: &Case, keep: bool, viewer: &'v mut V) -> Self {
         Self {
             samples: StateSamples::at(if keep { case.run.sample_times_s.clone() } else { Vec::new() }),
-            events: EventLog { impacts: keep.then(Vec::new), accumulations: Vec::new() },
+            events: EventLog { impacts: keep.then(Vec::new), ..EventLog::default() },
             last_cycles: LastCyclesMeter::new(case.cycle_s(), case.run.duration_s),
             viewer,
         }

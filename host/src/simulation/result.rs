@@ -4,7 +4,7 @@ use damprig_core::integrator::exact::response::Response;
 use serde::{Deserialize, Serialize};
 
 use super::many_particles::SpheresResult;
-use super::motion::{AccumulationRecord, ImpactRecord};
+use super::motion::{AccumulationRecord, ContactRecord, ImpactRecord};
 use super::statistics::LastCycles;
 
 /// The result of a case.
@@ -20,6 +20,9 @@ pub struct SimulationResult {
     pub u_m_per_s: Vec<f64>,
     /// The first million impacts.
     pub impacts: Vec<ImpactRecord>,
+    /// The first million contacts with Hertz walls that have ended.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub contacts: Vec<ContactRecord>,
     /// The first million accumulations. The impacts of their tails are summed, neither listed nor counted.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub accumulations: Vec<AccumulationRecord>,
@@ -78,6 +81,37 @@ pub struct Summary {
     /// Separation speed over approach speed of that contact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_contact_restitution: Option<f64>,
+    /// Of the contacts with Hertz walls.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contacts: Option<ContactFigures>,
+}
+
+/// Figures of all contacts with Hertz walls that have ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ContactFigures {
+    /// Their number.
+    pub count: u64,
+    /// Shortest duration, s.
+    pub shortest_s: f64,
+    /// Longest duration, s.
+    pub longest_s: f64,
+    /// Sum of the durations, s.
+    pub total_s: f64,
+    /// Mean approach speed, m/s.
+    pub mean_approach_speed_m_per_s: f64,
+}
+
+impl ContactFigures {
+    /// Takes another contact.
+    pub fn add(&mut self, contact: &ContactRecord) {
+        let first = self.count == 0;
+        self.count += 1;
+        self.shortest_s = if first { contact.duration_s } else { self.shortest_s.min(contact.duration_s) };
+        self.longest_s = self.longest_s.max(contact.duration_s);
+        self.total_s += contact.duration_s;
+        let off = contact.approach_speed_m_per_s - self.mean_approach_speed_m_per_s;
+        self.mean_approach_speed_m_per_s += off / self.count as f64;
+    }
 }
 
 impl Summary {
@@ -101,6 +135,7 @@ impl Summary {
             peak_contact_force_n: response.peak_contact_force_n(),
             first_contact_duration_s: contact.map(|c| c.0),
             first_contact_restitution: contact.map(|c| c.1),
+            contacts: None,
         }
     }
 }

@@ -6,7 +6,7 @@ use damprig_core::io::Invalid;
 
 use super::collector::{Collector, RunOptions};
 use super::motion::Viewer;
-use super::result::SimulationResult;
+use super::result::{SimulationResult, Summary};
 use super::statistics::LastCyclesMeter;
 use super::{Case, exact_driver, many_particles, sampled_driver};
 
@@ -29,6 +29,7 @@ pub fn simulate<V: Viewer>(case: &Case, viewer: &mut V, options: RunOptions) -> 
         (None, Some(record)) => sampled_driver::run(case, record, wanted, &mut collector, options)?,
         (None, None) => exact_driver::run(case, wanted, &mut collector, options)?,
     };
+    let summary = Summary { contacts: collector.events.contact_figures, ..summary };
     let is_complete = summary.simulated_s >= case.run.duration_s;
     if is_complete {
         collector.samples.fill(end);
@@ -47,6 +48,7 @@ pub fn simulate<V: Viewer>(case: &Case, viewer: &mut V, options: RunOptions) -> 
         y_m: column(ExactState::y_m),
         u_m_per_s: column(ExactState::u_m_per_s),
         impacts: collector.events.impacts.take().unwrap_or_default(),
+        contacts: std::mem::take(&mut collector.events.contacts),
         accumulations: std::mem::take(&mut collector.events.accumulations),
         stopped_at_s: (!is_complete).then_some(summary.simulated_s),
         many_particles: spheres,

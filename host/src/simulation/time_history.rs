@@ -1,7 +1,7 @@
 //! Writes the time history of a simulation to a CSV, Parquet or `.mat` file while it runs.
 //!
 //! The file of a run that is stopped is complete up to there. Impacts and accumulations have tables of their own beside it
-//! (`motion.csv`, `motion.impacts.csv`, `motion.accumulations.csv`).
+//! (`motion.csv`, `motion.impacts.csv`, `motion.accumulations.csv`; contacts with Hertz walls in `motion.contacts.csv`).
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -9,7 +9,7 @@ use std::str::FromStr;
 use damprig_core::integrator::exact::ExactState;
 
 use super::case::Case;
-use super::motion::{AccumulationRecord, ImpactRecord, Phase, Piece, Viewer};
+use super::motion::{AccumulationRecord, ContactRecord, ImpactRecord, Phase, Piece, Viewer};
 use crate::quantity::Quantity;
 use crate::run_folder::StorageError;
 use crate::table::file::{TableFile, TableFormat};
@@ -49,6 +49,12 @@ impl TablePath {
     #[must_use]
     pub fn accumulations(&self) -> Self {
         self.beside("accumulations")
+    }
+
+    /// Path of the table of contacts with Hertz walls.
+    #[must_use]
+    pub fn contacts(&self) -> Self {
+        self.beside("contacts")
     }
 
     fn beside(&self, what: &str) -> Self {
@@ -100,6 +106,18 @@ fn impact_columns(impacts: &[ImpactRecord]) -> TableBuilder<'_, ImpactRecord> {
         .column(Quantity::ApproachSpeedMPerS, |impact| impact.approach_speed_m_per_s)
 }
 
+fn contact_columns(contacts: &[ContactRecord]) -> TableBuilder<'_, ContactRecord> {
+    TableBuilder::new(contacts)
+        .column(Column::new("t_s", "s", "time of the first touch"), |contact| contact.t_s)
+        .column(Quantity::Side, |contact| i32::from(contact.side))
+        .column(Quantity::ApproachSpeedMPerS, |contact| contact.approach_speed_m_per_s)
+        .column(Column::new("duration_s", "s", "from the first touch until the penetration is zero"), |contact| {
+            contact.duration_s
+        })
+        .column(Column::new("peak_force_n", "N", "largest force"), |contact| contact.peak_force_n)
+        .column(Column::new("restitution", "", "separation speed over approach speed"), |contact| contact.restitution)
+}
+
 fn accumulation_columns(accumulations: &[AccumulationRecord]) -> TableBuilder<'_, AccumulationRecord> {
     let time = Column::new("t_s", "s", "when the chatter ended and the particle rested on the wall");
     TableBuilder::new(accumulations)
@@ -113,12 +131,14 @@ pub struct TimeHistory {
     next: u64,
     motion: TableFile<MotionRow>,
     impacts: Option<TableFile<ImpactRecord>>,
+    contacts: Option<TableFile<ContactRecord>>,
     accumulations: Option<TableFile<AccumulationRecord>>,
     failure: Option<StorageError>,
 }
 
 impl TimeHistory {
-    /// Creates the files: `rate_hz` rows per second from t = 0, and tables of impacts and accumulations if the case has impacts.
+    /// Creates the files: `rate_hz` rows per second from t = 0, tables of impacts and accumulations if the case has impacts, and one of
+    /// contacts if it has Hertz walls.
     ///
     /// # Errors
     /// When a file cannot be created.
@@ -132,13 +152,18 @@ impl TimeHistory {
             let about = about("a row for each impact");
             TableFile::create(&to.impacts().path, format, "impacts", impact_columns, about)
         };
+        let contacts = || {
+            let about = about("a row for each contact with a Hertz wall that has ended");
+            TableFile::create(&to.contacts().path, format, "contacts", contact_columns, about)
+        };
         let accumulations = || {
             let about = about("a row for each accumulation");
             TableFile::create(&to.accumulations().path, format, "accumulations", accumulation_columns, about)
         };
         let impacts = has_walls.then(impacts).transpose()?;
+        let contacts = case.set_up.has_hertz_walls().then(contacts).transpose()?;
         let accumulations = has_walls.then(accumulations).transpose()?;
-        Ok(Self { rate_hz, next: 0, motion, impacts, accumulations, failure: None })
+        Ok(Self { rate_hz, next: 0, motion, impacts, contacts, accumulations, failure: None })
     }
 
     /// Rows so far.
@@ -157,6 +182,7 @@ impl TimeHistory {
         }
         self.motion.finish()?;
         self.impacts.map_or(Ok(()), TableFile::finish)?;
+        self.contacts.map_or(Ok(()), TableFile::finish)?;
         self.accumulations.map_or(Ok(()), TableFile::finish)
     }
 
@@ -189,6 +215,12 @@ impl Viewer for TimeHistory {
     fn impact(&mut self, impact: &ImpactRecord) {
         let Some(impacts) = self.impacts.as_mut().filter(|_| self.failure.is_none()) else { return };
         let written = impacts.push(*impact);
+        self.keep_failure(written);
+    }
+
+    fn contact(&mut self, contact: &ContactRecord) {
+        let Some(contacts) = self.contacts.as_mut().filter(|_| self.failure.is_none()) else { return };
+        let written = contacts.push(*contact);
         self.keep_failure(written);
     }
 

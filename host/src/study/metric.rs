@@ -57,9 +57,12 @@ pub fn refusal(metric: Quantity, case: &Case) -> Option<&'static str> {
             Some("the case has neither Z nor x0; take `max_abs_x_m` or `rms_x_m`")
         }
         Quantity::ImpactsPerCycle if !case.has_impacts() => Some("the case has no particle"),
-        Quantity::PeakContactForceN if !case.set_up.has_soft_walls() => {
-            Some("a hard wall's impact takes no time and has no finite force; give the walls `kind = \"voigt\"`")
-        }
+        Quantity::PeakContactForceN if !case.set_up.has_soft_walls() => Some(
+            "a hard wall's impact takes no time and has no finite force; give the walls `kind = \"voigt\"` or \"hertz\"",
+        ),
+        Quantity::PeriodCycles | Quantity::LargestMultiplier if case.set_up.has_hertz_walls() => Some(
+            "the analysis of periodic motions has no Hertz walls; give the walls `kind = \"restitution\"` or \"voigt\"",
+        ),
         Quantity::PeriodCycles | Quantity::LargestMultiplier if !is_sine => {
             Some("only a sine of the base has periodic motions")
         }

@@ -24,6 +24,7 @@ mod file_keys;
 mod first_series;
 mod flash;
 mod force;
+mod hertz_walls;
 mod hold;
 mod hostile_board;
 mod hostile_folder;

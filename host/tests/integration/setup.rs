@@ -122,6 +122,7 @@ impl<'t> Writer<'t> {
             ("from_hz", _) => (0.1, 1.0),
             ("to_hz", _) => (5.0, 10.0),
             ("duration_s", _) if path == "base.noise" => (4.0, 8.0),
+            ("poisson_ratio" | "particle_poisson_ratio", _) => (0.05, 0.5),
             ("start_m", _) => (-4e-5, 4e-5),
             ("offset_m", _) => (-3e-5, 3e-5),
             ("steady_from_cycle", _) => return f64::from(self.rng.u8(..3)),
@@ -209,6 +210,13 @@ fn a_set_up_written_in_a_case_and_in_a_campaign_gives_the_same_model() {
             if is_shared { &mut shared } else { &mut own }.push((key, value));
         }
         let campaign = campaign(&text(&shared), &format!("{stated}{}", text(&own)));
+        if case.set_up.has_hertz_walls() {
+            assert!(
+                campaign.expect_err("impacts of a campaign take no time").contains("hertz"),
+                "seed {seed}:\n{alone}"
+            );
+            continue;
+        }
         let campaign = campaign.unwrap_or_else(|refusal| panic!("seed {seed}: {refusal}"));
         assert_eq!(case.set_up, campaign.set_ups[0].model(), "seed {seed}:\n{alone}");
         assert_eq!(case.initial.y_m, campaign.set_ups[0].particle_start_m(), "seed {seed}:\n{alone}");

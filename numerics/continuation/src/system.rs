@@ -152,10 +152,12 @@ impl System {
             match &mut particle.wall {
                 Wall::Restitution { coefficient } => *coefficient = v.restitution,
                 Wall::SpeedRestitution(law) => law.coefficient = v.restitution,
-                Wall::TableRestitution(_) | Wall::Hertz(_) => {}
+                Wall::TableRestitution(_) => {}
                 Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
                     (*stiffness_n_per_m, *damping_n_s_per_m) = (v.link_stiffness, v.link_damping);
                 }
+                // Refused in `System::new`.
+                Wall::Hertz(_) => {}
             }
         }
         if let Some(damper) = &mut set_up.friction_damper {

@@ -11,6 +11,7 @@ use crate::report::numbers::{about, millimetres, significant};
 use crate::simulation::collector::MAX_ACCUMULATIONS_WITHOUT_IMPACTS;
 use crate::simulation::cost::{Cost, LONG_S};
 use crate::simulation::many_particles::SpheresResult;
+use crate::simulation::result::ContactFigures;
 use crate::simulation::settling;
 use crate::simulation::time_history::TablePath;
 use crate::simulation::{Case, SimulationResult};
@@ -175,6 +176,19 @@ fn spheres_results(result: &SpheresResult) -> Vec<(&'static str, String)> {
     lines
 }
 
+/// Durations of the contacts with Hertz walls, and e of a free impact at their mean speed.
+fn contact_times(contacts: &ContactFigures, case: &Case) -> String {
+    let ms = |seconds: f64| significant(seconds * 1e3, 4);
+    let speed = contacts.mean_approach_speed_m_per_s;
+    let walls = case.set_up.particle.map_or([None; 2], |particle| particle.walls().map(|wall| wall.hertz()));
+    let mut laws: Vec<_> = walls.into_iter().flatten().collect();
+    laws.dedup();
+    let e: Vec<_> = laws.iter().map(|law| significant(law.restitution(speed), 4)).collect();
+    let speed = significant(speed, 3);
+    let (shortest, longest, e) = (ms(contacts.shortest_s), ms(contacts.longest_s), e.join(" and "));
+    format!("{shortest} to {longest} ms; e = {e} of a free impact at their mean speed of {speed} m/s")
+}
+
 /// Number of accumulations and the times of the first ones.
 fn accumulations(result: &SimulationResult) -> String {
     let first = result.accumulations.iter().take(MAX_ACCUMULATIONS_WITHOUT_IMPACTS);
@@ -233,6 +247,9 @@ pub fn summary(case: &Case, result: &SimulationResult) -> String {
             "first contact",
             format!("{} ms, restitution {}", significant(duration * 1e3, 4), significant(e, 4)),
         ));
+    }
+    if let Some(contacts) = &s.contacts {
+        lines.push(("contact time", contact_times(contacts, case)));
     }
     if let Some(mean) = s.steady_mean_cycle_max_abs_x_m {
         let from = case.run.steady_from_cycle.unwrap_or(0);

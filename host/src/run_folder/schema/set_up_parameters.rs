@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use damprig_core::model::{SetUp, Wall};
+use damprig_core::model::{Dissipation, SetUp, Wall};
 
 /// A parameter of a set-up: its name with the unit, and its value; `None` where the set-up does not have it.
 pub type Parameter = (&'static str, fn(&SetUp) -> Option<f64>);
@@ -63,6 +63,12 @@ pub const RARE_PARAMETERS: &[Parameter] = &[
     ("positive_restitution_at_speed_6", |s| point(s.particle?.cavity.positive_wall?, 5, 1)),
     ("positive_wall_stiffness_n_per_m", |s| Some(positive(s)?.spring_and_dashpot()?.0)),
     ("positive_wall_damping_n_s_per_m", |s| Some(positive(s)?.spring_and_dashpot()?.1)),
+    ("wall_stiffness_n_per_m15", |s| Some(s.particle?.wall.hertz()?.stiffness_n_per_m15)),
+    ("wall_hunt_crossley_s_per_m", |s| hunt_crossley(s.particle?.wall)),
+    ("wall_lankarani_nikravesh_coefficient", |s| lankarani_nikravesh(s.particle?.wall)),
+    ("positive_wall_stiffness_n_per_m15", |s| Some(positive(s)?.hertz()?.stiffness_n_per_m15)),
+    ("positive_wall_hunt_crossley_s_per_m", |s| hunt_crossley(positive(s)?)),
+    ("positive_wall_lankarani_nikravesh_coefficient", |s| lankarani_nikravesh(positive(s)?)),
     ("cavity_offset_m", |s| s.particle.map(|p| p.cavity.offset_m).filter(|offset_m| *offset_m != 0.0)),
     ("inclination_deg", |s| s.particle.map(|p| p.cavity.inclination_deg).filter(|degrees| *degrees != 0.0)),
 ];
@@ -75,6 +81,20 @@ fn point(wall: Wall, n: usize, column: usize) -> Option<f64> {
 /// The wall at the positive side, where it differs.
 fn positive(set_up: &SetUp) -> Option<Wall> {
     set_up.particle?.cavity.positive_wall
+}
+
+fn hunt_crossley(wall: Wall) -> Option<f64> {
+    match wall.hertz()?.dissipation {
+        Dissipation::HuntCrossley { coefficient_s_per_m } => Some(coefficient_s_per_m),
+        Dissipation::LankaraniNikravesh { .. } => None,
+    }
+}
+
+fn lankarani_nikravesh(wall: Wall) -> Option<f64> {
+    match wall.hertz()?.dissipation {
+        Dissipation::LankaraniNikravesh { coefficient } => Some(coefficient),
+        Dissipation::HuntCrossley { .. } => None,
+    }
 }
 
 /// The parameters that a set-up has, by name.

@@ -139,7 +139,7 @@ measure_s = 2
 cycles = 4
 "#;
 
-pub const MORE_CASES: [&str; 12] = [
+pub const MORE_CASES: [&str; 14] = [
     r#"
 structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
 run = { duration_s = 0.01 }
@@ -215,6 +215,16 @@ base = { kind = "sine", angular_frequency_rad_per_s = 15, phase_rad = 0.1 }
 particle = { mass_kg = 0.1, clearance_ratio = 3, start = "centre", friction_coefficient = 0.1, wall = { kind = "voigt", stiffness_n_per_m = 1000, damping_n_s_per_m = 1, release = "zero_penetration" } }
 friction_damper = { spring = { deflection_m = 0.001 } }
 run = { duration_s = 4, sample_times_s = [0.1, 0.2], cycle_s = 0.4, steady_from_cycle = 2 }
+"#,
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+particle = { mass_kg = 0.1, clearance_m = 0.01, wall = { kind = "hertz", youngs_modulus_pa = 210e9, poisson_ratio = 0.3, radius_m = 0.01, particle_youngs_modulus_pa = 70e9, particle_poisson_ratio = 0.33, lankarani_nikravesh_coefficient = 0.6 }, positive_wall = { kind = "hertz", stiffness_n_per_m15 = 1e9, hunt_crossley_s_per_m = 0.3 } }
+run = { duration_s = 1 }
+"#,
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+particle = { mass_kg = 0.1, clearance_m = 0.01, wall = { kind = "hertz", stiffness_n_per_m15 = 1e9, hunt_crossley_s_per_m = 0.3 }, positive_wall = { kind = "hertz", youngs_modulus_pa = 210e9, poisson_ratio = 0.3, radius_m = 0.01, particle_youngs_modulus_pa = 70e9, particle_poisson_ratio = 0.33, lankarani_nikravesh_coefficient = 0.6 } }
+run = { duration_s = 1 }
 "#,
     r#"
 structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }

@@ -47,6 +47,10 @@
 //! rounding and its impacts are slower than 10⁻⁴ of the fastest impact of the run; [`Observer::accumulation`] reports
 //! it.
 //!
+//! # Hertz walls
+//! A contact with a Hertz wall is not linear. `squeeze` integrates it in pieces with a stated error, which the walk takes as
+//! arcs; the wall's force at zero penetration is zero, so that no other arc depends on it.
+//!
 //! [`observe`] defines the observers of a run; [`response`] computes results from what they receive.
 
 mod arc_roots;
