@@ -87,3 +87,8 @@ fn run_all(folder: &str) -> usize {
 fn every_command_of_the_how_to_pages_works() {
     assert!(run_all("how-to") > 12);
 }
+
+#[test]
+fn every_command_of_the_tutorials_works() {
+    assert!(run_all("tutorial") > 4);
+}
