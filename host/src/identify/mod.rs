@@ -4,6 +4,7 @@
 //! that campaigns and cases read. docs/IDENTIFY.md describes the methods and their measured errors.
 
 pub mod backbone;
+pub mod contact;
 pub mod decay;
 pub mod decay_file;
 pub mod decay_motion;

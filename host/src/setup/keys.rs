@@ -1,5 +1,7 @@
 //! Declares the keys of a set-up: name, type, range, default and meaning of each.
 
+use std::f64::consts::FRAC_PI_2;
+
 use damprig_core::control::friction_spring::SpringConfig;
 use damprig_core::model::{DampingLaw, GRAVITY_M_PER_S2, Material, Tuning};
 
@@ -126,6 +128,15 @@ tables! {
         ];
         MAXIMUM: If(&EXPONENT, "exponent", &Required, &Forbidden), [
             number("maximum", Inside(0.0, 1.0), "largest e, that of slow impacts").usual(0.3, 0.98),
+        ];
+        CONTACT: Optional, [
+            number("contact_time_s", Positive, "τ, the duration of a contact, from which the wall's force follows; the motion does not depend on it")
+                .usual(1e-5, 0.05),
+            number("hertz_stiffness_n_per_m15", Positive, "k of an elastic contact of spheres, F = k·δ^(3/2), from which the wall's force follows")
+                .usual(1e5, 1e12),
+        ];
+        PULSE_FACTOR: If(&CONTACT, "contact_time_s", &Default(From(|| FRAC_PI_2)), &Forbidden), [
+            number("pulse_factor", Between(1.0, 10.0), "peak of the contact's force times its duration over its impulse; π/2 of a half-sine"),
         ];
     }
 

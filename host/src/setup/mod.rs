@@ -3,6 +3,7 @@
 //! [`TABLES`] declares the keys; this module combines them. The model checks which values are physical
 //! ([`damprig_core::model`]); the base motion is not part of a set-up.
 
+mod contact;
 mod keys;
 pub mod set_up_file;
 mod spec;
@@ -20,6 +21,7 @@ use crate::input::{Number, Section};
 use keys::{friction_damper, particle, set_up, spring, structure, tmd, wall_hertz, wall_restitution, wall_voigt};
 use spec::{Friction, ParticleSpec, Place, Relative};
 
+pub use contact::Contact;
 pub use keys::ALL_TABLES as TABLES;
 pub(crate) use keys::set_up::BASE_AMPLITUDE;
 pub(crate) use keys::{PARTS, SET_UP_FILE, set_up as set_up_keys};
@@ -220,25 +222,49 @@ fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude
         s.warn_if_it_means(&particle::CLEARANCE, "clearance_ratio", clearance / z);
     }
     s.finish();
+    let ((wall, contact), positive_wall) = (wall?, positive_wall?);
     Some(ParticleSpec {
         mass_kg: mass?,
         clearance: clearance?,
         friction_coefficient: friction?,
-        wall: wall?,
-        cavity: Cavity { positive_wall: positive_wall?, offset_m: offset_m?, inclination_deg: inclination_deg? },
+        wall,
+        cavity: Cavity {
+            positive_wall: positive_wall.map(|(wall, _)| wall),
+            offset_m: offset_m?,
+            inclination_deg: inclination_deg?,
+        },
+        contacts: [contact, positive_wall.map_or(contact, |(_, contact)| contact)],
         place: place?,
         is_placed: s.is_given(&particle::START) && place != Some(Place::Unknown),
     })
 }
 
-fn read_wall(s: &Section, structure: Option<&Structure>, particle_mass_kg: Option<f64>) -> Option<Wall> {
+/// A wall, and the contact of a hard one if it is stated.
+fn read_wall(
+    s: &Section,
+    structure: Option<&Structure>,
+    particle_mass_kg: Option<f64>,
+) -> Option<(Wall, Option<Contact>)> {
     let wall = match s.variant(&[wall_restitution::TABLE, wall_voigt::TABLE, wall_hertz::TABLE])? {
-        0 => read_hard(s),
-        2 => read_hertz(s),
-        _ => read_voigt(s, structure, particle_mass_kg),
+        0 => {
+            let (wall, contact) = (read_hard(s), read_contact(s));
+            wall.and_then(|wall| Some((wall, contact?)))
+        }
+        2 => read_hertz(s).map(|wall| (wall, None)),
+        _ => read_voigt(s, structure, particle_mass_kg).map(|wall| (wall, None)),
     };
     s.finish();
     wall
+}
+
+/// `Some(None)` if it is not stated, `None` after a problem.
+fn read_contact(s: &Section) -> Option<Option<Contact>> {
+    let factor = s.scalar(&wall_restitution::PULSE_FACTOR);
+    Some(Some(match s.one_of(&wall_restitution::CONTACT) {
+        Some((0, time_s)) => Contact::Pulse { time_s, factor: factor? },
+        Some((_, stiffness_n_per_m15)) => Contact::Hertz { stiffness_n_per_m15 },
+        None => return (!s.is_given(&wall_restitution::CONTACT)).then_some(None),
+    }))
 }
 
 fn read_hard(s: &Section) -> Option<Wall> {

@@ -3,6 +3,8 @@
 use damprig_core::control::friction_spring::SpringConfig;
 use damprig_core::model::{Cavity, FrictionDamper, Hertz, Particle, SetUp, Structure, Tmd, Wall};
 
+use super::contact::Contact;
+
 /// A quantity in its own unit, or relative to the base amplitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Relative {
@@ -28,6 +30,7 @@ pub(super) struct ParticleSpec {
     pub(super) friction_coefficient: f64,
     pub(super) wall: Wall,
     pub(super) cavity: Cavity,
+    pub(super) contacts: [Option<Contact>; 2],
     pub(super) place: Place,
     /// The position was written, not left to its default.
     pub(super) is_placed: bool,
@@ -202,6 +205,12 @@ impl SetUpSpec {
     pub fn damper(&self) -> Option<&'static str> {
         let particle = self.particle.map(|_| "particle");
         particle.or(self.friction.map(|_| "friction_damper")).or(self.tmd.map(|_| "tmd"))
+    }
+
+    /// The contacts of its hard walls at the negative and the positive side, where they are stated.
+    #[must_use]
+    pub fn contacts(&self) -> [Option<Contact>; 2] {
+        self.particle.map_or([None; 2], |p| p.contacts)
     }
 
     /// Whether it states where the particle starts.

@@ -19,7 +19,7 @@ use crate::input::locate::locate_in;
 use crate::input::{Problem, Refusal, Section, Source, Span};
 use crate::motion_record::{Record, resolve};
 use crate::run_folder::schema::self_description::of_case;
-use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, set_up_file};
+use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, Contact, SetUpSpec, Shared, set_up_file};
 
 /// Usual rows per period of a time history.
 const ROWS_PER_PERIOD: f64 = 200.0;
@@ -31,6 +31,8 @@ pub struct Case {
     pub name: String,
     /// Structure and dampers.
     pub set_up: SetUp,
+    /// The contacts of hard walls at the negative and the positive side, where they are stated.
+    pub contacts: [Option<Contact>; 2],
     /// Spheres in a box, in place of the dampers of the set-up.
     pub many_particles: Option<Damper>,
     /// Excitation in closed form; [`Excitation::Fixed`] with a record.
@@ -342,7 +344,8 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
         let source = root.source();
         source.report(hertz_problem(&particle, "a recorded motion", |path| source.locate(path)));
     }
-    let case = Case { name, set_up, many_particles, excitation, record, initial, run };
+    let contacts = spec.contacts();
+    let case = Case { name, set_up, contacts, many_particles, excitation, record, initial, run };
     if let Some(section) = &run_section {
         check_cycles(section, &case);
     }

@@ -28,5 +28,5 @@ pub(super) fn run<V: Viewer>(
         motion.time_s()
     });
     response.finish(motion.time_s());
-    Ok((Summary::of(&response, motion.time_s(), motion.unresolved()), *motion.state()))
+    Ok((Summary::of(case, &response, motion.time_s(), motion.unresolved()), *motion.state()))
 }

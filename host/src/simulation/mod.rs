@@ -35,6 +35,7 @@ pub mod set_values;
 pub mod settling;
 mod simulate;
 pub mod time_history;
+pub mod wall_force;
 
 pub use damprig_motion::{self as motion, cycle_maxima, statistics};
 

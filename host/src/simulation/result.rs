@@ -3,9 +3,11 @@
 use damprig_core::integrator::exact::response::Response;
 use serde::{Deserialize, Serialize};
 
+use super::Case;
 use super::many_particles::SpheresResult;
 use super::motion::{AccumulationRecord, ContactRecord, ImpactRecord};
 use super::statistics::LastCycles;
+use super::wall_force;
 
 /// The result of a case.
 #[derive(Clone, Debug, Serialize)]
@@ -72,7 +74,7 @@ pub struct Summary {
     /// changes the first moments of the motion. Absent if it starts at rest.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub record_start_jump_m_per_s: Option<f64>,
-    /// Largest force of a soft wall, N.
+    /// Largest force of a wall, N: of a soft wall, or of a hard one by its stated contact. Absent if a hard wall's contact is not stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub peak_contact_force_n: Option<f64>,
     /// Duration of the first contact with a soft wall, s.
@@ -115,9 +117,9 @@ impl ContactFigures {
 }
 
 impl Summary {
-    /// The summary of a run of `simulated_s` whose event search was given up `unresolved` times.
+    /// The summary of a run of the case over `simulated_s`, whose event search was given up `unresolved` times.
     #[must_use]
-    pub fn of(response: &Response, simulated_s: f64, unresolved: u32) -> Self {
+    pub fn of(case: &Case, response: &Response, simulated_s: f64, unresolved: u32) -> Self {
         let steady = response.steady_m();
         let contact = response.first_contact();
         Self {
@@ -132,7 +134,7 @@ impl Summary {
             steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
             unresolved,
             record_start_jump_m_per_s: None,
-            peak_contact_force_n: response.peak_contact_force_n(),
+            peak_contact_force_n: wall_force::largest_n(case, response),
             first_contact_duration_s: contact.map(|c| c.0),
             first_contact_restitution: contact.map(|c| c.1),
             contacts: None,

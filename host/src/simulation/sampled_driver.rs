@@ -51,7 +51,7 @@ pub(super) fn run<V: Viewer>(
     let summary = Summary {
         rms_x_minus_z_m: Some(response.rms_x_minus_z_m()),
         record_start_jump_m_per_s: record.start_jump_m_per_s(),
-        ..Summary::of(&response, reached_s, unresolved)
+        ..Summary::of(case, &response, reached_s, unresolved)
     };
     Ok((summary, end))
 }

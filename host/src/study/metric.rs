@@ -8,6 +8,7 @@ use crate::simulation::Case;
 use crate::simulation::analysis::{Analysis, MotionKind};
 use crate::simulation::many_particles::SpheresFigures;
 use crate::simulation::result::Summary;
+use crate::simulation::wall_force;
 
 /// The metrics of a study, as keys list them.
 pub const METRICS: [Quantity; 14] = [
@@ -57,8 +58,9 @@ pub fn refusal(metric: Quantity, case: &Case) -> Option<&'static str> {
             Some("the case has neither Z nor x0; take `max_abs_x_m` or `rms_x_m`")
         }
         Quantity::ImpactsPerCycle if !case.has_impacts() => Some("the case has no particle"),
-        Quantity::PeakContactForceN if !case.set_up.has_soft_walls() => Some(
-            "a hard wall's impact takes no time and has no finite force; give the walls `kind = \"voigt\"` or \"hertz\"",
+        Quantity::PeakContactForceN if !wall_force::is_known(case) => Some(
+            "an impact on a hard wall takes no time; give each hard wall `contact_time_s` or `hertz_stiffness_n_per_m15`, or the walls \
+             `kind = \"voigt\"` or \"hertz\"",
         ),
         Quantity::PeriodCycles | Quantity::LargestMultiplier if case.set_up.has_hertz_walls() => Some(
             "the analysis of periodic motions has no Hertz walls; give the walls `kind = \"restitution\"` or \"voigt\"",
@@ -131,7 +133,7 @@ impl Figures {
             Quantity::RmsXM => summary.rms_x_m,
             Quantity::CycleSpread => summary.steady_max_abs_x_m.unwrap_or(f64::NAN) / mean_cycle_max_m - 1.0,
             Quantity::ImpactsPerCycle => summary.impact_count as f64 / cycles,
-            // A soft wall that was never touched has exerted no force.
+            // A wall that was never touched has exerted no force.
             Quantity::PeakContactForceN => summary.peak_contact_force_n.unwrap_or(0.0),
             Quantity::PeriodCycles => periodicity.map_or(f64::NAN, |found| found.period_cycles),
             Quantity::LossFactor => spheres.as_ref().map_or(f64::NAN, SpheresFigures::loss_factor),

@@ -126,7 +126,7 @@ fn figures(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoO
     if let Some(damper) = &case.many_particles {
         let simulated = many_particles::counted(case, damper, first_cycle, end_s, go_on).map_err(invalid)?;
         let (response, spheres) = simulated.ok_or(Halt::Stopped)?;
-        return Ok(of(Summary::of(&response, end_s, 0), Some(spheres)));
+        return Ok(of(Summary::of(case, &response, end_s, 0), Some(spheres)));
     }
     if case.record.is_some() {
         return figures_on_record(case, go_on);
@@ -139,7 +139,7 @@ fn figures(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoO
         whole_run: metrics.iter().any(|metric| metric::needs_whole_run(*metric)),
     };
     let response = response_from(&mut motion, (first_cycle, from_s), end_s, wanted, go_on).ok_or(Halt::Stopped)?;
-    Ok(of(Summary::of(&response, end_s, motion.unresolved()), None))
+    Ok(of(Summary::of(case, &response, end_s, motion.unresolved()), None))
 }
 
 fn figures_on_record(case: &Case, go_on: GoOn) -> Result<Figures, Halt> {

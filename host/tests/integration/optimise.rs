@@ -181,6 +181,28 @@ fn a_constraint_is_kept_at_every_point_of_the_band_and_costs_what_it_costs() {
 }
 
 #[test]
+fn the_force_of_a_hard_wall_is_a_constraint() {
+    let case = CASE.replace("coefficient = 0.5 }", "coefficient = 0.5, contact_time_s = 0.002 }");
+    let force_n = |bound: &str| {
+        let folder = folder(&case, &format!("{TOP}{CLEARANCE}{bound}"));
+        let best = answer(&folder);
+        let mut command = damprig(&folder);
+        let set = format!("particle.clearance_ratio={:?}", variable(&best, 0));
+        command.args(["simulate", "case.toml", "--json", "--set", &set]);
+        let result: Value = serde_json::from_slice(&command.output().unwrap().stdout).expect("JSON");
+        (
+            result["summary"]["peak_contact_force_n"].as_f64().expect("a force"),
+            best["objective"].as_f64().expect("a ratio"),
+        )
+    };
+    let (free_n, free) = force_n("");
+    let limit_n = 0.96 * free_n;
+    let (bound_n, bound) =
+        force_n(&format!("[[constraint]]\nmetric = \"peak_contact_force_n\"\nat_most = {limit_n}\n"));
+    assert!(bound_n <= limit_n && bound >= free, "{bound_n} N of {limit_n} N, {bound} after {free}");
+}
+
+#[test]
 fn constraints_that_no_point_keeps_are_refused_with_the_least_violation() {
     let constraint = "[[constraint]]\nmetric = \"impacts_per_cycle\"\nat_least = 100\n";
     let folder = folder(CASE, &format!("{TOP}{CLEARANCE}{BAND}{constraint}"));
@@ -246,7 +268,7 @@ fn a_wrong_file_is_refused_with_what_is_wrong_and_what_to_do() {
         (format!("{TOP}{CLEARANCE}{}", BAND.replace("count = 5\n", "")), &["number of values", "give `count`"]),
         (
             format!("{TOP}{CLEARANCE}[[constraint]]\nmetric = \"peak_contact_force_n\"\nat_most = 20\n"),
-            &["file.toml:9", "peak_contact_force_n", "hard wall", "voigt"],
+            &["file.toml:9", "peak_contact_force_n", "hard wall", "contact_time_s", "voigt"],
         ),
         (format!("{TOP}{CLEARANCE}[[constraint]]\nmetric = \"rms_x_m\"\n"), &["at_most"]),
         (TOP.replace("max_x_over_z", "max_x_over_y") + CLEARANCE, &["max_x_over_y", "max_x_over_z"]),

@@ -113,6 +113,7 @@ impl<'t> Writer<'t> {
             ("diameter_m", _) => (4e-3, 6e-3),
             ("restitution", _) => (0.2, 0.9),
             ("contact_time_s", _) => (5e-4, 2e-3),
+            ("pulse_factor", _) => (1.0, 3.0),
             ("steps_per_contact", _) => (20.0, 30.0),
             ("youngs_modulus_pa", _) => (1e9, 1e10),
             ("poissons_ratio", _) => (0.1, 0.4),

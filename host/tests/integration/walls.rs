@@ -111,6 +111,79 @@ fn values_of_a_table_that_are_missing_or_not_allowed_are_named() {
     );
 }
 
+/// A particle of 0.16 kg that flies at 0.5 m/s from the middle of a structure of 1.6 kg at rest, against the wall at `side`.
+fn one_impact(side: f64, walls: &str) -> Value {
+    let text = format!(
+        "{STRUCTURE}particle = {{ mass_kg = 0.16, clearance_m = 0.03, {walls} }}\n\
+         initial = {{ u_m_per_s = {} }}\nrun = {{ duration_s = 0.1 }}\n",
+        0.5 * side
+    );
+    let (is_done, out, told) = run(&TempDir::new().unwrap(), &text, &["--json"]);
+    assert!(is_done, "{told}");
+    let answer: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(answer["summary"]["impact_count"], 1);
+    answer["summary"]["peak_contact_force_n"].clone()
+}
+
+#[test]
+fn the_force_of_a_hard_wall_is_that_of_its_stated_contact() {
+    let reduced_kg = 0.16 * 1.6 / 1.76;
+    let close = |force: &Value, expected: f64| {
+        let force = force.as_f64().unwrap_or_else(|| panic!("{force}"));
+        assert!((force / expected - 1.0).abs() < 1e-12, "{force} N instead of {expected} N");
+    };
+    let of = |more: &str| one_impact(1.0, &format!("wall = {{ kind = \"restitution\", coefficient = 0.6{more} }}"));
+    let impulse_n_s = reduced_kg * 0.5 * 1.6;
+    close(&of(", contact_time_s = 0.002"), std::f64::consts::FRAC_PI_2 * impulse_n_s / 0.002);
+    close(&of(", contact_time_s = 0.002, pulse_factor = 1.8"), 1.8 * impulse_n_s / 0.002);
+    let k: f64 = 2e8;
+    let hertz = k * (5.0 * reduced_kg * 0.25 / (4.0 * k)).powf(0.6);
+    close(&of(", hertz_stiffness_n_per_m15 = 2e8"), hertz);
+    assert!(of("").is_null());
+    // The impulse has the e of the speed, here 0.75.
+    let table = TABLE.replace(" }", ", contact_time_s = 0.002 }");
+    close(&one_impact(1.0, &table), std::f64::consts::FRAC_PI_2 * reduced_kg * 0.5 * 1.75 / 0.002);
+    // Each wall has its own.
+    let two = "wall = { kind = \"restitution\", coefficient = 0.6, contact_time_s = 0.004 }, \
+               positive_wall = { kind = \"restitution\", coefficient = 0.6, hertz_stiffness_n_per_m15 = 2e8 }";
+    close(&one_impact(1.0, two), hertz);
+    close(&one_impact(-1.0, two), std::f64::consts::FRAC_PI_2 * impulse_n_s / 0.004);
+    // One wall without a contact: the largest force is not known.
+    assert!(one_impact(1.0, &two.replace(", contact_time_s = 0.004", "")).is_null());
+}
+
+#[test]
+fn a_stated_contact_does_not_change_the_motion_and_its_force_is_that_of_the_fastest_impact() {
+    let plain = answer(TABLE);
+    let mut stated = answer(&TABLE.replace(" }", ", contact_time_s = 0.003 }"));
+    let force = stated["summary"]["peak_contact_force_n"].take().as_f64().expect("a force");
+    stated["summary"].as_object_mut().unwrap().remove("peak_contact_force_n");
+    assert_eq!(plain, stated);
+    let table = SpeedTable::new(&[[0.1, 0.9], [0.5, 0.75], [2.0, 0.6]]).expect("three points");
+    let forces = plain["impacts"].as_array().expect("impacts").iter().map(|impact| {
+        let v = impact["approach_speed_m_per_s"].as_f64().expect("a speed");
+        std::f64::consts::FRAC_PI_2 * (1.6 * 0.16 / 1.76) * v * (1.0 + table.at(v)) / 0.003
+    });
+    let largest = forces.fold(0.0, f64::max);
+    assert!(largest > 10.0 && (force / largest - 1.0).abs() < 1e-12, "{force} N instead of {largest} N");
+}
+
+#[test]
+fn keys_of_a_contact_that_are_not_allowed_are_named() {
+    let wall = |keys: &str| format!("wall = {{ kind = \"restitution\", coefficient = 0.6, {keys} }}");
+    refused(&wall("contact_time_s = 0"), &["`particle.wall.contact_time_s` = 0 is not allowed", "greater than 0"]);
+    refused(&wall("pulse_factor = 2"), &["pulse_factor", "contact_time_s"]);
+    refused(
+        &wall("contact_time_s = 0.002, pulse_factor = 0.9"),
+        &["`particle.wall.pulse_factor` = 0.9", "from 1 to 10"],
+    );
+    refused(&wall("contact_time_s = 0.002, hertz_stiffness_n_per_m15 = 1e8"), &["leave out"]);
+    refused(
+        "wall = { kind = \"voigt\", material = \"rubber\", release = \"zero_force\", contact_time_s = 0.002 }",
+        &["contact_time_s"],
+    );
+}
+
 /// The same particle as a campaign reads it.
 fn in_campaign(particle: &str) -> SetUp {
     let campaign = format!(

@@ -82,7 +82,7 @@ impl Viewer for Response {
     }
 
     fn impact(&mut self, impact: &ImpactRecord) {
-        self.take_impact(impact.t_s, impact.approach_speed_m_per_s);
+        self.take_impact(impact.t_s, impact.side, impact.approach_speed_m_per_s);
     }
 
     fn accumulation(&mut self, _: &AccumulationRecord) {

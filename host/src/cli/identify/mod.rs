@@ -1,5 +1,6 @@
 //! `damprig identify`: identifies parameters of the rig and writes them as a set-up file.
 
+mod contact;
 mod decay;
 mod response;
 mod restitution;
@@ -48,6 +49,8 @@ Examples:
   damprig identify restitution drops.csv --out identified.toml --update
   damprig identify restitution film.csv --frame-rate-hz 240 --table impacts.csv --plot impacts.svg
   damprig identify restitution film.csv times.csv --frame-rate-hz 240 --drop-height-m 0.2
+  damprig identify contact runs/20260601-101500-spid-ab12 --out identified.toml --update
+  damprig identify contact pulse1.csv pulse2.csv --reduced-mass-kg 0.145
   damprig identify friction incline.csv --out identified.toml --update
   damprig identify sound impacts.wav --calibration tone.wav --background quiet.wav
   damprig identify wall dma.csv --shape-factor-m 0.07 --frequency-hz 40 --out soft.toml
@@ -67,6 +70,8 @@ enum What {
     Response(response::ResponseArgs),
     /// Coefficient of restitution, and over the approach speed, from a run with impacts, from films and tables of drop tests; clearance, contact time
     Restitution(restitution::RestitutionArgs),
+    /// Contact time and stiffness of a hard wall from a run or from force records
+    Contact(contact::ContactArgs),
     /// Friction coefficient from an incline, or friction force per deflection of a spring
     Friction(FrictionArgs),
     /// Stiffness and loss factor of a soft wall from a DMA table
@@ -189,6 +194,7 @@ pub fn run(args: &Args) -> Outcome {
         What::Decay(args) => decay::run(args),
         What::Response(args) => response::run(args),
         What::Restitution(args) => restitution::run(args),
+        What::Contact(args) => contact::run(args),
         What::Friction(args) => {
             let identified = of_table(&args.source, |table| friction::identify(table, args.gravity));
             finish(&args.out, from_ref(&args.source), identified.map_err(Failure::input)?)

@@ -1,12 +1,10 @@
 //! Contact time and restitution from a force record: J = m·v·(1 + e) of an impact with the approach velocity v.
 
 use super::Approach;
+use crate::identify::contact::FORCE;
 use crate::identify::statistics::Value;
-use crate::identify::table::{Quantity, Table};
+use crate::identify::table::Table;
 use crate::identify::{CannotIdentify, Estimate};
-
-pub(super) const FORCE: Quantity =
-    Quantity { stem: "force", units: &[("n", 1.0), ("kn", 1e3)], about: "force on the wall", most: 1e6 };
 
 const IMPULSE: &str = "force record: impulse and approach velocity";
 

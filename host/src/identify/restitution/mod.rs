@@ -13,6 +13,7 @@ use serde::Serialize;
 pub use film::Axis;
 pub use law::{Impact, Impacts, Law, Power};
 
+use super::contact::FORCE;
 use super::statistics::Value;
 use super::table::{TIME, Table};
 use super::{CannotIdentify, Estimate, Identification};
@@ -178,7 +179,7 @@ fn of_file(source: &Path, options: &Options, files: usize) -> Result<Found, Cann
         return film::impacts(source, options).map(|(impacts, remarks)| Found::Impacts(Kind::Film, impacts, remarks));
     }
     let table = Table::read(source)?;
-    if !table.has(&force::FORCE) {
+    if !table.has(&FORCE) {
         let kind = if table.has(&TIME) { Kind::Times } else { Kind::Heights };
         return tables::impacts(&table, options).map(|impacts| Found::Impacts(kind, impacts, Vec::new()));
     }

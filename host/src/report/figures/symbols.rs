@@ -4,7 +4,7 @@ use crate::input::key::Unit;
 use crate::simulation::Case;
 
 /// Symbols of keys. That of a clearance ratio depends on the case's reference length.
-const SYMBOLS: [(&str, &str); 40] = [
+const SYMBOLS: [(&str, &str); 42] = [
     ("structure.mass_kg", "M"),
     ("structure.natural_frequency_hz", "fn"),
     ("structure.damping_ratio", "ζ"),
@@ -30,6 +30,8 @@ const SYMBOLS: [(&str, &str); 40] = [
     ("particle.positive_wall.coefficient", "e at +"),
     ("particle.wall.exponent", "p"),
     ("particle.wall.maximum", "largest e"),
+    ("particle.wall.contact_time_s", "τ"),
+    ("particle.wall.hertz_stiffness_n_per_m15", "k of the contact"),
     ("particle.wall.stiffness_n_per_m", "k1"),
     ("particle.wall.damping_n_s_per_m", "c1"),
     ("particle.wall.loss_factor", "η"),

@@ -240,7 +240,7 @@ pub fn summary(case: &Case, result: &SimulationResult) -> String {
         lines.push(("unresolved", text));
     }
     if let Some(force) = s.peak_contact_force_n {
-        lines.push(("contact force", format!("at most {} N", significant(force, 5))));
+        lines.push(("wall force", format!("at most {} N", significant(force, 5))));
     }
     if let (Some(duration), Some(e)) = (s.first_contact_duration_s, s.first_contact_restitution) {
         lines.push((

@@ -138,7 +138,7 @@ pub fn run<V: Viewer>(
         at.reached_s()
     });
     response.finish(at.reached_s());
-    let summary = Summary::of(&response, at.reached_s(), 0);
+    let summary = Summary::of(case, &response, at.reached_s(), 0);
     let end = motion_state(at.motion.state()).state;
     let result = at.result(damper, meter);
     Ok((summary, end, result))

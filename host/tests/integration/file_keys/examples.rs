@@ -45,13 +45,19 @@ particle = { mass_kg = 0.16, clearance_m = 0.01, wall = { kind = "restitution", 
 name = "material"
 base_amplitude_m = 0.001
 structure = { mass_kg = 1.6, stiffness_n_per_m = 400, damping_n_s_per_m = 0.2 }
-particle = { mass_kg = 0.16, clearance_m = 0.01, wall = { kind = "restitution", coefficients = [0.9, 0.6], speeds_m_per_s = [0.1, 2] }, positive_wall = { kind = "voigt", material = "rubber", release = "zero_force" } }
+particle = { mass_kg = 0.16, clearance_m = 0.01, wall = { kind = "restitution", coefficients = [0.9, 0.6], speeds_m_per_s = [0.1, 2], contact_time_s = 0.002, pulse_factor = 1.6 }, positive_wall = { kind = "voigt", material = "rubber", release = "zero_force" } }
 
 [[set_up]]
 name = "table"
 base_amplitude_m = 0.001
 structure = { mass_kg = 1.6, stiffness_n_per_m = 400, damping_n_s_per_m = 0.2 }
-particle = { mass_kg = 0.16, clearance_m = 0.01, wall = { kind = "restitution", coefficient = 0.6 }, positive_wall = { kind = "restitution", coefficients = [0.9, 0.6], speeds_m_per_s = [0.1, 2] } }
+particle = { mass_kg = 0.16, clearance_m = 0.01, wall = { kind = "restitution", coefficient = 0.6 }, positive_wall = { kind = "restitution", coefficients = [0.9, 0.6], speeds_m_per_s = [0.1, 2], contact_time_s = 0.002, pulse_factor = 1.6 } }
+
+[[set_up]]
+name = "hertz"
+base_amplitude_m = 0.001
+structure = { mass_kg = 1.6, stiffness_n_per_m = 400, damping_n_s_per_m = 0.2 }
+particle = { mass_kg = 0.16, clearance_m = 0.01, wall = { kind = "restitution", coefficient = 0.6, hertz_stiffness_n_per_m15 = 1e9 }, positive_wall = { kind = "restitution", coefficient = 0.6, hertz_stiffness_n_per_m15 = 1e9 } }
 
 [[set_up]]
 name = "dashpot"

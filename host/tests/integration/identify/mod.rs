@@ -5,6 +5,7 @@
 
 mod backbone;
 mod bounce;
+mod contact;
 mod decay;
 mod decay_files;
 mod flights;

@@ -10,7 +10,7 @@
 //! the motion. x is measured from where the structure rests without the particle.
 
 use super::units::Units;
-use crate::model::{ImpactLaw, Restitution, SetUp};
+use crate::model::{ImpactLaw, SetUp};
 use crate::scalar::Scalar;
 
 /// +1, 0 or −1: a direction, or a side of the cavity.
@@ -242,7 +242,7 @@ fn ends_m(set_up: &SetUp) -> [f64; 2] {
 fn impact_laws<S: Scalar>(set_up: &SetUp, velocity_m_per_s: f64) -> [ImpactLaw<S>; 2] {
     let walls =
         set_up.particle.map_or([None; 2], |particle| particle.walls().map(|wall| wall.impact_law(velocity_m_per_s)));
-    walls.map(|law| law.unwrap_or(Restitution::constant(0.0).law(velocity_m_per_s)))
+    walls.map(Option::unwrap_or_default)
 }
 
 /// `value` with the sign of `direction`, or zero.

@@ -95,13 +95,8 @@ impl SpeedTable {
             let [speed, e] = *point;
             let rises = speed > 0.0 && speed >= LEAST_STEP * before[0] && speed.is_finite();
             require(rises, speeds, speed, "greater than 0 and at least 1.001 times the speed before")?;
-            require((0.0..1.0).contains(&e), coefficients, e, "from 0 to less than 1")?;
-            require(
-                e >= Self::least_at(before, speed),
-                coefficients,
-                e,
-                "so large that the rebound speed v·e(v) never falls",
-            )?;
+            let allowed = "from 0 to less than 1, and so large that the rebound speed v·e(v) never falls";
+            require((Self::least_at(before, speed)..1.0).contains(&e), coefficients, e, allowed)?;
             before = *point;
         }
         Ok(())

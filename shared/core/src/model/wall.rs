@@ -138,6 +138,13 @@ impl<S: Scalar> Power<S> {
     }
 }
 
+impl<S: Scalar> Default for ImpactLaw<S> {
+    /// Without rebound.
+    fn default() -> Self {
+        Self(Law::Constant(S::ZERO))
+    }
+}
+
 impl<S: Scalar> ImpactLaw<S> {
     /// e of an impact with this approach speed; 0 or greater.
     #[inline]

@@ -26,7 +26,7 @@ use crate::integrator::sampled::{Impact, Observer, Sampled};
 use crate::integrator::units::Units;
 use crate::io::{Invalid, SUBSAMPLES, TICK_HZ, positive, require};
 use crate::measure::impacts::ImpactRecord;
-use crate::model::{ImpactLaw, Restitution, SetUp, Structure};
+use crate::model::{ImpactLaw, SetUp, Structure};
 use crate::scalar::Scalar;
 use heapless::{Deque, Vec};
 use matching::{Matcher, MatcherConfig};
@@ -201,6 +201,8 @@ struct Rebound {
 }
 
 impl Rebound {
+    // Once for both walls: it is long.
+    #[inline(never)]
     fn new(set_up: &SetUp, side: Sign) -> Self {
         let mass_kg = set_up.particle.map_or(0.0, |particle| particle.mass_kg);
         let wall = set_up.particle.map(|particle| particle.walls()[of(side)]);
@@ -212,7 +214,7 @@ impl Rebound {
         });
         let approach_per_impulse = per_impulse as f32;
         Self {
-            law: law.unwrap_or(Restitution::constant(0.0).law(1.0)),
+            law: law.unwrap_or_default(),
             approach_per_impulse,
             closing_per_impulse: approach_per_impulse * (1.0 + coefficient as f32),
         }

@@ -6,7 +6,7 @@ use super::flow::ExactState;
 use super::observe::{Accumulation, Arc, ContactEnd, Impact, Observer};
 use super::oscillator::{Oscillator, dot};
 use super::series::{self, Series};
-use crate::integrator::modes::signed;
+use crate::integrator::modes::{Sign, signed};
 
 /// Selects which results of a run are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -30,6 +30,8 @@ pub struct Response {
     max_abs_x_m: f64,
     max_abs_x_minus_z_m: f64,
     impacts: u64,
+    /// Of the impacts on the walls at the negative and the positive side, m/s.
+    fastest_m_per_s: [f64; 2],
     accumulations: u64,
     cycle: u64,
     cycle_max_m: f64,
@@ -55,6 +57,7 @@ impl Response {
             max_abs_x_m: 0.0,
             max_abs_x_minus_z_m: 0.0,
             impacts: 0,
+            fastest_m_per_s: [0.0; 2],
             accumulations: 0,
             cycle: 0,
             cycle_max_m: 0.0,
@@ -102,6 +105,13 @@ impl Response {
     #[must_use]
     pub fn impact_count(&self) -> u64 {
         self.impacts
+    }
+
+    /// The largest approach speed of an impact (first touch of a soft wall) at the negative and at the positive side, m/s; 0 without
+    /// one.
+    #[must_use]
+    pub fn fastest_m_per_s(&self) -> [f64; 2] {
+        self.fastest_m_per_s
     }
 
     /// Number of chatters that ended with the particle at rest on a hard wall and whose last impacts were summed.
@@ -210,9 +220,11 @@ impl Response {
         self.peak_force_n = Some(largest(self.peak_force_n.unwrap_or(0.0)));
     }
 
-    /// Takes an impact at `time_s`, or the first touch of a soft wall, with this approach speed.
-    pub fn take_impact(&mut self, time_s: f64, approach_speed_m_per_s: f64) {
+    /// Takes an impact at `time_s` on the wall of `side`, or the first touch of a soft wall, with this approach speed.
+    pub fn take_impact(&mut self, time_s: f64, side: Sign, approach_speed_m_per_s: f64) {
         self.impacts += 1;
+        let fastest = &mut self.fastest_m_per_s[usize::from(side > 0)];
+        *fastest = fastest.max(approach_speed_m_per_s);
         if self.first_touch.is_none() {
             self.first_touch = Some((time_s, approach_speed_m_per_s));
         }
@@ -291,7 +303,7 @@ impl Observer for Response {
     }
 
     fn impact(&mut self, impact: &Impact) {
-        self.take_impact(impact.time_s, impact.approach_speed_m_per_s);
+        self.take_impact(impact.time_s, impact.side, impact.approach_speed_m_per_s);
     }
 
     fn accumulation(&mut self, _: &Accumulation) {

@@ -1,0 +1,355 @@
+//! The contact with a hard wall: its duration, the shape of its pulse, and its stiffness, from the impacts of a run or from force records.
+//!
+//! *Run.* The board measures impulse J and peak F of every pulse; τ = πJ/(2F) is the duration of the half-sine with both
+//! ([`damprig_core::measure::impacts`]). The mean weighs a pulse by F²: noise of the force moves τ by its share of F. Sampling adds
+//! an error that no mean removes: the kinks of a half-sine change the sum of n samples a contact by up to π²/(12 n²) of J, and the
+//! parabola at its peak is high by up to (π/n)⁴/4 of F.
+//!
+//! *Force record.* A half-sine is fitted to each pulse; its duration τ does not depend on where the samples fall. With J, the sum of the
+//! samples, and F, the peak of the parabola through the three highest, the pulse factor is F·τ/J: π/2 of a half-sine.
+//!
+//! *Stiffness.* m_r = mM/(M + m). A spring has k = m_r (π/τ)². Elastic spheres, F = k δ^(3/2), have k = F^(5/2)/(5 m_r v²/4)^(3/2) with the
+//! approach speed v, that follows from J = m_r v (1 + e(v)).
+
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::path::Path;
+
+use damprig_core::model::SetUp;
+
+use super::from_run::Choice;
+use super::statistics::{Value, fit};
+use super::table::{Quantity, Table};
+use super::{CannotIdentify, Estimate, Identification};
+use crate::run_folder::{ReadError, RunFolder};
+use crate::table::values::{numbers, texts};
+
+/// Force on a wall.
+pub const FORCE: Quantity =
+    Quantity { stem: "force", units: &[("n", 1.0), ("kn", 1e3)], about: "force on the wall", most: 1e6 };
+
+/// Interval of a board's force samples, s.
+const SAMPLE_S: f64 = 1e-4;
+
+/// A pulse as the board measured it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pulse {
+    /// Whether it was at the positive side.
+    pub is_positive: bool,
+    /// F, N.
+    pub peak_n: f64,
+    /// J, N·s.
+    pub impulse_n_s: f64,
+}
+
+const HALF_SINES: &str = "half-sines with the pulses' impulse and peak";
+const TIME: &str = "particle.wall.contact_time_s";
+const POSITIVE_TIME: &str = "particle.positive_wall.contact_time_s";
+
+/// Identifies the contacts of a run's hard walls.
+///
+/// # Errors
+/// No run, no impacts or those of several experiments, a set-up without a model or with a soft wall, fewer than two pulses on a wall.
+pub fn of_run(path: &Path, choice: &Choice) -> Result<Identification, CannotIdentify> {
+    let run = RunFolder::open(path).map_err(|e| CannotIdentify(e.to_string()))?;
+    let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", path.display()));
+    let all = pulses(&run).map_err(|e| failed(&e))?;
+    let mut pairs: Vec<(String, String)> = all.iter().map(|(pair, _)| pair.clone()).collect();
+    pairs.sort();
+    pairs.dedup();
+    let pair = pairs[choice.only(&run, &pairs, "experiment with impacts")?].clone();
+    let record = run.manifest().set_ups.iter().find(|record| record.name == pair.0);
+    let model = record.filter(|record| !record.has_unmodelled_damper).and_then(|record| record.model());
+    let Some(model) = model else {
+        return Err(failed(&format!(
+            "set-up {:?} has no model of its particle\n  describe the particle in the campaign",
+            pair.0
+        )));
+    };
+    let own: Vec<Pulse> = all.into_iter().filter(|(of, _)| *of == pair).map(|(_, pulse)| pulse).collect();
+    let mut identified = of_pulses(&own, &model).map_err(|why| failed(&why.0))?;
+    identified.taken_from = format!("{}, set-up {:?}, experiment {:?}", run.id(), pair.0, pair.1);
+    Ok(identified)
+}
+
+/// The whole pulses of a run, with set-up and experiment: neither clipped nor held.
+fn pulses(run: &RunFolder) -> Result<Vec<((String, String), Pulse)>, ReadError> {
+    let mut all = Vec::new();
+    for batch in run.impacts()? {
+        let read = |column: &str| numbers(&batch, column);
+        let (set_ups, experiments) = (texts(&batch, "set_up")?, texts(&batch, "experiment")?);
+        let (sides, peaks, impulses) = (read("side")?, read("peak_n")?, read("impulse_n_s")?);
+        let (clipped, held) = (read("clipped")?, read("held")?);
+        for n in (0..sides.len()).filter(|n| clipped[*n] == 0.0 && held[*n] == 0.0) {
+            let pulse = Pulse { is_positive: sides[n] > 0.0, peak_n: peaks[n], impulse_n_s: impulses[n] };
+            all.push(((set_ups[n].clone(), experiments[n].clone()), pulse));
+        }
+    }
+    Ok(all)
+}
+
+/// Identifies the contacts from pulses on the hard walls of a set-up. With a second wall each has its own contact; otherwise that of all
+/// pulses comes first.
+///
+/// # Errors
+/// No particle, a soft wall, fewer than two pulses.
+pub fn of_pulses(pulses: &[Pulse], set_up: &SetUp) -> Result<Identification, CannotIdentify> {
+    let Some(particle) = set_up.particle.filter(|particle| particle.walls().iter().all(|wall| !wall.is_soft())) else {
+        let text = "only a particle between hard walls has contacts that take no time in the model\n  the contact of a soft wall follows \
+                    from its stiffness and damping";
+        return Err(CannotIdentify(text.into()));
+    };
+    let on = |is_positive: bool| pulses.iter().filter(move |pulse| pulse.is_positive == is_positive).copied().collect();
+    let (negative, positive): (Vec<Pulse>, Vec<Pulse>) = (on(false), on(true));
+    let is_one_wall = particle.cavity.positive_wall.is_none();
+    let times = [contact_time(&negative), contact_time(&positive)];
+    let names = ["contact time at the negative side", "contact time at the positive side"];
+    let mut estimates = Vec::new();
+    if is_one_wall {
+        let all = contact_time(pulses);
+        estimates.extend(all.map(|time| Estimate::new("contact time", "s", HALF_SINES, &time).of_key(TIME)));
+    }
+    for ((name, key), time) in names.into_iter().zip([TIME, POSITIVE_TIME]).zip(&times) {
+        let Some(time) = time else { continue };
+        let estimate = Estimate::new(name, "s", HALF_SINES, time);
+        estimates.push(if is_one_wall { estimate } else { estimate.of_key(key) });
+    }
+    if estimates.is_empty() {
+        let text = format!(
+            "there are {} whole pulses on the negative side and {} on the positive one; at least 2 are needed for an uncertainty\n  measure \
+             more impacts",
+            negative.len(),
+            positive.len()
+        );
+        return Err(CannotIdentify(text));
+    }
+    let reduced_kg = particle.mass_kg * set_up.structure.mass_kg / (particle.mass_kg + set_up.structure.mass_kg);
+    let sides = [
+        ("negative", &negative, "stiffness of a spring contact, negative side", "Hertz stiffness, negative side"),
+        ("positive", &positive, "stiffness of a spring contact, positive side", "Hertz stiffness, positive side"),
+    ];
+    let mut remarks = Vec::new();
+    for (((side, own, spring, hertz), time), wall) in sides.into_iter().zip(&times).zip(particle.walls()) {
+        let (Some(time), Some(law)) = (time, wall.impact_law::<f64>(1.0)) else { continue };
+        let stiffness = spring_stiffness(time, reduced_kg);
+        estimates.push(Estimate::new(spring, "N/m", "m_r (π/τ)², m_r = mM/(M + m)", &stiffness));
+        let speed = |pulse: &Pulse| law.approach(pulse.impulse_n_s / reduced_kg);
+        let found = mean_of(own, |pulse| hertz_stiffness(pulse.peak_n, reduced_kg, speed(pulse)));
+        let method = "peaks, and approach speeds from the impulses with the set-up's e";
+        estimates.extend(found.map(|value| Estimate::new(hertz, "N/m^1.5", method, &value)));
+        let ends = |of: &dyn Fn(&Pulse) -> f64| {
+            own.iter().map(of).fold([f64::MAX, 0.0f64], |[low, high], value| [low.min(value), high.max(value)])
+        };
+        let (impulses, peaks, speeds) = (ends(&|p| p.impulse_n_s), ends(&|p| p.peak_n), ends(&speed));
+        remarks.push(format!(
+            "{side} side: {} pulses, impulses {:.4} N·s to {:.4} N·s, peaks {:.1} N to {:.1} N, approach speeds {:.3} m/s to {:.3} m/s",
+            own.len(),
+            impulses[0],
+            impulses[1],
+            peaks[0],
+            peaks[1],
+            speeds[0],
+            speeds[1]
+        ));
+    }
+    if let ([Some(a), Some(b)], true) = (&times, is_one_wall)
+        && (a.value - b.value).abs() > 3.0 * a.standard_uncertainty.hypot(b.standard_uncertainty)
+    {
+        remarks.push(
+            "the contact times of the two sides differ by more than their uncertainty: describe the walls apart".into(),
+        );
+    }
+    remarks.push(
+        "a run has impulse and peak of a pulse, not its shape: the pulse factor is that of a half-sine, π/2".into(),
+    );
+    let mut identified = Identification::new("", estimates);
+    identified.remarks = remarks;
+    identified.words = vec![("particle.wall.kind", "restitution")];
+    if !is_one_wall {
+        identified.words.push(("particle.positive_wall.kind", "restitution"));
+    }
+    Ok(identified)
+}
+
+/// The mean τ of pulses, s, with the errors that no mean removes: of the sampling, and of the peak, which is the highest of several
+/// samples and so is raised by noise by up to about its scatter.
+fn contact_time(pulses: &[Pulse]) -> Option<Value> {
+    let time = mean_of(pulses, |pulse| FRAC_PI_2 * pulse.impulse_n_s / pulse.peak_n)?;
+    let scatter_s = time.standard_uncertainty * (pulses.len() as f64).sqrt();
+    Some(time.widened(time.value * sampling_error(time.value / SAMPLE_S)).widened(scatter_s / 3f64.sqrt()))
+}
+
+/// Standard uncertainty of J/F of a half-sine with this many samples, relative: of a rectangular distribution within the largest errors.
+fn sampling_error(samples: f64) -> f64 {
+    (PI * PI / (12.0 * samples * samples) + (PI / samples).powi(4) / 4.0) / 3f64.sqrt()
+}
+
+/// Of a force of which noise moves a quantity by its share of the peak.
+trait Peaked {
+    fn peak_n(&self) -> f64;
+}
+
+impl Peaked for Pulse {
+    fn peak_n(&self) -> f64 {
+        self.peak_n
+    }
+}
+
+impl Peaked for Recorded {
+    fn peak_n(&self) -> f64 {
+        self.peak_n
+    }
+}
+
+/// The mean of a quantity of pulses, each weighed by its peak squared; `None` for fewer than two.
+fn mean_of<P: Peaked>(pulses: &[P], of: impl Fn(&P) -> f64) -> Option<Value> {
+    if pulses.len() < 2 {
+        return None;
+    }
+    let weight = |pulse: &P| pulse.peak_n() * pulse.peak_n();
+    let total: f64 = pulses.iter().map(weight).sum();
+    let value = pulses.iter().map(|pulse| weight(pulse) * of(pulse)).sum::<f64>() / total;
+    let degrees_of_freedom = pulses.len() as f64 - 1.0;
+    let scatter = pulses.iter().map(|pulse| weight(pulse) * (of(pulse) - value).powi(2)).sum::<f64>();
+    let standard_uncertainty = (scatter / (total * degrees_of_freedom)).sqrt();
+    Some(Value { value, standard_uncertainty, degrees_of_freedom })
+}
+
+/// k = m_r (π/τ)², N/m.
+fn spring_stiffness(time_s: &Value, reduced_kg: f64) -> Value {
+    let k = reduced_kg * (PI / time_s.value).powi(2);
+    time_s.mapped(k, -2.0 * k / time_s.value)
+}
+
+/// k of elastic spheres that reach this peak at this approach speed, N/m^1.5.
+fn hertz_stiffness(peak_n: f64, reduced_kg: f64, speed_m_per_s: f64) -> f64 {
+    peak_n.powf(2.5) / (1.25 * reduced_kg * speed_m_per_s * speed_m_per_s).powf(1.5)
+}
+
+const FITTED: &str = "half-sine fitted to each pulse of the force record";
+const SHAPE: &str = "peak times contact time over impulse";
+
+/// A pulse of a force record.
+#[derive(Clone, Copy, Debug)]
+struct Recorded {
+    time_s: f64,
+    /// Standard uncertainty of `time_s` by the fit.
+    uncertainty_s: f64,
+    peak_n: f64,
+    impulse_n_s: f64,
+    /// Samples in `time_s`.
+    samples: f64,
+}
+
+impl Recorded {
+    fn factor(&self) -> f64 {
+        self.peak_n * self.time_s / self.impulse_n_s
+    }
+}
+
+/// Identifies the contact from force records (columns t_s and force_n), each with one pulse or several. `reduced_mass_kg` gives the
+/// stiffness.
+///
+/// # Errors
+/// Missing columns, a force without a pulse, a sensor at its limit.
+pub fn of_records(tables: &[Table], reduced_mass_kg: Option<f64>) -> Result<Identification, CannotIdentify> {
+    let mut all = Vec::new();
+    for table in tables {
+        all.extend(recorded(table)?);
+    }
+    let Some(strongest) = all.iter().max_by(|a, b| a.peak_n.total_cmp(&b.peak_n)) else {
+        return Err(CannotIdentify(
+            "there is no force record
+  name a CSV file"
+                .into(),
+        ));
+    };
+    // One pulse has the uncertainty of its fit.
+    let share = strongest.uncertainty_s / strongest.time_s;
+    let alone =
+        |value: f64| Value { value, standard_uncertainty: value * share, degrees_of_freedom: strongest.samples };
+    let time = mean_of(&all, |one| one.time_s).unwrap_or_else(|| alone(strongest.time_s));
+    let factor = mean_of(&all, Recorded::factor).unwrap_or_else(|| alone(strongest.factor()));
+    let factor = factor.widened(factor.value * sampling_error(strongest.samples));
+    let mut estimates = vec![
+        Estimate::new("contact time", "s", FITTED, &time).of_key(TIME),
+        Estimate::new("pulse factor", "", SHAPE, &factor).of_key("particle.wall.pulse_factor"),
+    ];
+    estimates.extend(reduced_mass_kg.map(|mass_kg| {
+        Estimate::new("stiffness of a spring contact", "N/m", "m_r (π/τ)²", &spring_stiffness(&time, mass_kg))
+    }));
+    let files: Vec<&str> = tables.iter().map(Table::file).collect();
+    let mut identified = Identification::new(files.join(", "), estimates);
+    identified.remarks = vec![format!(
+        "{} pulses, the strongest with an impulse of {:.5} N·s and a peak of {:.2} N; a half-sine has the factor {FRAC_PI_2:.4}",
+        all.len(),
+        strongest.impulse_n_s,
+        strongest.peak_n
+    )];
+    identified.words = vec![("particle.wall.kind", "restitution")];
+    Ok(identified)
+}
+
+/// Share of the record's peak above which a force is a pulse.
+const PULSE: f64 = 0.2;
+
+/// The pulses of a force record.
+fn recorded(table: &Table) -> Result<Vec<Recorded>, CannotIdentify> {
+    let (t_s, force_n) = (table.times()?, table.column(&FORCE)?);
+    let mut sorted = force_n.clone();
+    sorted.sort_by(f64::total_cmp);
+    let rest_n = sorted[sorted.len() / 2];
+    let force_n: Vec<f64> = force_n.iter().map(|force| force - rest_n).collect();
+    let peak_n = sorted[sorted.len() - 1] - rest_n;
+    let mut found = Vec::new();
+    let mut from = 0;
+    while let Some(start) = (from..t_s.len()).find(|n| force_n[*n] > PULSE * peak_n) {
+        let end = (start..t_s.len()).find(|n| force_n[*n] <= PULSE * peak_n).unwrap_or(t_s.len());
+        from = end;
+        // A pulse that the record cuts has no duration, and a single sample no shape.
+        if start < 3 || end + 3 > t_s.len() || end < start + 3 {
+            continue;
+        }
+        if let Some(level) =
+            force_n[start..end].windows(3).find(|w| w[0] > 0.9 * peak_n && w[0] == w[1] && w[1] == w[2])
+        {
+            return Err(table.refuse(format!(
+                "the force sensor is saturated: it stays at {} N at the peak\n  hit the wall more slowly, or use a sensor of larger range",
+                level[0] + rest_n
+            )));
+        }
+        found.extend(fitted(&t_s, &force_n, start..end));
+    }
+    if found.is_empty() {
+        let text = "there is no whole pulse of three samples or more\n  sample the force faster, and record it before and after the impact";
+        return Err(table.refuse(text));
+    }
+    Ok(found)
+}
+
+/// Fits a half-sine to the pulse at these samples and those around them.
+fn fitted(t_s: &[f64], force_n: &[f64], above: std::ops::Range<usize>) -> Option<Recorded> {
+    let about = above.len().div_ceil(4) + 2;
+    let around = above.start.saturating_sub(about)..(above.end + about).min(t_s.len());
+    let (t, force) = (&t_s[around.clone()], &force_n[around.clone()]);
+    let highest = above.clone().max_by(|a, b| force_n[*a].total_cmp(&force_n[*b]))?;
+    // Above a fifth of its peak a half-sine is 87 % of its duration.
+    let time_s = (t_s[above.end] - t_s[above.start]) / 0.872;
+    let start = [force_n[highest], 0.5 * (t_s[above.end] + t_s[above.start - 1] - time_s), time_s];
+    let step = 1e-4 * time_s;
+    let sine = |p: &[f64], out: &mut Vec<f64>| {
+        out.extend(t.iter().map(|t| {
+            let at = (t - p[1]) / p[2];
+            if (0.0..=1.0).contains(&at) { p[0] * (PI * at).sin() } else { 0.0 }
+        }));
+    };
+    let fit = fit(force, &start, &[1e-4 * start[0], step, step], sine)?;
+    let time_s = fit.parameters[2];
+    let uncertainty_s = fit.value(2, fit.variance()).standard_uncertainty;
+    let impulse_n_s = (1..t.len()).map(|n| 0.5 * (force[n] + force[n - 1]) * (t[n] - t[n - 1])).sum::<f64>();
+    let [before, top, after] = [highest - 1, highest, highest + 1].map(|n| force_n[n]);
+    let bend = 2.0 * top - before - after;
+    let peak_n = top + if bend > 0.0 { (after - before).powi(2) / (8.0 * bend) } else { 0.0 };
+    let is_sound = time_s > 0.0 && impulse_n_s > 0.0 && uncertainty_s.is_finite();
+    let samples = time_s * (t.len() - 1) as f64 / (t[t.len() - 1] - t[0]);
+    is_sound.then_some(Recorded { time_s, uncertainty_s, peak_n, impulse_n_s, samples })
+}
