@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Args as ClapArgs, ValueEnum};
 
+use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
 use crate::input::Source;
@@ -18,7 +19,7 @@ use crate::study::bifurcation::{self, Direction, Sweep, SweepAxis};
 #[derive(Debug, ClapArgs)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// Case file (TOML or JSON) with a sine
+    /// Case file (TOML or JSON) with a sine, or the name of a shipped one (`damprig examples`)
     #[arg(value_name = "CASE")]
     case: PathBuf,
 
@@ -57,9 +58,9 @@ pub struct Args {
 
 const AFTER_HELP: &str = "\
 Examples:
-  damprig study bifurcation host/cases/spid.toml --axis particle.clearance_ratio=10:16:301
-  damprig study bifurcation host/cases/spid.toml --axis particle.wall.coefficient=0.2:0.9:201 --set particle.clearance_ratio=12
-  damprig study bifurcation host/cases/spid.toml --axis particle.clearance_ratio=10:16:301 --section 15 --cycles 500
+  damprig study bifurcation spid --axis particle.clearance_ratio=10:16:301
+  damprig study bifurcation spid --axis particle.wall.coefficient=0.2:0.9:201 --set particle.clearance_ratio=12
+  damprig study bifurcation spid --axis particle.clearance_ratio=10:16:301 --section 15 --cycles 500
 
 The motion goes on from value to value, so up and down may follow different motions; a particle that a smaller cavity has no
 room for is put at its wall. The folder gets bifurcation.svg, .png and bifurcation.parquet with the state at the end of each sampled
@@ -94,8 +95,9 @@ pub fn run(args: &Args) -> Outcome {
         cycles: args.cycles,
     };
     let set = SetValues::from_arguments(&args.set).map_err(Failure::input)?;
-    let source = Source::read(&args.case).map_err(Failure::input)?;
-    let name = default_name(&args.case);
+    let file = examples::find(examples::Kind::Case, &args.case)?;
+    let source = Source::read(&file).map_err(Failure::input)?;
+    let name = default_name(&file);
     let cases = bifurcation::cases(source.name(), source.text(), &name, &sweep, &set).map_err(Failure::input)?;
     let table = args.out.join(bifurcation_files::TABLE);
     if !args.force && table.exists() {

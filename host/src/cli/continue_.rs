@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
 
+use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::simulate::picture;
 use crate::continuation::{Continuation, Found};
@@ -20,7 +21,7 @@ use crate::storage::out_file::{EXISTS, OutFile};
 #[derive(Debug, ClapArgs)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// Continuation file (TOML); host/continuations has examples
+    /// Continuation file (TOML), or the name of a shipped one (`damprig examples`)
     #[arg(value_name = "FILE")]
     file: PathBuf,
 
@@ -47,10 +48,10 @@ pub struct Args {
 
 const AFTER_HELP: &str = "\
 Examples:
-  damprig continue host/continuations/clearance.toml
-  damprig continue host/continuations/clearance.toml --plot branches.svg --out branches.csv
-  damprig continue host/continuations/clearance.toml --json
-  damprig continue host/continuations/grazing-curve.toml --out curves
+  damprig continue clearance
+  damprig continue clearance --plot branches.svg --out branches.csv
+  damprig continue clearance --json
+  damprig continue grazing-curve --out curves
 
 A folder gets orbits.parquet, orbits.csv and branches.svg, .png; of a file with [second] also curves.parquet, curves.csv and
 curves.svg, .png.
@@ -65,9 +66,10 @@ Exit codes:
 /// # Errors
 /// Bad input, no orbit to start from, an unwritable file.
 pub fn run(args: &Args) -> Outcome {
-    let continuation = Continuation::read(&args.file).map_err(Failure::input)?;
+    let input = examples::find(examples::Kind::Continuation, &args.file)?;
+    let continuation = Continuation::read(&input).map_err(Failure::input)?;
     if args.plot_curves.is_some() && continuation.curve_parameters().is_none() {
-        let file = args.file.display();
+        let file = input.display();
         return Err(Failure::Input(format!(
             "--plot-curves: {file} has one parameter\n  add a table [second] to it; nothing was computed"
         )));
@@ -86,8 +88,8 @@ pub fn run(args: &Args) -> Outcome {
             let message = format!("{role}: cannot write {}: {EXISTS}\n  nothing was written", file.display());
             return Err(Failure::Input(message));
         }
-        let same = |input: &PathBuf| file.as_ref().is_some_and(|f| f.canonicalize().ok() == input.canonicalize().ok());
-        if file.as_ref().is_some_and(|f| f.exists()) && (same(&args.file) || same(&continuation.case_file)) {
+        let same = |read: &PathBuf| file.as_ref().is_some_and(|f| f.canonicalize().ok() == read.canonicalize().ok());
+        if file.as_ref().is_some_and(|f| f.exists()) && (same(&input) || same(&continuation.case_file)) {
             return Err(Failure::Input(format!(
                 "{role} would overwrite an input file\n  give another file name; nothing was written"
             )));

@@ -10,7 +10,7 @@ const GROUPS: [(&str, &[&str]); 4] = [
     ("Rig", &["run", "monitor", "devices", "settings", "calibrate", "flash", "log"]),
     ("Results", &["runs", "compare", "identify", "spectrum", "inspect"]),
     ("Design", &["init", "simulate", "study", "optimise", "continue"]),
-    ("Reference", &["keys", "schema", "man", "completions", "help"]),
+    ("Reference", &["examples", "keys", "schema", "man", "completions", "help"]),
 ];
 
 /// Words that are tried as commands, and what does it.

@@ -26,6 +26,7 @@ mod consent;
 mod continue_;
 mod devices;
 mod documents;
+mod examples;
 #[cfg(feature = "probe")]
 mod flash;
 mod groups;
@@ -73,13 +74,14 @@ struct Cli {
 
 const AFTER_HELP: &str = "\
 Examples:
-  damprig run host/campaigns/hybrid.toml                   run a campaign on the virtual rig
-  damprig run host/campaigns/short.toml --rig auto         run it on the connected board
-  damprig runs                                             list the runs in runs/
-  damprig simulate host/cases/spid.toml --plot spid.png    simulate one case exactly
-  damprig study run host/studies/clearance-and-restitution.toml
-                                                           run a study, a table of many simulations
-  damprig help run                                         all options of a command
+  damprig examples                         list the shipped campaigns, cases and studies
+  damprig run hybrid                       run the shipped campaign hybrid on the virtual rig
+  damprig run my.toml --rig auto           run your campaign on the connected board
+  damprig runs                             list the runs in runs/
+  damprig simulate spid --plot spid.png    simulate one case exactly
+  damprig study run clearance-and-restitution
+                                           run a study, a table of many simulations
+  damprig help run                         all options of a command
 
 Exit codes:
   0    success
@@ -103,6 +105,8 @@ enum Command {
     Calibrate(Box<calibrate::Args>),
     /// Write a new campaign, case, study or optimisation, with comments
     Init(init::Args),
+    /// List the shipped campaigns, cases and studies, or copy one here
+    Examples(examples::Args),
     /// Simulate cases exactly, event by event
     Simulate(simulate::Args),
     /// Run a study: a case over many values of its keys; draw a bifurcation diagram
@@ -184,6 +188,7 @@ fn run(command: Command) -> Outcome {
         Command::Log(args) => without_probe::run("log", &args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Init(args) => init::run(&args),
+        Command::Examples(args) => examples::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Study(args) => study::run(&args),
         Command::Continue(args) => continue_::run(&args),

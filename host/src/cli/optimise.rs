@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use clap::Args as ClapArgs;
 
+use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
 use crate::optimise::search::{self, Progress};
@@ -19,7 +20,7 @@ use crate::report::terminal;
 #[derive(Debug, ClapArgs)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// Optimisation file (TOML); host/optimisations has examples
+    /// Optimisation file (TOML), or the name of a shipped one (`damprig examples`)
     #[arg(value_name = "FILE")]
     file: PathBuf,
 
@@ -38,8 +39,8 @@ pub struct Args {
 
 const AFTER_HELP: &str = "\
 Examples:
-  damprig optimise host/optimisations/spid-band.toml
-  damprig optimise host/optimisations/hybrid-band.toml --out optimum
+  damprig optimise spid-band
+  damprig optimise hybrid-band --out optimum
   damprig optimise my-optimisation.toml --json
 
 The values of the answer are rounded to what the tolerances of the variables allow (`tolerance`, by default 0.1 % of the value), and the
@@ -56,7 +57,8 @@ Exit codes:
 /// # Errors
 /// Bad input, constraints that no point keeps, an unwritable file, an interrupted search.
 pub fn run(args: &Args) -> Outcome {
-    let optimisation = Optimisation::read(&args.file).map_err(Failure::input)?;
+    let file = examples::find(examples::Kind::Optimisation, &args.file)?;
+    let optimisation = Optimisation::read(&file).map_err(Failure::input)?;
     if let Some(folder) = &args.out {
         table::check_folder(folder).map_err(Failure::input)?;
     }
@@ -116,7 +118,7 @@ pub fn run(args: &Args) -> Outcome {
         return Err(Failure::Interrupted(format!("stopped after {done} of {all} points; the best so far is above")));
     }
     if !answer.is_feasible {
-        return Err(Failure::Input(terminal::optimise::unkept(&optimisation, &answer, &args.file)));
+        return Err(Failure::Input(terminal::optimise::unkept(&optimisation, &answer, &file)));
     }
     Ok(())
 }

@@ -23,9 +23,14 @@ pub(super) fn be_quiet() {
     QUIET.store(true, Ordering::Relaxed);
 }
 
+/// Whether [`be_quiet`] was called.
+pub(super) fn is_quiet() -> bool {
+    QUIET.load(Ordering::Relaxed)
+}
+
 /// Prints a line to standard output, what controls a terminal spelled out, unless the command is to be quiet; nothing more after an error.
 pub fn print(line: &str) {
-    if !QUIET.load(Ordering::Relaxed) {
+    if !is_quiet() {
         print_always(line);
     }
 }

@@ -10,6 +10,7 @@ use damprig_protocol::ClockSource;
 
 use super::arguments::{Rig, SpeedArg, seconds, seconds_or_zero};
 use super::consent::ConsentArg;
+use super::examples;
 use super::monitor::{PageArgs, check_terminal};
 use super::outcome::{Failure, Outcome};
 use super::run_job::{Job, LiveViews};
@@ -41,7 +42,7 @@ use crate::runner::resume::EarlierRun;
 #[derive(Debug, ClapArgs)]
 #[command(override_usage = USAGE, after_help = AFTER_HELP)]
 pub struct Args {
-    /// Campaign file (TOML); host/campaigns has examples
+    /// Campaign file (TOML), or the name of a shipped one (`damprig examples`)
     #[arg(value_name = "CAMPAIGN.toml", required_unless_present = "resume")]
     campaign: Option<PathBuf>,
 
@@ -109,11 +110,11 @@ const USAGE: &str = "damprig run [OPTIONS] <CAMPAIGN.toml>\n       damprig run [
 
 const AFTER_HELP: &str = "\
 Examples:
-  damprig run host/campaigns/hybrid.toml
+  damprig run hybrid
   damprig run my.toml --dry-run
   damprig run my.toml --rig serial:/dev/ttyACM0 --out results/foam-1
-  damprig run host/campaigns/short.toml --rig tcp:127.0.0.1:4000
-  damprig run host/campaigns/short.toml --rig virtual:realtime --speed 5
+  damprig run short --rig tcp:127.0.0.1:4000
+  damprig run short --rig virtual:realtime --speed 5
   damprig run --resume results/foam-1
 
 The first line says which settings act: where they come from, and the board's limits. If saved
@@ -161,6 +162,7 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 fn begin(args: &Args, file: &Path) -> Outcome {
+    let file = &examples::find(examples::Kind::Campaign, file)?;
     let mut campaign = new_campaign(file).map_err(Failure::input)?;
     campaign.source.warnings().iter().for_each(|warning| warn!("warning: {warning}"));
     let rig = args.speed.apply(args.rig.as_ref().unwrap_or(&Rig::At(Address::VIRTUAL)).find()?)?;

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::Args as ClapArgs;
 
 use super::arguments::{not_negative, positive};
+use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::progress::SimulationBar;
 use crate::input::Source;
@@ -23,7 +24,7 @@ use crate::simulation::{Case, RunOptions, SetValues, cost, simulate};
 #[derive(Debug, ClapArgs)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// Case files (TOML or JSON); host/cases has examples
+    /// Case files (TOML or JSON), or names of shipped ones (`damprig examples`)
     #[arg(value_name = "CASE", required = true)]
     cases: Vec<PathBuf>,
 
@@ -67,13 +68,13 @@ pub struct Args {
 
 const AFTER_HELP: &str = "\
 Examples:
-  damprig simulate host/cases/spid.toml
-  damprig simulate host/cases/spid.toml --plot spid.png
-  damprig simulate host/cases/soft-wall.toml --out soft.parquet --rate 1000
-  damprig simulate host/cases/record.toml --json
-  damprig simulate host/cases/spid.toml --analyse
-  damprig simulate host/cases/spid.toml --set particle.clearance_ratio=15 --set base.frequency_ratio=0.98
-  damprig simulate host/cases/spid.toml host/cases/tmd.toml
+  damprig simulate spid
+  damprig simulate spid --plot spid.png
+  damprig simulate soft-wall --out soft.parquet --rate 1000
+  damprig simulate record --json
+  damprig simulate spid --analyse
+  damprig simulate spid --set particle.clearance_ratio=15 --set base.frequency_ratio=0.98
+  damprig simulate spid tmd
 
 A displacement record that starts with a velocity reaches it smoothly over its first interval, which
 changes the first moments of the motion; the summary and the JSON state the velocity.
@@ -108,11 +109,13 @@ pub fn run(args: &Args) -> Outcome {
         )));
     }
     let values = SetValues::from_arguments(&args.set).map_err(Failure::input)?;
+    let paths =
+        args.cases.iter().map(|path| examples::find(examples::Kind::Case, path)).collect::<Result<Vec<_>, _>>()?;
     let read = |path: &PathBuf| Case::read_changed(path, &values).map_err(Failure::input);
-    let cases = args.cases.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+    let cases = paths.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    for (place, (path, (case, unusual))) in args.cases.iter().zip(cases).enumerate() {
+    for (place, (path, (case, unusual))) in paths.iter().zip(cases).enumerate() {
         if place > 0 && !args.json {
             say!("");
         }

@@ -8,6 +8,7 @@ use std::time::Instant;
 use clap::{Args as ClapArgs, Subcommand};
 
 use super::bifurcation;
+use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
 use super::study_figures::say_result;
@@ -47,7 +48,7 @@ enum What {
 #[derive(Debug, ClapArgs)]
 #[command(after_help = RUN_HELP)]
 struct RunArgs {
-    /// Study file (TOML); host/studies has examples
+    /// Study file (TOML), or the name of a shipped one (`damprig examples`)
     #[arg(value_name = "STUDY")]
     study: PathBuf,
 
@@ -66,7 +67,7 @@ struct RunArgs {
 
 const RUN_HELP: &str = "\
 Examples:
-  damprig study run host/studies/clearance-and-restitution.toml
+  damprig study run clearance-and-restitution
   damprig study run my-study.toml --dry-run
   damprig study run my-study.toml --out /data/my-study
 
@@ -99,7 +100,8 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 fn run_study(args: &RunArgs) -> Outcome {
-    let study = Study::read(&args.study).map_err(Failure::input)?;
+    let file = examples::find(examples::Kind::Study, &args.study)?;
+    let study = Study::read(&file).map_err(Failure::input)?;
     let cores = rayon::current_num_threads();
     let estimate_s = run::estimate_s(&study).map_err(Failure::input)? / cores as f64;
     let scope = terminal::study::scope(&study, run::cycles(&study));

@@ -9,6 +9,7 @@ use clap::Args as ClapArgs;
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
+use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
 use super::study::{kept, place};
@@ -38,7 +39,7 @@ pub(super) struct WorkArgs {
 /// A study and the place of its results.
 #[derive(Debug, ClapArgs)]
 pub(super) struct PlaceArgs {
-    /// Study file (TOML)
+    /// Study file (TOML), or the name of a shipped one (`damprig examples`)
     #[arg(value_name = "STUDY")]
     study: PathBuf,
 
@@ -64,7 +65,7 @@ Exit codes:
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the parts so far are kept";
 
 pub(super) fn work(args: &WorkArgs) -> Outcome {
-    let study = Study::read(&args.place.study).map_err(Failure::input)?;
+    let study = Study::read(&examples::find(examples::Kind::Study, &args.place.study)?).map_err(Failure::input)?;
     let store = store(&args.place)?;
     let data_set = DataSet::open(&study, store)?;
     let stop = Arc::new(AtomicBool::new(false));
@@ -176,7 +177,7 @@ fn store(args: &PlaceArgs) -> Result<Store, Failure> {
 
 /// A study and its results; nothing is created.
 fn existing(args: &PlaceArgs) -> Result<(Study, DataSet), Failure> {
-    let study = Study::read(&args.study).map_err(Failure::input)?;
+    let study = Study::read(&examples::find(examples::Kind::Study, &args.study)?).map_err(Failure::input)?;
     let store = store(args)?;
     let place = store.path("");
     match DataSet::existing(&study, store)? {

@@ -8,6 +8,7 @@ pub mod key;
 pub mod locate;
 pub mod regular;
 pub mod section;
+pub mod shipped;
 mod shown;
 mod suggest;
 mod without_panic;

@@ -1,8 +1,11 @@
-//! Opens regular files only: reading a pipe or a device could block or never end.
+//! Opens regular files only: reading a pipe or a device could block or never end. A path of a shipped example is read from
+//! [`super::shipped`].
 
 use std::fs::{self, File, FileType};
 use std::io::{self, Read};
 use std::path::Path;
+
+use super::shipped;
 
 /// Size limit of an input file, bytes: a record of millions of samples, or an image with debug information, is smaller.
 pub const MAX_BYTES: u64 = 256 << 20;
@@ -24,6 +27,9 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// # Errors
 /// As [`open`]; when it cannot be read.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
+    if let Some(text) = shipped::text(path) {
+        return Ok(text.into());
+    }
     let mut bytes = Vec::new();
     open(path)?.read_to_end(&mut bytes)?;
     Ok(bytes)
@@ -34,6 +40,9 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 /// # Errors
 /// As [`read`]; when it holds more than [`MAX_BYTES`].
 pub fn read_input(path: &Path) -> io::Result<Vec<u8>> {
+    if let Some(text) = shipped::text(path) {
+        return Ok(text.into());
+    }
     let mut bytes = Vec::new();
     // Also limits a file that grows meanwhile.
     open(path)?.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;

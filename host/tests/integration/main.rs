@@ -16,6 +16,7 @@ mod disk;
 mod doctored_folder;
 mod dry_run;
 mod every_damper;
+mod examples;
 mod exit_codes;
 mod exports;
 mod faulty_link;
