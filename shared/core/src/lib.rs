@@ -20,3 +20,8 @@ pub mod scalar;
 pub mod settings;
 pub mod sine;
 pub mod twin;
+
+/// Compiles and runs the examples of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -86,3 +86,8 @@ const fn schema() -> [u8; 8] {
     }
     both
 }
+
+/// Compiles and runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
