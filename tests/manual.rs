@@ -230,3 +230,33 @@ fn the_book_builds_and_its_links_stay_within_it() {
     assert!(count > 500, "only {count} links were found");
     assert!(book.path().join("print.html").is_file(), "no page for printing");
 }
+
+/// A question of `tests/manual/questions.toml`.
+#[derive(serde::Deserialize)]
+struct Question {
+    question: String,
+    words: String,
+    page: String,
+}
+
+#[test]
+fn the_search_field_answers_the_questions_with_the_right_page_first() {
+    #[derive(serde::Deserialize)]
+    struct Questions {
+        question: Vec<Question>,
+    }
+    let questions: Questions = toml::from_str(&text("tests/manual/questions.toml")).unwrap();
+    let questions = questions.question;
+    assert!(questions.len() >= 10);
+    let (Some(book), Some(node)) = (book(), tool("node", "DAMPRIG_NODE")) else { return };
+    let mut search = Command::new(node);
+    search.arg(project().join("tests/manual/search.js")).arg(book.path());
+    let output = search.args(questions.iter().map(|question| &question.words)).output().unwrap();
+    assert!(output.status.success(), "{}", told(&output));
+    let answers: Vec<Vec<String>> = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(answers.len(), questions.len());
+    for (Question { question, words, page }, found) in questions.iter().zip(&answers) {
+        let first = found.first().and_then(|url| url.split('#').next());
+        assert_eq!(first, Some(page.replace(".md", ".html").as_str()), "{question} ({words}): {found:?}");
+    }
+}
