@@ -57,7 +57,7 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 28] = [
+const HOST_LAYERS: [&str; 29] = [
     "host_time",
     "quantity",
     "storage",
@@ -85,6 +85,7 @@ const HOST_LAYERS: [&str; 28] = [
     "report",
     "recorded_run",
     "monitor",
+    "manual",
     "cli",
 ];
 

@@ -15,6 +15,7 @@ pub mod file_keys;
 pub mod host_time;
 pub mod identify;
 pub mod input;
+pub mod manual;
 pub mod monitor;
 pub mod motion_record;
 pub mod optimise;

@@ -31,13 +31,17 @@ pub struct ManualPage {
     /// Command, with its subcommand if it has any; damprig itself without one
     #[arg(value_name = "COMMAND")]
     command: Vec<String>,
+    /// Print the help of all commands as one page of the manual (Markdown)
+    #[arg(long, conflicts_with = "command")]
+    markdown: bool,
 }
 
 const MAN_HELP: &str = "\
 Examples:
   damprig man | man -l -
   damprig man run > ~/.local/share/man/man1/damprig-run.1
-  damprig man runs export > ~/.local/share/man/man1/damprig-runs-export.1";
+  damprig man runs export > ~/.local/share/man/man1/damprig-runs-export.1
+  damprig man --markdown > docs/COMMANDS.md";
 
 /// Prints the JSON Schema of a kind of file, with which an editor completes and checks it.
 #[derive(Debug, ClapArgs)]
@@ -119,6 +123,10 @@ pub fn completions(args: &Completions, mut command: Command) -> Outcome {
 /// # Errors
 /// There is no such command.
 pub fn manual_page(args: &ManualPage, mut command: Command) -> Outcome {
+    if args.markdown {
+        say!("{}", commands_page(command).trim_end());
+        return Ok(());
+    }
     // Names the subcommands in full.
     command.build();
     let found = args.command.iter().try_fold(&command, |at, word| at.find_subcommand(word));
@@ -130,6 +138,30 @@ pub fn manual_page(args: &ManualPage, mut command: Command) -> Outcome {
     Man::new(found.clone()).render(&mut text).map_err(Failure::failed)?;
     print(&text);
     Ok(())
+}
+
+/// The page of all commands: the help of each in a section of its own.
+#[must_use]
+pub fn commands_page(command: Command) -> String {
+    // The same text in every terminal.
+    let mut command = command.term_width(100);
+    command.build();
+    let mut page = String::from(
+        "# Commands\n`damprig man --markdown` prints this page from the definition of the command line. `damprig help COMMAND` prints one of its sections.\n",
+    );
+    add_command(&command, &mut page);
+    page
+}
+
+/// Adds the section of a command, and those of its subcommands.
+fn add_command(command: &Command, page: &mut String) {
+    let name = command.get_bin_name().unwrap_or_else(|| command.get_name());
+    let help = command.clone().render_long_help().to_string();
+    let help: Vec<&str> = help.trim_end().lines().map(str::trim_end).collect();
+    page.push_str(&format!("\n## {name}\n```text\n{}\n```\n", help.join("\n")));
+    let shown =
+        command.get_subcommands().filter(|sub| !sub.is_hide_set() && (sub.get_name() != "help" || name == "damprig"));
+    shown.for_each(|sub| add_command(sub, page));
 }
 
 fn print(text: &[u8]) {

@@ -30,6 +30,7 @@ mod examples;
 #[cfg(feature = "probe")]
 mod flash;
 mod groups;
+mod help;
 mod identify;
 mod init;
 mod inspect;
@@ -66,7 +67,7 @@ pub use outcome::{Failure, Outcome};
 
 /// Runs, records, simulates and reports experiments on a vibration-damper rig, real or virtual.
 #[derive(Debug, Parser)]
-#[command(name = "damprig", version, propagate_version = true, after_help = AFTER_HELP, max_term_width = 100)]
+#[command(name = "damprig", version, propagate_version = true, after_help = AFTER_HELP, max_term_width = 100, disable_help_subcommand = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -82,6 +83,7 @@ Examples:
   damprig study run clearance-and-restitution
                                            run a study, a table of many simulations
   damprig help run                         all options of a command
+  damprig help calibrate the lasers        a page of the manual
 
 Exit codes:
   0    success
@@ -131,6 +133,8 @@ enum Command {
     Completions(documents::Completions),
     /// Print the manual page of damprig or of one of its commands
     Man(documents::ManualPage),
+    /// Print the help of a command or a page of the manual; without a topic, the list of all
+    Help(help::Args),
     /// Flash the firmware of the controller board
     #[cfg(feature = "probe")]
     Flash(flash::Args),
@@ -201,6 +205,7 @@ fn run(command: Command) -> Outcome {
         Command::Keys(args) => documents::keys(&args),
         Command::Completions(args) => documents::completions(&args, Cli::command()),
         Command::Man(args) => documents::manual_page(&args, Cli::command()),
+        Command::Help(args) => help::run(&args, Cli::command()),
     }
 }
 

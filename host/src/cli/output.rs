@@ -52,13 +52,16 @@ pub(super) fn prompt(question: &str) {
 
 /// Prints a help text, the version, or what is wrong with the command line; gives the exit code.
 pub(super) fn print_help(text: &clap::Error) -> ExitCode {
-    match text.print() {
-        Err(error) if !text.use_stderr() => {
-            let _ = FAILED.set(error);
-            finish()
-        }
-        _ if text.use_stderr() => ExitCode::from(2),
-        _ => finish(),
+    print_text(text);
+    if text.use_stderr() { ExitCode::from(2) } else { finish() }
+}
+
+/// Prints a help text, the version, or what is wrong with the command line.
+pub(super) fn print_text(text: &clap::Error) {
+    if let Err(error) = text.print()
+        && !text.use_stderr()
+    {
+        let _ = FAILED.set(error);
     }
 }
 

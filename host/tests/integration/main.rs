@@ -25,6 +25,7 @@ mod file_keys;
 mod first_series;
 mod flash;
 mod force;
+mod help;
 mod hertz_walls;
 mod hold;
 mod hostile_board;
