@@ -205,7 +205,7 @@ fn run(command: Command) -> Outcome {
         Command::Keys(args) => documents::keys(&args),
         Command::Completions(args) => documents::completions(&args, Cli::command()),
         Command::Man(args) => documents::manual_page(&args, Cli::command()),
-        Command::Help(args) => help::run(&args, Cli::command()),
+        Command::Help(args) => help::run(&args, groups::grouped(Cli::command())),
     }
 }
 
