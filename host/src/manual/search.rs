@@ -79,7 +79,7 @@ fn rank(question: &str) -> Vec<&'static Unit> {
     let rarity: Vec<f64> = (0..wanted.len())
         .map(|word| {
             let having = counts.iter().filter(|counts| counts[word] > 0.0).count() as f64;
-            (1.0 + (total - having + 0.5) / (having + 0.5)).ln()
+            libm::log(1.0 + (total - having + 0.5) / (having + 0.5))
         })
         .collect();
     let most = counts.iter().map(|counts| present(counts)).max().unwrap_or(0);
