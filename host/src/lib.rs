@@ -3,7 +3,6 @@
 //! Decisions about the rig's motion belong to `damprig-core`, byte formats to `damprig-protocol`. docs/ARCHITECTURE.md has the
 //! layers of the modules.
 
-#[cfg(feature = "probe")]
 pub mod board;
 pub mod calibrate;
 pub mod campaign;

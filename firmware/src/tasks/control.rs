@@ -51,7 +51,7 @@ pub async fn run(
 /// Description of this image for the host.
 pub fn info(name: &'static str) -> DeviceInfo {
     DeviceInfo {
-        revision: option_env!("DAMPRIG_REVISION").unwrap_or_default(),
+        revision: crate::identity::REVISION,
         profile: if cfg!(debug_assertions) { "dev" } else { "release" },
         ..DeviceInfo::new(env!("CARGO_PKG_VERSION"), name)
     }

@@ -29,19 +29,26 @@ pub struct Image {
     pub path: PathBuf,
     /// Board, firmware version and protocol.
     pub identity: Identity,
+    /// Revision of its source; empty if the build did not state it.
+    pub revision: String,
     /// Flash contents: addresses and bytes.
     pub pieces: Vec<(u64, Vec<u8>)>,
 }
 
-/// Finds the image in the project that contains `from`.
+/// Path of the image in an installation, from the folder above that of the command.
+const INSTALLED: &str = "share/damprig/firmware/nucleo-g474re.elf";
+
+/// Finds the image in the project that contains `from`, or that which was installed with this program.
 ///
 /// # Errors
-/// No image there or in a parent folder; says how to build it.
+/// No image there; says how to build it.
 pub fn find(from: &Path) -> Result<PathBuf, String> {
     let built = |folder: &Path| folder.join(BUILT);
-    from.ancestors().map(built).find(|path| path.is_file()).ok_or_else(|| {
+    let program = std::env::current_exe().and_then(|program| program.canonicalize()).unwrap_or_default();
+    let installed = program.parent().and_then(Path::parent).map(|above| above.join(INSTALLED));
+    from.ancestors().map(built).chain(installed).find(|path| path.is_file()).ok_or_else(|| {
         format!(
-            "no image {BUILT} in {} or a parent folder; {BUILD}; or give one: `damprig flash IMAGE.elf`",
+            "no image {BUILT} in {} or a parent folder, and none was installed with this program; {BUILD}; or give one: `damprig flash IMAGE.elf`",
             from.display()
         )
     })
@@ -69,21 +76,21 @@ impl Image {
             ));
         }
         let elf = ElfFile32::<Endianness>::parse(file).map_err(|e| format!("not a 32-bit ELF file: {e}"))?;
-        let identity = identity(&elf)?;
-        let pieces = pieces(&elf).map_err(|why| match &identity {
-            Some(it) if *it.board != *BOARD => {
+        let known = identity(&elf)?;
+        let pieces = pieces(&elf).map_err(|why| match &known {
+            Some((it, _)) if *it.board != *BOARD => {
                 format!("this is the image of the board {}, not of {BOARD}: {why}; {BUILD}", it.board)
             }
             _ => format!("not an image for the {CHIP}: {why}; {BUILD}"),
         })?;
-        let identity = identity.ok_or_else(|| {
+        let (identity, revision) = known.ok_or_else(|| {
             format!(
                 "the image has no identity (section {}): it is not damprig firmware, or too old; {BUILD}",
                 image::SECTION
             )
         })?;
         belongs(&identity)?;
-        Ok(Self { path: path.into(), identity, pieces })
+        Ok(Self { path: path.into(), identity, revision, pieces })
     }
 
     /// Bytes of flash.
@@ -93,12 +100,13 @@ impl Image {
     }
 }
 
-fn identity(elf: &ElfFile32<'_, Endianness>) -> Result<Option<Identity>, String> {
+fn identity(elf: &ElfFile32<'_, Endianness>) -> Result<Option<(Identity, String)>, String> {
     let Some(section) = elf.section_by_name(image::SECTION) else { return Ok(None) };
     let bytes = section.data().map_err(|e| format!("its section {} cannot be read: {e}", image::SECTION))?;
     let unknown =
         || format!("its section {} has another layout: it belongs to another version of this program", image::SECTION);
-    image::from_bytes(bytes).map(Some).ok_or_else(unknown)
+    let (identity, revision) = image::from_bytes(bytes).ok_or_else(unknown)?;
+    Ok(Some((identity, revision.as_str().to_string())))
 }
 
 fn belongs(it: &Identity) -> Result<(), String> {

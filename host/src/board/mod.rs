@@ -1,8 +1,12 @@
-//! Flashes the controller board: reads and checks the firmware image, selects the debug probe, writes through it.
+//! Flashes the controller board: reads and checks the firmware image and writes it, through the drive that the board's ST-LINK shows or
+//! (with the feature `probe`) through its debug probe.
 //!
-//! Only with the feature `probe`. Communication with a running rig is in [`crate::client::session`].
+//! Communication with a running rig is in [`crate::client::session`].
 
+pub mod drive;
+pub mod hex;
 pub mod image;
+#[cfg(feature = "probe")]
 pub mod probe;
 
 /// The controller's chip, as probe-rs names it.

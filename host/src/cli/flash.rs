@@ -1,21 +1,18 @@
 //! `damprig flash`: checks a firmware image, keeps the board's settings in a file, writes the image, and gives the settings back.
 
-use std::cell::RefCell;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args as ClapArgs;
 use damprig_protocol::{ClockSource, Counters, Reset};
-use indicatif::ProgressBar;
-use probe_rs::flashing::{ProgressEvent, ProgressOperation};
-use probe_rs::probe::DebugProbeSelector;
 
 use super::arguments::Rig;
 use super::outcome::{Failure, Outcome};
 use crate::board::BOARD;
+use crate::board::drive::{Drive, NoDrive};
+use crate::board::hex::to_hex;
 use crate::board::image::{Image, find};
-use crate::board::probe::{Attached, Candidate, NoProbe, candidates, choose, selector};
 use crate::client::backup::{Backup, Restored};
 use crate::client::board_check;
 use crate::client::controller::Controller;
@@ -25,17 +22,34 @@ use crate::client::session::{Session, hex};
 use crate::host_time;
 use crate::storage::out_file::{OutFile, to_failure, write_new};
 
-/// Flashes the firmware of the controller board: checks the image, keeps the board's settings in a file, writes the image and reads
-/// it back, resets the board, connects, and makes sure that the board has its settings.
+/// Flashes the firmware of the controller board: checks the image, keeps the board's settings in a file, writes the image, waits until
+/// the board has restarted with it, and makes sure that the board has its settings.
 ///
-/// The reset opens the drive's relay, so let the rig come to rest first. Writing leaves the board's settings memory alone; settings
-/// that the new firmware does not read are restored from the file.
+/// The image goes through the drive that the board's ST-LINK shows (NOD_G474RE), as a hex file. A program built with the feature `probe`
+/// writes through the debug probe, which also reads it back; --drive chooses the drive there.
+///
+/// The reset opens the drive's relay, so let the rig come to rest first. Settings that the board does not have afterwards are restored
+/// from the file.
 #[derive(Debug, ClapArgs)]
 pub struct Args {
-    #[command(flatten)]
-    target: ImageAndProbe,
+    /// Firmware image (ELF) [default: firmware/target/images/nucleo-g474re.elf, here or in a parent folder, else the installed one]
+    #[arg(value_name = "IMAGE")]
+    image: Option<PathBuf>,
 
-    /// Where to connect before and afterwards: auto (the serial port of the probe, else the only board) or serial:PATH
+    /// Folder where the ST-LINK's drive is mounted [default: the only mounted drive of a NUCLEO-G474RE]
+    #[arg(long, value_name = "FOLDER")]
+    drive: Option<PathBuf>,
+
+    /// Debug probe, needed if several are connected: VID:PID or VID:PID:SERIAL, as the error message lists them
+    #[cfg(feature = "probe")]
+    #[arg(long, value_name = "VID:PID[:SERIAL]", value_parser = super::flash_probe::selector, conflicts_with = "drive")]
+    probe: Option<super::flash_probe::Selector>,
+
+    /// Only write the image as Intel HEX to this new file; no board is touched
+    #[arg(long, value_name = "FILE.hex", conflicts_with_all = ["drive", "backup", "without_backup"])]
+    hex: Option<PathBuf>,
+
+    /// Where to connect before and afterwards: auto (the serial port of the probe, else the only board), serial:PATH or tcp:HOST:PORT
     #[arg(long, value_name = "RIG", default_value = "auto")]
     rig: Rig,
 
@@ -48,77 +62,111 @@ pub struct Args {
     without_backup: bool,
 
     /// Time to wait for the board
-    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = super::arguments::seconds)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = super::arguments::seconds)]
     timeout: f64,
 }
 
-/// Which image and which probe.
-#[derive(Debug, ClapArgs)]
-pub struct ImageAndProbe {
-    /// Firmware image [default: firmware/target/images/nucleo-g474re.elf, here or in a parent folder]
-    #[arg(value_name = "IMAGE")]
-    image: Option<PathBuf>,
-
-    /// Debug probe, needed if several are connected: VID:PID or VID:PID:SERIAL, as the error message lists them
-    #[arg(long, value_name = "VID:PID[:SERIAL]", value_parser = selector)]
-    probe: Option<DebugProbeSelector>,
+/// What writes the image.
+enum Way {
+    Drive(Drive),
+    #[cfg(feature = "probe")]
+    Probe(super::flash_probe::Candidate),
 }
 
-impl ImageAndProbe {
-    /// The image, checked before any probe is touched.
-    ///
-    /// # Errors
-    /// No image, or one for another board or protocol.
-    pub fn image(&self) -> Result<Image, Failure> {
-        let path = match &self.image {
-            Some(path) => path.clone(),
-            None => {
-                let here = std::env::current_dir().map_err(|e| Failure::Failed(format!("no working folder: {e}")))?;
-                find(&here).map_err(Failure::Input)?
+impl Way {
+    /// Finds it. Touches no board.
+    #[cfg(not(feature = "probe"))]
+    fn find(args: &Args) -> Result<Self, Failure> {
+        drive(args.drive.as_deref()).map(Self::Drive)
+    }
+
+    /// Finds it. Touches no board.
+    #[cfg(feature = "probe")]
+    fn find(args: &Args) -> Result<Self, Failure> {
+        match &args.drive {
+            Some(folder) => drive(Some(folder)).map(Self::Drive),
+            None => super::flash_probe::choose(args.probe.as_ref()).map(Self::Probe),
+        }
+    }
+
+    /// Why the ST-LINK did not write an image, now or earlier, as its drive says.
+    fn refusal(&self) -> Option<String> {
+        match self {
+            Self::Drive(drive) => drive.refusal(),
+            #[cfg(feature = "probe")]
+            Self::Probe(_) => None,
+        }
+    }
+
+    /// Serial number of the ST-LINK; empty if it is not known.
+    fn serial_number(&self) -> &str {
+        match self {
+            Self::Drive(_) => "",
+            #[cfg(feature = "probe")]
+            Self::Probe(probe) => probe.selector.serial_number.as_deref().unwrap_or_default(),
+        }
+    }
+
+    /// Writes the image; the board restarts.
+    fn write(&self, image: &Image) -> Outcome {
+        let (path, kilobytes) = (image.path.display(), image.length() as f64 / 1e3);
+        match self {
+            Self::Drive(drive) => {
+                warn!("{path}: {kilobytes:.1} KB through the drive {}", drive.folder().display());
+                drive.copy(&to_hex(&image.pieces)).map_err(Failure::Failed)?;
+                warn!("copied; the ST-LINK writes it and restarts the board");
             }
-        };
-        Image::read(&path).map_err(Failure::Input)
+            #[cfg(feature = "probe")]
+            Self::Probe(probe) => {
+                warn!("{path}: {kilobytes:.1} KB through {} {}", probe.name, probe.selector);
+                super::flash_probe::write(probe, image)?;
+                warn!("written and verified; the board restarts");
+            }
+        }
+        Ok(())
     }
+}
 
-    /// The selected probe.
-    ///
-    /// # Errors
-    /// No probe, or several probes.
-    pub fn choose(&self) -> Result<Candidate, Failure> {
-        choose(&candidates(), self.probe.as_ref()).map_err(|none| match none {
-            NoProbe::Missing(why) => Failure::Failed(why),
-            NoProbe::Ambiguous(why) => Failure::Input(why),
-        })
+fn drive(folder: Option<&Path>) -> Result<Drive, Failure> {
+    match folder {
+        Some(folder) => Drive::at(folder).map_err(Failure::Input),
+        None => Drive::find().map_err(|none| match none {
+            NoDrive::Missing(why) => Failure::Failed(why),
+            NoDrive::Ambiguous(why) => Failure::Input(why),
+        }),
     }
+}
 
-    /// The selected probe, attached to the chip.
-    ///
-    /// # Errors
-    /// No probe, several probes, or no chip.
-    pub fn attach(&self) -> Result<(Candidate, Attached), Failure> {
-        let probe = self.choose()?;
-        let attached = Attached::to(&probe).map_err(Failure::Failed)?;
-        Ok((probe, attached))
-    }
+/// The image, checked before any board is touched.
+///
+/// # Errors
+/// No image, or one for another board or protocol.
+pub(super) fn image(given: Option<&Path>) -> Result<Image, Failure> {
+    let path = match given {
+        Some(path) => path.to_path_buf(),
+        None => {
+            let here = std::env::current_dir().map_err(|e| Failure::Failed(format!("no working folder: {e}")))?;
+            find(&here).map_err(Failure::Input)?
+        }
+    };
+    Image::read(&path).map_err(Failure::Input)
 }
 
 /// Runs the subcommand.
 ///
 /// # Errors
-/// An invalid image; no probe, several probes, no chip; a flash error; a board that does not answer.
+/// An invalid image; no drive or probe, several of them; an image that is not written; a board that does not restart with it.
 pub fn run(args: &Args) -> Outcome {
-    let image = args.target.image()?;
-    let probe = args.target.choose()?;
-    let kept = if args.without_backup { None } else { Some(keep_settings(args, &probe)?) };
-    let mut attached = Attached::to(&probe).map_err(Failure::Failed)?;
-    let kilobytes = image.length() as f64 / 1e3;
-    warn!("{}: {kilobytes:.1} KB through {} {}", image.path.display(), probe.name, probe.selector);
-    let bars = RefCell::new(Bars::default());
-    attached.write(&image, |event| bars.borrow_mut().show(event)).map_err(Failure::Failed)?;
-    attached.reset().map_err(Failure::Failed)?;
-    drop(attached);
-    warn!("written and verified; the board restarts");
-    let mut session = connect(args, &probe)?;
+    let image = image(args.image.as_deref())?;
+    if let Some(file) = &args.hex {
+        return write_hex(&image, file);
+    }
+    let way = Way::find(args)?;
+    let kept = if args.without_backup { None } else { Some(keep_settings(args, &way)?) };
+    let begun = Instant::now();
+    let earlier_refusal = way.refusal();
+    way.write(&image)?;
+    let mut session = connect(args, &way, begun, earlier_refusal)?;
     // Only the board that was written gets the settings.
     let mut restored = Ok(());
     if is_own(&image, &session)
@@ -130,9 +178,24 @@ pub fn run(args: &Args) -> Outcome {
     restored
 }
 
+/// Writes the image as a hex file and prints its SHA-256.
+fn write_hex(image: &Image, file: &Path) -> Outcome {
+    let text = to_hex(&image.pieces);
+    let out = OutFile { path: file.to_path_buf(), force: false };
+    write_new(&out, |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e))).map_err(Failure::failed)?;
+    say!(
+        "{}: {:.1} KB of flash, {} {}",
+        file.display(),
+        image.length() as f64 / 1e3,
+        image.identity.board,
+        image.identity.firmware
+    );
+    Ok(())
+}
+
 /// Keeps the settings of the board in a file before anything is written.
-fn keep_settings(args: &Args, probe: &Candidate) -> Result<(PathBuf, Backup), Failure> {
-    let kept = address(&args.rig, probe).and_then(|address| Backup::before_update(&address, Duration::from_secs(2)));
+fn keep_settings(args: &Args, way: &Way) -> Result<(PathBuf, Backup), Failure> {
+    let kept = address(&args.rig, way).and_then(|address| Backup::before_update(&address, Duration::from_secs(2)));
     let backup = kept.map_err(|why| {
         Failure::Failed(format!(
             "the board's settings cannot be kept before the image is written: {why}\n  nothing was written. On a new board, or one that \
@@ -173,59 +236,33 @@ fn give_back(session: &mut Session, backup: &Backup, file: &Path) -> Outcome {
     Ok(())
 }
 
+/// Whether the board runs the image: its board, version and revision of the source.
 fn is_own(image: &Image, session: &Session) -> bool {
-    (&session.identity.board, &session.identity.firmware) == (&image.identity.board, &image.identity.firmware)
+    let (it, there) = (&image.identity, &session.identity);
+    (&there.board, &there.firmware) == (&it.board, &it.firmware)
+        && session.description.revision == image.revision.as_str()
 }
 
-/// A progress bar for each operation.
-#[derive(Default)]
-struct Bars(Option<ProgressBar>, Vec<(&'static str, u64)>);
-
-impl Bars {
-    fn show(&mut self, event: ProgressEvent) {
-        match event {
-            ProgressEvent::AddProgressBar { operation, total } => self.1.push((name(operation), total.unwrap_or(0))),
-            ProgressEvent::Started(operation) => {
-                let total = self.1.iter().filter(|(of, _)| *of == name(operation)).map(|(_, total)| total).sum();
-                let bar = super::progress::bar(total);
-                bar.set_message(name(operation));
-                self.0 = Some(bar);
-            }
-            ProgressEvent::Progress { size, .. } => {
-                if let Some(bar) = &self.0 {
-                    bar.inc(size);
-                }
-            }
-            ProgressEvent::Finished(_) | ProgressEvent::Failed(_) => {
-                if let Some(bar) = self.0.take() {
-                    bar.finish_and_clear();
-                }
-            }
-            _ => {}
-        }
-    }
-}
-
-fn name(operation: ProgressOperation) -> &'static str {
-    match operation {
-        ProgressOperation::Fill => "reading",
-        ProgressOperation::Erase => "erasing",
-        ProgressOperation::Program => "writing",
-        ProgressOperation::Verify => "reading back",
-    }
-}
-
-/// Connects to the board, which needs time to start and to show its port.
-fn connect(args: &Args, probe: &Candidate) -> Result<Session, Failure> {
+/// Connects to the board when it has restarted: until then the old firmware may answer. `begun` is when writing began.
+fn connect(args: &Args, way: &Way, begun: Instant, earlier_refusal: Option<String>) -> Result<Session, Failure> {
     let end = Instant::now() + Duration::from_secs_f64(args.timeout);
     loop {
-        let answer = address(&args.rig, probe)
-            .and_then(|address| Session::open(&address, Duration::from_secs(1)).map_err(|e| e.to_string()));
+        let answer = address(&args.rig, way)
+            .and_then(|address| Session::open(&address, Duration::from_secs(1)).map_err(|e| e.to_string()))
+            .and_then(|session| restarted(session, begun));
+        let refusal = way.refusal();
         match answer {
             Ok(session) => return Ok(session),
+            Err(_) if refusal.is_some() && refusal != earlier_refusal => {
+                return Err(Failure::Failed(format!(
+                    "the ST-LINK did not write the image: {}\n  the firmware on the board may be incomplete: flash it again",
+                    refusal.unwrap_or_default()
+                )));
+            }
             Err(why) if Instant::now() >= end => {
                 return Err(Failure::Failed(format!(
-                    "the image is written and verified, but the board did not answer within {} s: {why}\n  `damprig log` shows the firmware's log",
+                    "the image was sent, but the board has not restarted with it within {} s: {why}\n  press its reset button, then \
+                     `damprig devices` shows what it runs; flash it again if it does not answer",
                     args.timeout
                 )));
             }
@@ -234,11 +271,25 @@ fn connect(args: &Args, probe: &Candidate) -> Result<Session, Failure> {
     }
 }
 
-/// Address of the board: the serial port with the probe's serial number.
-fn address(rig: &Rig, probe: &Candidate) -> Result<Address, String> {
+/// The session, if the board has counted its ticks for a shorter time than since `begun`.
+fn restarted(mut session: Session, begun: Instant) -> Result<Session, String> {
+    let (status, _) = session.status().map_err(|error| error.to_string())?;
+    let running_s = f64::from(status.tick) / f64::from(session.description.tick_hz);
+    let since_s = begun.elapsed().as_secs_f64();
+    // The internal oscillator may be 1 % fast.
+    if running_s < 1.02 * since_s {
+        return Ok(session);
+    }
+    Err(format!(
+        "the firmware that answers has been running for {running_s:.0} s, longer than the {since_s:.0} s since writing began"
+    ))
+}
+
+/// Address of the board: the serial port with the ST-LINK's serial number, else the only board.
+fn address(rig: &Rig, way: &Way) -> Result<Address, String> {
     let Rig::At(address) = rig else {
         let ports = ports()?;
-        let number = probe.selector.serial_number.as_deref().unwrap_or_default();
+        let number = way.serial_number();
         let own = ports.iter().find(|port| {
             port.usb.as_ref().is_some_and(|usb| !number.is_empty() && usb.serial_number.eq_ignore_ascii_case(number))
         });
@@ -278,10 +329,11 @@ fn describe(image: &Image, session: &mut Session) -> Outcome {
         return Ok(());
     }
     Err(Failure::Failed(format!(
-        "another board answers at {}: written {} {}, found {} {}; give the board's port with --rig serial:PATH",
+        "another board or firmware answers at {}: written {} {} ({}), found {} {} ({revision}); give the board's port with --rig serial:PATH",
         session.name(),
         image.identity.board,
         image.identity.firmware,
+        if image.revision.is_empty() { "revision unknown" } else { &image.revision },
         it.board,
         it.firmware
     )))

@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use clap::Args as ClapArgs;
 
-use super::flash::ImageAndProbe;
+use super::flash_probe::ImageAndProbe;
 use super::outcome::{Failure, Outcome};
 use crate::board::CHIP;
 

@@ -27,8 +27,9 @@ mod continue_;
 mod devices;
 mod documents;
 mod examples;
-#[cfg(feature = "probe")]
 mod flash;
+#[cfg(feature = "probe")]
+mod flash_probe;
 mod groups;
 mod help;
 mod identify;
@@ -136,14 +137,10 @@ enum Command {
     /// Print the help of a command or a page of the manual; without a topic, the list of all
     Help(help::Args),
     /// Flash the firmware of the controller board
-    #[cfg(feature = "probe")]
     Flash(flash::Args),
     /// Show the firmware's log
     #[cfg(feature = "probe")]
     Log(log::Args),
-    /// Flash the firmware of the controller board (not in this build)
-    #[cfg(not(feature = "probe"))]
-    Flash(without_probe::Args),
     /// Show the firmware's log (not in this build)
     #[cfg(not(feature = "probe"))]
     Log(without_probe::Args),
@@ -182,14 +179,11 @@ fn run(command: Command) -> Outcome {
         Command::Devices(args) => devices::run(&args),
         Command::Runs(args) => runs::run(&args),
         Command::Settings(args) => settings::run(&args),
-        #[cfg(feature = "probe")]
         Command::Flash(args) => flash::run(&args),
         #[cfg(feature = "probe")]
         Command::Log(args) => log::run(&args),
         #[cfg(not(feature = "probe"))]
-        Command::Flash(args) => without_probe::run("flash", &args),
-        #[cfg(not(feature = "probe"))]
-        Command::Log(args) => without_probe::run("log", &args),
+        Command::Log(args) => without_probe::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Init(args) => init::run(&args),
         Command::Examples(args) => examples::run(&args),

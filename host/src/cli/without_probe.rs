@@ -1,4 +1,4 @@
-//! `damprig flash` and `damprig log` in a build without the feature `probe`: says how to get them.
+//! `damprig log` in a build without the feature `probe`: says how to get it.
 
 use clap::Args as ClapArgs;
 
@@ -16,8 +16,9 @@ pub struct Args {
 ///
 /// # Errors
 /// Always.
-pub fn run(name: &str, _: &Args) -> Outcome {
-    Err(Failure::Input(format!(
-        "this damprig was built without debug-probe support, which `damprig {name}` needs: install it with `cargo install --path host --features probe`; or flash and read the log with probe-rs by `cargo run --release --features board-nucleo-g474re` in firmware/"
-    )))
+pub fn run(_: &Args) -> Outcome {
+    Err(Failure::Input(
+        "this damprig was built without debug-probe support, which `damprig log` needs: install it with `cargo install --path host --features probe`; or read the log with probe-rs by `cargo run --release --features board-nucleo-g474re` in firmware/"
+            .into(),
+    ))
 }

@@ -28,7 +28,7 @@ pub enum SessionError {
     },
     /// The device has another protocol version or schema.
     #[error(
-        "the device at {link} has another protocol: device version {device_version} (schema {device_schema}, firmware {firmware} on {board}), this program version {version} (schema {schema}, damprig {program}); flash the firmware of this program's version, or use the program of the firmware's version"
+        "the device at {link} has another protocol: device version {device_version} (schema {device_schema}, firmware {firmware} on {board}), this program version {version} (schema {schema}, damprig {program}); flash the firmware of this program's version with `damprig flash`, or use the program of the firmware's version"
     )]
     Version {
         /// Name of the link.

@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpListener;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use damprig_core::io::{Actuators, Reading, SUBSAMPLES, Sensors};
@@ -164,19 +164,71 @@ pub fn board_with_memory(memory: Memory, is_other: bool) -> String {
     serve(&Arc::default(), Some(memory), is_other)
 }
 
+/// What starts in place of the running firmware: its description, and the settings memory as flashing left it.
+pub type Flashed = Arc<Mutex<Option<(DeviceInfo, Memory)>>>;
+
+/// A board with a settings memory that has been running for five minutes, until `flashed` has another firmware: that starts at once.
+pub fn board_to_flash(memory: Memory, flashed: &Flashed) -> String {
+    let served =
+        Served { memory: Some(memory), flashed: Arc::clone(flashed), pace: 1.0, is_old: true, ..Served::default() };
+    served.start(&Arc::default())
+}
+
 fn serve(changed: &Arc<Changed>, memory: Option<Memory>, is_other: bool) -> String {
-    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
-    let rig = format!("tcp:{}", listener.local_addr().expect("an address"));
-    let changed = Arc::clone(changed);
-    std::thread::spawn(move || {
-        let mut controller = Controller::new(DeviceInfo::new("0.0.0", "real"), BootInfo::default());
-        let store = memory.and_then(|memory| SettingsStore::new(memory, 0..Memory::BYTES as u32));
+    Served { memory, is_other, ..Served::default() }.start(changed)
+}
+
+/// A board to be served.
+struct Served {
+    memory: Option<Memory>,
+    is_other: bool,
+    flashed: Flashed,
+    /// Device seconds per host second.
+    pace: f64,
+    /// It has been running for five minutes.
+    is_old: bool,
+}
+
+impl Default for Served {
+    fn default() -> Self {
+        Self { memory: None, is_other: false, flashed: Flashed::default(), pace: FAST, is_old: false }
+    }
+}
+
+/// A controller that has just started with the settings of its memory.
+fn started(info: DeviceInfo, memory: Option<Memory>) -> (Controller, Option<SettingsStore<Memory>>) {
+    let mut controller = Controller::new(info, BootInfo::default());
+    let mut store = memory.and_then(|memory| SettingsStore::new(memory, 0..Memory::BYTES as u32));
+    if let Some((settings, source)) = store.as_mut().map(SettingsStore::load) {
+        controller.start_with(&settings, source);
+    }
+    (controller, store)
+}
+
+impl Served {
+    fn start(self, changed: &Arc<Changed>) -> String {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let rig = format!("tcp:{}", listener.local_addr().expect("an address"));
+        let changed = Arc::clone(changed);
+        std::thread::spawn(move || self.serve(&listener, changed));
+        rig
+    }
+
+    fn serve(self, listener: &TcpListener, changed: Arc<Changed>) {
+        let Self { memory, is_other, flashed, pace, is_old } = self;
+        let (mut controller, store) = started(DeviceInfo::new("0.0.0", "real"), memory);
         let mut board = Real { sensors: Sensors::default(), changed, ticks: 0, store };
-        if let Some((settings, source)) = board.store.as_mut().map(SettingsStore::load) {
-            controller.start_with(&settings, source);
-        }
         let mut upload = UploadBuffer::new();
+        if is_old {
+            let (mut requests, mut queues) = (Received::default(), LocalQueues::default());
+            for _ in 0..300_000 {
+                step(&mut controller, &mut upload, &mut board, &mut requests, &mut queues);
+            }
+        }
         'connections: for stream in listener.incoming() {
+            if let Some((info, memory)) = flashed.lock().expect("no panic").take() {
+                (controller, board.store) = started(info, Some(memory));
+            }
             let mut stream = stream.expect("a connection");
             stream.set_read_timeout(Some(Duration::from_millis(1))).expect("a timeout");
             let (mut reader, mut bytes) = (MessageReader::default(), [0; 4096]);
@@ -196,7 +248,7 @@ fn serve(changed: &Arc<Changed>, memory: Option<Memory>, is_other: bool) -> Stri
                     Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
                     Err(_) => continue 'connections,
                 }
-                while ticks < begun.elapsed().as_secs_f64() * 1000.0 * FAST {
+                while ticks < begun.elapsed().as_secs_f64() * 1000.0 * pace {
                     step(&mut controller, &mut upload, &mut board, &mut requests, &mut queues);
                     ticks += 1.0;
                     while let Some(mut message) = outbox.next(&mut queues) {
@@ -212,8 +264,7 @@ fn serve(changed: &Arc<Changed>, memory: Option<Memory>, is_other: bool) -> Stri
                 }
             }
         }
-    });
-    rig
+    }
 }
 
 /// Gives the identity another schema; false for a message that another protocol does not have in common with this one.
