@@ -294,12 +294,12 @@ impl Exact {
         let allowed = self.squeeze.tolerance * self.squeeze.scale_n;
         let longest = |n: usize| libm::pow(allowed / force[n].abs(), 1.0 / n as f64);
         let share = (LAST - 2..=LAST).map(longest).fold(most_s / guess_s, f64::min);
-        let mut power = 1.0;
-        for n in 1..TERMS {
-            power *= share;
-            motion.x[n] *= power;
-            motion.offset[n] *= power;
-            force[n] *= power;
+        for series in [&mut motion.x, &mut motion.offset, &mut force] {
+            let mut power = 1.0;
+            for coefficient in series.iter_mut().skip(1) {
+                power *= share;
+                *coefficient *= power;
+            }
         }
         self.squeeze.force = force;
         (guess_s * share, motion)
