@@ -26,6 +26,7 @@ pub static FILES: &[(&str, &str)] = files![
     "campaigns/transients.toml",
     "campaigns/tuned.toml",
     "cases/friction-damper.toml",
+    "cases/hertz-wall.toml",
     "cases/hybrid.toml",
     "cases/many-particles.toml",
     "cases/record.toml",

@@ -114,7 +114,7 @@ fn force_duration_and_restitution_of_each_contact_are_results() {
     assert_eq!(number(figures, "shortest_s"), durations().fold(f64::INFINITY, f64::min));
     assert_eq!(number(figures, "longest_s"), durations().fold(0.0, f64::max));
     let (_, out, _) = run(&folder, &case(LANKARANI), &["--out", "motion.csv"]);
-    told(&out, &["contact force", "contact time", "ms; e = 0.7561 of a free impact"]);
+    told(&out, &["wall force", "contact time", "ms; e = 0.7561 of a free impact"]);
     let table = std::fs::read_to_string(folder.path().join("motion.contacts.csv")).unwrap();
     assert_eq!(table.lines().filter(|line| !line.starts_with('#')).count(), contacts.len() + 1, "{table}");
     told(&table, &["duration_s", "peak_force_n", "restitution"]);
