@@ -131,7 +131,7 @@ fn what_spheres_do_not_go_with_is_refused_with_a_reason() {
     refused(&[("case.toml", &e)], &simulate, &["many_particles.restitution", "0.01"]);
     let hertz = |modulus: &str| SPHERES.replace("contact_time_s = 0.002", &format!("youngs_modulus_pa = {modulus}"));
     let soft = case(&hertz("1e4"));
-    refused(&[("case.toml", &soft)], &simulate, &["`youngs_modulus_pa`", "must be at least", "Pa"]);
+    refused(&[("case.toml", &soft)], &simulate, &["many_particles.youngs_modulus_pa", "must be at least", "Pa"]);
     let of_a_spring = case(&format!("{SPHERES}poissons_ratio = 0.3\n"));
     refused(&[("case.toml", &of_a_spring)], &simulate, &["poissons_ratio", "youngs_modulus_pa"]);
     let noise =
