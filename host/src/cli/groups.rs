@@ -33,7 +33,7 @@ const ELSEWHERE: [(&str, &str); 12] = [
 pub fn grouped(command: Command) -> Command {
     let header = *command.get_styles().get_header();
     let literal = *command.get_styles().get_literal();
-    let mut text = format!("{{about}}\n\n{{usage-heading}} {{usage}}\n");
+    let mut text = "{about}\n\n{usage-heading} {usage}\n".to_string();
     for (group, names) in GROUPS {
         let _ = write!(text, "\n{header}{group}:{header:#}\n");
         for name in names {

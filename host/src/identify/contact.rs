@@ -53,7 +53,7 @@ pub fn of_run(path: &Path, choice: &Choice) -> Result<Identification, CannotIden
     let run = RunFolder::open(path).map_err(|e| CannotIdentify(e.to_string()))?;
     let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", path.display()));
     let all = pulses(&run).map_err(|e| failed(&e))?;
-    let mut pairs: Vec<(String, String)> = all.iter().map(|(pair, _)| pair.clone()).collect();
+    let mut pairs: Vec<Pair> = all.iter().map(|(pair, _)| pair.clone()).collect();
     pairs.sort();
     pairs.dedup();
     let pair = pairs[choice.only(&run, &pairs, "experiment with impacts")?].clone();
@@ -71,8 +71,11 @@ pub fn of_run(path: &Path, choice: &Choice) -> Result<Identification, CannotIden
     Ok(identified)
 }
 
+/// Names of a set-up and an experiment.
+type Pair = (String, String);
+
 /// The whole pulses of a run, with set-up and experiment: neither clipped nor held.
-fn pulses(run: &RunFolder) -> Result<Vec<((String, String), Pulse)>, ReadError> {
+fn pulses(run: &RunFolder) -> Result<Vec<(Pair, Pulse)>, ReadError> {
     let mut all = Vec::new();
     for batch in run.impacts()? {
         let read = |column: &str| numbers(&batch, column);
