@@ -69,6 +69,7 @@ pub const PAGES: &[Page] = pages![
     "ARCHITECTURE.md",
     "PERFORMANCE.md",
     "ERRATA.md",
+    "RELEASE.md",
 ];
 
 /// The table of contents.
