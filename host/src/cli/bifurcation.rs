@@ -9,6 +9,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
+use crate::file_keys::FileKind;
 use crate::input::Source;
 use crate::report::bifurcation_files;
 use crate::simulation::SetValues;
@@ -95,7 +96,7 @@ pub fn run(args: &Args) -> Outcome {
         cycles: args.cycles,
     };
     let set = SetValues::from_arguments(&args.set).map_err(Failure::input)?;
-    let file = examples::find(examples::Kind::Case, &args.case)?;
+    let file = examples::find(FileKind::Case, &args.case)?;
     let source = Source::read(&file).map_err(Failure::input)?;
     let name = default_name(&file);
     let cases = bifurcation::cases(source.name(), source.text(), &name, &sweep, &set).map_err(Failure::input)?;

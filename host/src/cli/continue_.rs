@@ -8,6 +8,7 @@ use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::simulate::picture;
 use crate::continuation::{Continuation, Found};
+use crate::file_keys::FileKind;
 use crate::optimise::table::check_folder;
 use crate::report::branch_table;
 use crate::report::figures::{branches, curves};
@@ -66,7 +67,7 @@ Exit codes:
 /// # Errors
 /// Bad input, no orbit to start from, an unwritable file.
 pub fn run(args: &Args) -> Outcome {
-    let input = examples::find(examples::Kind::Continuation, &args.file)?;
+    let input = examples::find(FileKind::Continuation, &args.file)?;
     let continuation = Continuation::read(&input).map_err(Failure::input)?;
     if args.plot_curves.is_some() && continuation.curve_parameters().is_none() {
         let file = input.display();

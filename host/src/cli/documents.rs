@@ -49,24 +49,7 @@ Examples:
 pub struct Schema {
     /// Kind of file
     #[arg(value_enum, value_name = "KIND")]
-    kind: KindArg,
-}
-
-/// Kinds of files, as arguments.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum KindArg {
-    /// Campaigns, for damprig run
-    Campaign,
-    /// Cases, for damprig simulate
-    Case,
-    /// Set-up files, which campaigns and cases name
-    SetUp,
-    /// Studies, for damprig study
-    Study,
-    /// Optimisations, for damprig optimise
-    Optimisation,
-    /// Continuations, for damprig continue
-    Continuation,
+    kind: FileKind,
 }
 
 const SCHEMA_HELP: &str = "\
@@ -86,15 +69,7 @@ pub struct Keys {}
 /// # Errors
 /// None.
 pub fn schema(args: &Schema) -> Outcome {
-    let kind = match args.kind {
-        KindArg::Campaign => FileKind::Campaign,
-        KindArg::Case => FileKind::Case,
-        KindArg::SetUp => FileKind::SetUp,
-        KindArg::Study => FileKind::Study,
-        KindArg::Optimisation => FileKind::Optimisation,
-        KindArg::Continuation => FileKind::Continuation,
-    };
-    say!("{:#}", schema::schema(kind));
+    say!("{:#}", schema::schema(args.kind));
     Ok(())
 }
 

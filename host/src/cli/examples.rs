@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::outcome::{Failure, Outcome};
 use super::output::is_quiet;
+use crate::file_keys::FileKind;
 use crate::input::shipped::{FILES, ROOT, plain};
 use crate::input::{Source, near};
 use crate::storage::out_file::{OutFile, to_failure, write_new};
@@ -40,55 +41,13 @@ Exit codes:
   1    a file could not be written
   2    there is no such example, or a file of its name exists; nothing was written";
 
-/// Kinds of examples; each has its folder and its command.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum Kind {
-    Campaign,
-    Case,
-    Study,
-    Optimisation,
-    Continuation,
-}
-
-impl Kind {
-    const ALL: [Self; 5] = [Self::Campaign, Self::Case, Self::Study, Self::Optimisation, Self::Continuation];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Campaign => "campaign",
-            Self::Case => "case",
-            Self::Study => "study",
-            Self::Optimisation => "optimisation",
-            Self::Continuation => "continuation",
-        }
-    }
-
-    fn folder(self) -> &'static str {
-        match self {
-            Self::Campaign => "campaigns",
-            Self::Case => "cases",
-            Self::Study => "studies",
-            Self::Optimisation => "optimisations",
-            Self::Continuation => "continuations",
-        }
-    }
-
-    fn command(self) -> &'static str {
-        match self {
-            Self::Campaign => "damprig run",
-            Self::Case => "damprig simulate",
-            Self::Study => "damprig study run",
-            Self::Optimisation => "damprig optimise",
-            Self::Continuation => "damprig continue",
-        }
-    }
-}
-
 /// An example that has a name and a command.
 #[derive(Clone, Copy, Debug)]
 struct Example {
-    kind: Kind,
+    kind: FileKind,
+    folder: &'static str,
+    /// The command that takes it.
+    command: &'static str,
     /// Name without folder and extension.
     name: &'static str,
     /// Path as in [`FILES`].
@@ -99,18 +58,20 @@ struct Example {
 impl Example {
     /// All, kind by kind.
     fn all() -> impl Iterator<Item = Self> {
-        Kind::ALL.into_iter().flat_map(|kind| {
-            FILES.iter().filter_map(move |(path, text)| {
-                let name = path.strip_prefix(kind.folder())?.strip_prefix('/')?.strip_suffix(".toml")?;
-                (!name.contains('/')).then_some(Self { kind, name, path, text })
-            })
-        })
+        FileKind::ALL.into_iter().filter_map(|kind| Some((kind, kind.shipped()?))).flat_map(
+            |(kind, (folder, command))| {
+                FILES.iter().filter_map(move |(path, text)| {
+                    let name = path.strip_prefix(folder)?.strip_prefix('/')?.strip_suffix(".toml")?;
+                    (!name.contains('/')).then_some(Self { kind, folder, command, name, path, text })
+                })
+            },
+        )
     }
 
     /// Whether it is meant by `NAME`, `NAME.toml`, or either with the folder of its kind.
     fn is_meant_by(&self, wanted: &str) -> bool {
         let wanted = wanted.strip_suffix(".toml").unwrap_or(wanted);
-        let wanted = wanted.strip_prefix(self.kind.folder()).and_then(|rest| rest.strip_prefix('/')).unwrap_or(wanted);
+        let wanted = wanted.strip_prefix(self.folder).and_then(|rest| rest.strip_prefix('/')).unwrap_or(wanted);
         wanted == self.name
     }
 
@@ -139,7 +100,7 @@ impl Example {
 ///
 /// # Errors
 /// There is neither; names what is near.
-pub(super) fn find(kind: Kind, given: &Path) -> Result<PathBuf, Failure> {
+pub(super) fn find(kind: FileKind, given: &Path) -> Result<PathBuf, Failure> {
     if given.symlink_metadata().is_ok() {
         return Ok(given.to_path_buf());
     }
@@ -157,14 +118,14 @@ pub(super) fn find(kind: Kind, given: &Path) -> Result<PathBuf, Failure> {
 }
 
 /// "there is no shipped …", with near names.
-fn no_example(wanted: &str, kind: Option<Kind>) -> String {
-    let what = kind.map_or("file", Kind::name);
+fn no_example(wanted: &str, kind: Option<FileKind>) -> String {
+    let what = kind.map_or("file", FileKind::name);
     let stem = wanted.strip_suffix(".toml").unwrap_or(wanted);
     let of_kind = || Example::all().filter(|example| kind.is_none_or(|kind| example.kind == kind));
     let other = Example::all().find(|example| example.is_meant_by(wanted));
     let hint = match (other, near(stem, of_kind().map(|example| example.name)).first()) {
         (Some(other), _) => {
-            let (kind, command, name) = (other.kind.name(), other.kind.command(), other.name);
+            let (kind, command, name) = (other.kind.name(), other.command, other.name);
             format!("; there is a {kind} of this name: `{command} {name}`")
         }
         (None, Some(near)) => format!("; did you mean {near}?"),
@@ -188,7 +149,7 @@ pub fn run(args: &Args) -> Outcome {
 #[derive(Serialize)]
 struct Listed {
     name: &'static str,
-    kind: Kind,
+    kind: &'static str,
     description: String,
     command: String,
     bytes: usize,
@@ -199,17 +160,17 @@ fn list(json: bool) -> Outcome {
         let all: Vec<Listed> = Example::all()
             .map(|example| Listed {
                 name: example.short_name(),
-                kind: example.kind,
+                kind: example.kind.name(),
                 description: example.description(),
-                command: format!("{} {}", example.kind.command(), example.name),
+                command: format!("{} {}", example.command, example.name),
                 bytes: example.text.len(),
             })
             .collect();
         say!("{}", serde_json::to_string(&all).map_err(Failure::failed)?);
         return Ok(());
     }
-    for kind in Kind::ALL {
-        say!("{} ({} NAME)", capital(kind.folder()), kind.command());
+    for (kind, (folder, command)) in FileKind::ALL.into_iter().filter_map(|kind| Some((kind, kind.shipped()?))) {
+        say!("{} ({command} NAME)", capital(folder));
         for example in Example::all().filter(|example| example.kind == kind) {
             say!("  {:<28} {}", example.short_name(), example.description());
         }
@@ -252,7 +213,7 @@ fn copy(wanted: &str, json: bool) -> Outcome {
             .map_err(Failure::failed)?;
     }
     let names: Vec<String> = new.iter().map(|(to, _)| to.display().to_string()).collect();
-    let next = format!("{} {}.toml", example.kind.command(), example.name);
+    let next = format!("{} {}.toml", example.command, example.name);
     if json {
         say!("{}", serde_json::json!({ "copied": names, "next": next }));
         return Ok(());

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Command as Process, Stdio};
 
 use clap::Args as ClapArgs;
+use clap::Command;
 use clap::error::ErrorKind;
-use clap::{Command, Parser};
 
 use super::outcome::{Failure, Outcome};
-use super::{Cli, output};
+use super::output;
 use crate::manual::{self, Found, PAGES, Page};
 
 /// Prints the help of a command, or a page of the manual.
@@ -54,8 +54,8 @@ pub fn run(args: &Args, command: Command) -> Outcome {
     if args.web {
         return open_page(&topic);
     }
-    if is_command(&args.words, command) {
-        print_command(&args.words);
+    if is_command(&args.words, &command) {
+        print_command(&args.words, command);
         return Ok(());
     }
     match manual::find(&topic) {
@@ -76,15 +76,14 @@ pub fn run(args: &Args, command: Command) -> Outcome {
 }
 
 /// Whether the words are a command; no words are damprig itself.
-fn is_command(words: &[String], mut command: Command) -> bool {
-    command.build();
-    words.iter().try_fold(&command, |at, word| at.find_subcommand(word)).is_some()
+fn is_command(words: &[String], command: &Command) -> bool {
+    words.iter().try_fold(command, |at, word| at.find_subcommand(word)).is_some()
 }
 
 /// Prints the help of a command as `--help` does, and the pages of the manual that go with it.
-fn print_command(words: &[String]) {
+fn print_command(words: &[String], command: Command) {
     let line = ["damprig"].into_iter().chain(words.iter().map(String::as_str)).chain(["--help"]);
-    if let Err(text) = Cli::try_parse_from(line)
+    if let Err(text) = command.try_get_matches_from(line)
         && text.kind() == ErrorKind::DisplayHelp
     {
         output::print_text(&text);

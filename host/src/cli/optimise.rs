@@ -10,6 +10,7 @@ use clap::Args as ClapArgs;
 use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
+use crate::file_keys::FileKind;
 use crate::optimise::search::{self, Progress};
 use crate::optimise::size::{self, Size};
 use crate::optimise::{Answer, Optimisation, table};
@@ -57,7 +58,7 @@ Exit codes:
 /// # Errors
 /// Bad input, constraints that no point keeps, an unwritable file, an interrupted search.
 pub fn run(args: &Args) -> Outcome {
-    let file = examples::find(examples::Kind::Optimisation, &args.file)?;
+    let file = examples::find(FileKind::Optimisation, &args.file)?;
     let optimisation = Optimisation::read(&file).map_err(Failure::input)?;
     if let Some(folder) = &args.out {
         table::check_folder(folder).map_err(Failure::input)?;

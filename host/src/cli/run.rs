@@ -19,6 +19,7 @@ use crate::campaign::Campaign;
 use crate::client::board_check;
 use crate::client::link::Address;
 use crate::client::session::Session;
+use crate::file_keys::FileKind;
 use crate::host_time;
 use crate::prediction::{Predicted, settling};
 use crate::recorded_run::begin_entry;
@@ -162,7 +163,7 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 fn begin(args: &Args, file: &Path) -> Outcome {
-    let file = &examples::find(examples::Kind::Campaign, file)?;
+    let file = &examples::find(FileKind::Campaign, file)?;
     let mut campaign = new_campaign(file).map_err(Failure::input)?;
     campaign.source.warnings().iter().for_each(|warning| warn!("warning: {warning}"));
     let rig = args.speed.apply(args.rig.as_ref().unwrap_or(&Rig::At(Address::VIRTUAL)).find()?)?;

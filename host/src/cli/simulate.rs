@@ -10,6 +10,7 @@ use super::arguments::{not_negative, positive};
 use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::progress::SimulationBar;
+use crate::file_keys::FileKind;
 use crate::input::Source;
 use crate::report::case_files::{Answer, Simulated};
 use crate::report::figures::simulated_motion::{self, COLUMNS, envelope, usual_envelopes};
@@ -109,8 +110,7 @@ pub fn run(args: &Args) -> Outcome {
         )));
     }
     let values = SetValues::from_arguments(&args.set).map_err(Failure::input)?;
-    let paths =
-        args.cases.iter().map(|path| examples::find(examples::Kind::Case, path)).collect::<Result<Vec<_>, _>>()?;
+    let paths = args.cases.iter().map(|path| examples::find(FileKind::Case, path)).collect::<Result<Vec<_>, _>>()?;
     let read = |path: &PathBuf| Case::read_changed(path, &values).map_err(Failure::input);
     let cases = paths.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     let stop = Arc::new(AtomicBool::new(false));

@@ -13,6 +13,7 @@ use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
 use super::study_figures::say_result;
 use super::study_work;
+use crate::file_keys::FileKind;
 use crate::report::numbers::{about, duration, significant};
 use crate::report::terminal;
 use crate::study::Study;
@@ -100,7 +101,7 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 fn run_study(args: &RunArgs) -> Outcome {
-    let file = examples::find(examples::Kind::Study, &args.study)?;
+    let file = examples::find(FileKind::Study, &args.study)?;
     let study = Study::read(&file).map_err(Failure::input)?;
     let cores = rayon::current_num_threads();
     let estimate_s = run::estimate_s(&study).map_err(Failure::input)? / cores as f64;

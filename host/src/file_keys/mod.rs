@@ -13,7 +13,7 @@ use crate::setup::{PARTS, set_up_file};
 use crate::{campaign, continuation, motion_record, optimise, setup, simulation, study};
 
 /// The kinds of input files with declared keys.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum FileKind {
     /// A campaign, for `damprig run`.
     Campaign,
@@ -33,6 +33,32 @@ impl FileKind {
     /// All of them.
     pub const ALL: [Self; 6] =
         [Self::Campaign, Self::Case, Self::SetUp, Self::Study, Self::Optimisation, Self::Continuation];
+
+    /// The word for it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Campaign => "campaign",
+            Self::Case => "case",
+            Self::SetUp => "set-up",
+            Self::Study => "study",
+            Self::Optimisation => "optimisation",
+            Self::Continuation => "continuation",
+        }
+    }
+
+    /// Folder of the shipped files of this kind, and the command that takes one; `None` of a set-up file.
+    #[must_use]
+    pub const fn shipped(self) -> Option<(&'static str, &'static str)> {
+        match self {
+            Self::Campaign => Some(("campaigns", "damprig run")),
+            Self::Case => Some(("cases", "damprig simulate")),
+            Self::SetUp => None,
+            Self::Study => Some(("studies", "damprig study run")),
+            Self::Optimisation => Some(("optimisations", "damprig optimise")),
+            Self::Continuation => Some(("continuations", "damprig continue")),
+        }
+    }
 
     /// What such a file is, in one line.
     #[must_use]

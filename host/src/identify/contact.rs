@@ -17,15 +17,11 @@ use std::path::Path;
 use damprig_core::model::SetUp;
 
 use super::from_run::Choice;
-use super::statistics::{Value, fit};
-use super::table::{Quantity, Table};
-use super::{CannotIdentify, Estimate, Identification};
+use super::statistics::Value;
+use super::table::Table;
+use super::{CannotIdentify, Estimate, Identification, force_record};
 use crate::run_folder::{ReadError, RunFolder};
 use crate::table::values::{numbers, texts};
-
-/// Force on a wall.
-pub const FORCE: Quantity =
-    Quantity { stem: "force", units: &[("n", 1.0), ("kn", 1e3)], about: "force on the wall", most: 1e6 };
 
 /// Interval of a board's force samples, s.
 const SAMPLE_S: f64 = 1e-4;
@@ -173,8 +169,9 @@ pub fn of_pulses(pulses: &[Pulse], set_up: &SetUp) -> Result<Identification, Can
     Ok(identified)
 }
 
-/// The mean τ of pulses, s, with the errors that no mean removes: of the sampling, and of the peak, which is the highest of several
-/// samples and so is raised by noise by up to about its scatter.
+/// The mean τ of pulses, s, with the errors that no mean removes: of the sampling, and of the peak. Noise raises the peak, as it is
+/// that of the highest of several samples: τ of a half-sine of 20 samples is too short by 0.3 to 0.8 of its scatter where a sample's noise
+/// is 0.5 to 2 % of the peak.
 fn contact_time(pulses: &[Pulse]) -> Option<Value> {
     let time = mean_of(pulses, |pulse| FRAC_PI_2 * pulse.impulse_n_s / pulse.peak_n)?;
     let scatter_s = time.standard_uncertainty * (pulses.len() as f64).sqrt();
@@ -197,7 +194,7 @@ impl Peaked for Pulse {
     }
 }
 
-impl Peaked for Recorded {
+impl Peaked for force_record::Pulse {
     fn peak_n(&self) -> f64 {
         self.peak_n
     }
@@ -231,24 +228,6 @@ fn hertz_stiffness(peak_n: f64, reduced_kg: f64, speed_m_per_s: f64) -> f64 {
 const FITTED: &str = "half-sine fitted to each pulse of the force record";
 const SHAPE: &str = "peak times contact time over impulse";
 
-/// A pulse of a force record.
-#[derive(Clone, Copy, Debug)]
-struct Recorded {
-    time_s: f64,
-    /// Standard uncertainty of `time_s` by the fit.
-    uncertainty_s: f64,
-    peak_n: f64,
-    impulse_n_s: f64,
-    /// Samples in `time_s`.
-    samples: f64,
-}
-
-impl Recorded {
-    fn factor(&self) -> f64 {
-        self.peak_n * self.time_s / self.impulse_n_s
-    }
-}
-
 /// Identifies the contact from force records (columns t_s and force_n), each with one pulse or several. `reduced_mass_kg` gives the
 /// stiffness.
 ///
@@ -257,7 +236,7 @@ impl Recorded {
 pub fn of_records(tables: &[Table], reduced_mass_kg: Option<f64>) -> Result<Identification, CannotIdentify> {
     let mut all = Vec::new();
     for table in tables {
-        all.extend(recorded(table)?);
+        all.extend(force_record::pulses(table)?);
     }
     let Some(strongest) = all.iter().max_by(|a, b| a.peak_n.total_cmp(&b.peak_n)) else {
         return Err(CannotIdentify(
@@ -271,7 +250,7 @@ pub fn of_records(tables: &[Table], reduced_mass_kg: Option<f64>) -> Result<Iden
     let alone =
         |value: f64| Value { value, standard_uncertainty: value * share, degrees_of_freedom: strongest.samples };
     let time = mean_of(&all, |one| one.time_s).unwrap_or_else(|| alone(strongest.time_s));
-    let factor = mean_of(&all, Recorded::factor).unwrap_or_else(|| alone(strongest.factor()));
+    let factor = mean_of(&all, force_record::Pulse::factor).unwrap_or_else(|| alone(strongest.factor()));
     let factor = factor.widened(factor.value * sampling_error(strongest.samples));
     let mut estimates = vec![
         Estimate::new("contact time", "s", FITTED, &time).of_key(TIME),
@@ -290,69 +269,4 @@ pub fn of_records(tables: &[Table], reduced_mass_kg: Option<f64>) -> Result<Iden
     )];
     identified.words = vec![("particle.wall.kind", "restitution")];
     Ok(identified)
-}
-
-/// Share of the record's peak above which a force is a pulse.
-const PULSE: f64 = 0.2;
-
-/// The pulses of a force record.
-fn recorded(table: &Table) -> Result<Vec<Recorded>, CannotIdentify> {
-    let (t_s, force_n) = (table.times()?, table.column(&FORCE)?);
-    let mut sorted = force_n.clone();
-    sorted.sort_by(f64::total_cmp);
-    let rest_n = sorted[sorted.len() / 2];
-    let force_n: Vec<f64> = force_n.iter().map(|force| force - rest_n).collect();
-    let peak_n = sorted[sorted.len() - 1] - rest_n;
-    let mut found = Vec::new();
-    let mut from = 0;
-    while let Some(start) = (from..t_s.len()).find(|n| force_n[*n] > PULSE * peak_n) {
-        let end = (start..t_s.len()).find(|n| force_n[*n] <= PULSE * peak_n).unwrap_or(t_s.len());
-        from = end;
-        // A pulse that the record cuts has no duration, and a single sample no shape.
-        if start < 3 || end + 3 > t_s.len() || end < start + 3 {
-            continue;
-        }
-        if let Some(level) =
-            force_n[start..end].windows(3).find(|w| w[0] > 0.9 * peak_n && w[0] == w[1] && w[1] == w[2])
-        {
-            return Err(table.refuse(format!(
-                "the force sensor is saturated: it stays at {} N at the peak\n  hit the wall more slowly, or use a sensor of larger range",
-                level[0] + rest_n
-            )));
-        }
-        found.extend(fitted(&t_s, &force_n, start..end));
-    }
-    if found.is_empty() {
-        let text = "there is no whole pulse of three samples or more\n  sample the force faster, and record it before and after the impact";
-        return Err(table.refuse(text));
-    }
-    Ok(found)
-}
-
-/// Fits a half-sine to the pulse at these samples and those around them.
-fn fitted(t_s: &[f64], force_n: &[f64], above: std::ops::Range<usize>) -> Option<Recorded> {
-    let about = above.len().div_ceil(4) + 2;
-    let around = above.start.saturating_sub(about)..(above.end + about).min(t_s.len());
-    let (t, force) = (&t_s[around.clone()], &force_n[around.clone()]);
-    let highest = above.clone().max_by(|a, b| force_n[*a].total_cmp(&force_n[*b]))?;
-    // Above a fifth of its peak a half-sine is 87 % of its duration.
-    let time_s = (t_s[above.end] - t_s[above.start]) / 0.872;
-    let start = [force_n[highest], 0.5 * (t_s[above.end] + t_s[above.start - 1] - time_s), time_s];
-    let step = 1e-4 * time_s;
-    let sine = |p: &[f64], out: &mut Vec<f64>| {
-        out.extend(t.iter().map(|t| {
-            let at = (t - p[1]) / p[2];
-            if (0.0..=1.0).contains(&at) { p[0] * (PI * at).sin() } else { 0.0 }
-        }));
-    };
-    let fit = fit(force, &start, &[1e-4 * start[0], step, step], sine)?;
-    let time_s = fit.parameters[2];
-    let uncertainty_s = fit.value(2, fit.variance()).standard_uncertainty;
-    let impulse_n_s = (1..t.len()).map(|n| 0.5 * (force[n] + force[n - 1]) * (t[n] - t[n - 1])).sum::<f64>();
-    let [before, top, after] = [highest - 1, highest, highest + 1].map(|n| force_n[n]);
-    let bend = 2.0 * top - before - after;
-    let peak_n = top + if bend > 0.0 { (after - before).powi(2) / (8.0 * bend) } else { 0.0 };
-    let is_sound = time_s > 0.0 && impulse_n_s > 0.0 && uncertainty_s.is_finite();
-    let samples = time_s * (t.len() - 1) as f64 / (t[t.len() - 1] - t[0]);
-    is_sound.then_some(Recorded { time_s, uncertainty_s, peak_n, impulse_n_s, samples })
 }

@@ -11,6 +11,7 @@ pub mod decay_motion;
 mod decay_record;
 pub mod flights;
 mod flights_of_run;
+pub mod force_record;
 pub mod friction;
 mod from_run;
 pub mod lack_of_fit;

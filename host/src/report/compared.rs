@@ -8,7 +8,8 @@ use crate::prediction::contact_s;
 use crate::settings::number_of;
 
 /// What predicted numbers are, in a line of the terminal.
-pub const IN_A_LINE: &str = "Predicted: a simulation of the same set-up and times, without noise, on a base that moves as demanded; report.html says more.";
+pub const IN_A_LINE: &str = "Predicted: a simulation of the same set-up and times, without noise, on a base that moves as demanded; \
+     `damprig help predicted` says where a measurement differs";
 
 /// One sentence or two for each reason that the campaign has.
 #[must_use]

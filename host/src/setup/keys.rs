@@ -130,9 +130,9 @@ tables! {
             number("maximum", Inside(0.0, 1.0), "largest e, that of slow impacts").usual(0.3, 0.98),
         ];
         CONTACT: Optional, [
-            number("contact_time_s", Positive, "τ, the duration of a contact, from which the wall's force follows; the motion does not depend on it")
+            number("contact_time_s", Positive, "τ, the duration of a contact, from which the wall's force in a case follows; the motion does not depend on it")
                 .usual(1e-5, 0.05),
-            number("hertz_stiffness_n_per_m15", Positive, "k of an elastic contact of spheres, F = k·δ^(3/2), from which the wall's force follows")
+            number("hertz_stiffness_n_per_m15", Positive, "k of an elastic contact of spheres, F = k·δ^(3/2), from which the wall's force in a case follows")
                 .usual(1e5, 1e12),
         ];
         PULSE_FACTOR: If(&CONTACT, "contact_time_s", &Default(From(|| FRAC_PI_2)), &Forbidden), [

@@ -21,7 +21,7 @@ use crate::input::{Number, Section};
 use keys::{friction_damper, particle, set_up, spring, structure, tmd, wall_hertz, wall_restitution, wall_voigt};
 use spec::{Friction, ParticleSpec, Place, Relative};
 
-pub use contact::Contact;
+pub use contact::StatedContact;
 pub use keys::ALL_TABLES as TABLES;
 pub(crate) use keys::set_up::BASE_AMPLITUDE;
 pub(crate) use keys::{PARTS, SET_UP_FILE, set_up as set_up_keys};
@@ -244,7 +244,7 @@ fn read_wall(
     s: &Section,
     structure: Option<&Structure>,
     particle_mass_kg: Option<f64>,
-) -> Option<(Wall, Option<Contact>)> {
+) -> Option<(Wall, Option<StatedContact>)> {
     let wall = match s.variant(&[wall_restitution::TABLE, wall_voigt::TABLE, wall_hertz::TABLE])? {
         0 => {
             let (wall, contact) = (read_hard(s), read_contact(s));
@@ -258,11 +258,11 @@ fn read_wall(
 }
 
 /// `Some(None)` if it is not stated, `None` after a problem.
-fn read_contact(s: &Section) -> Option<Option<Contact>> {
+fn read_contact(s: &Section) -> Option<Option<StatedContact>> {
     let factor = s.scalar(&wall_restitution::PULSE_FACTOR);
     Some(Some(match s.one_of(&wall_restitution::CONTACT) {
-        Some((0, time_s)) => Contact::Pulse { time_s, factor: factor? },
-        Some((_, stiffness_n_per_m15)) => Contact::Hertz { stiffness_n_per_m15 },
+        Some((0, time_s)) => StatedContact::Pulse { time_s, factor: factor? },
+        Some((_, stiffness_n_per_m15)) => StatedContact::Elastic(Hertz::elastic(stiffness_n_per_m15)),
         None => return (!s.is_given(&wall_restitution::CONTACT)).then_some(None),
     }))
 }

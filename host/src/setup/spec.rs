@@ -3,7 +3,7 @@
 use damprig_core::control::friction_spring::SpringConfig;
 use damprig_core::model::{Cavity, FrictionDamper, Hertz, Particle, SetUp, Structure, Tmd, Wall};
 
-use super::contact::Contact;
+use super::contact::StatedContact;
 
 /// A quantity in its own unit, or relative to the base amplitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +30,7 @@ pub(super) struct ParticleSpec {
     pub(super) friction_coefficient: f64,
     pub(super) wall: Wall,
     pub(super) cavity: Cavity,
-    pub(super) contacts: [Option<Contact>; 2],
+    pub(super) contacts: [Option<StatedContact>; 2],
     pub(super) place: Place,
     /// The position was written, not left to its default.
     pub(super) is_placed: bool,
@@ -209,7 +209,7 @@ impl SetUpSpec {
 
     /// The contacts of its hard walls at the negative and the positive side, where they are stated.
     #[must_use]
-    pub fn contacts(&self) -> [Option<Contact>; 2] {
+    pub fn contacts(&self) -> [Option<StatedContact>; 2] {
         self.particle.map_or([None; 2], |p| p.contacts)
     }
 

@@ -12,14 +12,14 @@ use toml::de::DeTable;
 use super::excitation::{self, CaseExcitation};
 use super::json_case;
 use super::keys::{case, initial, run};
-use super::many_particles;
 use super::set_values::{self, SetValues};
+use super::{many_particles, refusals};
 use crate::input::locate::Step::{self, Key};
 use crate::input::locate::locate_in;
 use crate::input::{Problem, Refusal, Section, Source, Span};
 use crate::motion_record::{Record, resolve};
 use crate::run_folder::schema::self_description::of_case;
-use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, Contact, SetUpSpec, Shared, set_up_file};
+use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, StatedContact, set_up_file};
 
 /// Usual rows per period of a time history.
 const ROWS_PER_PERIOD: f64 = 200.0;
@@ -32,7 +32,7 @@ pub struct Case {
     /// Structure and dampers.
     pub set_up: SetUp,
     /// The contacts of hard walls at the negative and the positive side, where they are stated.
-    pub contacts: [Option<Contact>; 2],
+    pub contacts: [Option<StatedContact>; 2],
     /// Spheres in a box, in place of the dampers of the set-up.
     pub many_particles: Option<Damper>,
     /// Excitation in closed form; [`Excitation::Fixed`] with a record.
@@ -154,46 +154,6 @@ impl Case {
         self.set_up.particle.is_some() || self.many_particles.is_some()
     }
 
-    /// Refuses a case with a many-particle damper for what needs the equations of the other dampers. `name` and `text` are those of its
-    /// file, `values` what was set from outside.
-    ///
-    /// # Errors
-    /// Says that `what` is not available, where the spheres are written, and what to do.
-    pub fn refuse_many_particles(
-        &self,
-        (name, text): (&str, &str),
-        values: &SetValues,
-        what: &str,
-    ) -> Result<(), Refusal> {
-        if self.many_particles.is_none() {
-            return Ok(());
-        }
-        let key = case::MANY_PARTICLES.name();
-        let source = Source::new(name, text);
-        let set = source.attach(&values.origin, &values.lines);
-        let own = toml_of(&source).and_then(|(toml, _)| locate_in(&toml, &[Key(key)]));
-        source.report(Problem {
-            title: format!("{what} is not available for `{key}`"),
-            span: own.or_else(|| locate_in(&set, &[Key(key)])).unwrap_or_default(),
-            allowed: "spheres have no motion whose every event is found exactly, which it needs".into(),
-            help: Some("`damprig simulate` and `damprig study` follow spheres; or take a `particle`".into()),
-        });
-        source.verdict()
-    }
-
-    /// Refuses a case with a Hertz wall for what has impacts that take no time, or linear soft walls. `name` and `text` are those of
-    /// its file.
-    ///
-    /// # Errors
-    /// Says that `what` is not available, where the wall is written, and what to write.
-    pub fn refuse_hertz(&self, (name, text): (&str, &str), what: &str) -> Result<(), Refusal> {
-        let Some(particle) = self.set_up.particle.filter(|_| self.set_up.has_hertz_walls()) else { return Ok(()) };
-        let source = Source::new(name, text);
-        let toml = toml_of(&source).map(|(toml, _)| toml).unwrap_or_default();
-        source.report(hertz_problem(&particle, what, |path| locate_in(&toml, path)));
-        source.verdict()
-    }
-
     /// Length of a cycle, s: as given, else the drive period, else the natural period.
     #[must_use]
     pub fn cycle_s(&self) -> f64 {
@@ -207,21 +167,6 @@ impl Case {
             | Excitation::ForceSine { angular_frequency_rad_per_s, .. } => Some(TAU / angular_frequency_rad_per_s),
             _ => None,
         }
-    }
-}
-
-/// That `what` has no Hertz walls, at the first such wall of a particle.
-fn hertz_problem(particle: &Particle, what: &str, place: impl Fn(&[Step<'_>]) -> Option<Span>) -> Problem {
-    let walls = [(Some(particle.wall), "wall"), (particle.cavity.positive_wall, "positive_wall")];
-    let first = walls.into_iter().find_map(|(wall, key)| wall.and_then(|wall| Some((wall.hertz()?, key))));
-    let (key, help) = first.map_or(("wall", None), |(law, key)| (key, Some(setup::equivalent_of(&law))));
-    Problem {
-        title: format!("{what} is not available with `particle.{key}` of kind \"hertz\""),
-        span: place(&[Key("particle"), Key(key)]).or_else(|| place(&[Key("particle")])).unwrap_or_default(),
-        allowed:
-            "only `simulate`, `study`, `optimise` and `bifurcation` on an excitation in closed form follow its contacts"
-                .into(),
-        help,
     }
 }
 
@@ -260,7 +205,7 @@ fn read(source: &Source, name: &str, values: &SetValues) -> Option<Case> {
 }
 
 /// The text of a case as TOML, with the title of the problem that it is none; `None` after a problem has been reported.
-fn toml_of(source: &Source) -> Option<(String, &'static str)> {
+pub(super) fn toml_of(source: &Source) -> Option<(String, &'static str)> {
     // Valid JSON may hold what TOML forbids: a number of 20 digits, a duplicate key.
     Some(match is_json(source) {
         true => (json_case::to_toml(source)?, "this JSON cannot be read"),
@@ -308,7 +253,7 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     let run = run_section.as_ref().and_then(|s| read_run(s, record.map(Record::duration_s)));
     let spheres = root.table_of(&case::MANY_PARTICLES, None);
     if let (Some(spheres), Some(spec)) = (&spheres, &spec) {
-        refuse_beside_spheres(spheres, spec, record, initial_section.as_ref());
+        refusals::refuse_beside_spheres(spheres, spec, record, initial_section.as_ref());
     }
     let gravity_m_per_s2 = spec.map_or(0.0, |spec| spec.at(z_m).gravity_m_per_s2);
     let many_particles = match &spheres {
@@ -342,7 +287,7 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     }
     if let (Some(particle), Some(_)) = (set_up.particle.filter(|_| set_up.has_hertz_walls()), &record) {
         let source = root.source();
-        source.report(hertz_problem(&particle, "a recorded motion", |path| source.locate(path)));
+        source.report(refusals::hertz_problem(&particle, "a recorded motion", |path| source.locate(path)));
     }
     let contacts = spec.contacts();
     let case = Case { name, set_up, contacts, many_particles, excitation, record, initial, run };
@@ -353,49 +298,6 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
         many_particles::read::check_contact(section, damper, case.shortest_period_s());
     }
     Some(case)
-}
-
-/// Refuses what does not go with spheres in a box.
-fn refuse_beside_spheres(
-    spheres: &Section,
-    spec: &SetUpSpec,
-    record: Option<&Record>,
-    initial_section: Option<&Section>,
-) {
-    let refuse = |title: String, allowed: &str, help: &str| {
-        spheres.source().report(Problem {
-            title,
-            span: spheres.span(),
-            allowed: allowed.into(),
-            help: Some(help.into()),
-        });
-    };
-    let name = case::MANY_PARTICLES.name();
-    if let Some(damper) = spec.damper() {
-        let allowed = match damper {
-            "friction_damper" => "their motion beside a friction damper has no equations yet",
-            _ => "the spheres are the damper",
-        };
-        refuse(format!("`{name}` and `{damper}` are both given"), allowed, "leave out one of them");
-    }
-    if record.is_some() {
-        let allowed = "spheres in a box need a base or a force in closed form";
-        refuse(
-            format!("`{name}` and a recorded base motion or noise are both given"),
-            allowed,
-            "take a sine or a pulse",
-        );
-    }
-    for quantity in [&initial::Y, &initial::U] {
-        if let Some(section) = initial_section.filter(|section| section.is_given(quantity)) {
-            let help = "leave it out: `seed` places the spheres, at rest in the box";
-            section.reject(
-                quantity.name(),
-                format!("is for a particle or a tuned mass, not for `{name}`"),
-                Some(help.into()),
-            );
-        }
-    }
 }
 
 /// Reads `base` or `force`.

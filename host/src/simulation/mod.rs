@@ -29,6 +29,7 @@ mod excitation;
 mod json_case;
 mod keys;
 pub mod many_particles;
+mod refusals;
 pub mod result;
 mod sampled_driver;
 pub mod set_values;

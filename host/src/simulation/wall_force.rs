@@ -23,7 +23,7 @@ pub fn largest_n(case: &Case, response: &Response) -> Option<f64> {
     let reduced_mass_kg = light_kg * mass_kg / (mass_kg + light_kg);
     let sides = particle.walls().into_iter().zip(case.contacts).zip(response.fastest_m_per_s());
     let of_hard = |((wall, contact), speed): ((Wall, Option<_>), f64)| -> Option<f64> {
-        let contact: crate::setup::Contact = contact.filter(|_| speed > 0.0)?;
+        let contact: crate::setup::StatedContact = contact.filter(|_| speed > 0.0)?;
         Some(contact.peak_force_n(&wall.impact_law(1.0)?, reduced_mass_kg, speed))
     };
     sides.filter_map(of_hard).chain(response.peak_contact_force_n()).reduce(f64::max)

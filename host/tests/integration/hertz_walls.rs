@@ -10,9 +10,8 @@ use std::path::Path;
 use tempfile::TempDir;
 
 use crate::common::damprig;
+use crate::walls::{DRIVE, STRUCTURE, run};
 
-const STRUCTURE: &str = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }\n";
-const DRIVE: &str = "base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }\nrun = { duration_s = 8 }\n";
 const LANKARANI: &str = "kind = \"hertz\", stiffness_n_per_m15 = 1e9, lankarani_nikravesh_coefficient = 0.6";
 const HUNT: &str = "kind = \"hertz\", stiffness_n_per_m15 = 1e9, hunt_crossley_s_per_m = 0.3";
 
@@ -30,13 +29,6 @@ fn law(wall: &str) -> Hertz {
         Wall::Hertz(law) => law,
         other => panic!("{other:?}"),
     }
-}
-
-fn run(folder: &TempDir, text: &str, arguments: &[&str]) -> (bool, String, String) {
-    std::fs::write(folder.path().join("case.toml"), text).unwrap();
-    let output = damprig(folder).args(["simulate", "case.toml"]).args(arguments).output().unwrap();
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    (output.status.success(), text(&output.stdout), text(&output.stderr))
 }
 
 fn told(told: &str, words: &[&str]) {

@@ -49,7 +49,7 @@ fn the_shipped_release_has_the_predicted_impacts_and_rms() {
     for (rms, predicted) in of("rms_x_m").iter().zip(of("predicted_rms_x_m")) {
         assert!((rms / predicted - 1.0).abs() < 3e-3, "{rms} {predicted}");
     }
-    assert!(printed.contains("report.html says more"), "{printed}");
+    assert!(printed.contains("`damprig help predicted`"), "{printed}");
     let page = std::fs::read_to_string(folder.path().join("out/report.html")).unwrap();
     assert!(page.contains("both may be right"), "the page explains what is predicted");
 }

@@ -10,8 +10,9 @@ use tempfile::TempDir;
 
 use crate::common::damprig;
 
-const STRUCTURE: &str = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }\n";
-const DRIVE: &str = "base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }\nrun = { duration_s = 8 }\n";
+pub const STRUCTURE: &str = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }\n";
+pub const DRIVE: &str =
+    "base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }\nrun = { duration_s = 8 }\n";
 const FALLING: &str = "wall = { kind = \"restitution\", coefficient = 0.6, exponent = 0.25, reference_speed_m_per_s = 0.5, maximum = 0.9 }";
 
 fn case(particle: &str) -> String {
@@ -22,7 +23,8 @@ fn read(particle: &str) -> SetUp {
     Case::parse(&Source::new("case.toml", case(particle)), "case").expect("a case").set_up
 }
 
-fn run(folder: &TempDir, text: &str, arguments: &[&str]) -> (bool, String, String) {
+/// Simulates a case: whether that succeeds, what is printed and what is told.
+pub fn run(folder: &TempDir, text: &str, arguments: &[&str]) -> (bool, String, String) {
     std::fs::write(folder.path().join("case.toml"), text).unwrap();
     let output = damprig(folder).args(["simulate", "case.toml"]).args(arguments).output().unwrap();
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();

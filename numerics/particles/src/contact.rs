@@ -2,6 +2,8 @@
 
 use core::f64::consts::PI;
 
+use damprig_core::model::Hertz;
+
 use crate::vector::{Vector, across, dot, length, plus_times, times};
 
 /// Damping ratio of a contact with this coefficient of restitution, above 0 to 1, whose force never pulls: the inverse of
@@ -56,20 +58,6 @@ pub enum Elasticity {
 /// Speed of the contacts whose duration gives the steps of Hertz contacts, m/s. The duration falls with v^(−1/5): contacts at a
 /// hundredth of this speed last 2.5 times as long.
 pub const FAST_M_PER_S: f64 = 10.0;
-
-/// Duration of an elastic Hertz contact, s: force k·δ^1.5 with k in N/m^1.5, bodies of this reduced mass that meet at this speed.
-///
-/// 2·∫₀¹(1 − s^(5/2))^(−1/2) ds·δ_max/v with the deepest overlap δ_max = (5mv²/4k)^(2/5); the integral is √π·Γ(7/5)/Γ(9/10) (Johnson,
-/// *Contact Mechanics*, 1985, section 11.4).
-#[must_use]
-pub fn hertz_contact_s(stiffness_n_per_m15: f64, reduced_kg: f64, speed_m_per_s: f64) -> f64 {
-    let integral = PI.sqrt() * libm::tgamma(1.4) / libm::tgamma(0.9);
-    2.0 * integral * deepest_m(stiffness_n_per_m15, reduced_kg, speed_m_per_s) / speed_m_per_s
-}
-
-fn deepest_m(stiffness_n_per_m15: f64, reduced_kg: f64, speed_m_per_s: f64) -> f64 {
-    libm::pow(1.25 * reduced_kg * speed_m_per_s * speed_m_per_s / stiffness_n_per_m15, 0.4)
-}
 
 /// Spring and dashpot along the line of centres between two kinds of bodies.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -164,16 +152,17 @@ impl ContactLaw {
                 }
             }
             Elasticity::Hertz { youngs_modulus_pa, poissons_ratio } => {
-                let modulus_pa = 0.5 * youngs_modulus_pa / (1.0 - poissons_ratio * poissons_ratio);
                 let contact = |kg: f64, radius_m: f64| {
-                    let stiffness = 4.0 / 3.0 * modulus_pa * libm::sqrt(radius_m);
+                    let material = ([youngs_modulus_pa; 2], [poissons_ratio; 2]);
+                    let stiffness = Hertz::stiffness_of_sphere_n_per_m15(material.0, material.1, radius_m);
                     SpringAndDashpot { stiffness, damping: libm::sqrt(5.0) * ratio * libm::sqrt(stiffness * kg) }
                 };
-                let duration_s =
-                    |contact: &SpringAndDashpot, kg: f64| hertz_contact_s(contact.stiffness, kg, FAST_M_PER_S);
+                let duration_s = |contact: &SpringAndDashpot, kg: f64| {
+                    Hertz::elastic(contact.stiffness).elastic_duration_s(kg, FAST_M_PER_S)
+                };
                 let (pair, end) = (contact(0.5 * sphere_kg, 0.5 * radius_m), contact(end_kg, radius_m));
                 let shortest_s = duration_s(&pair, 0.5 * sphere_kg).min(duration_s(&end, end_kg));
-                let root = libm::sqrt(deepest_m(end.stiffness, end_kg, FAST_M_PER_S));
+                let root = libm::sqrt(Hertz::elastic(end.stiffness).peak_penetration_m(end_kg, FAST_M_PER_S));
                 let mindlin = 2.0 * (1.0 - poissons_ratio) / (2.0 - poissons_ratio);
                 Self {
                     pair,

@@ -24,9 +24,7 @@ mod neighbours;
 mod vector;
 
 pub use cavity::{Cavity, packing};
-pub use contact::{
-    ContactLaw, Elasticity, FAST_M_PER_S, SpringAndDashpot, damping_ratio, hertz_contact_s, restitution,
-};
+pub use contact::{ContactLaw, Elasticity, FAST_M_PER_S, SpringAndDashpot, damping_ratio, restitution};
 pub use energy::Energies;
 pub use excitation::{Drive, Excitation};
 pub use forces::WallImpact;

@@ -3,10 +3,10 @@
 use core::f64::consts::PI;
 
 use damprig_core::io::{Invalid, finite, not_negative, positive, require};
-use damprig_core::model::Structure;
+use damprig_core::model::{Hertz, Structure};
 
 use crate::cavity::{Cavity, packing};
-use crate::contact::{ContactEnergy, ContactLaw, Elasticity, History, hertz_contact_s};
+use crate::contact::{ContactEnergy, ContactLaw, Elasticity, History};
 use crate::energy::Energies;
 use crate::excitation::{Drive, Excitation};
 use crate::forces::{BoxMotion, Contacts, Spheres, WallImpact};
@@ -67,7 +67,7 @@ impl Damper {
     /// Duration of an elastic Hertz contact of two spheres that meet at 1 mm/s, s.
     #[must_use]
     pub fn slow_contact_s(&self) -> f64 {
-        hertz_contact_s(self.law(self.mass_kg).pair.stiffness(), 0.5 * self.sphere_kg(), SLOW_M_PER_S)
+        Hertz::elastic(self.law(self.mass_kg).pair.stiffness()).elastic_duration_s(0.5 * self.sphere_kg(), SLOW_M_PER_S)
     }
 
     /// Length of a step, s: that of the shortest contact or of half a period of the structure, whichever is shorter, over

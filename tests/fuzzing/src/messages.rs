@@ -210,9 +210,6 @@ impl Copy<'_> {
     }
 }
 
-/// The wall of the model that no message carries: it cannot be decoded.
-const NEVER_SENT: &str = "Hertz";
-
 fn gather<T: Schema>() -> (Vec<Vec<u8>>, BTreeSet<Choice>) {
     let mut seen = BTreeSet::new();
     let mut bodies = Vec::new();
@@ -278,8 +275,7 @@ impl Message<'_> {
             DataModelType::Tuple(list) | DataModelType::TupleStruct(list) => list.iter().for_each(|t| self.value(t)),
             DataModelType::Struct(fields) => self.fields(fields),
             DataModelType::Enum(variants) => {
-                let places: Vec<usize> = (0..variants.len()).filter(|n| variants[*n].name != NEVER_SENT).collect();
-                let place = places[self.random.random_range(0..places.len())];
+                let place = self.random.random_range(0..variants.len());
                 self.choices.insert((named.name, variants.len(), place));
                 // Fewer than 128 variants: one byte.
                 self.body.push(place as u8);
@@ -348,7 +344,7 @@ mod tests {
             }
             DataModelType::Struct(fields) => fields.iter().for_each(|f| all(f.ty, choices)),
             DataModelType::Enum(variants) => {
-                for (place, variant) in variants.iter().enumerate().filter(|(_, variant)| variant.name != NEVER_SENT) {
+                for (place, variant) in variants.iter().enumerate() {
                     choices.insert((named.name, variants.len(), place));
                     match variant.ty {
                         DataModelVariant::UnitVariant => {}

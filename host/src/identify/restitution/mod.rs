@@ -13,7 +13,7 @@ use serde::Serialize;
 pub use film::Axis;
 pub use law::{Impact, Impacts, Law, Power};
 
-use super::contact::FORCE;
+use super::force_record::FORCE;
 use super::statistics::Value;
 use super::table::{TIME, Table};
 use super::{CannotIdentify, Estimate, Identification};

@@ -6,7 +6,10 @@ use std::fmt::Write;
 use damprig::identify::Estimate;
 use damprig::identify::contact::{Pulse, of_pulses, of_records};
 use damprig::identify::table::Table;
+use damprig_core::io::{WALL_SUBSAMPLES, WallCounts};
+use damprig_core::measure::impacts::ImpactMeter;
 use damprig_core::model::{Cavity, Particle, Release, SetUp, Structure, Wall};
+use damprig_simulator::plant::walls::{WallSensors, Walls};
 use fastrand::Rng;
 use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
@@ -14,7 +17,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use super::many_seeds;
-use crate::common::damprig;
+use crate::common::{damprig, folder_with};
 
 const CAMPAIGN: &str = r#"name = "spid"
 [structure]
@@ -33,17 +36,11 @@ start = "from_rest"
 dwell_s = 16
 "#;
 
-fn run(text: &str) -> TempDir {
-    let folder = TempDir::new().unwrap();
-    std::fs::write(folder.path().join("test.toml"), text).unwrap();
-    damprig(&folder).args(["run", "test.toml", "--out", "run"]).assert().success();
-    folder
-}
-
 /// Contacts of the virtual rig are half-sines of 2 ms, sampled at 10 kHz with 0.2 N of noise.
 #[test]
 fn the_contacts_of_the_virtual_rig_are_found_within_their_uncertainty() {
-    let folder = run(CAMPAIGN);
+    let folder = folder_with(CAMPAIGN);
+    damprig(&folder).args(["run", "test.toml", "--out", "run"]).assert().success();
     let output = damprig(&folder).args(["identify", "contact", "run", "--json"]).output().unwrap();
     let found: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     let estimates = found["estimates"].as_array().unwrap();
@@ -82,6 +79,45 @@ fn the_contacts_of_the_virtual_rig_are_found_within_their_uncertainty() {
 
 fn named<'a>(estimates: &'a [Estimate], name: &str) -> &'a Estimate {
     estimates.iter().find(|estimate| estimate.quantity == name).unwrap_or_else(|| panic!("no {name} in {estimates:?}"))
+}
+
+/// The pulses that the board finds in the simulated rig's half-sines of 2 ms with this peak: 10 kHz, noise of 0.2 N.
+fn measured(seed: u64, peak_n: f32, count: u32) -> Vec<Pulse> {
+    let sensors = WallSensors::default();
+    let mut walls = Walls::new(&sensors, seed).unwrap();
+    let (mut meter, mut rng) = (ImpactMeter::default(), Rng::with_seed(seed));
+    let mut found = Vec::new();
+    for tick in 0..100 + 20 * count {
+        if tick >= 100 && tick % 20 == 0 {
+            walls.hit(rng.f32(), 1, peak_n * sensors.contact_s / std::f32::consts::FRAC_PI_2);
+        }
+        let block: [WallCounts; WALL_SUBSAMPLES] = walls.read(None);
+        meter.push(tick, &block, |impact| {
+            let (peak_n, impulse_n_s) = (f64::from(impact.peak_n), f64::from(impact.impulse_n_s));
+            found.push(Pulse { is_positive: impact.side > 0, peak_n, impulse_n_s });
+        });
+    }
+    found
+}
+
+/// Noise raises the peaks that the board measures, which shortens the contacts: the interval has room for it.
+#[test]
+fn the_interval_of_a_runs_contacts_covers_the_truth_from_weak_impacts_to_strong_ones() {
+    let wall = set_up(Wall::Restitution { coefficient: 0.5 }, None);
+    for peak_n in [10.0, 20.0, 40.0, 80.0] {
+        let (mut covered, mut sum) = (0, 0.0);
+        for seed in 1..=many_seeds() {
+            let pulses = measured(seed, peak_n, 20);
+            assert_eq!(pulses.len(), 20, "{peak_n} N");
+            let found = of_pulses(&pulses, &wall).unwrap().estimates;
+            let time = named(&found, "contact time");
+            covered += u64::from((time.interval_95[0]..=time.interval_95[1]).contains(&2e-3));
+            sum += time.value / 2e-3 - 1.0;
+        }
+        let share = covered as f64 / many_seeds() as f64;
+        println!("{peak_n} N: {:+.3} % on average, covered {share:.3}", 100.0 * sum / many_seeds() as f64);
+        assert!(share >= 0.95, "{peak_n} N: {share}");
+    }
 }
 
 /// A force record at 10 kHz with pulses of a shape, whose phases and peaks are drawn, and 0.2 N of noise.
@@ -123,7 +159,9 @@ fn duration_and_factor_of_half_sines_follow_from_a_force_record() {
     println!("largest errors {worst:?}, covered {shares:?}");
     // Ten fits, each of 20 samples of some 70 N with 0.2 N of noise: 0.1 % of τ at most. The kinks are 0.2 % of J.
     assert!(worst[0] < 2e-3 && worst[1] < 6e-3, "{worst:?}");
-    assert!((0.90..=0.995).contains(&shares[0]) && shares[1] >= 0.90, "{shares:?}");
+    // Three standard deviations of a share of 95 % below it; the factor has the bound of the kinks besides.
+    let least = 0.95 - 3.0 * (0.95 * 0.05 / many_seeds() as f64).sqrt();
+    assert!((least..=0.995).contains(&shares[0]) && shares[1] >= least, "{shares:?}");
 }
 
 /// Whatever the shape, peak = factor·J/τ: the force of a case with both keys is that of the record.

@@ -111,10 +111,9 @@ fn contact_time_and_restitution_follow_from_force_records() {
     let body = restitution::Approach { mass_kg: mass, velocity_m_per_s: approach };
     let options = Options { approach: Some(body), ..Options::default() };
     let found = restitution_of(&text, &options).identified.estimates;
-    // Above 5 % of the peak for (1 − 2·asin(0.05)/π) of the contact.
-    let above = length * (1.0 - 2.0 * 0.05f64.asin() / std::f64::consts::PI);
     assert!((found[0].value - truth).abs() < 0.02, "{found:?}");
-    assert!((found[1].value / above - 1.0).abs() < 0.03, "{found:?}");
+    // Five half-sines of 100 samples with noise of 0.5 % of the peak: 0.1 % of the duration.
+    assert!((found[1].value / length - 1.0).abs() < 3e-3, "{found:?}");
 }
 
 /// Ten slides of 0.5 m, timed to 3 ms, on a slope that is set to 0.05°.

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::Structure;
-use damprig_particles::{Cavity, Damper, Elasticity, Motion, Start, hertz_contact_s};
+use damprig_core::model::{Hertz, Structure};
+use damprig_particles::{Cavity, Damper, Elasticity, Motion, Start};
 
 use crate::spheres;
 
@@ -49,15 +49,15 @@ fn until_it_leaves(motion: &mut Motion<Excitation>) -> f64 {
     motion.state().t_s
 }
 
-/// k of the sphere on the floor, N/m^1.5.
-fn stiffness_n_per_m15() -> f64 {
-    4.0 / 3.0 * (380e9 / 2.0 / (1.0 - 0.23 * 0.23)) * (0.5 * DIAMETER_M).sqrt()
+/// The sphere on the floor.
+fn wall() -> Hertz {
+    Hertz::elastic(Hertz::stiffness_of_sphere_n_per_m15([380e9; 2], [0.23; 2], 0.5 * DIAMETER_M))
 }
 
 #[test]
 fn an_elastic_contact_lasts_and_presses_as_its_closed_forms_say_over_five_decades_of_speed() {
     for speed in [1e-4, 1e-3, 0.01, 0.1, 1.0, 10.0] {
-        let closed_s = hertz_contact_s(stiffness_n_per_m15(), sphere_kg(), speed);
+        let closed_s = wall().elastic_duration_s(sphere_kg(), speed);
         let mut motion = thrown(1.0, 0.0, (0.0, speed), 400.0);
         let found_s = until_it_leaves(&mut motion);
         // The last step is counted in full; the scheme's own error is (Δt/duration)².
@@ -66,7 +66,7 @@ fn an_elastic_contact_lasts_and_presses_as_its_closed_forms_say_over_five_decade
             (found_s - closed_s).abs() < 1.5 * step_s + 2.0 * step_s * step_s / closed_s,
             "{speed} m/s: {found_s} s, {closed_s} s"
         );
-        let deepest_m = (1.25 * sphere_kg() * speed * speed / stiffness_n_per_m15()).powf(0.4);
+        let deepest_m = wall().peak_penetration_m(sphere_kg(), speed);
         assert!((motion.largest_overlap_m() / deepest_m - 1.0).abs() < 1e-4, "{speed} m/s");
         let rebound = motion.velocities_m_per_s()[0][2];
         assert!((rebound / speed - 1.0).abs() < 1e-4, "{speed} m/s: {rebound}");

@@ -7,7 +7,6 @@
 //! u/β − ln(1 + β u)/β² + (2k/5m) δ^2.5 is conserved, u = δ′: penetration, force and restitution follow from it.
 
 use crate::io::{Invalid, not_negative, positive, require};
-use core::f64::consts::PI;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -36,7 +35,16 @@ pub enum Dissipation {
     },
 }
 
+/// 2 (5/4)^(2/5) ∫₀¹ dx/√(1 − x^2.5).
+const DURATION_FACTOR: f64 = 3.218_065_459_719_043;
+
 impl Hertz {
+    /// A wall without dissipation: k in N/m^1.5, greater than 0.
+    #[must_use]
+    pub const fn elastic(stiffness_n_per_m15: f64) -> Self {
+        Self { stiffness_n_per_m15, dissipation: Dissipation::HuntCrossley { coefficient_s_per_m: 0.0 } }
+    }
+
     /// The stiffness of an elastic sphere on a plane body, N/m^1.5: k = 4/3 E* √R with 1/E* = Σ (1 − ν²)/E.
     ///
     /// Young's moduli E in Pa, greater than 0; Poisson ratios ν, above −1, up to 0.5; radius R in m, greater than 0
@@ -103,13 +111,7 @@ impl Hertz {
     #[must_use]
     pub fn elastic_duration_s(&self, reduced_mass_kg: f64, speed_m_per_s: f64) -> f64 {
         let ratio = reduced_mass_kg / self.stiffness_n_per_m15;
-        3.218_065_459_719_043 * libm::pow(ratio * ratio / speed_m_per_s, 0.2)
-    }
-
-    /// Γ-function form of the constant of [`Hertz::elastic_duration_s`].
-    #[must_use]
-    pub fn elastic_duration_factor() -> f64 {
-        0.8 * libm::pow(1.25, 0.4) * libm::sqrt(PI) * libm::tgamma(0.4) / libm::tgamma(0.9)
+        DURATION_FACTOR * libm::pow(ratio * ratio / speed_m_per_s, 0.2)
     }
 
     /// G(u) = u/β − ln(1 + β u)/β², m²/s², u²/2 without dissipation, in a contact with that approach speed.
@@ -169,6 +171,7 @@ fn returned(a: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use core::f64::consts::PI;
 
     fn hunt_crossley(coefficient_s_per_m: f64) -> Hertz {
         Hertz { stiffness_n_per_m15: 1e9, dissipation: Dissipation::HuntCrossley { coefficient_s_per_m } }
@@ -211,7 +214,8 @@ mod tests {
 
     #[test]
     fn the_factor_of_the_duration_is_that_of_the_gamma_functions() {
-        assert!((Hertz::elastic_duration_factor() / 3.218_065_459_719_043 - 1.0).abs() < 1e-14);
+        let factor = 0.8 * libm::pow(1.25, 0.4) * libm::sqrt(PI) * libm::tgamma(0.4) / libm::tgamma(0.9);
+        assert!((DURATION_FACTOR / factor - 1.0).abs() < 1e-14);
     }
 
     #[test]

@@ -28,8 +28,7 @@ pub enum Wall {
     SpeedRestitution(Restitution),
     /// A hard wall whose coefficient of restitution is a table over the speed of the impact.
     TableRestitution(SpeedTable),
-    /// A wall with Hertz contact and dissipation: for motions of the exact integrator. No message to a board can carry it.
-    #[serde(skip_deserializing)]
+    /// A wall with Hertz contact and dissipation: for motions of the exact integrator. A board refuses it.
     Hertz(Hertz),
 }
 

@@ -1,6 +1,7 @@
 //! Tests of the core through its public interface, one file for each part.
 
 mod accumulations;
+mod balance;
 mod cavities;
 mod closed_forms;
 mod draw;

@@ -1,0 +1,113 @@
+//! What a case cannot have together, and what commands cannot do with a case.
+
+use damprig_core::model::Particle;
+
+use super::Case;
+use super::case::toml_of;
+use super::keys::{case, initial};
+use super::set_values::SetValues;
+use crate::input::locate::Step::{self, Key};
+use crate::input::locate::locate_in;
+use crate::input::{Problem, Refusal, Section, Source, Span};
+use crate::motion_record::Record;
+use crate::setup::{self, SetUpSpec};
+
+impl Case {
+    /// Refuses a case with a many-particle damper for what needs the equations of the other dampers. `name` and `text` are those of its
+    /// file, `values` what was set from outside.
+    ///
+    /// # Errors
+    /// Says that `what` is not available, where the spheres are written, and what to do.
+    pub fn refuse_many_particles(
+        &self,
+        (name, text): (&str, &str),
+        values: &SetValues,
+        what: &str,
+    ) -> Result<(), Refusal> {
+        if self.many_particles.is_none() {
+            return Ok(());
+        }
+        let key = case::MANY_PARTICLES.name();
+        let source = Source::new(name, text);
+        let set = source.attach(&values.origin, &values.lines);
+        let own = toml_of(&source).and_then(|(toml, _)| locate_in(&toml, &[Key(key)]));
+        source.report(Problem {
+            title: format!("{what} is not available for `{key}`"),
+            span: own.or_else(|| locate_in(&set, &[Key(key)])).unwrap_or_default(),
+            allowed: "spheres have no motion whose every event is found exactly, which it needs".into(),
+            help: Some("`damprig simulate` and `damprig study` follow spheres; or take a `particle`".into()),
+        });
+        source.verdict()
+    }
+
+    /// Refuses a case with a Hertz wall for what has impacts that take no time, or linear soft walls. `name` and `text` are those of
+    /// its file.
+    ///
+    /// # Errors
+    /// Says that `what` is not available, where the wall is written, and what to write.
+    pub fn refuse_hertz(&self, (name, text): (&str, &str), what: &str) -> Result<(), Refusal> {
+        let Some(particle) = self.set_up.particle.filter(|_| self.set_up.has_hertz_walls()) else { return Ok(()) };
+        let source = Source::new(name, text);
+        let toml = toml_of(&source).map(|(toml, _)| toml).unwrap_or_default();
+        source.report(hertz_problem(&particle, what, |path| locate_in(&toml, path)));
+        source.verdict()
+    }
+}
+
+/// That `what` has no Hertz walls, at the first such wall of a particle.
+pub(super) fn hertz_problem(particle: &Particle, what: &str, place: impl Fn(&[Step<'_>]) -> Option<Span>) -> Problem {
+    let walls = [(Some(particle.wall), "wall"), (particle.cavity.positive_wall, "positive_wall")];
+    let first = walls.into_iter().find_map(|(wall, key)| wall.and_then(|wall| Some((wall.hertz()?, key))));
+    let (key, help) = first.map_or(("wall", None), |(law, key)| (key, Some(setup::equivalent_of(&law))));
+    Problem {
+        title: format!("{what} is not available with `particle.{key}` of kind \"hertz\""),
+        span: place(&[Key("particle"), Key(key)]).or_else(|| place(&[Key("particle")])).unwrap_or_default(),
+        allowed:
+            "only `simulate`, `study`, `optimise` and `bifurcation` on an excitation in closed form follow its contacts"
+                .into(),
+        help,
+    }
+}
+
+/// Refuses what does not go with spheres in a box.
+pub(super) fn refuse_beside_spheres(
+    spheres: &Section,
+    spec: &SetUpSpec,
+    record: Option<&Record>,
+    initial_section: Option<&Section>,
+) {
+    let refuse = |title: String, allowed: &str, help: &str| {
+        spheres.source().report(Problem {
+            title,
+            span: spheres.span(),
+            allowed: allowed.into(),
+            help: Some(help.into()),
+        });
+    };
+    let name = case::MANY_PARTICLES.name();
+    if let Some(damper) = spec.damper() {
+        let allowed = match damper {
+            "friction_damper" => "their motion beside a friction damper has no equations yet",
+            _ => "the spheres are the damper",
+        };
+        refuse(format!("`{name}` and `{damper}` are both given"), allowed, "leave out one of them");
+    }
+    if record.is_some() {
+        let allowed = "spheres in a box need a base or a force in closed form";
+        refuse(
+            format!("`{name}` and a recorded base motion or noise are both given"),
+            allowed,
+            "take a sine or a pulse",
+        );
+    }
+    for quantity in [&initial::Y, &initial::U] {
+        if let Some(section) = initial_section.filter(|section| section.is_given(quantity)) {
+            let help = "leave it out: `seed` places the spheres, at rest in the box";
+            section.reject(
+                quantity.name(),
+                format!("is for a particle or a tuned mass, not for `{name}`"),
+                Some(help.into()),
+            );
+        }
+    }
+}
