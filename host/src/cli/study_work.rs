@@ -14,6 +14,7 @@ use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
 use super::study::{kept, place};
 use super::study_figures::{say_result, without_digest};
+use crate::file_keys::FileKind;
 use crate::report::numbers::duration;
 use crate::report::terminal;
 use crate::study::Study;
@@ -65,7 +66,7 @@ Exit codes:
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the parts so far are kept";
 
 pub(super) fn work(args: &WorkArgs) -> Outcome {
-    let study = Study::read(&examples::find(examples::Kind::Study, &args.place.study)?).map_err(Failure::input)?;
+    let study = Study::read(&examples::find(FileKind::Study, &args.place.study)?).map_err(Failure::input)?;
     let store = store(&args.place)?;
     let data_set = DataSet::open(&study, store)?;
     let stop = Arc::new(AtomicBool::new(false));
@@ -177,7 +178,7 @@ fn store(args: &PlaceArgs) -> Result<Store, Failure> {
 
 /// A study and its results; nothing is created.
 fn existing(args: &PlaceArgs) -> Result<(Study, DataSet), Failure> {
-    let study = Study::read(&examples::find(examples::Kind::Study, &args.study)?).map_err(Failure::input)?;
+    let study = Study::read(&examples::find(FileKind::Study, &args.study)?).map_err(Failure::input)?;
     let store = store(args)?;
     let place = store.path("");
     match DataSet::existing(&study, store)? {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use arrow_schema::Metadata;
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{Initial, Particle, SetUp};
+use damprig_core::model::{Initial, SetUp};
 use damprig_particles::Damper;
 use toml::de::DeTable;
 
@@ -14,9 +14,8 @@ use super::json_case;
 use super::keys::{case, initial, run};
 use super::set_values::{self, SetValues};
 use super::{many_particles, refusals};
-use crate::input::locate::Step::{self, Key};
-use crate::input::locate::locate_in;
-use crate::input::{Problem, Refusal, Section, Source, Span};
+use crate::input::locate::Step::Key;
+use crate::input::{Problem, Refusal, Section, Source};
 use crate::motion_record::{Record, resolve};
 use crate::run_folder::schema::self_description::of_case;
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, StatedContact, set_up_file};

@@ -4,7 +4,7 @@ use damprig_core::control::fault::FaultCause;
 use damprig_core::control::safety::{Limits, SafeStage, SafetyConfig};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::steadiness::SteadyLimits;
-use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, Hertz, Particle, SetUp, Structure, Wall};
 use damprig_core::rig::State;
 use damprig_core::settings::Settings;
 use damprig_core::twin::TwinConfig;
@@ -339,6 +339,19 @@ fn one_request_is_answered_after_every_tick_whatever_happens_in_the_tick() {
     }
     let rig = host.board.controller().rig();
     assert!(rig.status().points == 1 && rig.signals().impacts > 10.0, "{:?}", rig.signals());
+}
+
+/// A message can carry such a wall; neither the plant nor the twin of a board has its equations.
+#[test]
+fn a_board_refuses_a_hertz_wall_by_its_name() {
+    let mut host = ready();
+    let mut config = impacting();
+    config.set_up.particle.as_mut().unwrap().wall = Wall::Hertz(Hertz::elastic(1e8));
+    for ask in [set_plant(config), Request::SetTwin(Some(TwinConfig::new(config.set_up)))] {
+        let refusal = host.ask(ask).expect_err("it has no Hertz walls");
+        assert!(format!("{refusal:?}").contains("particle.wall.stiffness_n_per_m15"), "{refusal:?}");
+    }
+    assert_eq!(host.ask(set_plant(impacting())), Ok(Reply::Done), "the board goes on");
 }
 
 #[test]

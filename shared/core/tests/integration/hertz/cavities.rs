@@ -4,9 +4,10 @@ use damprig_core::analysis::energy::EnergyMeter;
 use damprig_core::integrator::exact::series::value;
 use damprig_core::integrator::exact::{Arc, ContactEnd, Exact, ExactState, Excitation, Impact, Observer};
 use damprig_core::integrator::modes::{Contact as Touching, Grip, Mode};
-use damprig_core::model::{Cavity, FrictionDamper, GRAVITY_M_PER_S2, Hertz, Initial, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, GRAVITY_M_PER_S2, Initial, Particle, SetUp, Structure, Wall};
 
-use super::{free, hunt_crossley, lankarani_nikravesh};
+use super::free_impacts::First;
+use super::{hunt_crossley, lankarani_nikravesh};
 use crate::balance::missed;
 use crate::draw::Draw;
 

@@ -20,10 +20,10 @@ struct Contact {
 
 /// The first contact of a run.
 #[derive(Default)]
-struct First {
+pub struct First {
     contact: Contact,
     touched: bool,
-    ended: bool,
+    pub ended: bool,
     end_m: f64,
 }
 
