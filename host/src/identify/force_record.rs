@@ -2,6 +2,8 @@
 
 use std::f64::consts::PI;
 
+use nalgebra::{DMatrix, DVector};
+
 use super::CannotIdentify;
 use super::statistics::fit;
 use super::table::{Quantity, Table};
@@ -96,10 +98,26 @@ fn fitted(t_s: &[f64], force_n: &[f64], above: std::ops::Range<usize>) -> Option
     let time_s = fit.parameters[2];
     let uncertainty_s = fit.value(2, fit.variance()).standard_uncertainty;
     let impulse_n_s = (1..t.len()).map(|n| 0.5 * (force[n] + force[n - 1]) * (t[n] - t[n - 1])).sum::<f64>();
-    let [before, top, after] = [highest - 1, highest, highest + 1].map(|n| force_n[n]);
-    let bend = 2.0 * top - before - after;
-    let peak_n = top + if bend > 0.0 { (after - before).powi(2) / (8.0 * bend) } else { 0.0 };
+    let peak_n = top_n(t_s, force_n, highest, TOP * time_s);
     let is_sound = time_s > 0.0 && impulse_n_s > 0.0 && uncertainty_s.is_finite();
     let samples = time_s * (t.len() - 1) as f64 / (t[t.len() - 1] - t[0]);
     is_sound.then_some(Pulse { time_s, uncertainty_s, peak_n, impulse_n_s, samples })
+}
+
+/// Share of a contact on either side of its highest sample in which a half-sine is a parabola to 10⁻⁴ of its peak.
+const TOP: f64 = 0.125;
+
+/// The top of the parabola through the samples within so many seconds of the highest one, and its neighbours at least. Through the three
+/// highest alone noise would raise it.
+fn top_n(t_s: &[f64], force_n: &[f64], highest: usize, within_s: f64) -> f64 {
+    let is_near = |n: &usize| n.abs_diff(highest) <= 1 || (t_s[*n] - t_s[highest]).abs() <= within_s;
+    let near: Vec<usize> = (0..t_s.len()).filter(is_near).collect();
+    let at = |n: &usize| (t_s[*n] - t_s[highest]) / within_s;
+    let terms = DMatrix::from_fn(near.len(), 3, |row, power| at(&near[row]).powi(power as i32));
+    let forces = DVector::from_iterator(near.len(), near.iter().map(|n| force_n[*n]));
+    let parabola = terms.svd(true, true).solve(&forces, f64::EPSILON).ok();
+    match parabola.map(|p| [p[0], p[1], p[2]]) {
+        Some([level, slope, bend]) if bend < 0.0 => level - slope * slope / (4.0 * bend),
+        _ => force_n[highest],
+    }
 }

@@ -25,7 +25,7 @@ fn the_help_of_a_command_is_that_of_its_flag_and_names_pages() {
 #[test]
 fn without_a_topic_all_commands_and_pages_are_listed() {
     let list = printed(&["help"]);
-    for part in ["Commands:", "Tutorial:", "How-to:", "Reference:", "Theory:", "For developers:", "  read-e-n "] {
+    for part in ["Rig:", "Design:", "Tutorial:", "How-to:", "Reference:", "Theory:", "For developers:", "  read-e-n "] {
         assert!(list.contains(part), "{part}: {list}");
     }
 }

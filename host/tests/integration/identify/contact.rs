@@ -36,7 +36,7 @@ start = "from_rest"
 dwell_s = 16
 "#;
 
-/// Contacts of the virtual rig are half-sines of 2 ms, sampled at 10 kHz with 0.2 N of noise.
+/// Contacts of the virtual rig are half-sines of 2 ms, sampled at 50 kHz with 0.2 N of noise.
 #[test]
 fn the_contacts_of_the_virtual_rig_are_found_within_their_uncertainty() {
     let folder = folder_with(CAMPAIGN);
@@ -81,7 +81,7 @@ fn named<'a>(estimates: &'a [Estimate], name: &str) -> &'a Estimate {
     estimates.iter().find(|estimate| estimate.quantity == name).unwrap_or_else(|| panic!("no {name} in {estimates:?}"))
 }
 
-/// The pulses that the board finds in the simulated rig's half-sines of 2 ms with this peak: 10 kHz, noise of 0.2 N.
+/// The pulses that the board finds in the simulated rig's half-sines of 2 ms with this peak: 50 kHz, noise of 0.2 N.
 fn measured(seed: u64, peak_n: f32, count: u32) -> Vec<Pulse> {
     let sensors = WallSensors::default();
     let mut walls = Walls::new(&sensors, seed).unwrap();
@@ -100,11 +100,12 @@ fn measured(seed: u64, peak_n: f32, count: u32) -> Vec<Pulse> {
     found
 }
 
-/// Noise raises the peaks that the board measures, which shortens the contacts: the interval has room for it.
+/// Noise raises the peaks that the board measures, which shortens the contacts. Peaks of less than 20 N lose their feet below the threshold
+/// of 2.5 N besides.
 #[test]
 fn the_interval_of_a_runs_contacts_covers_the_truth_from_weak_impacts_to_strong_ones() {
     let wall = set_up(Wall::Restitution { coefficient: 0.5 }, None);
-    for peak_n in [10.0, 20.0, 40.0, 80.0] {
+    for peak_n in [20.0, 40.0, 80.0, 160.0] {
         let (mut covered, mut sum) = (0, 0.0);
         for seed in 1..=many_seeds() {
             let pulses = measured(seed, peak_n, 20);
@@ -116,22 +117,27 @@ fn the_interval_of_a_runs_contacts_covers_the_truth_from_weak_impacts_to_strong_
         }
         let share = covered as f64 / many_seeds() as f64;
         println!("{peak_n} N: {:+.3} % on average, covered {share:.3}", 100.0 * sum / many_seeds() as f64);
-        assert!(share >= 0.95, "{peak_n} N: {share}");
+        assert!(share >= least_share(many_seeds()), "{peak_n} N: {share}");
     }
 }
 
-/// A force record at 10 kHz with pulses of a shape, whose phases and peaks are drawn, and 0.2 N of noise.
-fn record(seed: u64, time_s: f64, shape: impl Fn(f64) -> f64) -> Table {
+/// Three standard deviations below a share of 95 %.
+fn least_share(seeds: u64) -> f64 {
+    0.95 - 3.0 * (0.95 * 0.05 / seeds as f64).sqrt()
+}
+
+/// A force record with pulses of a shape, whose phases and peaks are drawn, and 0.2 N of noise.
+fn record(seed: u64, rate_hz: f64, time_s: f64, shape: impl Fn(f64) -> f64) -> Table {
     let mut rng = Rng::with_seed(seed);
     let mut text = "t_s,force_n\n".to_string();
     for pulse in 0..10 {
-        let (at, peak) = (0.005 + 1e-4 * rng.f64(), 40.0 + 60.0 * rng.f64());
-        for n in 0..256 {
-            let t = f64::from(n) * 1e-4;
+        let (at, peak) = (0.005 + rng.f64() / rate_hz, 40.0 + 60.0 * rng.f64());
+        for n in 0..(0.0256 * rate_hz) as u32 {
+            let t = f64::from(n) / rate_hz;
             let since = (t - at) / time_s;
             let noise = (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0;
             let force = if (0.0..1.0).contains(&since) { peak * shape(since) } else { 0.0 };
-            writeln!(text, "{:.4},{:.4}", t + f64::from(pulse) * 0.0256, force + 0.2 * noise + 1.5).unwrap();
+            writeln!(text, "{:.6},{:.4}", t + f64::from(pulse) * 0.0256, force + 0.2 * noise + 1.5).unwrap();
         }
     }
     let folder = TempDir::new().unwrap();
@@ -142,33 +148,34 @@ fn record(seed: u64, time_s: f64, shape: impl Fn(f64) -> f64) -> Table {
 
 #[test]
 fn duration_and_factor_of_half_sines_follow_from_a_force_record() {
-    let (mut worst, mut covered) = ([0.0f64; 2], [0, 0]);
-    for seed in 1..=many_seeds() {
-        let table = record(seed, 2e-3, |since| (PI * since).sin());
-        let found = of_records(&[table], Some(0.145)).unwrap().estimates;
-        for (n, (name, truth)) in [("contact time", 2e-3), ("pulse factor", FRAC_PI_2)].into_iter().enumerate() {
-            let estimate = named(&found, name);
-            worst[n] = worst[n].max((estimate.value / truth - 1.0).abs());
-            covered[n] += u64::from((estimate.interval_95[0]..=estimate.interval_95[1]).contains(&truth));
+    for (rate_hz, seeds) in [(10e3, many_seeds()), (100e3, many_seeds() / 4)] {
+        let (mut worst, mut covered) = ([0.0f64; 2], [0, 0]);
+        for seed in 1..=seeds {
+            let table = record(seed, rate_hz, 2e-3, |since| (PI * since).sin());
+            let found = of_records(&[table], Some(0.145)).unwrap().estimates;
+            for (n, (name, truth)) in [("contact time", 2e-3), ("pulse factor", FRAC_PI_2)].into_iter().enumerate() {
+                let estimate = named(&found, name);
+                worst[n] = worst[n].max((estimate.value / truth - 1.0).abs());
+                covered[n] += u64::from((estimate.interval_95[0]..=estimate.interval_95[1]).contains(&truth));
+            }
+            let stiffness = named(&found, "stiffness of a spring contact").value;
+            let time_s = named(&found, "contact time").value;
+            assert!((stiffness / (0.145 * (PI / time_s).powi(2)) - 1.0).abs() < 1e-12);
         }
-        let stiffness = named(&found, "stiffness of a spring contact").value;
-        let time_s = named(&found, "contact time").value;
-        assert!((stiffness / (0.145 * (PI / time_s).powi(2)) - 1.0).abs() < 1e-12);
+        let shares = covered.map(|covered| covered as f64 / seeds as f64);
+        println!("{rate_hz} Hz: largest errors {worst:?}, covered {shares:?}");
+        // Ten fits, each of 20 samples of some 70 N with 0.2 N of noise: 0.1 % of τ at most. The kinks are 0.2 % of J.
+        assert!(worst[0] < 2e-3 && worst[1] < 6e-3, "{worst:?}");
+        let least = least_share(seeds);
+        assert!(shares[0] >= least && shares[1] >= least, "{shares:?}");
     }
-    let shares = covered.map(|covered| covered as f64 / many_seeds() as f64);
-    println!("largest errors {worst:?}, covered {shares:?}");
-    // Ten fits, each of 20 samples of some 70 N with 0.2 N of noise: 0.1 % of τ at most. The kinks are 0.2 % of J.
-    assert!(worst[0] < 2e-3 && worst[1] < 6e-3, "{worst:?}");
-    // Three standard deviations of a share of 95 % below it; the factor has the bound of the kinks besides.
-    let least = 0.95 - 3.0 * (0.95 * 0.05 / many_seeds() as f64).sqrt();
-    assert!((least..=0.995).contains(&shares[0]) && shares[1] >= least, "{shares:?}");
 }
 
 /// Whatever the shape, peak = factor·J/τ: the force of a case with both keys is that of the record.
 #[test]
 fn the_factor_of_another_shape_gives_the_peak_of_its_impulse() {
     // sin² has the impulse τ/2 per peak.
-    let table = record(1, 3e-3, |since| (PI * since).sin().powi(2));
+    let table = record(1, 10e3, 3e-3, |since| (PI * since).sin().powi(2));
     let found = of_records(&[table], None).unwrap().estimates;
     let per_impulse = named(&found, "pulse factor").value / named(&found, "contact time").value;
     assert!((per_impulse / (2.0 / 3e-3) - 1.0).abs() < 5e-3, "{per_impulse}");
