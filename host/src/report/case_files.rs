@@ -47,16 +47,14 @@ struct Spheres {
 #[serde(untagged)]
 enum Elastic {
     Spring { stiffness_n_per_m: f64 },
-    Hertz { youngs_modulus_pa: f64, poissons_ratio: f64 },
+    Hertz { youngs_modulus_pa: f64, poisson_ratio: f64 },
 }
 
 impl Elastic {
     fn of(elasticity: Elasticity) -> Self {
         match elasticity {
             Elasticity::Spring { stiffness_n_per_m } => Self::Spring { stiffness_n_per_m },
-            Elasticity::Hertz { youngs_modulus_pa, poissons_ratio } => {
-                Self::Hertz { youngs_modulus_pa, poissons_ratio }
-            }
+            Elasticity::Hertz { youngs_modulus_pa, poisson_ratio } => Self::Hertz { youngs_modulus_pa, poisson_ratio },
         }
     }
 }

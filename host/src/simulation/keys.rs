@@ -97,8 +97,8 @@ tables! {
             number("contact_time_s", Positive, "duration of an undamped contact of two spheres, which gives the stiffness").usual(1e-6, 0.01),
             number("youngs_modulus_pa", Positive, "E of spheres and box, with Hertz contacts in place of springs").usual(1e6, 1e12),
         ];
-        POISSONS_RATIO: If(&STIFFNESS, "youngs_modulus_pa", &Default(Number(0.3)), &Forbidden), [
-            number("poissons_ratio", Between(0.0, 0.5), "ν of spheres and box, with `youngs_modulus_pa`").usual(0.1, 0.5),
+        POISSON_RATIO: If(&STIFFNESS, "youngs_modulus_pa", &Default(Number(0.3)), &Forbidden), [
+            number("poisson_ratio", Between(0.0, 0.5), "ν of spheres and box, with `youngs_modulus_pa`").usual(0.1, 0.5),
         ];
         LENGTH: Required, [
             number("length_m", Above(0.0, MAX_SIDE_M), "inner length of the box, along the motion").usual(0.002, 1.0),

@@ -63,7 +63,7 @@ pub(super) fn hertz_problem(particle: &Particle, what: &str, place: impl Fn(&[St
         title: format!("{what} is not available with `particle.{key}` of kind \"hertz\""),
         span: place(&[Key("particle"), Key(key)]).or_else(|| place(&[Key("particle")])).unwrap_or_default(),
         allowed:
-            "only `simulate`, `study`, `optimise` and `bifurcation` on an excitation in closed form follow its contacts"
+            "only `simulate`, `study`, `optimise` and `study bifurcation` on an excitation in closed form follow its contacts"
                 .into(),
         help,
     }

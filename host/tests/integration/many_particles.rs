@@ -132,8 +132,8 @@ fn what_spheres_do_not_go_with_is_refused_with_a_reason() {
     let hertz = |modulus: &str| SPHERES.replace("contact_time_s = 0.002", &format!("youngs_modulus_pa = {modulus}"));
     let soft = case(&hertz("1e4"));
     refused(&[("case.toml", &soft)], &simulate, &["many_particles.youngs_modulus_pa", "must be at least", "Pa"]);
-    let of_a_spring = case(&format!("{SPHERES}poissons_ratio = 0.3\n"));
-    refused(&[("case.toml", &of_a_spring)], &simulate, &["poissons_ratio", "youngs_modulus_pa"]);
+    let of_a_spring = case(&format!("{SPHERES}poisson_ratio = 0.3\n"));
+    refused(&[("case.toml", &of_a_spring)], &simulate, &["poisson_ratio", "youngs_modulus_pa"]);
     let noise =
         "base = { kind = \"record\", target_peak_m = 0.003, noise = { from_hz = 1, to_hz = 4, duration_s = 8 } }\n";
     let on_noise = format!("{STRUCTURE}{noise}{RUN}{SPHERES}");
@@ -142,10 +142,10 @@ fn what_spheres_do_not_go_with_is_refused_with_a_reason() {
 
 #[test]
 fn spheres_of_a_material_have_hertz_contacts() {
-    let spheres = SPHERES.replace("contact_time_s = 0.002", "youngs_modulus_pa = 1e7\npoissons_ratio = 0.4");
+    let spheres = SPHERES.replace("contact_time_s = 0.002", "youngs_modulus_pa = 1e7\npoisson_ratio = 0.4");
     let found = answer(&case(&spheres), &[]);
     let stated = &found["case"]["many_particles"];
-    assert_eq!((stated["youngs_modulus_pa"].as_f64(), stated["poissons_ratio"].as_f64()), (Some(1e7), Some(0.4)));
+    assert_eq!((stated["youngs_modulus_pa"].as_f64(), stated["poisson_ratio"].as_f64()), (Some(1e7), Some(0.4)));
     let number = |place: &str| found["many_particles"][place].as_f64().unwrap_or_else(|| panic!("{place}"));
     let lost_j = number("lost_in_impacts_j") + number("lost_in_friction_j");
     assert!(number("lost_in_impacts_j") > 0.0 && number("lost_in_friction_j") > 0.0);

@@ -116,7 +116,7 @@ impl<'t> Writer<'t> {
             ("pulse_factor", _) => (1.0, 3.0),
             ("steps_per_contact", _) => (20.0, 30.0),
             ("youngs_modulus_pa", _) => (1e9, 1e10),
-            ("poissons_ratio", _) => (0.1, 0.4),
+            ("poisson_ratio", _) => (0.1, 0.4),
             ("width_m" | "height_m", _) => (0.05, 0.1),
             ("length_m", _) => (0.1, 0.2),
             ("stiffness_n_per_m", _) if path == "many_particles" => (1e5, 1e6),

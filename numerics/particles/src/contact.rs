@@ -51,7 +51,7 @@ pub enum Elasticity {
         /// E, Pa; greater than 0.
         youngs_modulus_pa: f64,
         /// ν, from 0 to 0.5.
-        poissons_ratio: f64,
+        poisson_ratio: f64,
     },
 }
 
@@ -151,9 +151,9 @@ impl ContactLaw {
                     ..law
                 }
             }
-            Elasticity::Hertz { youngs_modulus_pa, poissons_ratio } => {
+            Elasticity::Hertz { youngs_modulus_pa, poisson_ratio } => {
                 let contact = |kg: f64, radius_m: f64| {
-                    let material = ([youngs_modulus_pa; 2], [poissons_ratio; 2]);
+                    let material = ([youngs_modulus_pa; 2], [poisson_ratio; 2]);
                     let stiffness = Hertz::stiffness_of_sphere_n_per_m15(material.0, material.1, radius_m);
                     SpringAndDashpot { stiffness, damping: libm::sqrt(5.0) * ratio * libm::sqrt(stiffness * kg) }
                 };
@@ -163,7 +163,7 @@ impl ContactLaw {
                 let (pair, end) = (contact(0.5 * sphere_kg, 0.5 * radius_m), contact(end_kg, radius_m));
                 let shortest_s = duration_s(&pair, 0.5 * sphere_kg).min(duration_s(&end, end_kg));
                 let root = libm::sqrt(Hertz::elastic(end.stiffness).peak_penetration_m(end_kg, FAST_M_PER_S));
-                let mindlin = 2.0 * (1.0 - poissons_ratio) / (2.0 - poissons_ratio);
+                let mindlin = 2.0 * (1.0 - poisson_ratio) / (2.0 - poisson_ratio);
                 Self {
                     pair,
                     end,

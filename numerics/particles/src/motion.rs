@@ -111,10 +111,10 @@ impl Damper {
             Elasticity::Spring { stiffness_n_per_m } => {
                 positive("many_particles.stiffness_n_per_m", stiffness_n_per_m)?
             }
-            Elasticity::Hertz { youngs_modulus_pa, poissons_ratio } => {
+            Elasticity::Hertz { youngs_modulus_pa, poisson_ratio } => {
                 positive("many_particles.youngs_modulus_pa", youngs_modulus_pa)?;
-                let allowed = (0.0..=0.5).contains(&poissons_ratio);
-                require(allowed, "many_particles.poissons_ratio", poissons_ratio, "from 0 to 0.5")?;
+                let allowed = (0.0..=0.5).contains(&poisson_ratio);
+                require(allowed, "many_particles.poisson_ratio", poisson_ratio, "from 0 to 0.5")?;
             }
         }
         positive("many_particles.length_m", self.cavity.length_m)?;

@@ -124,8 +124,8 @@ fn many_particles(case: &Case, spheres: &Damper) -> [(&'static str, String); 2] 
     };
     let elasticity = match spheres.elasticity {
         Elasticity::Spring { stiffness_n_per_m } => format!("k = {} N/m", significant(stiffness_n_per_m, 3)),
-        Elasticity::Hertz { youngs_modulus_pa, poissons_ratio } => {
-            format!("E = {} GPa, ν = {}", significant(1e-9 * youngs_modulus_pa, 3), significant(poissons_ratio, 3))
+        Elasticity::Hertz { youngs_modulus_pa, poisson_ratio } => {
+            format!("E = {} GPa, ν = {}", significant(1e-9 * youngs_modulus_pa, 3), significant(poisson_ratio, 3))
         }
     };
     let text = format!(

@@ -16,7 +16,7 @@ pub fn read(s: &Section, structure: Option<&Structure>, gravity_m_per_s2: f64) -
     let restitution = s.scalar(&keys::RESTITUTION);
     let friction = s.scalar(&keys::FRICTION);
     let stiffness = s.one_of(&keys::STIFFNESS);
-    let poissons_ratio = s.scalar(&keys::POISSONS_RATIO);
+    let poisson_ratio = s.scalar(&keys::POISSON_RATIO);
     let length = s.one_of(&keys::LENGTH);
     let (width, height) = (s.scalar(&keys::WIDTH), s.scalar(&keys::HEIGHT));
     let steps = s.scalar(&keys::STEPS);
@@ -34,7 +34,7 @@ pub fn read(s: &Section, structure: Option<&Structure>, gravity_m_per_s2: f64) -
     let elasticity = match stiffness? {
         (0, stiffness_n_per_m) => Elasticity::Spring { stiffness_n_per_m },
         (1, contact_s) => Elasticity::Spring { stiffness_n_per_m: contact_stiffness_n_per_m(sphere_kg, contact_s) },
-        (_, youngs_modulus_pa) => Elasticity::Hertz { youngs_modulus_pa, poissons_ratio: poissons_ratio? },
+        (_, youngs_modulus_pa) => Elasticity::Hertz { youngs_modulus_pa, poisson_ratio: poisson_ratio? },
     };
     let mut cavity = Cavity { length_m: 0.0, width_m: width?, height_m: height? };
     for (key, side_m) in [(&keys::WIDTH, cavity.width_m), (&keys::HEIGHT, cavity.height_m)] {

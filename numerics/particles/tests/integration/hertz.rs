@@ -9,7 +9,7 @@ use damprig_particles::{Cavity, Damper, Elasticity, Motion, Start};
 use crate::spheres;
 
 /// Aluminium oxide.
-const OXIDE: Elasticity = Elasticity::Hertz { youngs_modulus_pa: 380e9, poissons_ratio: 0.23 };
+const OXIDE: Elasticity = Elasticity::Hertz { youngs_modulus_pa: 380e9, poisson_ratio: 0.23 };
 const DIAMETER_M: f64 = 0.005;
 const DENSITY_KG_PER_M3: f64 = 4000.0;
 
