@@ -273,11 +273,10 @@ impl Served {
             let begun = std::time::Instant::now();
             link::serve(&mut board, &listener, PACE, &flag, &mut each_step).map_err(|ended| ended.to_string())?;
             let speed = board.now().s() / begun.elapsed().as_secs_f64();
+            let mut host = Host::new(&mut board);
             // The link may have ended within a frame.
-            let sent = board.now() + Time::from_ms(50);
-            run(&mut board, sent);
-            board.chip_mut().take_sent();
-            let status = Host::new(&mut board).status();
+            host.pass(Time::from_ms(50));
+            let status = host.status();
             Ok(Outcome {
                 trace: board.chip().trace().to_vec(),
                 bytes_lost: board.chip().bytes_lost(),
