@@ -8,7 +8,7 @@ use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 use damprig_tests::support::images::project;
 
 /// The project's crates, and the project crates that each may depend on.
-const DIRECTIONS: [(&str, &[&str]); 14] = [
+const DIRECTIONS: [(&str, &[&str]); 15] = [
     ("damprig-core", &[]),
     ("damprig-protocol", &["damprig-core"]),
     ("damprig-device", &["damprig-core", "damprig-protocol"]),
@@ -16,6 +16,7 @@ const DIRECTIONS: [(&str, &[&str]); 14] = [
     ("damprig-continuation", &["damprig-core"]),
     ("damprig-motion", &["damprig-core"]),
     ("damprig-particles", &["damprig-core"]),
+    ("damprig-structures", &["damprig-core"]),
     ("damprig-firmware", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     (
         "damprig",
