@@ -1,7 +1,38 @@
-//! Linear structures of several degrees of freedom with impact, friction and tuned mass dampers.
+//! Linear structures of several degrees of freedom with impact, friction and tuned mass dampers: exact motion from event to event.
+//!
+//! Every state of the contacts (each particle free, held or in a soft wall, each friction damper sticking or slipping in a
+//! direction) is a linear system with constant coefficients. Its motion is a sum of exponentials ([`linear`]); events are
+//! the first roots of linear functions of the motion ([`guard`]); forces at rest and impulses follow from convex problems
+//! ([`contact`]).
+//!
+//! # No event is missed
+//! A step is taken only when each guard is proved to stay positive over it, or to fall through zero once. The proofs use values
+//! and slopes at both ends and bounds that hold for the whole step: amplitudes of natural motions never grow. A step that
+//! is not decided is halved. Rounding is neglected: an event deeper than about ten roundings of the displacement is
+//! never passed.
+//!
+//! # Laws of contact
+//! - Coulomb friction with a constant limit: at zero relative velocity the accelerations solve a convex problem and are unique, whatever
+//!   number of joints sticks at once.
+//! - Impacts at one instant are solved together (Moreau): each contact separates at least at e times its approach, and at
+//!   exactly that if it has an impulse. Resting contacts take part with an approach of zero. For several impacts at one instant this is a choice:
+//!   bodies that are hit one after the other would separate otherwise. No such impact gains energy, as each impulse acts against the mean of
+//!   approach and separation.
+//! - A particle whose bounces are lower than rounding rests on its wall.
 
+mod contact;
+mod guard;
+mod linear;
+mod motion;
+mod mount;
+mod observe;
+mod refused;
 mod set_up;
 mod state;
+mod system;
 
+pub use motion::Motion;
+pub use observe::{Impact, Observer, Piece};
+pub use refused::Refused;
 pub use set_up::{FrictionJoint, ImpactDamper, Mode, Modes, SetUp, TunedMass};
 pub use state::{Body, State};

@@ -1,6 +1,9 @@
 //! A set-up: a linear structure and the dampers mounted on it, in SI units, as plain data.
 
-use damprig_core::model::{FrictionDamper, GRAVITY_M_PER_S2, Particle, Structure, Tmd, Wall};
+use damprig_core::io::{finite, not_negative, positive};
+use damprig_core::model::{FrictionDamper, GRAVITY_M_PER_S2, Particle, Structure, Tmd};
+
+use crate::{Body, Refused, State};
 
 /// A natural mode of the structure.
 #[derive(Clone, Debug, PartialEq)]
@@ -102,4 +105,108 @@ impl SetUp {
             driven_place: None,
         }
     }
+}
+
+impl SetUp {
+    /// Checks that every value is physical and every place exists.
+    ///
+    /// # Errors
+    /// Names the first value outside its range.
+    pub fn validate(&self) -> Result<(), Refused> {
+        let Modes { modes, influence, coupling_per_s } = &self.structure;
+        let places = influence.len();
+        if modes.is_empty() {
+            return Err(Refused::Count { what: "structure.modes", found: 0, expected: 1 });
+        }
+        for mode in modes {
+            positive("structure.modes.angular_frequency_rad_per_s", mode.angular_frequency_rad_per_s)?;
+            not_negative("structure.modes.damping_ratio", mode.damping_ratio)?;
+            finite("structure.modes.participation", mode.participation)?;
+            count("structure.modes.shape", mode.shape.len(), places)?;
+            mode.shape.iter().try_for_each(|x| finite("structure.modes.shape", *x))?;
+        }
+        influence.iter().try_for_each(|x| finite("structure.influence", *x))?;
+        if !coupling_per_s.is_empty() {
+            count("structure.coupling_per_s", coupling_per_s.len(), modes.len() * modes.len())?;
+            coupling_per_s.iter().try_for_each(|c| finite("structure.coupling_per_s", *c))?;
+        }
+        not_negative("gravity_m_per_s2", self.gravity_m_per_s2)?;
+        let exists = |what: &'static str, place: usize| {
+            if place < places { Ok(()) } else { Err(Refused::Place { what, place, places }) }
+        };
+        for damper in &self.impact_dampers {
+            exists("impact_dampers.place", damper.place)?;
+            self.alone(Some(damper.particle), None).validate()?;
+        }
+        for tuned in &self.tuned_masses {
+            exists("tuned_masses.place", tuned.place)?;
+            self.alone(None, Some(tuned.tmd)).validate()?;
+        }
+        for joint in &self.friction_dampers {
+            exists("friction_dampers.place", joint.place)?;
+            positive("friction_dampers.force_n", joint.damper.force_n)?;
+            if let Some(other) = joint.other {
+                exists("friction_dampers.other", other)?;
+                if other == joint.place {
+                    return Err(Refused::SamePlace(other));
+                }
+            }
+            let ends = |mode: &Mode| mode.shape[joint.place] - joint.other.map_or(0.0, |other| mode.shape[other]);
+            if modes.iter().all(|mode| ends(mode) == 0.0) {
+                return Err(Refused::NoMotion);
+            }
+        }
+        self.driven_place.map_or(Ok(()), |place| exists("force.place", place))
+    }
+
+    /// Checks a starting state against this set-up.
+    ///
+    /// # Errors
+    /// A list of a wrong length, a value that is not finite, or a particle outside its cavity.
+    pub fn validate_state(&self, state: &State) -> Result<(), Refused> {
+        let modes = self.structure.modes.len();
+        count("initial.modal", state.modal.len(), modes)?;
+        count("initial.modal_rate", state.modal_rate.len(), modes)?;
+        count("initial.particles", state.particles.len(), self.impact_dampers.len())?;
+        count("initial.tuned_masses", state.tuned_masses.len(), self.tuned_masses.len())?;
+        let bodies = state.particles.iter().chain(&state.tuned_masses).flat_map(|body| [body.y_m, body.u_m_per_s]);
+        state
+            .modal
+            .iter()
+            .chain(&state.modal_rate)
+            .copied()
+            .chain(bodies)
+            .try_for_each(|value| finite("initial", value))?;
+        Ok(())
+    }
+
+    /// One damper on a structure of its own, for the checks that a set-up of one degree of freedom has.
+    fn alone(&self, particle: Option<Particle>, tmd: Option<Tmd>) -> damprig_core::model::SetUp {
+        let structure = Structure { mass_kg: 1.0, stiffness_n_per_m: 1.0, damping_n_s_per_m: 0.0 };
+        let bare = damprig_core::model::SetUp::bare(structure);
+        damprig_core::model::SetUp { particle, tmd, gravity_m_per_s2: self.gravity_m_per_s2, ..bare }
+    }
+
+    /// Displacement of a place relative to the base, m, in the modal coordinates of `state`.
+    #[must_use]
+    pub fn displacement_m(&self, state: &State, place: usize) -> f64 {
+        self.structure.modes.iter().zip(&state.modal).map(|(mode, q)| mode.shape[place] * q).sum()
+    }
+
+    /// Everything at rest (also absolutely, where the base moves at once), with the particles in the middle of their cavities.
+    #[must_use]
+    pub fn at_rest(&self, base_velocity_m_per_s: f64) -> State {
+        let modes = &self.structure.modes;
+        let middle = |damper: &ImpactDamper| Body { y_m: damper.particle.cavity.offset_m, u_m_per_s: 0.0 };
+        State {
+            modal: vec![0.0; modes.len()],
+            modal_rate: modes.iter().map(|mode| -mode.participation * base_velocity_m_per_s).collect(),
+            particles: self.impact_dampers.iter().map(middle).collect(),
+            tuned_masses: vec![Body::default(); self.tuned_masses.len()],
+        }
+    }
+}
+
+fn count(what: &'static str, found: usize, expected: usize) -> Result<(), Refused> {
+    if found == expected { Ok(()) } else { Err(Refused::Count { what, found, expected }) }
 }

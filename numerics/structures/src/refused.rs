@@ -1,0 +1,52 @@
+//! Why a set-up or a motion is refused.
+
+use damprig_core::io::Invalid;
+
+/// Why a set-up or a motion is refused.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum Refused {
+    /// A value out of range.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
+    /// A list has a wrong length, or a place does not exist.
+    #[error("{what}: {found} found, {expected} expected")]
+    Count {
+        /// What is counted, spelled as in files.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many there must be.
+        expected: usize,
+    },
+    /// A place that the structure does not have.
+    #[error("{what}: there is no place {place}; the structure has {places} places, counted from 0")]
+    Place {
+        /// The damper or force, spelled as in files.
+        what: &'static str,
+        /// The number given.
+        place: usize,
+        /// How many places there are.
+        places: usize,
+    },
+    /// A damper between a place and itself.
+    #[error("friction_dampers: a damper joins place {0} with itself; give two places, or one place and the base")]
+    SamePlace(usize),
+    /// A damper at a place that no mode moves.
+    #[error("friction_dampers: no mode moves the damper's two ends against each other")]
+    NoMotion,
+    /// A wall with Hertz contact.
+    #[error("impact_dampers: a wall with Hertz contact is not available on a structure of several degrees of freedom; state its restitution")]
+    Hertz,
+    /// The damping couples two motions of nearly the same rate so that the closed form loses its digits.
+    #[error("a natural motion is critically damped to within rounding: change its damping by one part in a million")]
+    Critical,
+    /// An undamped mode is driven at its natural frequency.
+    #[error("the excitation has the natural frequency of an undamped motion: add damping or change the frequency by one part in a million")]
+    Resonance,
+    /// Bodies that nothing holds.
+    #[error("a part of the structure is not held by any spring: its stiffness matrix must be positive definite")]
+    Unsupported,
+    /// Joints that stick together depend on each other.
+    #[error("joints that stick together have no unique forces: two friction dampers between the same places are one with the sum of their forces")]
+    Redundant,
+}

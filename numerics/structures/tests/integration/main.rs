@@ -1,0 +1,3 @@
+//! Checks of the engine for structures of several degrees of freedom.
+
+mod one_degree;

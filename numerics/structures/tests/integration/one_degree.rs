@@ -1,0 +1,161 @@
+//! A structure of one mode moves as in the engine for one degree of freedom.
+
+use damprig_core::integrator::exact::{Exact, ExactState, Excitation};
+use damprig_core::model::{Cavity, FrictionDamper, Particle, Release, SetUp as One, Structure, Tmd, Wall};
+use damprig_structures::{FrictionJoint, ImpactDamper, Motion, SetUp, State, TunedMass};
+
+fn structure() -> Structure {
+    Structure::from_modal(1.6, 2.5, 0.0038)
+}
+
+fn particle(clearance_m: f64, wall: Wall, friction_coefficient: f64) -> Particle {
+    Particle { mass_kg: 0.16, clearance_m, friction_coefficient, wall, cavity: Default::default() }
+}
+
+/// The same set-up for the engine of several degrees of freedom.
+fn several(one: &One, excitation: &Excitation) -> SetUp {
+    SetUp {
+        impact_dampers: one.particle.map(|particle| ImpactDamper { place: 0, particle }).into_iter().collect(),
+        friction_dampers: one
+            .friction_damper
+            .map(|damper| FrictionJoint { place: 0, other: None, damper })
+            .into_iter()
+            .collect(),
+        tuned_masses: one.tmd.map(|tmd| TunedMass { place: 0, tmd }).into_iter().collect(),
+        gravity_m_per_s2: one.gravity_m_per_s2,
+        driven_place: (!excitation.moves_base()).then_some(0),
+        ..SetUp::bare(one.structure)
+    }
+}
+
+/// Relative distance of the second motions, which tell how far nearby motions part.
+const NEARBY: f64 = 1e-10;
+
+/// Rounding of a cycle relative to the largest x. At resonance the forced motion is up to 40 times as large as the motion that
+/// remains with a damper: two of its roundings are 40·2·1.1e-16.
+const PER_CYCLE: f64 = 1e-14;
+
+/// A motion that left the exact one at the start of a cycle.
+struct Nearby {
+    motion: Exact,
+    from_m: f64,
+}
+
+/// Compares x and y at the ends of `cycles`, relative to the largest x. The rounding of each cycle has grown as the distance of a motion
+/// that started this cycle [`NEARBY`].
+fn agrees(name: &str, one: &One, excitation: &Excitation, cycles: u32) {
+    let mut exact = Exact::new(one, excitation, &one.neutral()).unwrap();
+    let set_up = several(one, excitation);
+    let base = if excitation.moves_base() { exact.base() } else { (0.0, 0.0) };
+    let mut motion = Motion::new(&set_up, excitation, &set_up.at_rest(base.1)).unwrap();
+    let root = one.structure.mass_kg.sqrt();
+    let omega = excitation.angular_frequency_rad_per_s();
+    let has_body = one.particle.is_some() || one.tmd.is_some();
+    let distance = |a: &ExactState, x_m: f64, y_m: f64| {
+        (a.x_m - x_m).abs().max(if has_body { (a.y_m() - y_m).abs() } else { 0.0 })
+    };
+    let (mut most, mut worst) = (1e-4_f64, (0.0_f64, 0.0_f64));
+    let mut others: Vec<Nearby> = Vec::new();
+    for n in 1..=cycles {
+        let until_s = f64::from(n) * std::f64::consts::TAU / omega;
+        let from_m = NEARBY * most;
+        let mut nearby = exact.clone();
+        let start = ExactState { v_m_per_s: exact.state().v_m_per_s + from_m * omega, ..*exact.state() };
+        nearby.resume(exact.time_s(), &start, exact.fastest_m_per_s());
+        others.push(Nearby { motion: nearby, from_m });
+        exact.run(until_s, &mut ());
+        motion.run(until_s, &mut ()).unwrap();
+        let now = exact.state();
+        let growth = |other: &mut Nearby| {
+            other.motion.run(until_s, &mut ());
+            distance(other.motion.state(), now.x_m, now.y_m()) / other.from_m
+        };
+        let allowed = PER_CYCLE * others.iter_mut().map(growth).sum::<f64>().max(1.0);
+        most = most.max(now.x_m.abs());
+        let state: State = motion.state();
+        let body = state.particles.first().or(state.tuned_masses.first()).map_or(0.0, |body| body.y_m);
+        let off = distance(now, state.modal[0] / root + motion.base().0, body) / most;
+        worst = (worst.0.max(off), worst.1.max(allowed));
+        assert!(off < allowed, "{name}, cycle {n}: {off:e} apart, {allowed:e} allowed");
+    }
+    assert_eq!(motion.unresolved(), 0);
+    println!("{name}: {:.1e} apart within {cycles} cycles, {:.1e} allowed", worst.0, worst.1);
+    assert!(worst.1 < 1e-6, "{name}: chaotic");
+}
+
+fn sine(frequency_hz: f64) -> Excitation {
+    Excitation::Sine {
+        amplitude_m: 3e-3,
+        angular_frequency_rad_per_s: std::f64::consts::TAU * frequency_hz,
+        phase_rad: 0.0,
+    }
+}
+
+#[test]
+fn a_bare_structure_moves_as_with_one_degree() {
+    agrees("bare", &One::bare(structure()), &sine(2.4), 50);
+}
+
+#[test]
+fn a_tuned_mass_moves_as_with_one_degree() {
+    let tmd = Some(Tmd { mass_kg: 0.16, stiffness_n_per_m: 32.83, damping_n_s_per_m: 0.77 });
+    agrees("tuned mass", &One { tmd, ..One::bare(structure()) }, &sine(2.4), 50);
+}
+
+#[test]
+fn an_impact_damper_moves_as_with_one_degree() {
+    for (e, d, cycles) in [(0.3, 30e-3, 100), (0.5, 30e-3, 100), (0.5, 15e-3, 12)] {
+        let particle = Some(particle(d, Wall::Restitution { coefficient: e }, 0.0));
+        agrees(&format!("e = {e}, d = {d}"), &One { particle, ..One::bare(structure()) }, &sine(2.5), cycles);
+    }
+}
+
+#[test]
+fn chatter_and_internal_friction_move_as_with_one_degree() {
+    for (e, d, friction, cycles) in [(0.3, 60e-3, 0.0, 60), (0.3, 22.5e-3, 0.08, 60), (0.0, 22.5e-3, 0.18, 40)] {
+        let particle = Some(particle(d, Wall::Restitution { coefficient: e }, friction));
+        let name = format!("e = {e}, d = {d}, friction {friction}");
+        agrees(&name, &One { particle, ..One::bare(structure()) }, &sine(2.5), cycles);
+    }
+}
+
+#[test]
+fn a_friction_damper_and_a_hybrid_move_as_with_one_degree() {
+    let friction_damper = Some(FrictionDamper { force_n: 0.6 });
+    agrees("friction damper", &One { friction_damper, ..One::bare(structure()) }, &sine(2.4), 60);
+    let particle = Some(particle(15e-3, Wall::Restitution { coefficient: 0.47 }, 0.08));
+    agrees("hybrid", &One { particle, friction_damper, ..One::bare(structure()) }, &sine(2.45), 40);
+}
+
+#[test]
+fn an_inclined_cavity_off_its_centre_with_two_walls_moves_as_with_one_degree() {
+    let wall = Wall::Restitution { coefficient: 0.5 };
+    let soft = Wall::Voigt { stiffness_n_per_m: 1024.9, damping_n_s_per_m: 2.0, release: Release::ZeroForce };
+    for (positive_wall, inclination_deg) in [(None, 10.0), (Some(soft), -20.0), (None, 90.0)] {
+        let cavity = Cavity { positive_wall, offset_m: 2e-3, inclination_deg };
+        let particle = Some(Particle { cavity, ..particle(10e-3, wall, 0.05) });
+        agrees(&format!("{inclination_deg}°"), &One { particle, ..One::bare(structure()) }, &sine(2.5), 15);
+    }
+}
+
+#[test]
+fn a_driving_force_moves_as_with_one_degree() {
+    let particle = Some(particle(22.5e-3, Wall::Restitution { coefficient: 0.4 }, 0.0));
+    let friction_damper = Some(FrictionDamper { force_n: 0.2 });
+    let one = One { particle, friction_damper, ..One::bare(structure()) };
+    let excitation = Excitation::ForceSine {
+        amplitude_n: 1.2,
+        angular_frequency_rad_per_s: std::f64::consts::TAU * 2.45,
+        phase_rad: 0.3,
+    };
+    agrees("force", &one, &excitation, 30);
+}
+
+#[test]
+fn soft_walls_move_as_with_one_degree() {
+    for release in [Release::ZeroForce, Release::ZeroPenetration] {
+        let wall = Wall::Voigt { stiffness_n_per_m: 1024.9, damping_n_s_per_m: 2.0, release };
+        let particle = Some(particle(22.5e-3, wall, 0.0));
+        agrees(&format!("{release:?}"), &One { particle, ..One::bare(structure()) }, &sine(2.5), 20);
+    }
+}
