@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{FrictionDamper, Particle, Wall};
-use damprig_structures::{FrictionJoint, ImpactDamper, Mode, Modes, Motion, Observer, SetUp, Impact};
+use damprig_structures::{FrictionJoint, Impact, ImpactDamper, Mode, Modes, Motion, Observer, SetUp};
 
 struct Count(u64);
 impl Observer for Count {
@@ -29,22 +29,36 @@ fn main() {
             .collect();
         let structure = Modes { modes, influence: vec![1.0], coupling_per_s: Vec::new() };
         let wall = Wall::Restitution { coefficient: 0.3 };
-        let particle = Particle { mass_kg: 0.16, clearance_m: 30e-3, friction_coefficient: 0.0, wall, cavity: Default::default() };
+        let particle =
+            Particle { mass_kg: 0.16, clearance_m: 30e-3, friction_coefficient: 0.0, wall, cavity: Default::default() };
         let mut set_up = SetUp { impact_dampers: vec![ImpactDamper { place: 0, particle }], ..SetUp::bare(structure) };
         if friction > 0.0 {
-            set_up.friction_dampers.push(FrictionJoint { place: 0, other: None, damper: FrictionDamper { force_n: friction } });
+            set_up.friction_dampers.push(FrictionJoint {
+                place: 0,
+                other: None,
+                damper: FrictionDamper { force_n: friction },
+            });
         }
-        let excitation =
-            Excitation::Sine { amplitude_m: 3e-3, angular_frequency_rad_per_s: std::f64::consts::TAU * 2.5, phase_rad: 0.0 };
+        let excitation = Excitation::Sine {
+            amplitude_m: 3e-3,
+            angular_frequency_rad_per_s: std::f64::consts::TAU * 2.5,
+            phase_rad: 0.0,
+        };
         let start = set_up.at_rest(3e-3 * std::f64::consts::TAU * 2.5);
         let mut motion = Motion::new(&set_up, &excitation, &start).unwrap();
         let mut count = Count(0);
-        motion.run(400.0, &mut count).unwrap();
-        count.0 = 0;
+        for k in 1..=20 { motion.run(20.0*f64::from(k), &mut count).unwrap(); if std::env::var_os("V").is_some() { unsafe { println!("{k} {:?} {} {}", { let c = damprig_structures::COUNTS; c }, motion.unresolved(), count.0); } } }
+        count.0 = 0; unsafe {damprig_structures::COUNTS = [0;3];}
         let begun = Instant::now();
-        let cycles = if n > 5 || friction > 0.0 { 2_000.0 } else { 20_000.0 };
+        let cycles = 2_000.0;
         motion.run(400.0 + cycles * 0.4, &mut count).unwrap();
+        unsafe { println!("{:?}", [damprig_structures::COUNTS[0] as f64/cycles, damprig_structures::COUNTS[1] as f64/cycles, damprig_structures::COUNTS[2] as f64/cycles]); damprig_structures::COUNTS = [0;3]; }
         let rate = cycles / begun.elapsed().as_secs_f64();
-        println!("{n} modes, friction {friction} N: {:.4} M cycles/s, {:.2} impacts a cycle, unresolved {}", rate * 1e-6, count.0 as f64 / cycles, motion.unresolved());
+        println!(
+            "{n} modes, friction {friction} N: {:.4} M cycles/s, {:.2} impacts a cycle, unresolved {}",
+            rate * 1e-6,
+            count.0 as f64 / cycles,
+            motion.unresolved()
+        );
     }
 }

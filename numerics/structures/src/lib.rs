@@ -21,6 +21,7 @@
 //! - A particle whose bounces are lower than rounding rests on its wall.
 
 mod contact;
+mod events;
 mod guard;
 mod linear;
 mod motion;
@@ -29,9 +30,11 @@ mod observe;
 mod refused;
 mod set_up;
 mod state;
+mod stepping;
 mod system;
 
 pub use motion::Motion;
+#[doc(hidden)] pub use stepping::COUNTS;
 pub use observe::{Impact, Observer, Piece};
 pub use refused::Refused;
 pub use set_up::{FrictionJoint, ImpactDamper, Mode, Modes, SetUp, TunedMass};

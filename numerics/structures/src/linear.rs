@@ -274,9 +274,8 @@ impl Linear {
                 .collect(),
             Some(damping) => {
                 let n = load.len();
-                let matrix = DMatrix::from_fn(n, n, |i, j| {
-                    if i == j { of(i) } else { I * (self.turning * damping[(i, j)]) }
-                });
+                let matrix =
+                    DMatrix::from_fn(n, n, |i, j| if i == j { of(i) } else { I * (self.turning * damping[(i, j)]) });
                 let solved = matrix.lu().solve(&DVector::from_column_slice(load)).ok_or(Refused::Resonance)?;
                 Ok(solved.iter().copied().collect())
             }
@@ -295,57 +294,62 @@ impl Linear {
             .collect()
     }
 
-    /// The constant part of a motion that starts from q, under the constant force.
-    pub fn rest(&self, bodies: &Bodies, q: &[f64], force: &[f64], wave: &Wave, moves_base: bool) -> Rest {
-        let share = if moves_base { 1.0 } else { 0.0 };
+    /// The constant part of a motion that starts from q, under the constant force. `share`: 1 where the base moves, otherwise 0.
+    pub fn rest(&self, bodies: &Bodies, q: &[f64], force: &[f64], wave: &Wave, share: f64, rest: &mut Rest) {
+        rest.eta.clear();
+        rest.kappa.clear();
         let Some(basis) = &self.basis else {
-            let eta = force.iter().zip(&self.square).map(|(f, square)| f / square).collect();
-            return Rest { eta, ..Rest::default() };
+            rest.eta.extend(force.iter().zip(&self.square).map(|(f, square)| f / square));
+            return;
         };
         // z without its constant part.
-        let kappa: Vec<f64> = (basis.rows.iter().zip(&basis.influence))
-            .map(|(row, influence)| dot(row, q) + influence * share * wave.sine)
-            .collect();
-        let at_rest = &basis.fixed * DVector::from_column_slice(&kappa);
-        let springs = bodies.springs(at_rest.as_slice());
+        let of = |(row, influence): (&Vec<f64>, &f64)| dot(row, q) + influence * share * wave.sine;
+        rest.kappa.extend(basis.rows.iter().zip(&basis.influence).map(of));
+        let prescribed = &basis.fixed * DVector::from_column_slice(&rest.kappa);
+        let springs = bodies.springs(prescribed.as_slice());
         let load = DVector::from_iterator(force.len(), force.iter().zip(&springs).map(|(f, k)| f - k));
-        let eta = (basis.shapes.transpose() * load).iter().zip(&self.square).map(|(f, square)| f / square).collect();
-        Rest { eta, kappa }
+        rest.eta.extend((basis.shapes.transpose() * load).iter().zip(&self.square).map(|(f, square)| f / square));
     }
 
     /// The natural motions of a state.
     pub fn enter(&self, rest: &Rest, q: &[f64], v: &[f64], wave: C64, z: &mut Vec<C64>) {
-        let (mut eta, mut rate) = (q.to_vec(), v.to_vec());
-        if let Some(basis) = &self.basis {
-            // q and q′ without what the constraints prescribe.
-            let prescribed = &basis.fixed * DVector::from_column_slice(&rest.kappa);
-            let moved = basis.moved();
-            let (sine, cosine) = (wave.im, wave.re);
-            for i in 0..eta.len() {
-                eta[i] -= prescribed[i] + moved[i] * sine;
-                rate[i] -= moved[i] * self.turning * cosine;
-            }
-            eta = (&basis.project * DVector::from_vec(eta)).iter().copied().collect();
-            rate = (&basis.project * DVector::from_vec(rate)).iter().copied().collect();
-        }
-        for i in 0..eta.len() {
-            let forced = self.forced[i] * wave;
-            eta[i] -= rest.eta[i] + forced.re;
-            rate[i] -= (I * self.turning * forced).re;
-        }
         z.clear();
+        let turning = I * self.turning;
+        let left = |i: usize, eta: f64, rate: f64| {
+            let forced = self.forced[i] * wave;
+            (eta - rest.eta[i] - forced.re, rate - (turning * forced).re)
+        };
+        let (eta, rate) = match &self.basis {
+            None => (None, None),
+            Some(basis) => {
+                // Without what the constraints prescribe.
+                let moved = basis.moved();
+                let prescribed = &basis.fixed * DVector::from_column_slice(&rest.kappa);
+                let eta = (0..q.len()).map(|i| q[i] - prescribed[i] - moved[i] * wave.im);
+                let rate = (0..q.len()).map(|i| v[i] - moved[i] * self.turning * wave.re);
+                let project = |x: DVector<f64>| &basis.project * x;
+                let (eta, rate) = (DVector::from_iterator(q.len(), eta), DVector::from_iterator(q.len(), rate));
+                (Some(project(eta)), Some(project(rate)))
+            }
+        };
+        let eta = eta.as_ref().map_or(q, |eta| eta.as_slice());
+        let rate = rate.as_ref().map_or(v, |rate| rate.as_slice());
         match &self.motions {
-            Motions::Modal(list) => z.extend(list.iter().map(|&(i, of, of_rate)| match eta.get(i) {
-                Some(eta) => of * *eta + of_rate * rate[i],
-                None => wave,
+            Motions::Modal(list) => z.extend(list.iter().map(|&(i, of, of_rate)| {
+                if i == usize::MAX {
+                    return wave;
+                }
+                let (eta, rate) = left(i, eta[i], rate[i]);
+                of * eta + of_rate * rate
             })),
-            Motions::Coupled { left, left_rate, .. } => {
-                z.extend((0..self.rates.len()).map(|j| {
-                    let of = |side: &DMatrix<C64>, x: &[f64]| -> C64 {
-                        x.iter().enumerate().map(|(i, x)| side[(j, i)] * *x).sum()
-                    };
-                    of(left, &eta) + of(left_rate, &rate)
-                }));
+            Motions::Coupled { left: of, left_rate, .. } => {
+                z.resize(self.rates.len(), C64::ZERO);
+                for (i, (&eta, &rate)) in eta.iter().zip(rate).enumerate() {
+                    let (eta, rate) = left(i, eta, rate);
+                    for (z, (of, of_rate)) in z.iter_mut().zip(of.column(i).iter().zip(left_rate.column(i).iter())) {
+                        *z += of * eta + of_rate * rate;
+                    }
+                }
                 z[self.wave] = wave;
             }
         }
@@ -353,43 +357,47 @@ impl Linear {
 
     /// The state of natural motions.
     pub fn leave(&self, rest: &Rest, z: &[C64], q: &mut [f64], v: &mut [f64]) {
+        match &self.basis {
+            None => self.leave_natural(rest, z, q, v),
+            Some(basis) => {
+                let n = self.square.len();
+                let (mut eta, mut rate) = (DVector::zeros(n), DVector::zeros(n));
+                self.leave_natural(rest, z, eta.as_mut_slice(), rate.as_mut_slice());
+                let wave = z[self.wave];
+                let prescribed = &basis.fixed * DVector::from_column_slice(&rest.kappa);
+                let moved = basis.moved();
+                let (free, free_rate) = (&basis.shapes * eta, &basis.shapes * rate);
+                for i in 0..q.len() {
+                    q[i] = free[i] + prescribed[i] + moved[i] * wave.im;
+                    v[i] = free_rate[i] + moved[i] * self.turning * wave.re;
+                }
+            }
+        }
+    }
+
+    /// η and η′.
+    fn leave_natural(&self, rest: &Rest, z: &[C64], eta: &mut [f64], rate: &mut [f64]) {
         let wave = z[self.wave];
-        let n = self.square.len();
-        let (mut eta, mut rate) = (vec![0.0; n], vec![0.0; n]);
-        for i in 0..n {
+        for (i, (eta, rate)) in eta.iter_mut().zip(rate.iter_mut()).enumerate() {
             let forced = self.forced[i] * wave;
-            eta[i] = rest.eta[i] + forced.re;
-            rate[i] = (I * self.turning * forced).re;
+            (*eta, *rate) = (rest.eta[i] + forced.re, (I * self.turning * forced).re);
         }
         match &self.motions {
             Motions::Modal(list) => {
-                for (j, &(i, ..)) in list.iter().enumerate().filter(|(_, (i, ..))| *i < n) {
-                    eta[i] += z[j].re;
-                    rate[i] += (self.rates[j] * z[j]).re;
-                }
-            }
-            Motions::Coupled { right, .. } => {
-                for (j, z) in z.iter().enumerate().filter(|(j, _)| *j != self.wave) {
-                    let faster = self.rates[j] * z;
-                    for i in 0..n {
-                        eta[i] += (right[(i, j)] * z).re;
-                        rate[i] += (right[(i, j)] * faster).re;
+                for (&(i, ..), (z, faster)) in list.iter().zip(z.iter().zip(&self.rates)) {
+                    if i != usize::MAX {
+                        eta[i] += z.re;
+                        rate[i] += (faster * z).re;
                     }
                 }
             }
-        }
-        match &self.basis {
-            None => {
-                q.copy_from_slice(&eta);
-                v.copy_from_slice(&rate);
-            }
-            Some(basis) => {
-                let prescribed = &basis.fixed * DVector::from_column_slice(&rest.kappa);
-                let moved = basis.moved();
-                let free = (&basis.shapes * DVector::from_vec(eta), &basis.shapes * DVector::from_vec(rate));
-                for i in 0..q.len() {
-                    q[i] = free.0[i] + prescribed[i] + moved[i] * wave.im;
-                    v[i] = free.1[i] + moved[i] * self.turning * wave.re;
+            Motions::Coupled { right, .. } => {
+                for (j, (z, faster)) in z.iter().zip(&self.rates).enumerate().filter(|(j, _)| *j != self.wave) {
+                    let faster = faster * z;
+                    for (i, right) in right.column(j).iter().enumerate() {
+                        eta[i] += (right * z).re;
+                        rate[i] += (right * faster).re;
+                    }
                 }
             }
         }
@@ -409,9 +417,9 @@ impl Linear {
             Motions::Modal(list) => {
                 list.iter().map(|&(i, ..)| C64::from(on.get(i).copied().unwrap_or_default())).collect()
             }
-            Motions::Coupled { right, .. } => (0..self.rates.len())
-                .map(|j| on.iter().enumerate().map(|(i, on)| right[(i, j)] * *on).sum())
-                .collect(),
+            Motions::Coupled { right, .. } => {
+                (0..self.rates.len()).map(|j| on.iter().enumerate().map(|(i, on)| right[(i, j)] * *on).sum()).collect()
+            }
         };
         coefficients[self.wave] = row.iter().zip(&self.forced_q).map(|(row, q)| q * *row).sum();
         Signal { on, fixed, coefficients }

@@ -4,6 +4,8 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_core::integrator::modes::Sign;
 use damprig_core::model::{ImpactLaw, Release};
 
+use nalgebra::DMatrix;
+
 use crate::linear::{Bodies, C64, Link};
 use crate::{Refused, SetUp};
 
@@ -49,10 +51,9 @@ impl Cavity {
     }
 }
 
-/// A friction damper: Coulomb friction on `row · q′ + influence · z′`.
+/// A friction damper: Coulomb friction on the relative velocity of its joint, to which the base adds `influence · z′`.
 #[derive(Clone, Debug)]
 pub(crate) struct Friction {
-    pub row: Vec<f64>,
     pub influence: Influence,
     pub force_n: f64,
 }
@@ -67,6 +68,10 @@ pub(crate) struct Mount {
     pub bodies: Bodies,
     pub cavities: Vec<Cavity>,
     pub frictions: Vec<Friction>,
+    /// Relative displacement of each joint over the bodies: friction dampers, then y − x of the particles.
+    pub rows: Vec<Vec<f64>>,
+    /// Bᵀ M⁻¹ B of all joints: relative acceleration per joint force, 1/kg.
+    pub compliance: DMatrix<f64>,
     /// F̂ on each body.
     pub force: Vec<C64>,
     /// The driven place's row; empty where the base moves.
@@ -115,7 +120,8 @@ impl Mount {
             bodies.links.push(Link { row, stiffness: tmd.stiffness_n_per_m, damping: tmd.damping_n_s_per_m });
         }
         let turning = excitation.angular_frequency_rad_per_s();
-        let mut force: Vec<C64> = bodies.inertia.iter().map(|inertia| C64::new(0.0, -inertia * turning * turning)).collect();
+        let mut force: Vec<C64> =
+            bodies.inertia.iter().map(|inertia| C64::new(0.0, -inertia * turning * turning)).collect();
         if let Some(place) = set_up.driven_place.filter(|_| !moves_base) {
             force.iter_mut().zip(row(place)).for_each(|(force, row)| *force = C64::new(0.0, -row));
         }
@@ -145,7 +151,8 @@ impl Mount {
                     weight_n: gravity * particle.cavity.rise(),
                 })
             })
-            .collect::<Result<_, Refused>>()?;
+            .collect::<Result<Vec<_>, Refused>>()?;
+        let mut rows = Vec::new();
         let frictions = set_up
             .friction_dampers
             .iter()
@@ -156,18 +163,29 @@ impl Mount {
                     row.iter_mut().zip(shape(place)).for_each(|(row, shape)| *row -= shape);
                     other = influence(place);
                 }
-                Friction { row, influence: influence(joint.place) - other, force_n: joint.damper.force_n }
+                rows.push(row);
+                Friction { influence: influence(joint.place) - other, force_n: joint.damper.force_n }
             })
             .collect();
+        for (i, damper) in particles.iter().enumerate() {
+            let mut row: Vec<f64> = row(damper.place).iter().map(|x| -x).collect();
+            row[fixed + i] = 1.0;
+            rows.push(row);
+        }
+        let compliance = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
+            rows[i]
+                .iter()
+                .zip(&rows[j])
+                .zip(&bodies.mass)
+                .map(|((a, b), mass): ((&f64, &f64), &f64)| a * b / mass)
+                .sum()
+        });
         let tuned_influence = tuned.iter().map(|tuned| influence(tuned.place)).collect();
-        Ok(Self { modes, fixed, bodies, cavities, frictions, force, moves_base, tuned_influence })
+        Ok(Self { modes, fixed, bodies, cavities, frictions, rows, compliance, force, moves_base, tuned_influence })
     }
 
     /// y − x of a particle, as a row over the bodies.
-    pub fn offset_row(&self, particle: usize) -> Vec<f64> {
-        let mut row: Vec<f64> = self.cavities[particle].place.iter().map(|x| -x).collect();
-        row.resize(self.bodies.len(), 0.0);
-        row[self.fixed + particle] = 1.0;
-        row
+    pub fn offset_row(&self, particle: usize) -> &[f64] {
+        &self.rows[self.frictions.len() + particle]
     }
 }

@@ -35,18 +35,24 @@ pub enum Refused {
     #[error("friction_dampers: no mode moves the damper's two ends against each other")]
     NoMotion,
     /// A wall with Hertz contact.
-    #[error("impact_dampers: a wall with Hertz contact is not available on a structure of several degrees of freedom; state its restitution")]
+    #[error(
+        "impact_dampers: a wall with Hertz contact is not available on a structure of several degrees of freedom; state its restitution"
+    )]
     Hertz,
     /// The damping couples two motions of nearly the same rate so that the closed form loses its digits.
     #[error("a natural motion is critically damped to within rounding: change its damping by one part in a million")]
     Critical,
     /// An undamped mode is driven at its natural frequency.
-    #[error("the excitation has the natural frequency of an undamped motion: add damping or change the frequency by one part in a million")]
+    #[error(
+        "the excitation has the natural frequency of an undamped motion: add damping or change the frequency by one part in a million"
+    )]
     Resonance,
     /// Bodies that nothing holds.
     #[error("a part of the structure is not held by any spring: its stiffness matrix must be positive definite")]
     Unsupported,
     /// Joints that stick together depend on each other.
-    #[error("joints that stick together have no unique forces: two friction dampers between the same places are one with the sum of their forces")]
+    #[error(
+        "joints that stick together have no unique forces: two friction dampers between the same places are one with the sum of their forces"
+    )]
     Redundant,
 }

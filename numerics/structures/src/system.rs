@@ -123,6 +123,7 @@ pub(crate) trait Free {
 /// The system of one state of the contacts.
 #[derive(Clone, Debug)]
 pub(crate) struct System {
+    pub contacts: Contacts,
     /// Its bodies, by their numbers among all.
     pub members: Vec<usize>,
     pub bodies: Bodies,
@@ -163,10 +164,10 @@ impl System {
         let mut joints = Vec::new();
         for (joint, friction) in mount.frictions.iter().enumerate() {
             if contacts.joints[joint] == 0 {
-                stuck.push(Constraint { row: of(&friction.row), influence: friction.influence });
+                stuck.push(Constraint { row: of(&mount.rows[joint]), influence: friction.influence });
                 joints.push((joint, -friction.force_n, friction.force_n));
             } else {
-                crate::linear::add(&mut constant, contacts.sliding_force(mount, joint), &friction.row);
+                crate::linear::add(&mut constant, contacts.sliding_force(mount, joint), &mount.rows[joint]);
             }
         }
         for (i, (slide, touch)) in contacts.particles.iter().enumerate() {
@@ -176,12 +177,12 @@ impl System {
             if let Touch::Pressing(side) = *touch
                 && let WallLaw::Soft { stiffness, damping, .. } = *cavity.wall(side)
             {
-                bodies.links.push(Link { row: of(&row), stiffness, damping });
-                crate::linear::add(&mut constant, stiffness * signed(side, cavity.end(side)), &row);
+                bodies.links.push(Link { row: of(row), stiffness, damping });
+                crate::linear::add(&mut constant, stiffness * signed(side, cavity.end(side)), row);
             }
             match slide {
                 Slide::Free(_) => {
-                    crate::linear::add(&mut constant, contacts.sliding_force(mount, joint), &row);
+                    crate::linear::add(&mut constant, contacts.sliding_force(mount, joint), row);
                 }
                 Slide::Stuck => {
                     let friction = cavity.friction_n;
@@ -190,15 +191,17 @@ impl System {
                         Touch::Wall(_) => (-friction, f64::INFINITY),
                         _ => (-friction, friction),
                     };
-                    stuck.push(Constraint { row: of(&row), influence: 0.0 });
+                    stuck.push(Constraint { row: of(row), influence: 0.0 });
                     joints.push((joint, low, high));
                 }
             }
         }
         let force: Vec<C64> = members.iter().map(|&i| mount.force[i]).collect();
         let linear = Linear::new(&bodies, &stuck, turning, &force)?;
-        let slowest = linear.rates.iter().map(|rate| rate.norm()).filter(|rate| *rate > 0.0).fold(f64::INFINITY, f64::min);
+        let slowest =
+            linear.rates.iter().map(|rate| rate.norm()).filter(|rate| *rate > 0.0).fold(f64::INFINITY, f64::min);
         let mut system = Self {
+            contacts: contacts.clone(),
             force: members.iter().map(|&i| constant[i]).collect(),
             members,
             bodies,
@@ -236,13 +239,12 @@ impl System {
         let rates = self.linear.rates.clone();
         let wave = self.linear.wave;
         let turning = rates[wave].im;
-        let guard = |coefficients: &[C64], factor: f64| {
-            Guard::new(coefficients.iter().map(|c| c * factor).collect(), &rates)
-        };
+        let guard =
+            |coefficients: &[C64], factor: f64| Guard::new(coefficients.iter().map(|c| c * factor).collect(), &rates);
         let own = |row: &[f64]| -> Vec<f64> { self.members.iter().map(|&i| row[i]).collect() };
         let mut guards = Vec::new();
         for (joint, friction) in mount.frictions.iter().enumerate().filter(|(joint, _)| contacts.joints[*joint] != 0) {
-            let mut signal = self.linear.velocity(&own(&friction.row));
+            let mut signal = self.linear.velocity(&own(&mount.rows[joint]));
             signal.coefficients[wave] += friction.influence * turning;
             let factor = f64::from(contacts.joints[joint]);
             guards.push(Watched {
@@ -275,7 +277,7 @@ impl System {
             let Slide::Free(direction) = slide else { continue };
             let joint = mount.frictions.len() + i;
             if let Touch::Pressing(side) = touch {
-                let row = own(&mount.offset_row(i));
+                let row = own(mount.offset_row(i));
                 let WallLaw::Soft { stiffness, damping, release } = *cavity.wall(side) else { continue };
                 let displacement = self.linear.displacement(&row);
                 let velocity = self.linear.velocity(&row);

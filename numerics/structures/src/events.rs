@@ -1,0 +1,344 @@
+//! Events: impacts, starts and ends of sliding, contacts with soft walls.
+
+use damprig_core::integrator::modes::{Sign, sign, signed};
+use damprig_core::model::Release;
+use nalgebra::DMatrix;
+
+use crate::Refused;
+use crate::contact::{self, At, Limits};
+use crate::linear::{C64, add, dot};
+use crate::motion::{Motion, ROUNDINGS};
+use crate::mount::WallLaw;
+use crate::observe::{Impact, Observer};
+use crate::system::{Event, Slide, Touch};
+
+/// Bounces are compared with rounding only when slower than this fraction of the fastest impact.
+const SLOW: f64 = 1e-4;
+
+impl Motion {
+    /// Limits of a joint's force at zero relative velocity.
+    fn limits(&self, joint: usize) -> Limits {
+        let frictions = self.mount.frictions.len();
+        if let Some(friction) = self.mount.frictions.get(joint) {
+            return Limits { low: -friction.force_n, high: friction.force_n };
+        }
+        let particle = joint - frictions;
+        let friction = self.mount.cavities[particle].friction_n;
+        match self.contacts.particles[particle].1 {
+            Touch::Wall(1) => Limits { low: f64::NEG_INFINITY, high: friction },
+            Touch::Wall(_) => Limits { low: -friction, high: f64::INFINITY },
+            _ => Limits { low: -friction, high: friction },
+        }
+    }
+
+    /// Decides at an instant which joints of zero relative velocity stick, and starts the next phase. `hints`: guards that are zero by
+    /// definition besides those that follow from this decision.
+    pub(crate) fn resolve(&mut self, zero: &[bool], hints: &[(Event, usize)]) -> Result<(), Refused> {
+        let mut hints = hints.to_vec();
+        let frictions = self.mount.frictions.len();
+        let mut candidates = Vec::new();
+        for joint in 0..self.joints() {
+            let limits = self.limits(joint);
+            let may_stick = limits.low < limits.high;
+            let slip = if may_stick && !zero[joint] { self.slip(joint) } else { 0.0 };
+            if may_stick && slip == 0.0 {
+                candidates.push(joint);
+            } else {
+                self.set_direction(joint, sign(slip));
+            }
+        }
+        let (at, acceleration) = self.sticking(&candidates)?;
+        for ((&joint, at), acceleration) in candidates.iter().zip(at).zip(acceleration) {
+            match at {
+                At::Inside if joint < frictions => self.contacts.joints[joint] = 0,
+                At::Inside => self.contacts.particles[joint - frictions].0 = Slide::Stuck,
+                At::Low | At::High => {
+                    let direction = if at == At::Low { 1 } else { -1 };
+                    // Without a relative acceleration the velocity starts with the square of time.
+                    let order = if acceleration == 0.0 { 2 } else { 1 };
+                    self.start_sliding(joint, direction, order, &mut hints);
+                }
+            }
+        }
+        for particle in 0..self.mount.cavities.len() {
+            let (slide, touch) = &mut self.contacts.particles[particle];
+            if let (Slide::Free(_), Touch::Wall(_)) = (&slide, &touch) {
+                *touch = Touch::None;
+            }
+        }
+        self.phase(&hints)
+    }
+
+    /// A joint starts to slide from rest in `direction`; the relative velocity grows with the power `order` of time.
+    fn start_sliding(&mut self, joint: usize, direction: Sign, order: usize, hints: &mut Vec<(Event, usize)>) {
+        let frictions = self.mount.frictions.len();
+        hints.push((Event::Stops(joint), order));
+        if let Some(particle) = joint.checked_sub(frictions)
+            && let Touch::Wall(side) = self.contacts.particles[particle].1
+        {
+            self.contacts.particles[particle].1 = Touch::None;
+            hints.push((Event::Wall(particle, side), order + 1));
+        }
+        self.set_direction(joint, direction);
+    }
+
+    fn set_direction(&mut self, joint: usize, direction: Sign) {
+        match joint.checked_sub(self.mount.frictions.len()) {
+            None => self.contacts.joints[joint] = direction,
+            Some(particle) => {
+                let has_friction = self.mount.cavities[particle].friction_n > 0.0;
+                self.contacts.particles[particle].0 = Slide::Free(if has_friction { direction } else { 0 });
+            }
+        }
+    }
+
+    /// The accelerations of all bodies when the joints in `free` have no force, and the sizes of their terms.
+    fn accelerations(&self, free: &[usize]) -> (Vec<f64>, Vec<f64>) {
+        let mount = &self.mount;
+        let bodies = &mount.bodies;
+        let mut force: Vec<f64> = bodies.springs(&self.q).iter().map(|f| -f).collect();
+        let mut size: Vec<f64> = force.iter().map(|f| f.abs()).collect();
+        let mut push = |more: f64, row: &[f64]| {
+            add(&mut force, more, row);
+            size.iter_mut().zip(row).for_each(|(size, row)| *size += (more * row).abs());
+        };
+        push(-1.0, &bodies.dashpots(&self.v));
+        let wave = C64::new(self.wave.cosine, self.wave.sine);
+        let driven: Vec<f64> = mount.force.iter().map(|f| (f * wave).re).collect();
+        push(1.0, &driven);
+        for (i, cavity) in mount.cavities.iter().enumerate() {
+            let mut unit = vec![0.0; bodies.len()];
+            unit[mount.fixed + i] = 1.0;
+            push(-cavity.weight_n, &unit);
+            if let Touch::Pressing(side) = self.contacts.particles[i].1
+                && let WallLaw::Soft { stiffness, damping, .. } = *cavity.wall(side)
+            {
+                let (offset, slide) = self.offset(i);
+                let row = mount.offset_row(i);
+                push(-(stiffness * (offset - signed(side, cavity.end(side))) + damping * slide), row);
+            }
+        }
+        for (joint, row) in mount.rows.iter().enumerate().filter(|(joint, _)| !free.contains(joint)) {
+            push(self.contacts.sliding_force(mount, joint), row);
+        }
+        let per_mass = |x: Vec<f64>| x.iter().zip(&bodies.mass).map(|(x, mass)| x / mass).collect();
+        (per_mass(force), per_mass(size))
+    }
+
+    /// Solves for the joints of zero relative velocity. Returns where each is and its relative acceleration.
+    fn sticking(&self, candidates: &[usize]) -> Result<(Vec<At>, Vec<f64>), Refused> {
+        if candidates.is_empty() {
+            return Ok((Vec::new(), Vec::new()));
+        }
+        let (acceleration, size) = self.accelerations(candidates);
+        let w = self.compliance(candidates, |_| 1.0);
+        let base = -self.share() * self.turning * self.turning * self.wave.sine;
+        let mut a0 = Vec::new();
+        let mut tolerance = Vec::new();
+        for &joint in candidates {
+            let row = &self.mount.rows[joint];
+            let influence = self.mount.frictions.get(joint).map_or(0.0, |friction| friction.influence);
+            a0.push(dot(row, &acceleration) + influence * base);
+            let sizes = row.iter().zip(&size).map(|(row, size)| (row * size).abs()).sum::<f64>();
+            tolerance.push(ROUNDINGS * (sizes + (influence * base).abs()));
+        }
+        let limits: Vec<Limits> = candidates.iter().map(|&joint| self.limits(joint)).collect();
+        let (force, at) = contact::solve(&w, &a0, &limits, &tolerance).ok_or(Refused::Redundant)?;
+        let relative = (0..a0.len())
+            .map(|i| {
+                let a = a0[i] + (0..force.len()).map(|j| w[(i, j)] * force[j]).sum::<f64>();
+                if a.abs() <= tolerance[i] { 0.0 } else { a }
+            })
+            .collect();
+        Ok((at, relative))
+    }
+
+    /// Relative accelerations of some joints per force in them, each along its row times its sign.
+    fn compliance(&self, joints: &[usize], along: impl Fn(usize) -> f64) -> DMatrix<f64> {
+        let of = |i: usize, j: usize| along(i) * along(j) * self.mount.compliance[(joints[i], joints[j])];
+        DMatrix::from_fn(joints.len(), joints.len(), of)
+    }
+
+    /// Handles the event that ends the present phase, and starts the next one.
+    pub(crate) fn handle<O: Observer>(&mut self, event: Event, observer: &mut O) -> Result<(), Refused> {
+        self.leave();
+        let mut zero = self.stuck();
+        match event {
+            Event::Stops(joint) => {
+                let slip = self.slip(joint);
+                // The velocity of the lighter side takes what rounding has left.
+                if let Some(particle) = joint.checked_sub(self.mount.frictions.len()) {
+                    self.v[self.mount.fixed + particle] -= slip;
+                }
+                zero[joint] = true;
+                self.resolve(&zero, &[])
+            }
+            Event::Breaks(joint, direction) => {
+                let mut hints = Vec::new();
+                self.start_sliding(joint, direction, 2, &mut hints);
+                self.phase(&hints)
+            }
+            Event::Wall(particle, side) => {
+                self.place_at_wall(particle, side);
+                if self.mount.cavities[particle].is_soft(side) {
+                    self.contacts.particles[particle].1 = Touch::Pressing(side);
+                    let approach_speed_m_per_s = signed(side, self.offset(particle).1);
+                    observer.impact(&Impact { time_s: self.time_s(), damper: particle, side, approach_speed_m_per_s });
+                    return self.resolve(&zero, &[(Event::Releases(particle, side), 1)]);
+                }
+                self.contacts.particles[particle].1 = Touch::Wall(side);
+                let mut hits = vec![(particle, side)];
+                self.others_at_walls(particle, &mut hits);
+                self.hit(&hits, zero, observer)
+            }
+            Event::Releases(particle, side) => {
+                let cavity = &self.mount.cavities[particle];
+                let past = signed(side, self.offset(particle).0) - cavity.end(side);
+                let keeps =
+                    matches!(cavity.wall(side), WallLaw::Soft { release: Release::ZeroForce, .. }) && past > 0.0;
+                if keeps {
+                    self.contacts.particles[particle].1 = Touch::Leaving(side);
+                    return self.resolve(&zero, &[]);
+                }
+                self.contacts.particles[particle].1 = Touch::None;
+                self.place_at_wall(particle, side);
+                self.resolve(&zero, &[(Event::Wall(particle, side), 1)])
+            }
+            Event::Inside(particle, side) => {
+                self.contacts.particles[particle].1 = Touch::None;
+                self.place_at_wall(particle, side);
+                self.resolve(&zero, &[(Event::Wall(particle, side), 1)])
+            }
+        }
+    }
+
+    /// Other particles that meet a hard wall at this instant, to within rounding.
+    fn others_at_walls(&mut self, except: usize, hits: &mut Vec<(usize, Sign)>) {
+        for i in (0..self.mount.cavities.len()).filter(|&i| i != except) {
+            if self.contacts.particles[i].1 != Touch::None || self.contacts.particles[i].0 == Slide::Stuck {
+                continue;
+            }
+            let (offset, slide) = self.offset(i);
+            let side = sign(slide);
+            let cavity = &self.mount.cavities[i];
+            let size = cavity.end(side).abs() + self.q[self.mount.fixed + i].abs();
+            if side != 0 && !cavity.is_soft(side) && cavity.end(side) - signed(side, offset) <= ROUNDINGS * size {
+                self.place_at_wall(i, side);
+                self.contacts.particles[i].1 = Touch::Wall(side);
+                hits.push((i, side));
+            }
+        }
+    }
+
+    /// Impacts at one instant: of the particles in `hits`, together with those that rest at a wall.
+    pub(crate) fn hit<O: Observer>(
+        &mut self,
+        hits: &[(usize, Sign)],
+        mut zero: Vec<bool>,
+        observer: &mut O,
+    ) -> Result<(), Refused> {
+        let frictions = self.mount.frictions.len();
+        let mut closed: Vec<Closed> = Vec::new();
+        for (particle, (slide, touch)) in self.contacts.particles.iter().enumerate() {
+            if let Touch::Wall(side) = *touch {
+                let rests = *slide == Slide::Stuck;
+                let approach = if rests { 0.0 } else { signed(side, self.offset(particle).1) };
+                let e = match self.mount.cavities[particle].wall(side) {
+                    WallLaw::Hard(law) if approach > 0.0 => law.at(approach),
+                    _ => 0.0,
+                };
+                closed.push(Closed { particle, side, approach, e });
+            }
+        }
+        for &(damper, side) in hits {
+            if let Some(closed) = closed.iter().find(|closed| closed.particle == damper) {
+                let approach_speed_m_per_s = closed.approach;
+                self.fastest_m_per_s = self.fastest_m_per_s.max(approach_speed_m_per_s);
+                observer.impact(&Impact { time_s: self.time_s(), damper, side, approach_speed_m_per_s });
+            }
+        }
+        let before = self.v.clone();
+        let pushed = self.impulses(&closed)?;
+        let speed = before.iter().chain(&self.v).fold(0.0, |most: f64, v| most.max(v.abs()));
+        // Bounces that rounding hides end: these particles do not leave their walls.
+        let mut hidden = false;
+        for (closed, _) in closed.iter_mut().zip(&pushed).filter(|(closed, pushed)| **pushed && closed.e > 0.0) {
+            let leaves = -signed(closed.side, self.offset(closed.particle).1);
+            if leaves <= SLOW * self.fastest_m_per_s && self.is_hidden(closed, leaves) {
+                closed.e = 0.0;
+                hidden = true;
+            }
+        }
+        let pushed = if hidden {
+            self.v.copy_from_slice(&before);
+            self.impulses(&closed)?
+        } else {
+            pushed
+        };
+        let mut hints = Vec::new();
+        for (&Closed { particle, side, e, .. }, pushed) in closed.iter().zip(pushed) {
+            let joint = frictions + particle;
+            zero[joint] = pushed && e == 0.0;
+            if !zero[joint] {
+                self.contacts.particles[particle] = (Slide::Free(0), Touch::None);
+                hints.push((Event::Wall(particle, side), 1));
+            }
+        }
+        // The impulses move joints that stuck, unless they do not act on them.
+        for joint in 0..self.joints() {
+            let is_closed =
+                joint >= frictions && matches!(self.contacts.particles[joint - frictions].1, Touch::Wall(_));
+            let size: f64 = self.mount.rows[joint].iter().map(|x| x.abs()).sum();
+            zero[joint] &= is_closed || self.slip(joint).abs() <= ROUNDINGS * size * speed;
+            if zero[joint] && joint >= frictions {
+                self.v[self.mount.fixed + joint - frictions] -= self.slip(joint);
+            }
+        }
+        self.resolve(&zero, &hints)
+    }
+
+    /// Applies the impulses of closed contacts (Moreau's law): each separates at least at e times its approach, at exactly that where it
+    /// has an impulse. Returns which have one.
+    fn impulses(&mut self, closed: &[Closed]) -> Result<Vec<bool>, Refused> {
+        let frictions = self.mount.frictions.len();
+        let (impulse, at) = if let [only] = closed {
+            let w = self.mount.compliance[(frictions + only.particle, frictions + only.particle)];
+            (vec![(1.0 + only.e) * only.approach / w], vec![At::Inside])
+        } else {
+            let joints: Vec<usize> = closed.iter().map(|closed| frictions + closed.particle).collect();
+            let w = self.compliance(&joints, |i| f64::from(closed[i].side));
+            let a0: Vec<f64> = closed.iter().map(|closed| -(1.0 + closed.e) * closed.approach).collect();
+            let limits = vec![Limits { low: 0.0, high: f64::INFINITY }; closed.len()];
+            let speed = self.v.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+            let tolerance = vec![f64::EPSILON * speed; closed.len()];
+            contact::solve(&w, &a0, &limits, &tolerance).ok_or(Refused::Redundant)?
+        };
+        for (closed, impulse) in closed.iter().zip(&impulse) {
+            let row = self.mount.offset_row(closed.particle);
+            let away = -signed(closed.side, *impulse);
+            let mass = &self.mount.bodies.mass;
+            self.v.iter_mut().zip(row.iter().zip(mass)).for_each(|(v, (row, mass))| *v += row * away / mass);
+        }
+        Ok(at.iter().map(|at| *at == At::Inside).collect())
+    }
+
+    /// Whether a particle that has left a wall at `speed` would return from a height within rounding.
+    fn is_hidden(&self, closed: &Closed, speed: f64) -> bool {
+        let (acceleration, _) = self.accelerations(&[]);
+        let pressing = signed(closed.side, dot(self.mount.offset_row(closed.particle), &acceleration));
+        let cavity = &self.mount.cavities[closed.particle];
+        let size = cavity.end(closed.side).abs() + self.q[self.mount.fixed + closed.particle].abs();
+        pressing > 0.0 && speed * speed <= 8.0 * f64::EPSILON * size * pressing
+    }
+}
+
+/// A particle at a hard wall at the instant of an impact.
+#[derive(Clone, Copy, Debug)]
+struct Closed {
+    particle: usize,
+    side: Sign,
+    /// Speed towards the wall, m/s; 0 of a particle that rests at it.
+    approach: f64,
+    /// e at this speed.
+    e: f64,
+}

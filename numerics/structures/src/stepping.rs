@@ -1,0 +1,283 @@
+//! Steps: each is proved to hold no event, or ends at its first one.
+
+use damprig_core::integrator::exact::time::Time;
+
+use crate::Refused;
+use crate::guard::{Step, Verdict};
+use crate::linear::C64;
+use crate::motion::{Motion, ROUNDINGS};
+use crate::observe::{Observer, Piece};
+use crate::system::Event;
+
+/// Events at one instant after which a small step is taken without guards.
+const MAX_EVENTS_AT_ONCE: u32 = 64;
+
+/// Steps are the longest one divided by powers of two; this one is taken without guards.
+const LAST_LEVEL: usize = 48;
+
+/// The level of the step that is taken without guards after too many events at one instant.
+const BLIND_LEVEL: usize = 20;
+
+/// Steps after which amplitudes and excitation are taken anew.
+const STEPS_PER_ANCHOR: u32 = 16;
+
+/// Newton steps after which a bracket is halved only.
+const MAX_NEWTON_STEPS: u32 = 60;
+
+/// The first event within a step.
+#[derive(Clone, Copy, Debug)]
+struct First {
+    at_s: f64,
+    event: Event,
+}
+
+/// What is known of a step.
+enum Judged {
+    Clear,
+    /// An event; the natural motions at it are in `ahead`.
+    Event(First),
+    Undecided,
+}
+
+/// A step of a level, or one of a length of its own that ends at the limit.
+#[derive(Clone, Copy)]
+enum Length {
+    Level(usize),
+    ToLimit(f64),
+}
+
+impl Motion {
+    /// Advances by one step, at most to `limit_s`, and handles the event at its end, if any.
+    pub(crate) fn advance<O: Observer>(&mut self, limit_s: f64, observer: &mut O) -> Result<(), Refused> {
+        let rest_s = self.time.until(limit_s);
+        loop {
+            let system = &mut self.systems[self.system];
+            let length = if system.length_s(self.level) < rest_s {
+                system.make_steps(self.level);
+                Length::Level(self.level)
+            } else {
+                Length::ToLimit(rest_s)
+            };
+            let blind = self.events_at_once >= MAX_EVENTS_AT_ONCE || self.level >= LAST_LEVEL;
+            let judged = self.judge(length, blind);
+            unsafe { COUNTS[match judged { Judged::Clear => 0, Judged::Undecided => 1, Judged::Event(_) => 2 }] += 1; }
+            match judged {
+                Judged::Undecided => {
+                    if let Some(event) = self.immediate() {
+                        self.events_at_once += 1;
+                        if self.events_at_once < MAX_EVENTS_AT_ONCE {
+                            return self.handle(event, observer);
+                        }
+                        self.unresolved += 1;
+                        self.level = self.level.max(BLIND_LEVEL);
+                    }
+                    self.level += 1;
+                    // Less than the rest.
+                    while self.systems[self.system].length_s(self.level) >= rest_s {
+                        self.level += 1;
+                    }
+                }
+                Judged::Clear => {
+                    let end = if let Length::ToLimit(_) = length { Time::at(limit_s) } else { self.after(length) };
+                    self.take(length.seconds(&self.systems[self.system]), end, observer);
+                    self.level = self.level.saturating_sub(1);
+                    return Ok(());
+                }
+                Judged::Event(First { at_s, event }) => {
+                    self.take(at_s, self.time.plus(at_s), observer);
+                    self.anchor();
+                    self.events_at_once += 1;
+                    return self.handle(event, observer);
+                }
+            }
+        }
+    }
+
+    fn after(&self, length: Length) -> Time {
+        self.time.plus(length.seconds(&self.systems[self.system]))
+    }
+
+    /// A guard that fails at once: its value is not above zero, and it falls.
+    fn immediate(&mut self) -> Option<Event> {
+        let system = &self.systems[self.system];
+        for (guard, live) in system.guards.iter().zip(&mut self.guards).filter(|(_, live)| live.fresh == 0) {
+            let parabola = guard.parabola(&self.free, live.constant);
+            let here = guard.guard.at(&self.z, self.z.len(), parabola.at(0.0));
+            if here.value <= 0.0 {
+                if here.slope <= 0.0 {
+                    return Some(guard.event);
+                }
+                live.fresh = 1;
+            }
+        }
+        None
+    }
+
+    /// Judges all guards over a step.
+    fn judge(&mut self, length: Length, blind: bool) -> Judged {
+        let system = &self.systems[self.system];
+        let own;
+        let step = match length {
+            Length::Level(level) => &system.steps[level],
+            Length::ToLimit(length_s) => {
+                own = Step::new(&system.linear.rates, length_s);
+                &own
+            }
+        };
+        let h = step.length_s;
+        self.ahead.clear();
+        self.ahead.extend(self.z.iter().zip(&step.turn).map(|(z, turn)| z * turn));
+        if blind {
+            return Judged::Clear;
+        }
+        let (own_bounds, bounds);
+        if let Length::Level(level) = length {
+            if self.bounds.len() <= level {
+                self.bounds.resize(level + 1, Vec::new());
+            }
+            if self.bounds[level].is_empty() {
+                let amplitudes = &self.amplitudes;
+                self.bounds[level].extend(system.guards.iter().map(|guard| guard.guard.bounds(step, amplitudes)));
+            }
+            bounds = &self.bounds[level];
+        } else {
+            own_bounds = system.guards.iter().map(|guard| guard.guard.bounds(step, &self.amplitudes)).collect();
+            bounds = &own_bounds;
+        }
+        self.falls.clear();
+        for (n, ((guard, live), bounds)) in system.guards.iter().zip(&self.guards).zip(bounds).enumerate() {
+            let parabola = guard.parabola(&self.free, live.constant);
+            if live.fresh > 1 {
+                if guard.rises(&self.z, &system.linear.rates, &parabola, live.fresh, h) {
+                    continue;
+                }
+                return Judged::Undecided;
+            }
+            let mut start = guard.guard.at(&self.z, step.slow, parabola.at(0.0));
+            let is_zero = live.fresh == 1;
+            if is_zero && step.slow == self.z.len() {
+                start.value = 0.0;
+            }
+            let end = guard.guard.at(&self.ahead, step.slow, parabola.at(h));
+            match bounds.judge(h, start, end, is_zero) {
+                Verdict::Clear => {}
+                Verdict::Falls => self.falls.push(n),
+                Verdict::Unsure => return Judged::Undecided,
+            }
+        }
+        let mut first: Option<First> = None;
+        for fall in 0..self.falls.len() {
+            let limit_s = first.map_or(h, |first| first.at_s);
+            first = self.root(self.falls[fall], h, limit_s).or(first);
+        }
+        first.map_or(Judged::Clear, Judged::Event)
+    }
+
+    /// The root of a guard that falls through zero once within `length_s`, with the natural motions there in `ahead`; `None` if it is not
+    /// before `limit_s`.
+    fn root(&mut self, which: usize, length_s: f64, limit_s: f64) -> Option<First> {
+        let system = &self.systems[self.system];
+        let guard = &system.guards[which];
+        let parabola = guard.parabola(&self.free, self.guards[which].constant);
+        let rates = &system.linear.rates;
+        let start = guard.guard.at(&self.z, self.z.len(), parabola.at(0.0));
+        let (mut low, mut high) = (0.0, length_s);
+        let first_guess = start.value / -start.slope;
+        let mut t = if first_guess > 0.0 && first_guess < length_s { first_guess } else { 0.5 * length_s };
+        let mut z: Vec<C64> = self.z.iter().zip(rates).map(|(z, rate)| z * (rate * t).exp()).collect();
+        for _ in 0..MAX_NEWTON_STEPS {
+            let here = guard.guard.at(&z, z.len(), parabola.at(t));
+            if here.value > 0.0 {
+                low = t;
+            } else {
+                high = t;
+            }
+            if low >= limit_s {
+                return None;
+            }
+            let newton = t - here.value / here.slope;
+            let is_inside = newton > low && newton < high;
+            let next = if is_inside { newton } else { 0.5 * (low + high) };
+            let more = next - t;
+            if more.abs() <= 4.0 * f64::EPSILON * t || !(low < next && next < high) {
+                break;
+            }
+            for (z, (start, rate)) in z.iter_mut().zip(self.z.iter().zip(rates)) {
+                let turn = rate * more;
+                // Near its target a motion is turned by its series, which is exact there.
+                *z = if turn.norm_sqr() < 1e-6 { *z * exp_near_zero(turn) } else { start * (rate * next).exp() };
+            }
+            t = next;
+        }
+        // Equal times of two events: the first one found.
+        if t >= limit_s && limit_s < length_s {
+            return None;
+        }
+        self.ahead = z;
+        Some(First { at_s: t, event: guard.event })
+    }
+
+    /// Moves to the end of a step, where the natural motions are `ahead`.
+    fn take<O: Observer>(&mut self, length_s: f64, end: Time, observer: &mut O) {
+        if O::PIECES && length_s > 0.0 {
+            observer.piece(&Piece::new(self.parts(), self.time.seconds(), length_s));
+        }
+        std::mem::swap(&mut self.z, &mut self.ahead);
+        self.free.iter_mut().for_each(|flight| *flight = flight.after(length_s));
+        self.time = end;
+        let wave = self.z[self.systems[self.system].linear.wave];
+        (self.wave.sine, self.wave.cosine) = (wave.im, wave.re);
+        if length_s > 0.0 {
+            self.events_at_once = 0;
+            self.guards.iter_mut().for_each(|live| live.fresh = 0);
+        }
+        self.steps_since_amplitudes += 1;
+        if self.steps_since_amplitudes >= STEPS_PER_ANCHOR {
+            self.anchor();
+            self.take_amplitudes();
+            self.steps_since_amplitudes = 1;
+        }
+    }
+
+    /// Computes the excitation from the time, so that rounding does not accumulate.
+    fn anchor(&mut self) {
+        self.wave = self.excitation.wave(self.time);
+        let wave = self.systems[self.system].linear.wave;
+        self.z[wave] = C64::new(self.wave.cosine, self.wave.sine);
+    }
+}
+
+impl Length {
+    fn seconds(self, system: &crate::system::System) -> f64 {
+        match self {
+            Self::Level(level) => system.length_s(level),
+            Self::ToLimit(length_s) => length_s,
+        }
+    }
+}
+
+/// e^x for |x| up to 10⁻³: the next term is 10⁻²¹/5040 at most.
+fn exp_near_zero(x: C64) -> C64 {
+    let mut sum = C64::ONE;
+    for n in (1..=6).rev() {
+        sum = C64::ONE + x * sum / f64::from(n);
+    }
+    sum
+}
+
+impl crate::system::Watched {
+    /// Whether a guard whose first `order` derivatives (from the value on) are zero by definition stays positive for `h`: by the
+    /// next one and the largest one after it (Taylor).
+    fn rises(&self, z: &[C64], rates: &[C64], parabola: &crate::guard::Parabola, order: usize, h: f64) -> bool {
+        let derivative = |order: usize| self.guard.derivative(z, rates, i32::try_from(order).unwrap_or(i32::MAX));
+        let (mut value, mut size) = derivative(order);
+        if order == 2 {
+            value += parabola.bend;
+            size += parabola.bend.abs();
+        }
+        let (_, next) = derivative(order + 1);
+        value > ROUNDINGS * size && next * h < (order + 1) as f64 * value
+    }
+}
+
+#[allow(missing_docs)] pub static mut COUNTS: [u64; 3] = [0; 3];
