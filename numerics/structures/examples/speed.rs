@@ -47,12 +47,11 @@ fn main() {
         let start = set_up.at_rest(3e-3 * std::f64::consts::TAU * 2.5);
         let mut motion = Motion::new(&set_up, &excitation, &start).unwrap();
         let mut count = Count(0);
-        for k in 1..=20 { motion.run(20.0*f64::from(k), &mut count).unwrap(); if std::env::var_os("V").is_some() { unsafe { println!("{k} {:?} {} {}", { let c = damprig_structures::COUNTS; c }, motion.unresolved(), count.0); } } }
-        count.0 = 0; unsafe {damprig_structures::COUNTS = [0;3];}
+        motion.run(400.0, &mut count).unwrap();
+        count.0 = 0;
         let begun = Instant::now();
         let cycles = 2_000.0;
         motion.run(400.0 + cycles * 0.4, &mut count).unwrap();
-        unsafe { println!("{:?}", [damprig_structures::COUNTS[0] as f64/cycles, damprig_structures::COUNTS[1] as f64/cycles, damprig_structures::COUNTS[2] as f64/cycles]); damprig_structures::COUNTS = [0;3]; }
         let rate = cycles / begun.elapsed().as_secs_f64();
         println!(
             "{n} modes, friction {friction} N: {:.4} M cycles/s, {:.2} impacts a cycle, unresolved {}",

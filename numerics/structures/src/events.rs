@@ -15,6 +15,10 @@ use crate::system::{Event, Slide, Touch};
 /// Bounces are compared with rounding only when slower than this fraction of the fastest impact.
 const SLOW: f64 = 1e-4;
 
+/// Particles within this share of the displacements from their walls meet them at the same instant: the roundings of many cycles part
+/// two equal particles by less.
+const ONE_INSTANT: f64 = 1e-12;
+
 impl Motion {
     /// Limits of a joint's force at zero relative velocity.
     fn limits(&self, joint: usize) -> Limits {
@@ -222,7 +226,7 @@ impl Motion {
             let side = sign(slide);
             let cavity = &self.mount.cavities[i];
             let size = cavity.end(side).abs() + self.q[self.mount.fixed + i].abs();
-            if side != 0 && !cavity.is_soft(side) && cavity.end(side) - signed(side, offset) <= ROUNDINGS * size {
+            if side != 0 && !cavity.is_soft(side) && cavity.end(side) - signed(side, offset) <= ONE_INSTANT * size {
                 self.place_at_wall(i, side);
                 self.contacts.particles[i].1 = Touch::Wall(side);
                 hits.push((i, side));

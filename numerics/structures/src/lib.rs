@@ -18,9 +18,12 @@
 //!   exactly that if it has an impulse. Resting contacts take part with an approach of zero. For several impacts at one instant this is a choice:
 //!   bodies that are hit one after the other would separate otherwise. No such impact gains energy, as each impulse acts against the mean of
 //!   approach and separation.
+//! - An instantaneous impact acts on the mass of all modes at its place, however stiff they are: e is that of the contact alone, and the
+//!   energy that goes into fast modes looks like a lower one.
 //! - A particle whose bounces are lower than rounding rests on its wall.
 
 mod contact;
+mod describe;
 mod events;
 mod guard;
 mod linear;
@@ -33,8 +36,8 @@ mod state;
 mod stepping;
 mod system;
 
+pub use describe::{Beam, Damping, Storey, Support};
 pub use motion::Motion;
-#[doc(hidden)] pub use stepping::COUNTS;
 pub use observe::{Impact, Observer, Piece};
 pub use refused::Refused;
 pub use set_up::{FrictionJoint, ImpactDamper, Mode, Modes, SetUp, TunedMass};

@@ -173,15 +173,16 @@ impl Linear {
         let n = bodies.len();
         let (stiffness, damping) = (bodies.matrix(Bodies::springs), bodies.matrix(Bodies::dashpots));
         let rows = DMatrix::from_fn(n, stuck.len(), |i, j| stuck[j].row[i]);
-        // An orthonormal basis of what the constraints leave free: the other columns of a complete QR of B.
-        let free = complement(&rows).ok_or(Refused::Redundant)?;
         let mass = DMatrix::from_diagonal(&DVector::from_column_slice(&bodies.mass));
-        let metric = free.transpose() * &mass * &free;
-        let root = metric.cholesky().ok_or(Refused::Redundant)?.l();
-        let orthonormal = root.solve_lower_triangular(&free.transpose()).ok_or(Refused::Redundant)?.transpose();
-        let reduced = symmetric(&(orthonormal.transpose() * &stiffness * &orthonormal));
-        let eigen = reduced.symmetric_eigen();
-        let shapes = orthonormal * &eigen.eigenvectors;
+        let (shapes, square) = if stuck.len() == n {
+            (DMatrix::zeros(n, 0), Vec::new())
+        } else {
+            let free = complement(&rows).ok_or(Refused::Redundant)?;
+            let root = (free.transpose() * &mass * &free).cholesky().ok_or(Refused::Redundant)?.l();
+            let orthonormal = root.solve_lower_triangular(&free.transpose()).ok_or(Refused::Redundant)?.transpose();
+            let eigen = symmetric(&(orthonormal.transpose() * &stiffness * &orthonormal)).symmetric_eigen();
+            (orthonormal * &eigen.eigenvectors, eigen.eigenvalues.iter().copied().collect())
+        };
         let fixed = if stuck.is_empty() {
             DMatrix::zeros(n, 0)
         } else {
@@ -189,7 +190,6 @@ impl Linear {
             &rows * gram
         };
         let damping = symmetric(&(shapes.transpose() * damping * &shapes));
-        let square: Vec<f64> = eigen.eigenvalues.iter().copied().collect();
         let basis = Basis {
             project: shapes.transpose() * mass,
             shapes,

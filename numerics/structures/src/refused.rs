@@ -50,6 +50,28 @@ pub enum Refused {
     /// Bodies that nothing holds.
     #[error("a part of the structure is not held by any spring: its stiffness matrix must be positive definite")]
     Unsupported,
+    /// A matrix that is not symmetric.
+    #[error(
+        "{what}: row {row}, column {column} is {one}, the entry across the diagonal is {other}: the matrix must be symmetric"
+    )]
+    NotSymmetric {
+        /// The matrix, spelled as in files.
+        what: &'static str,
+        /// Row, counted from 1.
+        row: usize,
+        /// Column, counted from 1.
+        column: usize,
+        /// The entry.
+        one: f64,
+        /// The entry across the diagonal.
+        other: f64,
+    },
+    /// A matrix that must be positive definite.
+    #[error("{0}: the matrix must be positive definite: a direction of motion has no mass, or a negative one")]
+    NotDefinite(&'static str),
+    /// A damping matrix with a negative eigenvalue.
+    #[error("structure.damping_n_s_per_m: the matrix has a negative eigenvalue, so that a motion would grow by itself")]
+    NegativeDamping,
     /// Joints that stick together depend on each other.
     #[error(
         "joints that stick together have no unique forces: two friction dampers between the same places are one with the sum of their forces"

@@ -59,9 +59,7 @@ impl Motion {
                 Length::ToLimit(rest_s)
             };
             let blind = self.events_at_once >= MAX_EVENTS_AT_ONCE || self.level >= LAST_LEVEL;
-            let judged = self.judge(length, blind);
-            unsafe { COUNTS[match judged { Judged::Clear => 0, Judged::Undecided => 1, Judged::Event(_) => 2 }] += 1; }
-            match judged {
+            match self.judge(length, blind) {
                 Judged::Undecided => {
                     if let Some(event) = self.immediate() {
                         self.events_at_once += 1;
@@ -279,5 +277,3 @@ impl crate::system::Watched {
         value > ROUNDINGS * size && next * h < (order + 1) as f64 * value
     }
 }
-
-#[allow(missing_docs)] pub static mut COUNTS: [u64; 3] = [0; 3];

@@ -8,6 +8,9 @@ use crate::guard::{Guard, Parabola, Step};
 use crate::linear::{Bodies, C64, Constraint, Linear, Link, Rest, Signal};
 use crate::mount::{Mount, WallLaw};
 
+/// Longest step of a system in which nothing swings, s.
+const LONGEST_S: f64 = 1.0;
+
 /// Whether a particle moves relative to its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Slide {
@@ -209,7 +212,7 @@ impl System {
             free,
             guards: Vec::new(),
             steps: Vec::new(),
-            longest_s: 2.0 / slowest,
+            longest_s: if slowest.is_finite() { 2.0 / slowest } else { LONGEST_S },
         };
         system.watch(mount, contacts, &joints, &force);
         Ok(system)

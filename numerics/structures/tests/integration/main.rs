@@ -1,3 +1,5 @@
 //! Checks of the engine for structures of several degrees of freedom.
 
+mod closed_forms;
+mod laws;
 mod one_degree;

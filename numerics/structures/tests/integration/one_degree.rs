@@ -80,7 +80,7 @@ fn agrees(name: &str, one: &One, excitation: &Excitation, cycles: u32) {
     }
     assert_eq!(motion.unresolved(), 0);
     println!("{name}: {:.1e} apart within {cycles} cycles, {:.1e} allowed", worst.0, worst.1);
-    assert!(worst.1 < 1e-6, "{name}: chaotic");
+    assert!(worst.0 < 1e-9, "{name}: {:e}", worst.0);
 }
 
 fn sine(frequency_hz: f64) -> Excitation {
@@ -134,7 +134,7 @@ fn an_inclined_cavity_off_its_centre_with_two_walls_moves_as_with_one_degree() {
     for (positive_wall, inclination_deg) in [(None, 10.0), (Some(soft), -20.0), (None, 90.0)] {
         let cavity = Cavity { positive_wall, offset_m: 2e-3, inclination_deg };
         let particle = Some(Particle { cavity, ..particle(10e-3, wall, 0.05) });
-        agrees(&format!("{inclination_deg}°"), &One { particle, ..One::bare(structure()) }, &sine(2.5), 10);
+        agrees(&format!("{inclination_deg}°"), &One { particle, ..One::bare(structure()) }, &sine(2.5), 6);
     }
 }
 
@@ -156,6 +156,6 @@ fn soft_walls_move_as_with_one_degree() {
     for release in [Release::ZeroForce, Release::ZeroPenetration] {
         let wall = Wall::Voigt { stiffness_n_per_m: 1024.9, damping_n_s_per_m: 2.0, release };
         let particle = Some(particle(22.5e-3, wall, 0.0));
-        agrees(&format!("{release:?}"), &One { particle, ..One::bare(structure()) }, &sine(2.5), 8);
+        agrees(&format!("{release:?}"), &One { particle, ..One::bare(structure()) }, &sine(2.5), 6);
     }
 }

@@ -1,0 +1,191 @@
+//! Laws that hold for every motion: energy, simultaneous impacts, joints that stick together.
+
+use damprig_core::integrator::exact::Excitation;
+use damprig_core::model::{Cavity, FrictionDamper, Particle, Release, Tmd, Wall};
+use damprig_structures::{
+    Body, FrictionJoint, Impact, ImpactDamper, Modes, Motion, Observer, SetUp, State, Storey, TunedMass,
+};
+
+fn frame(storeys: usize, damping_n_s_per_m: f64) -> Modes {
+    Modes::storeys(&vec![Storey { mass_kg: 2.0, stiffness_n_per_m: 1500.0, damping_n_s_per_m }; storeys]).unwrap()
+}
+
+fn particle(mass_kg: f64, clearance_m: f64, wall: Wall) -> Particle {
+    Particle { mass_kg, clearance_m, friction_coefficient: 0.0, wall, cavity: Cavity::default() }
+}
+
+/// Energy of everything on a base at rest, J; that of compressed soft walls is left out.
+fn energy_j(set_up: &SetUp, state: &State) -> f64 {
+    let modes = set_up.structure.modes.iter().zip(state.modal.iter().zip(&state.modal_rate));
+    let structure: f64 = modes.map(|(mode, (q, v))| v * v + (mode.angular_frequency_rad_per_s * q).powi(2)).sum();
+    let particles = set_up.impact_dampers.iter().zip(&state.particles);
+    let particles: f64 = particles.map(|(damper, body)| damper.particle.mass_kg * body.u_m_per_s.powi(2)).sum();
+    let tuned = set_up.tuned_masses.iter().zip(&state.tuned_masses).map(|(tuned, body)| {
+        let stretch = body.y_m - set_up.displacement_m(state, tuned.place);
+        tuned.tmd.mass_kg * body.u_m_per_s.powi(2) + tuned.tmd.stiffness_n_per_m * stretch * stretch
+    });
+    0.5 * (structure + particles + tuned.sum::<f64>())
+}
+
+#[derive(Default)]
+struct Times(Vec<(f64, usize)>);
+
+impl Observer for Times {
+    fn impact(&mut self, impact: &Impact) {
+        self.0.push((impact.time_s, impact.damper));
+    }
+}
+
+/// Random frames with particles of equal and different kinds, friction joints and a tuned mass, released from a random state.
+#[test]
+fn no_free_motion_gains_energy() {
+    let mut rng = fastrand::Rng::with_seed(3);
+    let mut together = 0;
+    for case in 0..60 {
+        let storeys = rng.usize(1..5);
+        let mut set_up = SetUp::bare(frame(storeys, 0.0));
+        for _ in 0..rng.usize(1..4) {
+            let wall = Wall::Restitution { coefficient: rng.f64() };
+            let damper = ImpactDamper { place: rng.usize(0..storeys), particle: particle(0.3, 8e-3, wall) };
+            set_up.impact_dampers.push(damper);
+            if rng.bool() {
+                // A second one of the same mass, whose impacts fall on the same instants until e tells them apart.
+                let wall = Wall::Restitution { coefficient: rng.f64() };
+                set_up.impact_dampers.push(ImpactDamper { particle: particle(0.3, 8e-3, wall), ..damper });
+            }
+        }
+        if rng.bool() {
+            let other = (storeys > 1).then_some(0);
+            let joint = FrictionJoint { place: storeys - 1, other, damper: FrictionDamper { force_n: 0.5 } };
+            set_up.friction_dampers.push(joint);
+        }
+        if rng.bool() {
+            let tmd = Tmd { mass_kg: 0.2, stiffness_n_per_m: 40.0, damping_n_s_per_m: 0.1 };
+            set_up.tuned_masses.push(TunedMass { place: 0, tmd });
+        }
+        let mut start = set_up.at_rest(0.0);
+        start.modal_rate.iter_mut().for_each(|v| *v = rng.f64() - 0.5);
+        let begun = energy_j(&set_up, &start);
+        let mut motion = Motion::new(&set_up, &Excitation::Fixed, &start).unwrap();
+        let mut times = Times::default();
+        let mut before = begun;
+        for n in 1..=400 {
+            motion.run(f64::from(n) * 0.01, &mut times).unwrap();
+            let now = energy_j(&set_up, &motion.state());
+            assert!(now <= before + 1e-12 * begun, "case {case}, {n}: {before} J, then {now} J");
+            before = now;
+        }
+        assert_eq!(motion.unresolved(), 0, "case {case}");
+        together += times.0.windows(2).filter(|two| two[0].0 == two[1].0 && two[0].1 != two[1].1).count();
+    }
+    println!("{together} impacts at the instant of another");
+    assert!(together > 20);
+}
+
+/// Elastic impacts, no damping: the energy stays.
+#[test]
+fn elastic_impacts_keep_the_energy() {
+    let wall = Wall::Restitution { coefficient: 1.0 };
+    let dampers =
+        [(2, 0.4), (0, 0.3)].map(|(place, mass)| ImpactDamper { place, particle: particle(mass, 8e-3, wall) });
+    let set_up = SetUp { impact_dampers: dampers.to_vec(), ..SetUp::bare(frame(3, 0.0)) };
+    let mut start = set_up.at_rest(0.0);
+    start.modal_rate = vec![0.4, -0.2, 0.1];
+    let begun = energy_j(&set_up, &start);
+    let mut motion = Motion::new(&set_up, &Excitation::Fixed, &start).unwrap();
+    let mut times = Times::default();
+    motion.run(50.0, &mut times).unwrap();
+    let off = energy_j(&set_up, &motion.state()) / begun - 1.0;
+    println!("{} impacts, energy off by {off:.1e}", times.0.len());
+    assert!(times.0.len() > 500);
+    // Each impact rounds each velocity a few times.
+    assert!(off.abs() < 4.0 * f64::EPSILON * times.0.len() as f64);
+}
+
+/// Two equal halves of a particle, at the same place and from the same start, move as the whole one.
+#[test]
+fn two_halves_of_a_particle_move_as_one() {
+    for wall in [
+        Wall::Restitution { coefficient: 0.4 },
+        Wall::Voigt { stiffness_n_per_m: 2e3, damping_n_s_per_m: 2.0, release: Release::ZeroForce },
+    ] {
+        let half = match wall {
+            Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release } => Wall::Voigt {
+                stiffness_n_per_m: 0.5 * stiffness_n_per_m,
+                damping_n_s_per_m: 0.5 * damping_n_s_per_m,
+                release,
+            },
+            other => other,
+        };
+        let whole = vec![ImpactDamper { place: 1, particle: particle(0.4, 10e-3, wall) }];
+        let halves = vec![ImpactDamper { place: 1, particle: particle(0.2, 10e-3, half) }; 2];
+        let base = SetUp::bare(frame(2, 0.5));
+        let one = SetUp { impact_dampers: whole, ..base.clone() };
+        let two = SetUp { impact_dampers: halves, ..base };
+        let excitation = Excitation::Sine { amplitude_m: 2e-3, angular_frequency_rad_per_s: 17.0, phase_rad: 0.0 };
+        let mut whole = Motion::new(&one, &excitation, &one.at_rest(0.0)).unwrap();
+        let mut halves = Motion::new(&two, &excitation, &two.at_rest(0.0)).unwrap();
+        whole.run(8.0, &mut ()).unwrap();
+        halves.run(8.0, &mut ()).unwrap();
+        let (whole, halves) = (whole.state(), halves.state());
+        for (a, b) in whole.modal.iter().zip(&halves.modal) {
+            assert!((a - b).abs() < 1e-11, "{wall:?}: {a} {b}");
+        }
+    }
+}
+
+/// Friction joints that hold a frame at rest until the base shakes hard enough for one of them.
+#[test]
+fn joints_stick_together_until_one_of_them_gives_way() {
+    let joint = |place, other, force_n| FrictionJoint { place, other, damper: FrictionDamper { force_n } };
+    let joints = vec![joint(0, None, 5.0), joint(1, Some(0), 2.0)];
+    let set_up = SetUp { friction_dampers: joints, ..SetUp::bare(frame(2, 0.5)) };
+    let omega = 17.0_f64;
+    // The upper floor's 2 kg need m Ω² Z of the upper joint, both floors twice that of the lower one.
+    for (amplitude_m, moves) in [(3.4e-3, false), (3.5e-3, true)] {
+        let limit_m = 2.0 / (2.0 * omega * omega);
+        assert_eq!(amplitude_m > limit_m, moves);
+        let excitation = Excitation::Sine { amplitude_m, angular_frequency_rad_per_s: omega, phase_rad: 0.0 };
+        // At rest relative to the moving base.
+        let start = State { modal: vec![0.0; 2], modal_rate: vec![0.0; 2], ..State::default() };
+        let mut motion = Motion::new(&set_up, &excitation, &start).unwrap();
+        motion.run(1.0, &mut ()).unwrap();
+        let state = motion.state();
+        let drift = set_up.displacement_m(&state, 1) - set_up.displacement_m(&state, 0);
+        assert!(set_up.displacement_m(&state, 0).abs() < 1e-15);
+        assert_eq!(drift.abs() > 1e-7, moves, "{drift}");
+    }
+}
+
+/// A particle at rest on the lower wall of an upright cavity at the top of a frame moves with the floor.
+#[test]
+fn a_particle_that_rests_on_its_wall_adds_its_mass() {
+    let cavity = Cavity { inclination_deg: 90.0, ..Cavity::default() };
+    let resting = Particle { cavity, ..particle(0.5, 0.1, Wall::Restitution { coefficient: 0.3 }) };
+    let set_up =
+        SetUp { impact_dampers: vec![ImpactDamper { place: 1, particle: resting }], ..SetUp::bare(frame(2, 0.5)) };
+    let heavier = [
+        Storey { mass_kg: 2.0, stiffness_n_per_m: 1500.0, damping_n_s_per_m: 0.5 },
+        Storey { mass_kg: 2.5, stiffness_n_per_m: 1500.0, damping_n_s_per_m: 0.5 },
+    ];
+    let heavier = SetUp::bare(Modes::storeys(&heavier).unwrap());
+    // Accelerations below g, measured from where the particle's weight has bent the frame.
+    let static_m = [0.5 * 9.81 / 1500.0, 2.0 * 0.5 * 9.81 / 1500.0];
+    let modal = |set_up: &SetUp, mass: [f64; 2]| -> Vec<f64> {
+        let modes = set_up.structure.modes.iter();
+        modes.map(|mode| -(mode.shape[0] * mass[0] * static_m[0] + mode.shape[1] * mass[1] * static_m[1])).collect()
+    };
+    let excitation = Excitation::Sine { amplitude_m: 1e-3, angular_frequency_rad_per_s: 12.0, phase_rad: 0.0 };
+    let mut start = set_up.at_rest(0.0);
+    start.modal = modal(&set_up, [2.0, 2.0]);
+    start.particles = vec![Body { y_m: set_up.displacement_m(&start, 1) - 0.1, u_m_per_s: 1e-3 * 12.0 }];
+    let mut one = Motion::new(&set_up, &excitation, &start).unwrap();
+    let mut other = Motion::new(&heavier, &excitation, &heavier.at_rest(0.0)).unwrap();
+    one.run(7.0, &mut ()).unwrap();
+    other.run(7.0, &mut ()).unwrap();
+    let (one, other) = (one.state(), other.state());
+    for (place, rest_m) in static_m.into_iter().enumerate() {
+        let (x, expected) = (set_up.displacement_m(&one, place), heavier.displacement_m(&other, place) - rest_m);
+        assert!((x - expected).abs() < 1e-13, "{x} {expected}");
+    }
+}
