@@ -3,3 +3,4 @@
 mod closed_forms;
 mod laws;
 mod one_degree;
+mod second_method;
