@@ -3,4 +3,5 @@
 mod closed_forms;
 mod laws;
 mod one_degree;
+mod random_set_ups;
 mod second_method;

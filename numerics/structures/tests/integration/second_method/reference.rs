@@ -458,10 +458,12 @@ impl Reference {
                 *entry *= sign_of(closed[i].1) * sign_of(closed[j].1);
             }
         }
+        // A wall that a particle comes to rest on holds it.
+        let mut limits = vec![[0.0, f64::INFINITY]; closed.len()];
         let velocity = self.state.velocity;
         loop {
             let b: Vec<f64> = closed.iter().map(|(.., approach, e)| -(1.0 + e) * approach).collect();
-            let (impulses, violation) = solve(&w, &b, &vec![[0.0, f64::INFINITY]; b.len()]);
+            let (impulses, violation) = solve(&w, &b, &limits);
             if violation > BALANCED * self.speed() {
                 return Err("no impulses fit the law of impact");
             }
@@ -482,12 +484,12 @@ impl Reference {
             self.classify()?;
             let after = self.moment(0.0, &self.state);
             let mut is_final = true;
-            for (number, side, _, e) in &mut closed {
+            for ((number, side, _, e), limits) in closed.iter_mut().zip(&mut limits) {
                 let [_, slip, acceleration, _] = after.relative(&self.equations.joints[*number]);
                 let (leaving, pressing) = (-sign_of(*side) * slip, sign_of(*side) * acceleration);
-                let bounces = leaving > AT_REST * self.speed() && *e > 0.0;
+                let bounces = leaving > AT_REST * self.speed() && limits[0] == 0.0;
                 if bounces && pressing > 0.0 && leaving * leaving < 2.0 * pressing * LOWEST_BOUNCE * self.scale {
-                    *e = 0.0;
+                    (*e, *limits) = (0.0, [f64::NEG_INFINITY, f64::INFINITY]);
                     is_final = false;
                 }
             }
