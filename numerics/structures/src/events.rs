@@ -41,25 +41,25 @@ impl Motion {
         let mut hints = hints.to_vec();
         let frictions = self.mount.frictions.len();
         let mut candidates = Vec::new();
-        for joint in 0..self.joints() {
+        for (joint, &is_zero) in zero.iter().enumerate() {
             let limits = self.limits(joint);
             let may_stick = limits.low < limits.high;
-            let slip = if may_stick && !zero[joint] { self.slip(joint) } else { 0.0 };
+            let slip = if may_stick && !is_zero { self.slip_beyond_rounding(joint) } else { 0.0 };
             if may_stick && slip == 0.0 {
                 candidates.push(joint);
             } else {
                 self.set_direction(joint, sign(slip));
             }
         }
-        let (at, acceleration) = self.sticking(&candidates)?;
-        for ((&joint, at), acceleration) in candidates.iter().zip(at).zip(acceleration) {
+        let sticking = if candidates.is_empty() { Sticking::default() } else { self.sticking(&candidates, &[])? };
+        for ((&joint, at), relative) in candidates.iter().zip(sticking.at).zip(sticking.relative) {
             match at {
                 At::Inside if joint < frictions => self.contacts.joints[joint] = 0,
                 At::Inside => self.contacts.particles[joint - frictions].0 = Slide::Stuck,
                 At::Low | At::High => {
                     let direction = if at == At::Low { 1 } else { -1 };
                     // Without a relative acceleration the velocity starts with the square of time.
-                    let order = if acceleration == 0.0 { 2 } else { 1 };
+                    let order = if relative == 0.0 { 2 } else { 1 };
                     self.start_sliding(joint, direction, order, &mut hints);
                 }
             }
@@ -71,6 +71,13 @@ impl Motion {
             }
         }
         self.phase(&hints)
+    }
+
+    /// Relative velocity of a joint; 0 where it is within rounding.
+    fn slip_beyond_rounding(&self, joint: usize) -> f64 {
+        let size: f64 = self.mount.rows[joint].iter().zip(&self.v).map(|(row, v)| (row * v).abs()).sum();
+        let slip = self.slip(joint);
+        if slip.abs() <= ROUNDINGS * size { 0.0 } else { slip }
     }
 
     /// A joint starts to slide from rest in `direction`; the relative velocity grows with the power `order` of time.
@@ -129,12 +136,9 @@ impl Motion {
         (per_mass(force), per_mass(size))
     }
 
-    /// Solves for the joints of zero relative velocity. Returns where each is and its relative acceleration.
-    fn sticking(&self, candidates: &[usize]) -> Result<(Vec<At>, Vec<f64>), Refused> {
-        if candidates.is_empty() {
-            return Ok((Vec::new(), Vec::new()));
-        }
-        let (acceleration, size) = self.accelerations(candidates);
+    /// Solves for the joints of zero relative velocity, `candidates`; those in `without` have no force.
+    fn sticking(&self, candidates: &[usize], without: &[usize]) -> Result<Sticking, Refused> {
+        let (acceleration, size) = self.accelerations(&[candidates, without].concat());
         let w = self.compliance(candidates, |_| 1.0);
         let base = -self.share() * self.turning * self.turning * self.wave.sine;
         let mut a0 = Vec::new();
@@ -154,7 +158,7 @@ impl Motion {
                 if a.abs() <= tolerance[i] { 0.0 } else { a }
             })
             .collect();
-        Ok((at, relative))
+        Ok(Sticking { at, relative, force, acceleration })
     }
 
     /// Relative accelerations of some joints per force in them, each along its row times its sign.
@@ -268,7 +272,7 @@ impl Motion {
         let mut hidden = false;
         for (closed, _) in closed.iter_mut().zip(&pushed).filter(|(closed, pushed)| **pushed && closed.e > 0.0) {
             let leaves = -signed(closed.side, self.offset(closed.particle).1);
-            if leaves <= SLOW * self.fastest_m_per_s && self.is_hidden(closed, leaves) {
+            if leaves <= SLOW * self.fastest_m_per_s && self.is_hidden(closed, leaves, &zero)? {
                 closed.e = 0.0;
                 hidden = true;
             }
@@ -282,19 +286,19 @@ impl Motion {
         let mut hints = Vec::new();
         for (&Closed { particle, side, e, .. }, pushed) in closed.iter().zip(pushed) {
             let joint = frictions + particle;
-            zero[joint] = pushed && e == 0.0;
+            zero[joint] = (pushed && e == 0.0) || self.slip_beyond_rounding(joint) == 0.0;
             if !zero[joint] {
                 self.contacts.particles[particle] = (Slide::Free(0), Touch::None);
                 hints.push((Event::Wall(particle, side), 1));
             }
         }
         // The impulses move joints that stuck, unless they do not act on them.
-        for joint in 0..self.joints() {
+        for (joint, is_zero) in zero.iter_mut().enumerate() {
             let is_closed =
                 joint >= frictions && matches!(self.contacts.particles[joint - frictions].1, Touch::Wall(_));
             let size: f64 = self.mount.rows[joint].iter().map(|x| x.abs()).sum();
-            zero[joint] &= is_closed || self.slip(joint).abs() <= ROUNDINGS * size * speed;
-            if zero[joint] && joint >= frictions {
+            *is_zero &= is_closed || self.slip(joint).abs() <= ROUNDINGS * size * speed;
+            if *is_zero && joint >= frictions {
                 self.v[self.mount.fixed + joint - frictions] -= self.slip(joint);
             }
         }
@@ -326,14 +330,33 @@ impl Motion {
         Ok(at.iter().map(|at| *at == At::Inside).collect())
     }
 
-    /// Whether a particle that has left a wall at `speed` would return from a height within rounding.
-    fn is_hidden(&self, closed: &Closed, speed: f64) -> bool {
-        let (acceleration, _) = self.accelerations(&[]);
-        let pressing = signed(closed.side, dot(self.mount.offset_row(closed.particle), &acceleration));
+    /// Whether a particle that has left a wall at `speed` would return from a height within rounding, while the joints in `zero` stick
+    /// if they can.
+    fn is_hidden(&self, closed: &Closed, speed: f64, zero: &[bool]) -> Result<bool, Refused> {
+        let own = self.mount.frictions.len() + closed.particle;
+        let can_stick =
+            |joint: &usize| zero[*joint] && *joint != own && self.limits(*joint).low < self.limits(*joint).high;
+        let candidates: Vec<usize> = (0..self.joints()).filter(can_stick).collect();
+        let Sticking { force, acceleration, .. } = self.sticking(&candidates, &[own])?;
+        let held = candidates.iter().zip(force).map(|(joint, force)| self.mount.compliance[(own, *joint)] * force);
+        let pressing = signed(closed.side, dot(&self.mount.rows[own], &acceleration) + held.sum::<f64>());
         let cavity = &self.mount.cavities[closed.particle];
         let size = cavity.end(closed.side).abs() + self.q[self.mount.fixed + closed.particle].abs();
-        pressing > 0.0 && speed * speed <= 8.0 * f64::EPSILON * size * pressing
+        Ok(pressing > 0.0 && speed * speed <= ROUNDINGS * size * pressing)
     }
+}
+
+/// What the joints of zero relative velocity do.
+#[derive(Default)]
+struct Sticking {
+    /// Where each force is.
+    at: Vec<At>,
+    /// Relative acceleration of each.
+    relative: Vec<f64>,
+    /// Force of each.
+    force: Vec<f64>,
+    /// Accelerations of the bodies without these forces.
+    acceleration: Vec<f64>,
 }
 
 /// A particle at a hard wall at the instant of an impact.

@@ -70,6 +70,10 @@ pub(crate) struct Flight {
 }
 
 impl Flight {
+    pub fn shift(&mut self, by_m: f64) {
+        self.y += by_m;
+    }
+
     pub fn after(&self, t: f64) -> Self {
         Self { y: self.y + t * (self.u + 0.5 * t * self.acceleration), u: self.u + t * self.acceleration, ..*self }
     }

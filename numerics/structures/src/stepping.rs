@@ -95,7 +95,7 @@ impl Motion {
         self.time.plus(length.seconds(&self.systems[self.system]))
     }
 
-    /// A guard that fails at once: its value is not above zero, and it falls.
+    /// A guard that fails at once: its value is not above zero, and it falls. One that rises is zero by definition.
     fn immediate(&mut self) -> Option<Event> {
         let system = &self.systems[self.system];
         for (guard, live) in system.guards.iter().zip(&mut self.guards).filter(|(_, live)| live.fresh == 0) {
@@ -106,6 +106,10 @@ impl Motion {
                     return Some(guard.event);
                 }
                 live.fresh = 1;
+                // Rounding has put a particle behind its wall.
+                if let Some((n, factor)) = guard.free_displacement() {
+                    self.free[n].shift(-here.value / factor);
+                }
             }
         }
         None

@@ -105,6 +105,11 @@ impl Watched {
         self.constant + of_motion + self.offset * base_offset_m
     }
 
+    /// The free particle whose displacement the guard contains: its number among the free ones, and the factor.
+    pub fn free_displacement(&self) -> Option<(usize, f64)> {
+        self.body.filter(|_| !self.of_rate)
+    }
+
     /// The part that is a parabola from now on.
     pub fn parabola<F: Free>(&self, free: &[F], constant: f64) -> Parabola {
         let Some((n, factor)) = self.body else { return Parabola { value: constant, ..Parabola::default() } };

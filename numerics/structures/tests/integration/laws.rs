@@ -45,12 +45,12 @@ fn no_free_motion_gains_energy() {
         let storeys = rng.usize(1..5);
         let mut set_up = SetUp::bare(frame(storeys, 0.0));
         for _ in 0..rng.usize(1..4) {
-            let wall = Wall::Restitution { coefficient: rng.f64() };
+            let wall = Wall::Restitution { coefficient: 0.95 * rng.f64() };
             let damper = ImpactDamper { place: rng.usize(0..storeys), particle: particle(0.3, 8e-3, wall) };
             set_up.impact_dampers.push(damper);
             if rng.bool() {
                 // A second one of the same mass, whose impacts fall on the same instants until e tells them apart.
-                let wall = Wall::Restitution { coefficient: rng.f64() };
+                let wall = Wall::Restitution { coefficient: 0.95 * rng.f64() };
                 set_up.impact_dampers.push(ImpactDamper { particle: particle(0.3, 8e-3, wall), ..damper });
             }
         }
@@ -125,8 +125,8 @@ fn two_halves_of_a_particle_move_as_one() {
         let excitation = Excitation::Sine { amplitude_m: 2e-3, angular_frequency_rad_per_s: 17.0, phase_rad: 0.0 };
         let mut whole = Motion::new(&one, &excitation, &one.at_rest(0.0)).unwrap();
         let mut halves = Motion::new(&two, &excitation, &two.at_rest(0.0)).unwrap();
-        whole.run(8.0, &mut ()).unwrap();
-        halves.run(8.0, &mut ()).unwrap();
+        whole.run(3.0, &mut ()).unwrap();
+        halves.run(3.0, &mut ()).unwrap();
         let (whole, halves) = (whole.state(), halves.state());
         for (a, b) in whole.modal.iter().zip(&halves.modal) {
             assert!((a - b).abs() < 1e-11, "{wall:?}: {a} {b}");
