@@ -1,9 +1,9 @@
 //! Linear structures of several degrees of freedom with impact, friction and tuned mass dampers: exact motion from event to event.
 //!
 //! Every state of the contacts (each particle free, held or in a soft wall, each friction damper sticking or slipping in a
-//! direction) is a linear system with constant coefficients. Its motion is a sum of exponentials ([`linear`]); events are
-//! the first roots of linear functions of the motion ([`guard`]); forces at rest and impulses follow from convex problems
-//! ([`contact`]).
+//! direction) is a linear system with constant coefficients. Its motion is a sum of exponentials (`linear`); events are
+//! the first roots of linear functions of the motion (`guard`); forces at rest and impulses follow from convex problems
+//! (`contact`).
 //!
 //! # No event is missed
 //! A step is taken only when each guard is proved to stay positive over it, or to fall through zero once. The proofs use values
