@@ -1,15 +1,17 @@
-//! Values of command-line options that several subcommands share: `--rig`, durations, numbers and tables.
+//! Command-line options that several subcommands share (`--rig`, `--speed`, `--json`, `--force`, `--quiet`), and values of others.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
-use super::outcome::Failure;
+use super::outcome::{Failure, Outcome};
+use super::output::be_quiet;
 use crate::client::devices::{Answer, only, ports, query};
 use crate::client::link::{Address, Speed};
 use crate::settings::read_board;
 use crate::signal_file::unit::Unit;
 use crate::signal_file::{Calibration, Selector, Sensitivity, SignalError, Stated};
+use crate::storage::out_file::{EXISTS, OutFile};
 
 /// The value of `--rig`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -50,6 +52,69 @@ impl Rig {
                 // Several boards are a question of the command line; without one there is no rig to reach.
                 only(&found).map_err(if boards > 1 { Failure::Input } else { Failure::Failed })
             }
+        }
+    }
+}
+
+/// The option `--json`.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(super) struct JsonArg {
+    /// Print JSON in place of text
+    #[arg(long)]
+    json: bool,
+}
+
+impl JsonArg {
+    /// Whether JSON is printed.
+    pub(super) fn is_given(self) -> bool {
+        self.json
+    }
+}
+
+/// The option `--force`, and what is refused without it.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(super) struct ForceArg {
+    /// Replace existing files
+    #[arg(long)]
+    force: bool,
+}
+
+impl ForceArg {
+    /// Whether existing files are replaced.
+    pub(super) fn is_given(self) -> bool {
+        self.force
+    }
+
+    /// A file to write.
+    pub(super) fn file(self, path: &Path) -> OutFile {
+        OutFile { path: path.to_path_buf(), force: self.force }
+    }
+
+    /// Rejects a file that exists. Called before anything is computed: another name is a matter of the command line.
+    ///
+    /// # Errors
+    /// Names the file.
+    pub(super) fn check(self, path: &Path) -> Outcome {
+        if !self.force && path.symlink_metadata().is_ok() {
+            return Err(Failure::Input(format!("cannot write {}: {EXISTS}\n  nothing was written", path.display())));
+        }
+        Ok(())
+    }
+}
+
+/// The option `--quiet`.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(super) struct QuietArg {
+    /// Print only warnings, errors and the place of the results
+    #[arg(long)]
+    quiet: bool,
+}
+
+impl QuietArg {
+    /// Leaves out other lines and bars from now on, if it is given.
+    pub(super) fn apply(self) {
+        if self.quiet {
+            be_quiet();
         }
     }
 }

@@ -6,8 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Args as ClapArgs, ValueEnum};
 
+use super::arguments::{ForceArg, QuietArg};
 use super::examples;
 use super::outcome::{Failure, Outcome};
+use super::output::print_always;
 use super::progress::StudyBar;
 use crate::file_keys::FileKind;
 use crate::input::Source;
@@ -52,9 +54,11 @@ pub struct Args {
     #[arg(long, value_name = "FOLDER", default_value = "bifurcation")]
     out: PathBuf,
 
-    /// Replace existing files
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    force: ForceArg,
+
+    #[command(flatten)]
+    quiet: QuietArg,
 }
 
 const AFTER_HELP: &str = "\
@@ -89,6 +93,7 @@ enum DirectionArg {
 /// # Errors
 /// Bad input, an unwritable file, an interrupted run.
 pub fn run(args: &Args) -> Outcome {
+    args.quiet.apply();
     let sweep = Sweep {
         key: args.axis.key.clone(),
         values: args.axis.values.clone(),
@@ -101,11 +106,7 @@ pub fn run(args: &Args) -> Outcome {
     let name = default_name(&file);
     let cases = bifurcation::cases(source.name(), source.text(), &name, &sweep, &set).map_err(Failure::input)?;
     let table = args.out.join(bifurcation_files::TABLE);
-    if !args.force && table.exists() {
-        let message =
-            format!("{} exists\n  give another --out, or --force to replace it; nothing was written", table.display());
-        return Err(Failure::Input(message));
-    }
+    args.force.check(&table)?;
     std::fs::create_dir_all(&args.out)
         .map_err(|e| Failure::Failed(format!("cannot create {}: {e}", args.out.display())))?;
     let stop = Arc::new(AtomicBool::new(false));
@@ -129,7 +130,7 @@ pub fn run(args: &Args) -> Outcome {
     if let Some(title) = section {
         say!("Section: {} ({title})", args.out.join("section.svg").display());
     }
-    say!("Table:  {} ({} rows)", table.display(), samples.len());
+    print_always(&format!("Table:  {} ({} rows)", table.display(), samples.len()));
     if stop.load(Ordering::Relaxed) {
         return Err(Failure::Interrupted("interrupted; the values so far are written".into()));
     }

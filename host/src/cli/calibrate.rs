@@ -10,7 +10,7 @@ use clap::Args as ClapArgs;
 use damprig_core::settings::Settings;
 use damprig_protocol::{PlantKind, Request};
 
-use super::arguments::{Rig, not_negative, seconds};
+use super::arguments::{ForceArg, JsonArg, Rig, not_negative, seconds};
 use super::calibrate_operator::Person;
 use super::consent::ConsentArg;
 use super::outcome::{Failure, Outcome};
@@ -27,7 +27,7 @@ use crate::client::session::Session;
 use crate::host_time;
 use crate::report::terminal::calibration;
 use crate::settings::read_board;
-use crate::storage::out_file::{EXISTS, OutFile, to_failure, write_new};
+use crate::storage::out_file::{to_failure, write_new};
 
 /// Calibrates a channel of a board: leads through known references, fits the scale with its uncertainty, compares it with the
 /// old one.
@@ -100,17 +100,15 @@ pub struct Args {
     #[arg(long, requires = "save")]
     accept_outliers: bool,
 
-    /// Print the result as one JSON object
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonArg,
 
     /// Write the new settings of the channel and the record of the calibration as a file for damprig settings import
     #[arg(long, value_name = "FILE.toml")]
     out: Option<PathBuf>,
 
-    /// Replace an existing file of --out
-    #[arg(long, requires = "out")]
-    force: bool,
+    #[command(flatten)]
+    force: ForceArg,
 
     /// Use the new settings on the board and save them, then measure once more to check
     #[arg(long)]
@@ -147,8 +145,8 @@ pub fn run(args: &Args) -> Outcome {
         let message = "--rehearse: it needs --rig virtual or virtual:BOARD.toml; leave out --rig";
         return Err(Failure::Input(message.into()));
     }
-    if let Some(out) = args.out.as_ref().filter(|out| !args.force && out.symlink_metadata().is_ok()) {
-        return Err(Failure::Input(format!("cannot write {}: {EXISTS}", out.display())));
+    if let Some(out) = &args.out {
+        args.force.check(out)?;
     }
     match &args.readings {
         Some(file) => from_file(args, file),
@@ -277,7 +275,7 @@ fn guided(args: &Args) -> Outcome {
 }
 
 fn print(args: &Args, record: &Record) -> Outcome {
-    if args.json {
+    if args.json.is_given() {
         say!("{}", serde_json::to_string(record).map_err(Failure::failed)?);
     } else {
         say!("{}", calibration::text(record));
@@ -293,9 +291,9 @@ fn print(args: &Args, record: &Record) -> Outcome {
 
 fn write(args: &Args, record: &Record) -> Outcome {
     let Some(path) = &args.out else { return Ok(()) };
-    let out = OutFile { path: path.clone(), force: args.force };
     let failed = to_failure(path);
-    write_new(&out, |file| file.write_all(record.to_toml().as_bytes()).map_err(|e| failed(&e))).map_err(Failure::failed)
+    write_new(&args.force.file(path), |file| file.write_all(record.to_toml().as_bytes()).map_err(|e| failed(&e)))
+        .map_err(Failure::failed)
 }
 
 /// Refuses to save points that do not belong together, and shows them.

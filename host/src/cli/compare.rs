@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args as ClapArgs;
 
-use super::arguments::positive;
+use super::arguments::{ForceArg, JsonArg, positive};
 use super::outcome::{Failure, Outcome};
 use super::progress::bar;
 use crate::campaign::Campaign;
@@ -19,7 +19,7 @@ use crate::report::terminal;
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::campaign_copy::new_campaign;
 use crate::run_folder::read::folder::find;
-use crate::storage::out_file::{EXISTS, OutFile, to_failure, write_new};
+use crate::storage::out_file::{to_failure, write_new};
 
 /// Compares a run with simulations of its set-ups, with uncertainties and normalised errors.
 ///
@@ -32,13 +32,12 @@ pub struct Args {
     #[arg(value_name = "RUN")]
     run: PathBuf,
 
-    /// Write comparison.html, comparison.csv and comparison.json into this folder
-    #[arg(long, value_name = "DIR")]
+    /// Write comparison.html, comparison.csv and comparison.json to this folder
+    #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
 
-    /// Print the comparison as one JSON object
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonArg,
 
     /// Simulate the set-ups of this campaign instead of the run's own of the same names, for example with identified parameters
     #[arg(long, value_name = "CAMPAIGN")]
@@ -49,9 +48,8 @@ pub struct Args {
     #[arg(long, value_name = "SHARE", value_parser = positive)]
     scale_uncertainty: Option<f64>,
 
-    /// Replace existing files of --out
-    #[arg(long, requires = "out")]
-    force: bool,
+    #[command(flatten)]
+    force: ForceArg,
 }
 
 const AFTER_HELP: &str = "\
@@ -86,7 +84,7 @@ pub fn run(args: &Args) -> Outcome {
     let set_ups = args.set_ups.as_ref().map(|file| new_campaign(file)).transpose().map_err(Failure::input)?;
     let run = RunFolder::open(&path).map_err(Failure::failed)?;
     let comparison = compared(&run, set_ups, args.scale_uncertainty)?;
-    if args.json {
+    if args.json.is_given() {
         say!("{}", serde_json::to_string(&comparison).map_err(Failure::failed)?);
     } else {
         say!("Run {} ({}), set-ups of {}", comparison.run, comparison.state, comparison.set_ups_from);
@@ -94,7 +92,7 @@ pub fn run(args: &Args) -> Outcome {
     }
     if let Some(out) = &args.out {
         write(&comparison, out, args.force)?;
-        if !args.json {
+        if !args.json.is_given() {
             say!("Page, table and JSON: {}", out.display());
         }
     }
@@ -106,15 +104,11 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 /// Rejects a folder with files of an earlier comparison, unless they are to be replaced.
-fn check_target(out: &Path, force: bool) -> Outcome {
+fn check_target(out: &Path, force: ForceArg) -> Outcome {
     if out.exists() && !out.is_dir() {
         return Err(Failure::Input(format!("--out: {} is a file; give a folder", out.display())));
     }
-    let taken = FILES.iter().map(|name| out.join(name)).find(|file| file.symlink_metadata().is_ok());
-    match taken {
-        Some(file) if !force => Err(Failure::Input(format!("--out: cannot write {}: {EXISTS}", file.display()))),
-        _ => Ok(()),
-    }
+    FILES.iter().try_for_each(|name| force.check(&out.join(name)))
 }
 
 /// Compares with a progress bar.
@@ -157,7 +151,7 @@ fn compared(
     })
 }
 
-fn write(comparison: &Comparison, out: &Path, force: bool) -> Outcome {
+fn write(comparison: &Comparison, out: &Path, force: ForceArg) -> Outcome {
     std::fs::create_dir_all(out)
         .map_err(|error| Failure::Failed(format!("cannot create {}: {error}", out.display())))?;
     let page = comparison_page(comparison);
@@ -165,7 +159,7 @@ fn write(comparison: &Comparison, out: &Path, force: bool) -> Outcome {
     write_csv(comparison, &mut table).map_err(Failure::failed)?;
     let json = serde_json::to_vec_pretty(comparison).map_err(Failure::failed)?;
     for (name, bytes) in FILES.iter().zip([page.as_bytes(), &table, &json]) {
-        let file = OutFile { path: out.join(name), force };
+        let file = force.file(&out.join(name));
         let failed = to_failure(&file.path);
         write_new(&file, |to| to.write_all(bytes).map_err(|error| failed(&error))).map_err(Failure::failed)?;
     }

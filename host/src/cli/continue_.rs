@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
 
+use super::arguments::{ForceArg, JsonArg};
 use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::simulate::picture;
@@ -13,7 +14,7 @@ use crate::optimise::table::check_folder;
 use crate::report::branch_table;
 use crate::report::figures::{branches, curves};
 use crate::report::terminal;
-use crate::storage::out_file::{EXISTS, OutFile};
+use crate::storage::out_file::OutFile;
 
 /// Follows periodic orbits of a case over a parameter, stable or not, and locates folds, period doublings, Neimark-Sacker points and
 /// grazings.
@@ -26,9 +27,8 @@ pub struct Args {
     #[arg(value_name = "FILE")]
     file: PathBuf,
 
-    /// Print the complete result as one JSON object
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonArg,
 
     /// Write the orbits to a file (.csv or .parquet), or orbits, curves and their figures to a new folder
     #[arg(long, value_name = "PLACE", value_parser = branch_table::place)]
@@ -42,9 +42,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE", value_parser = picture)]
     plot_curves: Option<PathBuf>,
 
-    /// Replace existing files of --out, --plot and --plot-curves
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    force: ForceArg,
 }
 
 const AFTER_HELP: &str = "\
@@ -76,18 +75,14 @@ pub fn run(args: &Args) -> Outcome {
         )));
     }
     let folder = args.out.as_deref().filter(|path| path.extension().is_none());
-    if let Some(folder) = folder.filter(|_| !args.force) {
+    if let Some(folder) = folder.filter(|_| !args.force.is_given()) {
         check_folder(folder).map_err(Failure::input)?;
     }
     let table = args.out.clone().filter(|_| folder.is_none());
     let outputs = [("--out", &table), ("--plot", &args.plot), ("--plot-curves", &args.plot_curves)];
     for (role, file) in outputs {
-        if let Some(file) = file
-            && !args.force
-            && file.symlink_metadata().is_ok()
-        {
-            let message = format!("{role}: cannot write {}: {EXISTS}\n  nothing was written", file.display());
-            return Err(Failure::Input(message));
+        if let Some(file) = file {
+            args.force.check(file)?;
         }
         let same = |read: &PathBuf| file.as_ref().is_some_and(|f| f.canonicalize().ok() == read.canonicalize().ok());
         if file.as_ref().is_some_and(|f| f.exists()) && (same(&input) || same(&continuation.case_file)) {
@@ -97,16 +92,15 @@ pub fn run(args: &Args) -> Outcome {
         }
     }
     let found = continuation.follow().map_err(Failure::input)?;
-    if args.json {
+    if args.json.is_given() {
         say!("{}", serde_json::to_string(&found).map_err(Failure::failed)?);
     } else {
         say!("{}", terminal::continuation::text(&found));
     }
     if let Some(path) = &table {
-        let rows =
-            branch_table::write(branch_table::orbits(&found), &OutFile { path: path.clone(), force: args.force });
+        let rows = branch_table::write(branch_table::orbits(&found), &args.force.file(path));
         let rows = rows.map_err(Failure::failed)?;
-        if !args.json {
+        if !args.json.is_given() {
             say!("Table: {} ({rows} orbits)", path.display());
         }
     }
@@ -114,13 +108,13 @@ pub fn run(args: &Args) -> Outcome {
     let curves = args.plot_curves.as_ref().map(|path| (path, curves::draw(&found)));
     for (path, picture) in branches.into_iter().chain(curves) {
         picture.and_then(|picture| picture.save(path)).map_err(Failure::failed)?;
-        if !args.json {
+        if !args.json.is_given() {
             say!("Figure: {}", path.display());
         }
     }
     if let Some(folder) = folder {
         write_all(&found, folder).map_err(Failure::failed)?;
-        if !args.json {
+        if !args.json.is_given() {
             say!("Written to {}", folder.display());
         }
     }

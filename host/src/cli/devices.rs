@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use clap::Args as ClapArgs;
 use comfy_table::Table;
+use serde_json::{Value, json};
 
-use super::arguments::Rig;
+use super::arguments::{JsonArg, Rig};
 use super::outcome::{Failure, Outcome};
 use crate::client::devices::{Answer, Usb, ask, ports, query};
 use crate::client::link::Address;
@@ -27,6 +28,9 @@ pub struct Args {
     /// Time to wait for a reply at each port
     #[arg(long, value_name = "SECONDS", default_value_t = 1.0, value_parser = super::arguments::seconds)]
     timeout: f64,
+
+    #[command(flatten)]
+    json: JsonArg,
 }
 
 const AFTER_HELP: &str = "\
@@ -34,6 +38,7 @@ Examples:
   damprig devices
   damprig devices --rig tcp:rig-pc:4000
   damprig devices --rig serial:/dev/ttyACM0 --timeout 5
+  damprig devices --json                      a list, an object for each port
 
 Of a board it says which settings act: where they come from, and the board's limits. If saved
 settings do not act (damaged, of another layout), the board drives only with
@@ -50,25 +55,57 @@ Exit codes:
 /// The system cannot list its ports; nothing answers at the address of `--rig`.
 pub fn run(args: &Args) -> Outcome {
     let timeout = Duration::from_secs_f64(args.timeout);
-    let mut table = plain_table(&["--rig", "USB device", "serial number", "board"]);
-    if let Some(rig) = &args.rig {
+    let found: Vec<(Address, Option<Usb>, Answer)> = if let Some(rig) = &args.rig {
         let address = rig.find()?;
         let answer = ask(&address, timeout).map_err(Failure::failed)?;
-        add(&mut table, &address, usb_behind(&address).as_ref(), &answer);
-        say!("{table}");
+        let usb = usb_behind(&address);
+        vec![(address, usb, answer)]
+    } else {
+        let found = query(ports().map_err(Failure::Failed)?, args.all, timeout);
+        found.into_iter().map(|f| (Address::Serial(f.port.path.into()), f.port.usb, f.answer)).collect()
+    };
+    if args.json.is_given() {
+        let all: Vec<Value> =
+            found.iter().map(|(address, usb, answer)| as_json(address, usb.as_ref(), answer)).collect();
+        say!("{}", Value::Array(all));
         return Ok(());
     }
-    let found = query(ports().map_err(Failure::Failed)?, args.all, timeout);
     if found.is_empty() {
         say!("No serial ports found. To run without a board, use --rig virtual");
         return Ok(());
     }
-    for f in &found {
-        add(&mut table, &Address::Serial((&f.port.path).into()), f.port.usb.as_ref(), &f.answer);
-    }
+    let mut table = plain_table(&["--rig", "USB device", "serial number", "board"]);
+    found.iter().for_each(|(address, usb, answer)| add(&mut table, address, usb.as_ref(), answer));
     say!("{table}");
     Ok(())
 }
+
+/// A port for programs. Of a port where no board answers, `board` is null and `why` says why.
+fn as_json(address: &Address, usb: Option<&Usb>, answer: &Answer) -> Value {
+    let usb = usb.map(|usb| {
+        json!({ "vendor": usb.vendor, "product": usb.product, "name": usb.name, "serial_number": usb.serial_number })
+    });
+    let (board, why) = match answer {
+        Answer::Device { board, firmware, settings, last_crash, complaints, lost_sensors, warnings } => {
+            let board = json!({
+                "name": board,
+                "firmware": firmware,
+                "settings": settings,
+                "last_crash": last_crash,
+                "since_its_start": complaints,
+                "sensors_without_signal": lost_sensors,
+                "warnings": warnings,
+            });
+            (Some(board), None)
+        }
+        Answer::None(why) => (None, Some(why.as_str())),
+        Answer::NotAsked => (None, Some(NOT_ASKED)),
+    };
+    json!({ "rig": address.to_string(), "usb": usb, "board": board, "why": why })
+}
+
+/// Why a port was not asked.
+const NOT_ASKED: &str = "not queried (not a USB device; use --all)";
 
 /// The USB device of a serial port of this machine.
 fn usb_behind(address: &Address) -> Option<Usb> {
@@ -93,7 +130,7 @@ fn add(table: &mut Table, address: &Address, usb: Option<&Usb>, answer: &Answer)
                 format!("{board}, firmware {firmware}\nsettings {settings}{crash}{counted}{lost}{warnings}")
             }
             Answer::None(why) => why.clone(),
-            Answer::NotAsked => "not queried (not a USB device; use --all)".into(),
+            Answer::NotAsked => NOT_ASKED.into(),
         },
     ]);
 }

@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 use clap::Args as ClapArgs;
 use serde::Serialize;
 
+use super::arguments::{ForceArg, JsonArg};
 use super::outcome::{Failure, Outcome};
 use super::output::is_quiet;
 use crate::file_keys::FileKind;
 use crate::input::shipped::{FILES, ROOT, plain};
 use crate::input::{Source, near};
-use crate::storage::out_file::{OutFile, to_failure, write_new};
+use crate::storage::out_file::{to_failure, write_new};
 
 /// Lists the example files that come with damprig, or copies one of them here.
 #[derive(Debug, ClapArgs)]
@@ -22,9 +23,11 @@ pub struct Args {
     #[arg(value_name = "NAME")]
     name: Option<String>,
 
-    /// Print the list, or what was copied, as JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonArg,
+
+    #[command(flatten)]
+    force: ForceArg,
 }
 
 const AFTER_HELP: &str = "\
@@ -141,7 +144,7 @@ fn no_example(wanted: &str, kind: Option<FileKind>) -> String {
 pub fn run(args: &Args) -> Outcome {
     match &args.name {
         None => list(args.json),
-        Some(name) => copy(name, args.json),
+        Some(name) => copy(name, args.json, args.force),
     }
 }
 
@@ -155,8 +158,8 @@ struct Listed {
     bytes: usize,
 }
 
-fn list(json: bool) -> Outcome {
-    if json {
+fn list(json: JsonArg) -> Outcome {
+    if json.is_given() {
         let all: Vec<Listed> = Example::all()
             .map(|example| Listed {
                 name: example.short_name(),
@@ -183,7 +186,7 @@ fn capital(word: &str) -> String {
     format!("{}{}", word[..1].to_uppercase(), &word[1..])
 }
 
-fn copy(wanted: &str, json: bool) -> Outcome {
+fn copy(wanted: &str, json: JsonArg, force: ForceArg) -> Outcome {
     let mut fit = Example::all().filter(|example| example.is_meant_by(wanted));
     let Some(example) = fit.next() else {
         return Err(Failure::Input(format!("{wanted}: {}", no_example(wanted, None))));
@@ -194,13 +197,10 @@ fn copy(wanted: &str, json: bool) -> Outcome {
         match std::fs::read(&to) {
             // Several examples name the same case.
             Ok(there) if there == text.as_bytes() && !new.is_empty() => {}
-            _ if to.symlink_metadata().is_ok() => {
-                let file = to.display();
-                return Err(Failure::Input(format!(
-                    "{file} exists; move it away, or copy in another folder; nothing was written"
-                )));
+            _ => {
+                force.check(&to)?;
+                new.push((to, text));
             }
-            _ => new.push((to, text)),
         }
     }
     for (to, text) in &new {
@@ -208,13 +208,12 @@ fn copy(wanted: &str, json: bool) -> Outcome {
             std::fs::create_dir_all(folder)
                 .map_err(|error| Failure::Failed(format!("cannot create {}: {error}", folder.display())))?;
         }
-        let out = OutFile { path: to.clone(), force: false };
-        write_new(&out, |file| file.write_all(text.as_bytes()).map_err(|e| to_failure(to)(&e)))
+        write_new(&force.file(to), |file| file.write_all(text.as_bytes()).map_err(|e| to_failure(to)(&e)))
             .map_err(Failure::failed)?;
     }
     let names: Vec<String> = new.iter().map(|(to, _)| to.display().to_string()).collect();
     let next = format!("{} {}.toml", example.command, example.name);
-    if json {
+    if json.is_given() {
         say!("{}", serde_json::json!({ "copied": names, "next": next }));
         return Ok(());
     }

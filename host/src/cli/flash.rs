@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use clap::Args as ClapArgs;
 use damprig_protocol::{ClockSource, Counters, Reset};
 
-use super::arguments::Rig;
+use super::arguments::{ForceArg, Rig};
 use super::outcome::{Failure, Outcome};
 use crate::board::BOARD;
 use crate::board::drive::{Drive, NoDrive};
@@ -56,6 +56,9 @@ pub struct Args {
     /// File for the board's settings [default: settings-nucleo-g474re-<date>-<time>.toml]
     #[arg(long, value_name = "FILE.toml", conflicts_with = "without_backup")]
     backup: Option<PathBuf>,
+
+    #[command(flatten)]
+    force: ForceArg,
 
     /// Write the image although the board's settings cannot be read first: a new board, or one whose firmware does not answer
     #[arg(long)]
@@ -157,9 +160,10 @@ pub(super) fn image(given: Option<&Path>) -> Result<Image, Failure> {
 /// # Errors
 /// An invalid image; no drive or probe, several of them; an image that is not written; a board that does not restart with it.
 pub fn run(args: &Args) -> Outcome {
+    [&args.hex, &args.backup].into_iter().flatten().try_for_each(|file| args.force.check(file))?;
     let image = image(args.image.as_deref())?;
     if let Some(file) = &args.hex {
-        return write_hex(&image, file);
+        return write_hex(&image, &args.force.file(file));
     }
     let way = Way::find(args)?;
     let kept = if args.without_backup { None } else { Some(keep_settings(args, &way)?) };
@@ -179,10 +183,9 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 /// Writes the image as a hex file and prints its SHA-256.
-fn write_hex(image: &Image, file: &Path) -> Outcome {
-    let text = to_hex(&image.pieces);
-    let out = OutFile { path: file.to_path_buf(), force: false };
-    write_new(&out, |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e))).map_err(Failure::failed)?;
+fn write_hex(image: &Image, out: &OutFile) -> Outcome {
+    let (text, file) = (to_hex(&image.pieces), &out.path);
+    write_new(out, |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e))).map_err(Failure::failed)?;
     say!(
         "{}: {:.1} KB of flash, {} {}",
         file.display(),
@@ -206,9 +209,9 @@ fn keep_settings(args: &Args, way: &Way) -> Result<(PathBuf, Backup), Failure> {
         .backup
         .clone()
         .unwrap_or_else(|| format!("settings-{BOARD}-{}.toml", host_time::now().strftime("%Y-%m-%d-%H%M%S")).into());
-    let out = OutFile { path: file.clone(), force: false };
     let text = backup.to_text();
-    write_new(&out, |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(&file)(&e))).map_err(Failure::failed)?;
+    write_new(&args.force.file(&file), |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(&file)(&e)))
+        .map_err(Failure::failed)?;
     warn!("settings of the board kept in {}: {}", file.display(), backup.summary());
     Ok((file, backup))
 }

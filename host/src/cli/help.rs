@@ -66,6 +66,9 @@ pub fn run(args: &Args, command: Command) -> Outcome {
             if section.is_some() {
                 say!("A section of the page \"{}\": `damprig help {name}` prints all of it.", page.title());
             }
+            let place = installed_book().and_then(|book| in_book(&book, page, section));
+            let place = place.map_or(String::new(), |address| format!(" opens {address}"));
+            say!("In the browser: `damprig help {topic} --web`{place}");
             if !others.is_empty() {
                 say!("Other pages: {}", others.join(", "));
             }
@@ -175,8 +178,10 @@ fn alone(page: &Page) -> Result<PathBuf, Failure> {
 
 /// The address of a file.
 fn address(file: &Path) -> String {
-    let path = file.canonicalize().unwrap_or_else(|_| file.to_path_buf());
-    format!("file://{}", path.display().to_string().replace('%', "%25").replace(' ', "%20").replace('#', "%23"))
+    let path = file.canonicalize().unwrap_or_else(|_| file.to_path_buf()).display().to_string();
+    // C:\\… as /C:/…
+    let path = if cfg!(windows) { format!("/{}", path.trim_start_matches(r"\\?\").replace('\\', "/")) } else { path };
+    format!("file://{}", path.replace('%', "%25").replace(' ', "%20").replace('#', "%23"))
 }
 
 /// Starts a browser: that of the variable BROWSER, or the system's. Whether a program could be started.

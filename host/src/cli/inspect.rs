@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args as ClapArgs;
 use serde_json::{Value, json};
 
+use super::arguments::{ForceArg, JsonArg};
 use super::outcome::{Failure, Outcome};
 use super::simulate::picture;
 use crate::file_keys::FileKind;
@@ -29,13 +30,11 @@ pub struct Args {
     #[arg(long, value_name = "FILE", value_parser = picture)]
     plot: Option<PathBuf>,
 
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonArg,
 
-    /// Replace an existing picture
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    force: ForceArg,
 }
 
 const AFTER_HELP: &str = "\
@@ -50,9 +49,8 @@ Where a command takes a signal, FILE#3 is the third one of a file, FILE#name the
 /// # Errors
 /// A file that cannot be read, a picture that exists or cannot be written.
 pub fn run(args: &Args) -> Outcome {
-    if let Some(path) = args.plot.as_ref().filter(|path| !args.force && path.symlink_metadata().is_ok()) {
-        let message = format!("--plot: {} exists\n  give another name, or replace it with --force", path.display());
-        return Err(Failure::Input(message));
+    if let Some(path) = &args.plot {
+        args.force.check(path)?;
     }
     if let Some(own) = own(&args.file) {
         say!("{}: {own}", args.file.display());
@@ -62,7 +60,7 @@ pub fn run(args: &Args) -> Outcome {
     if let Some(path) = &args.plot {
         figures::signals::draw(&overview).and_then(|picture| picture.save(path)).map_err(Failure::failed)?;
     }
-    if args.json {
+    if args.json.is_given() {
         say!("{:#}", as_json(&overview));
         return Ok(());
     }

@@ -124,7 +124,7 @@ pub struct Args {
     rig: Option<Rig>,
 
     /// Folder of a run, or its name below runs/
-    #[arg(long, value_name = "DIR", conflicts_with = "rig")]
+    #[arg(long, value_name = "FOLDER", conflicts_with = "rig")]
     run: Option<PathBuf>,
 
     /// Rig seconds per second: of a replay (0.01 to 1000), or of virtual:realtime (0.5 to 20) [default: 1]

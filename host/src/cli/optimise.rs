@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use clap::Args as ClapArgs;
 
+use super::arguments::{ForceArg, JsonArg};
 use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
@@ -25,13 +26,15 @@ pub struct Args {
     #[arg(value_name = "FILE")]
     file: PathBuf,
 
-    /// Print the answer as one JSON object
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonArg,
 
     /// Write the answer (JSON), all evaluated points and the neighbourhood of the optimum (Parquet) to a new folder
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
+
+    #[command(flatten)]
+    force: ForceArg,
 
     /// Print variables, points, simulations and estimated time, and search nothing
     #[arg(long)]
@@ -60,7 +63,7 @@ Exit codes:
 pub fn run(args: &Args) -> Outcome {
     let file = examples::find(FileKind::Optimisation, &args.file)?;
     let optimisation = Optimisation::read(&file).map_err(Failure::input)?;
-    if let Some(folder) = &args.out {
+    if let Some(folder) = args.out.as_ref().filter(|_| !args.force.is_given()) {
         table::check_folder(folder).map_err(Failure::input)?;
     }
     let cores = rayon::current_num_threads();
@@ -70,7 +73,7 @@ pub fn run(args: &Args) -> Outcome {
         say!("{scope}");
         return Ok(());
     }
-    if !args.json {
+    if !args.json.is_given() {
         say!("{scope}");
     }
     let size = Size::of(&optimisation);
@@ -97,7 +100,7 @@ pub fn run(args: &Args) -> Outcome {
     };
     let answer = Answer::of(&optimisation, &found, &go_on).map_err(Failure::input)?;
     bar.end();
-    if args.json {
+    if args.json.is_given() {
         say!("{}", serde_json::to_string(&answer).map_err(Failure::failed)?);
     } else {
         say!("{}", terminal::optimise::answer(&optimisation, &answer));
@@ -106,7 +109,7 @@ pub fn run(args: &Args) -> Outcome {
     }
     if let Some(folder) = &args.out {
         table::write(&optimisation, &found, &answer, folder).map_err(Failure::failed)?;
-        if !args.json {
+        if !args.json.is_given() {
             say!("Written to {}", folder.display());
         }
     }

@@ -4,10 +4,10 @@
 
 use std::path::{Path, PathBuf};
 
+use super::arguments::ForceArg;
 use super::outcome::Failure;
 use crate::simulation::Case;
 use crate::simulation::time_history::TablePath;
-use crate::storage::out_file::EXISTS;
 
 /// Rejects outputs that are the case, its record, or one another; unless `force`, also files that exist.
 ///
@@ -18,7 +18,7 @@ pub fn check(
     case: &Case,
     out: Option<&TablePath>,
     plot: Option<&Path>,
-    force: bool,
+    force: ForceArg,
 ) -> Result<(), Failure> {
     // The tables beside --out are written for a case with walls only.
     let has_walls = case.has_impacts();
@@ -47,10 +47,7 @@ pub fn check(
                 file.display()
             )));
         }
-        if !force && file.symlink_metadata().is_ok() {
-            let message = format!("{role}: cannot write {}: {EXISTS}\n  nothing was written", file.display());
-            return Err(Failure::Input(message));
-        }
+        force.check(&file)?;
         taken.push((role, file));
     }
     Ok(())

@@ -5,9 +5,10 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::output::is_quiet;
 use crate::input::shown_in_line;
 
-/// A bar with the time left at the pace so far, hidden without a terminal.
+/// A bar with the time left at the pace so far, hidden without a terminal and with --quiet.
 #[must_use]
 pub fn bar(length: u64) -> ProgressBar {
     bar_with(length, "{msg} {wide_bar} {percent:>3} %  {eta} left")
@@ -19,8 +20,8 @@ pub(super) fn bar_without_time(length: u64) -> ProgressBar {
 }
 
 fn bar_with(length: u64, template: &str) -> ProgressBar {
-    let target =
-        if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let is_shown = std::io::stderr().is_terminal() && !is_quiet();
+    let target = if is_shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
     let bar = ProgressBar::with_draw_target(Some(length), target);
     let style = ProgressStyle::with_template(template);
     if let Ok(style) = style {

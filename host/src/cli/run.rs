@@ -8,11 +8,12 @@ use std::time::Duration;
 use clap::Args as ClapArgs;
 use damprig_protocol::ClockSource;
 
-use super::arguments::{Rig, SpeedArg, seconds, seconds_or_zero};
+use super::arguments::{QuietArg, Rig, SpeedArg, seconds, seconds_or_zero};
 use super::consent::ConsentArg;
 use super::examples;
 use super::monitor::{PageArgs, check_terminal};
 use super::outcome::{Failure, Outcome};
+use super::output::is_quiet;
 use super::run_job::{Job, LiveViews};
 use super::run_progress::Log;
 use crate::campaign::Campaign;
@@ -58,17 +59,17 @@ pub struct Args {
     speed: SpeedArg,
 
     /// New or empty folder for this run [default: runs/<date>-<campaign>-<short id>]
-    #[arg(long, value_name = "DIR", conflicts_with = "resume")]
+    #[arg(long, value_name = "FOLDER", conflicts_with = "resume")]
     out: Option<PathBuf>,
 
     /// Resume the run in this folder. Measured points are kept and the interrupted point is repeated; a sweep with
     /// start = "carry_over" is repeated from its first frequency
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["campaign", "dry_run"])]
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["campaign", "dry_run"])]
     resume: Option<PathBuf>,
 
     /// Check the campaign, print every parameter of its set-ups and predict the displacements, without running it. With --rig the settings of that rig are read
     /// and nothing is changed on it; without, the settings are those of a board as delivered
-    #[arg(long)]
+    #[arg(long, conflicts_with = "quiet")]
     dry_run: bool,
 
     /// Do not ask for confirmation that each set-up is mounted (real structures only); a rig that is not at rest then is told and
@@ -91,12 +92,11 @@ pub struct Args {
     page: PageArgs,
 
     /// Show the run live in this terminal: numbers, curves, alarms; s stops it
-    #[arg(long, conflicts_with = "dry_run")]
+    #[arg(long, conflicts_with_all = ["dry_run", "quiet"])]
     tui: bool,
 
-    /// Print only warnings, errors and the run folder
-    #[arg(long, conflicts_with_all = ["dry_run", "tui"])]
-    quiet: bool,
+    #[command(flatten)]
+    quiet: QuietArg,
 
     /// Append what happens in the run to this file, a line each with the time: starts, results, the link, the spring
     #[arg(long, value_name = "FILE", conflicts_with = "dry_run")]
@@ -107,7 +107,7 @@ pub struct Args {
     reconnect_s: f64,
 }
 
-const USAGE: &str = "damprig run [OPTIONS] <CAMPAIGN.toml>\n       damprig run [OPTIONS] --resume <DIR>";
+const USAGE: &str = "damprig run [OPTIONS] <CAMPAIGN.toml>\n       damprig run [OPTIONS] --resume <FOLDER>";
 
 const AFTER_HELP: &str = "\
 Examples:
@@ -152,9 +152,7 @@ pub fn run(args: &Args) -> Outcome {
         return Err(Failure::Input("--listen and --control are options of the live page: give --monitor too".into()));
     }
     check_terminal(args.tui)?;
-    if args.quiet {
-        super::output::be_quiet();
-    }
+    args.quiet.apply();
     match (&args.resume, &args.campaign) {
         (Some(folder), _) => resume(args, folder),
         (None, Some(campaign)) => begin(args, campaign),
@@ -163,6 +161,7 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 fn begin(args: &Args, file: &Path) -> Outcome {
+    refuse_taken(args.out.as_deref())?;
     let file = &examples::find(FileKind::Campaign, file)?;
     let mut campaign = new_campaign(file).map_err(Failure::input)?;
     campaign.source.warnings().iter().for_each(|warning| warn!("warning: {warning}"));
@@ -203,7 +202,6 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     let log = args.log.as_deref().map(Log::open).transpose()?;
     let live = args.live_views(&rig, &stop)?;
     let now = host_time::now();
-    refuse_taken(args.out.as_deref())?;
     let folder = match &args.out {
         Some(path) => OutputFolder::create_at(path),
         None => OutputFolder::create_dated(Path::new("."), &campaign.name, &now),
@@ -218,7 +216,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         reconnect_within: Duration::from_secs_f64(args.reconnect_s),
         mount_without_asking: args.yes,
         accept_settings: args.consent.is_given(),
-        is_quiet: args.quiet,
+        is_quiet: is_quiet(),
         rig,
         campaign: &campaign,
         predicted: &predicted,
@@ -301,7 +299,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         reconnect_within: Duration::from_secs_f64(args.reconnect_s),
         mount_without_asking: args.yes,
         accept_settings: args.consent.is_given(),
-        is_quiet: args.quiet,
+        is_quiet: is_quiet(),
         rig,
         campaign,
         predicted: &predicted,

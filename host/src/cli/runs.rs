@@ -7,7 +7,9 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use clap::{Args as ClapArgs, Subcommand};
+use serde_json::{Value, json};
 
+use super::arguments::{ForceArg, JsonArg};
 use super::outcome::{Failure, Outcome};
 use super::progress::bar;
 use crate::input::{near, shown_in_line};
@@ -24,15 +26,17 @@ use crate::run_folder::read::folder::{below, find, is_run};
 use crate::run_folder::read::verify::{Finding, verify};
 use crate::run_folder::schema::results::steadiness_text;
 use crate::run_folder::{ReadError, RunFolder};
-use crate::storage::out_file::{EXISTS, OutFile, to_failure, write_new};
+use crate::storage::out_file::{OutFile, to_failure, write_new};
 
 /// Lists, shows, verifies, reports and exports run folders. Never changes a run folder.
 #[derive(Debug, ClapArgs)]
 #[command(args_conflicts_with_subcommands = true)]
 pub struct Args {
     /// Folder with run folders
-    #[arg(value_name = "DIR", default_value = "runs")]
+    #[arg(value_name = "FOLDER", default_value = "runs")]
     dir: PathBuf,
+    #[command(flatten)]
+    json: JsonArg,
     #[command(subcommand)]
     action: Option<Action>,
 }
@@ -43,11 +47,15 @@ enum Action {
     Show {
         /// Run folder, its name, or the short id at the end of the name
         run: PathBuf,
+        #[command(flatten)]
+        json: JsonArg,
     },
     /// Verify a run: checksums, gaps, row counts, completeness (exit code 1 if a check fails)
     Verify {
         /// Run folder, its name, or the short id at the end of the name
         run: PathBuf,
+        #[command(flatten)]
+        json: JsonArg,
     },
     /// Write the report page of one or several runs: one HTML file
     #[command(after_help = REPORT_HELP)]
@@ -58,9 +66,8 @@ enum Action {
         /// New file [default: <run>.html in the current folder; runs.html for several]
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
-        /// Replace an existing file
-        #[arg(long)]
-        force: bool,
+        #[command(flatten)]
+        force: ForceArg,
     },
     /// Export a run to CSV, MATLAB, HDF5 or UFF/UNV
     #[command(after_help = EXPORT_HELP)]
@@ -135,9 +142,8 @@ struct Export {
     /// New file [default: <run>.<format> in the current folder; <run>-<table>.<format> for a single table]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Replace an existing file
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    force: ForceArg,
     /// Export samples and impacts from this time of their experiment, s
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
     from_s: f64,
@@ -152,9 +158,10 @@ struct Export {
 /// No such run, a damaged run, or a file that cannot be written.
 pub fn run(args: &Args) -> Outcome {
     match &args.action {
-        None => list(&args.dir),
-        Some(Action::Show { run }) => show(&open(run)?),
-        Some(Action::Verify { run }) => check(run),
+        None => list(&args.dir, args.json),
+        Some(Action::Show { run, json }) if json.is_given() => show_json(&open(run)?),
+        Some(Action::Show { run, .. }) => show(&open(run)?),
+        Some(Action::Verify { run, json }) => check(run, *json),
         Some(Action::Report { runs, out, force }) => {
             let runs: Vec<RunFolder> = runs.iter().map(|run| open(run)).collect::<Result<_, _>>()?;
             if let Some(twice) =
@@ -172,7 +179,7 @@ fn open(wanted: &Path) -> Result<RunFolder, Failure> {
     RunFolder::open(&find(wanted).map_err(Failure::input)?).map_err(Failure::failed)
 }
 
-fn list(dir: &Path) -> Outcome {
+fn list(dir: &Path, json: JsonArg) -> Outcome {
     if !dir.is_dir() {
         return Err(Failure::Input(format!(
             "there is no folder {}; give the folder with the run folders",
@@ -184,6 +191,10 @@ fn list(dir: &Path) -> Outcome {
         folders.into_iter().map(|path| (path.clone(), RunFolder::open(&path))).collect();
     // Latest first; runs without a readable start last.
     runs.sort_by_key(|(_, run)| std::cmp::Reverse(run.as_ref().ok().and_then(|r| r.manifest().started_at())));
+    if json.is_given() {
+        say!("{}", runs.iter().map(|(path, run)| listed(path, run)).collect::<Value>());
+        return Ok(());
+    }
     let mut table = table(&["run", "campaign", "started", "rig", "set-ups", "points", "state", "size (MB)"]);
     for (path, run) in &runs {
         let name = path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
@@ -215,6 +226,41 @@ fn list(dir: &Path) -> Outcome {
         }
     }
     say!("{table}\n{} runs in {}", runs.len(), dir.display());
+    Ok(())
+}
+
+/// A run of the list, for programs; of one that cannot be read, `error` says why.
+fn listed(path: &Path, run: &Result<RunFolder, ReadError>) -> Value {
+    let run = match run {
+        Ok(run) => run,
+        Err(error) => return json!({ "folder": path.display().to_string(), "error": error.0 }),
+    };
+    let m = run.manifest();
+    json!({
+        "folder": path.display().to_string(),
+        "campaign": m.campaign,
+        "started": m.started,
+        "rig": m.device.as_ref().map(|device| &device.link),
+        "set_ups": m.set_ups.len(),
+        "points_taken": m.points_taken,
+        "points_planned": m.points_planned,
+        "state": m.ending_text(),
+        "bytes": run.bytes(),
+    })
+}
+
+/// Prints the manifest and the results for programs.
+fn show_json(run: &RunFolder) -> Outcome {
+    let results = run.result_rows().map_err(Failure::failed)?;
+    let transients = run.transient_rows().map_err(Failure::failed)?;
+    let all = json!({
+        "folder": run.path().display().to_string(),
+        "state": run.manifest().ending_text(),
+        "manifest": run.manifest(),
+        "results": results,
+        "transients": transients,
+    });
+    say!("{all}");
     Ok(())
 }
 
@@ -314,39 +360,32 @@ fn show_transients(run: &RunFolder) -> Outcome {
     Ok(())
 }
 
-fn check(wanted: &Path) -> Outcome {
-    let found = verify(&find(wanted).map_err(Failure::input)?).map_err(Failure::failed)?;
-    let mut failed = 0;
-    for finding in &found {
-        match finding {
-            Finding::Good(text) => say!("ok      {text}"),
-            Finding::Wrong(text) => {
-                failed += 1;
-                say!("FAILED  {text}");
-            }
-        }
+fn check(wanted: &Path, json: JsonArg) -> Outcome {
+    let folder = find(wanted).map_err(Failure::input)?;
+    let found = verify(&folder).map_err(Failure::failed)?;
+    let checks = found.iter().map(|finding| match finding {
+        Finding::Good(text) => (true, text),
+        Finding::Wrong(text) => (false, text),
+    });
+    if json.is_given() {
+        let checks: Value = checks.clone().map(|(is_good, what)| json!({ "is_good": is_good, "what": what })).collect();
+        say!("{}", json!({ "folder": folder.display().to_string(), "checks": checks }));
+    } else {
+        checks.clone().for_each(|(is_good, what)| say!("{}  {what}", if is_good { "ok    " } else { "FAILED" }));
     }
+    let failed = checks.filter(|(is_good, _)| !is_good).count();
     if failed == 0 {
         return Ok(());
     }
     Err(Failure::Failed(format!("{failed} checks of {} failed; nothing was changed", wanted.display())))
 }
 
-/// Rejects a target that exists, unless it is to be replaced: another name is a matter of the command line.
-fn refuse_existing(out: &OutFile) -> Outcome {
-    if !out.force && out.path.symlink_metadata().is_ok() {
-        return Err(Failure::Input(format!("cannot write {}: {EXISTS}", out.path.display())));
-    }
-    Ok(())
-}
-
-fn report(runs: &[RunFolder], out: Option<&Path>, force: bool) -> Outcome {
+fn report(runs: &[RunFolder], out: Option<&Path>, force: ForceArg) -> Outcome {
     let name = if let [run] = runs { run.id() } else { "runs".into() };
     let out = out.map_or_else(|| PathBuf::from(format!("{name}.html")), Path::to_path_buf);
-    let file = OutFile { path: out.clone(), force };
-    refuse_existing(&file)?;
+    force.check(&out)?;
     let page = if let [run] = runs { page(run) } else { page_of_runs(runs) };
-    write_new(&file, |file| file.write_all(page.html.as_bytes()).map_err(|e| to_failure(&out)(&e)))
+    write_new(&force.file(&out), |file| file.write_all(page.html.as_bytes()).map_err(|e| to_failure(&out)(&e)))
         .map_err(Failure::failed)?;
     say!("Report: {}", out.display());
     if page.unreadable.is_empty() {
@@ -407,12 +446,11 @@ fn export(args: &Export) -> Outcome {
         let name = one.map_or(String::new(), |table| format!("-{}", table.name()));
         PathBuf::from(format!("{}{name}.{}", run.id(), exporter.extension()))
     });
-    let file = OutFile { path: out.clone(), force: args.force };
-    refuse_existing(&file)?;
+    args.force.check(&out)?;
     let names: Vec<&str> = tables.iter().map(|t| t.name()).collect();
     let (set_up, samples_read) = (args.set_up.clone(), Arc::default());
     let selection = ExportSelection { tables, set_up, from_s: args.from_s, to_s: args.to_s, samples_read };
-    let exported = exported_with_a_bar(exporter, &run, &selection, &file).map_err(Failure::failed)?;
+    let exported = exported_with_a_bar(exporter, &run, &selection, &args.force.file(&out)).map_err(Failure::failed)?;
     say!("{} rows of {} in {}", exported.rows, names.join(" and "), out.display());
     exported.notes.iter().for_each(|note| say!("{note}"));
     if !run.manifest().is_complete() {

@@ -8,14 +8,14 @@ use clap::{Args as ClapArgs, Subcommand};
 use damprig_core::settings::Settings;
 use damprig_protocol::Request;
 
-use super::arguments::Rig;
+use super::arguments::{ForceArg, Rig};
 use super::consent::ConsentArg;
 use super::outcome::{Failure, Outcome};
 use crate::client::backup::{Backup, NotRestored, Restored};
 use crate::client::session::{AnyBoard, Session};
 use crate::input::{Source, near};
 use crate::settings::{decimal, entries, from_toml, states_limits, to_toml};
-use crate::storage::out_file::{EXISTS, OutFile, to_failure, write_new};
+use crate::storage::out_file::{to_failure, write_new};
 
 /// Shows, changes, saves and copies the settings of a board: sensor calibration, limits, spring and impact constants.
 ///
@@ -73,9 +73,8 @@ enum Action {
         /// File
         #[arg(value_name = "FILE.toml")]
         file: PathBuf,
-        /// Replace an existing file
-        #[arg(long)]
-        force: bool,
+        #[command(flatten)]
+        force: ForceArg,
     },
     /// Apply the settings of a file; settings that it leaves out stay as they are
     Import {
@@ -93,9 +92,8 @@ enum Action {
         /// File
         #[arg(value_name = "FILE.toml")]
         file: PathBuf,
-        /// Replace an existing file
-        #[arg(long)]
-        force: bool,
+        #[command(flatten)]
+        force: ForceArg,
     },
     /// Save the settings of a backup on the board, and check that the board has them
     Restore {
@@ -112,6 +110,9 @@ enum Action {
 pub fn run(args: &Args) -> Outcome {
     // Report input errors before connecting to the board.
     let timeout = Duration::from_secs_f64(args.timeout);
+    if let Action::Export { file, force } | Action::Backup { file, force } = &args.action {
+        force.check(file)?;
+    }
     match &args.action {
         Action::Backup { file, force } => return backup(args, file, *force, timeout),
         Action::Restore { file } => return restore(args, file, timeout),
@@ -168,7 +169,7 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 /// Keeps what a board of any protocol has saved.
-fn backup(args: &Args, file: &Path, force: bool, timeout: Duration) -> Outcome {
+fn backup(args: &Args, file: &Path, force: ForceArg, timeout: Duration) -> Outcome {
     let mut board = AnyBoard::open(&args.rig.find()?, timeout).map_err(Failure::failed)?;
     let backup = Backup::of(&mut board).map_err(Failure::failed)?;
     say!("Settings of {}, firmware {}: {}", backup.board, backup.firmware, backup.summary());
@@ -217,14 +218,10 @@ fn head(session: &Session) -> String {
     format!("Settings of {board}, firmware {firmware} ({})", session.settings_origin())
 }
 
-fn export(file: &Path, force: bool, text: &str) -> Outcome {
-    if !force && file.symlink_metadata().is_ok() {
-        let message = format!("cannot write {}: {EXISTS}", file.display());
-        return Err(Failure::Input(message));
-    }
+fn export(file: &Path, force: ForceArg, text: &str) -> Outcome {
     // Written atomically: an incomplete file would import without an error.
-    let out = OutFile { path: file.to_path_buf(), force };
-    write_new(&out, |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e))).map_err(Failure::failed)?;
+    write_new(&force.file(file), |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e)))
+        .map_err(Failure::failed)?;
     say!("written to {}", file.display());
     Ok(())
 }

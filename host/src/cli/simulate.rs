@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args as ClapArgs;
 
-use super::arguments::{not_negative, positive};
+use super::arguments::{ForceArg, JsonArg, not_negative, positive};
 use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::progress::SimulationBar;
@@ -33,9 +33,8 @@ pub struct Args {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
 
-    /// Print the complete result as one JSON object, a line for each case
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonArg,
 
     /// Also print the energy balance, the steady state, the periodic orbit and its Floquet multipliers
     #[arg(long)]
@@ -54,9 +53,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE", value_parser = picture)]
     plot: Option<PathBuf>,
 
-    /// Replace existing files of --out and --plot
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    force: ForceArg,
 
     /// Start of the drawn time [default: 0; a long run also shows its last ten cycles]
     #[arg(long, value_name = "SECONDS", requires = "plot", value_parser = not_negative)]
@@ -116,7 +114,7 @@ pub fn run(args: &Args) -> Outcome {
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     for (place, (path, (case, unusual))) in paths.iter().zip(cases).enumerate() {
-        if place > 0 && !args.json {
+        if place > 0 && !args.json.is_given() {
             say!("");
         }
         simulate_one(args, path, (&case, &unusual), &values, &stop)?;
@@ -163,7 +161,7 @@ fn simulate_one(
         bar.reach(t_s);
         !stop.load(Ordering::Relaxed)
     };
-    let options = RunOptions { keep: args.json, longest_part_s, go_on: &mut go_on };
+    let options = RunOptions { keep: args.json.is_given(), longest_part_s, go_on: &mut go_on };
     let result = simulate(case, &mut viewer, options).map_err(Failure::input);
     bar.end();
     let result = result?;
@@ -178,7 +176,7 @@ fn simulate_one(
     if args.analyse && case.record.is_some() {
         warn!("warning: --analyse does not support recorded base motions");
     }
-    if args.json {
+    if args.json.is_given() {
         if result.summary.impact_count > result.impacts.len() as u64 {
             let (kept, all) = (result.impacts.len(), result.summary.impact_count);
             warn!("warning: the result lists the first {kept} of {all} impacts; --out writes them all");
@@ -193,7 +191,7 @@ fn simulate_one(
     }
     written.map_err(Failure::failed)?;
     drawn.map_err(Failure::failed)?;
-    if !args.json {
+    if !args.json.is_given() {
         if let (Some(path), Some(rows), Some(rate_hz)) = (&args.out, rows, rate_hz) {
             say!("Time history: {} ({rows} rows at {} Hz)", path.path().display(), significant(rate_hz, 6));
         }

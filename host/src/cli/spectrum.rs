@@ -6,7 +6,7 @@ use std::str::FromStr;
 use clap::{Args as ClapArgs, ValueEnum};
 use serde::Serialize;
 
-use super::arguments::{StatedArgs, positive, table_file};
+use super::arguments::{ForceArg, JsonArg, StatedArgs, positive, table_file};
 use super::outcome::{Failure, Outcome};
 use super::simulate::picture;
 use crate::input::Files;
@@ -16,7 +16,6 @@ use crate::report::numbers::significant;
 use crate::report::terminal::table;
 use crate::report::{branch_table, spectrum_table};
 use crate::spectrum::{Method, Point, periods, spectra};
-use crate::storage::out_file::OutFile;
 
 /// Response spectra of an acceleration record: the largest displacement, velocity and acceleration of a linear oscillator.
 ///
@@ -60,13 +59,11 @@ pub struct Args {
     #[arg(long, value_name = "FILE", value_parser = picture)]
     plot: Option<PathBuf>,
 
-    /// Print the spectra as one JSON object
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonArg,
 
-    /// Replace existing files
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    force: ForceArg,
 }
 
 const AFTER_HELP: &str = "\
@@ -161,13 +158,7 @@ struct Answer<'a> {
 /// # Errors
 /// A record that cannot be used, an unwritable file.
 pub fn run(args: &Args) -> Outcome {
-    for (option, path) in [("--out", &args.out), ("--plot", &args.plot)] {
-        if let Some(path) = path.as_ref().filter(|path| !args.force && path.symlink_metadata().is_ok()) {
-            let message =
-                format!("{option}: {} exists\n  give another name, or replace it with --force", path.display());
-            return Err(Failure::Input(message));
-        }
-    }
+    [&args.out, &args.plot].into_iter().flatten().try_for_each(|path| args.force.check(path))?;
     let which = |column: &String| column.parse().map_or_else(|_| Which::Name(column.clone()), Which::Place);
     let spec = Spec {
         quantity: Some(Quantity::Acceleration),
@@ -187,13 +178,13 @@ pub fn run(args: &Args) -> Outcome {
     let points = spectra(&record, &args.damping, &args.periods.0, method)
         .map_err(|why| Failure::Input(format!("{name}: {why}")))?;
     if let Some(path) = &args.out {
-        let out = OutFile { path: path.clone(), force: args.force };
-        branch_table::write(spectrum_table::table(&points, &name, method), &out).map_err(Failure::failed)?;
+        branch_table::write(spectrum_table::table(&points, &name, method), &args.force.file(path))
+            .map_err(Failure::failed)?;
     }
     if let Some(path) = &args.plot {
         figures::spectrum::draw(&points).and_then(|picture| picture.save(path)).map_err(Failure::failed)?;
     }
-    if args.json {
+    if args.json.is_given() {
         let answer = Answer {
             record: name,
             damprig: crate::VERSION_LINE,

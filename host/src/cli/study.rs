@@ -7,9 +7,11 @@ use std::time::Instant;
 
 use clap::{Args as ClapArgs, Subcommand};
 
+use super::arguments::QuietArg;
 use super::bifurcation;
 use super::examples;
 use super::outcome::{Failure, Outcome};
+use super::output::print_always;
 use super::progress::StudyBar;
 use super::study_figures::say_result;
 use super::study_work;
@@ -58,12 +60,15 @@ struct RunArgs {
     out: Option<PathBuf>,
 
     /// Print points, simulations, cycles and estimated time, and simulate nothing more
-    #[arg(long)]
+    #[arg(long, conflicts_with = "quiet")]
     dry_run: bool,
 
     /// Start although the estimate is more than a day
     #[arg(long)]
     long: bool,
+
+    #[command(flatten)]
+    quiet: QuietArg,
 }
 
 const RUN_HELP: &str = "\
@@ -101,6 +106,7 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 fn run_study(args: &RunArgs) -> Outcome {
+    args.quiet.apply();
     let file = examples::find(FileKind::Study, &args.study)?;
     let study = Study::read(&file).map_err(Failure::input)?;
     let cores = rayon::current_num_threads();
@@ -140,8 +146,14 @@ fn run_study(args: &RunArgs) -> Outcome {
         )));
     }
     let table = data_set.join(&study, |_, _| ()).map_err(|error| kept(&data_set, error))?;
-    say!("Table: {} ({} rows, {})", table.display(), study.rows(), duration(start.elapsed().as_secs_f64()));
+    say_table(&study, &table, start);
     say_result(&study, &data_set, &last)
+}
+
+/// Prints where the table is, with --quiet too, and how long it took.
+pub(super) fn say_table(study: &Study, table: &Path, start: Instant) {
+    let took = duration(start.elapsed().as_secs_f64());
+    print_always(&format!("Table: {} ({} rows, {took})", table.display(), study.rows()));
 }
 
 /// A failure with what is there already, and how to go on.

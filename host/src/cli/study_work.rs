@@ -9,10 +9,11 @@ use clap::Args as ClapArgs;
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
+use super::arguments::QuietArg;
 use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
-use super::study::{kept, place};
+use super::study::{kept, place, say_table};
 use super::study_figures::{say_result, without_digest};
 use crate::file_keys::FileKind;
 use crate::report::numbers::duration;
@@ -31,6 +32,9 @@ use crate::study::work::{self, Done, Shard};
 pub(super) struct WorkArgs {
     #[command(flatten)]
     place: PlaceArgs,
+
+    #[command(flatten)]
+    quiet: QuietArg,
 
     /// Compute the i-th of n shares of the parts and stop; i counts from 1
     #[arg(long, value_name = "I/N")]
@@ -66,6 +70,7 @@ Exit codes:
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the parts so far are kept";
 
 pub(super) fn work(args: &WorkArgs) -> Outcome {
+    args.quiet.apply();
     let study = Study::read(&examples::find(FileKind::Study, &args.place.study)?).map_err(Failure::input)?;
     let store = store(&args.place)?;
     let data_set = DataSet::open(&study, store)?;
@@ -168,7 +173,7 @@ pub(super) fn merge(args: &PlaceArgs) -> Outcome {
     });
     bar.end();
     let table = table.map_err(|error| kept(&data_set, error))?;
-    say!("Table: {} ({} rows, {})", table.display(), study.rows(), duration(start.elapsed().as_secs_f64()));
+    say_table(&study, &table, start);
     say_result(&study, &data_set, &progress)
 }
 

@@ -45,13 +45,25 @@ pub fn write(optimisation: &Optimisation, found: &Found, answer: &Answer, folder
     let stages: Vec<&str> = found.points.iter().map(|(stage, _)| stage.name()).collect();
     let points: Vec<&Evaluated> = found.points.iter().map(|(_, point)| point).collect();
     write_table(optimisation, Some(&stages), &points, &folder.join(EVALUATIONS))?;
-    if !answer.neighbourhood.is_empty() {
+    let neighbourhood = folder.join(NEIGHBOURHOOD);
+    if answer.neighbourhood.is_empty() {
+        // One of an earlier answer, which this one replaces.
+        remove(&neighbourhood)?;
+    } else {
         let points: Vec<&Evaluated> = answer.neighbourhood.iter().collect();
-        write_table(optimisation, None, &points, &folder.join(NEIGHBOURHOOD))?;
+        write_table(optimisation, None, &points, &neighbourhood)?;
     }
     let path = folder.join(ANSWER);
     let text = serde_json::to_vec_pretty(answer).map_err(|error| StorageError::new("write", &path, error))?;
     own_files::replace(&path, &text)
+}
+
+/// Removes a file, if it is there.
+fn remove(path: &Path) -> Result<(), StorageError> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(StorageError::new("remove", path, error)),
+        _ => Ok(()),
+    }
 }
 
 fn write_table(

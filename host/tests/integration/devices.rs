@@ -57,6 +57,17 @@ fn a_healthy_board_has_no_complaints_and_a_virtual_one_answers_too() {
 }
 
 #[test]
+fn a_board_is_described_for_programs() {
+    let answer = damprig(&folder_with("")).args(["devices", "--rig", "virtual", "--json"]).assert().success();
+    let list: serde_json::Value = serde_json::from_slice(&answer.get_output().stdout).unwrap();
+    assert_eq!((&list[0]["rig"], &list[0]["why"]), (&"virtual".into(), &serde_json::Value::Null));
+    assert!(
+        list[0]["board"]["firmware"].is_string() && list[0]["board"]["warnings"] == serde_json::json!([]),
+        "{list}"
+    );
+}
+
+#[test]
 fn an_address_without_a_board_is_an_error_that_names_it() {
     let folder = folder_with("");
     let devices = |rig: &str| damprig(&folder).args(["devices", "--timeout", "0.3", "--rig", rig]).assert();

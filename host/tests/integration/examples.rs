@@ -98,11 +98,21 @@ fn a_campaign_is_copied_whole_and_says_the_next_command() {
     assert!(out.contains("Next: damprig run hybrid.toml") && out.contains("`damprig examples cases/hybrid`"), "{out}");
     let (code, _, error) = answer(&folder, &["examples", "cases/hybrid"]);
     assert_eq!(code, Some(2));
-    assert!(error.contains("hybrid.toml exists") && error.contains("nothing was written"), "{error}");
+    assert!(error.contains("hybrid.toml: it exists") && error.contains("nothing was written"), "{error}");
     assert_eq!(
         std::fs::read_to_string(folder.path().join("hybrid.toml")).expect("a copy"),
         shipped("campaigns/hybrid.toml")
     );
+}
+
+#[test]
+fn a_changed_copy_is_replaced_only_by_force() {
+    let folder = empty();
+    std::fs::write(folder.path().join("hybrid.toml"), "mine").expect("a file");
+    assert_eq!(answer(&folder, &["examples", "hybrid"]).0, Some(2));
+    done(&folder, &["examples", "hybrid", "--force"]);
+    let copy = std::fs::read_to_string(folder.path().join("hybrid.toml")).expect("a copy");
+    assert_eq!(copy, shipped("campaigns/hybrid.toml"));
 }
 
 #[test]
@@ -118,7 +128,7 @@ fn a_study_is_copied_with_its_case_and_its_continuation() {
     std::fs::write(folder.path().join("cases/spid.toml"), "mine").expect("a file");
     let (code, _, error) = answer(&folder, &["examples", "spid-band"]);
     assert_eq!(code, Some(2));
-    assert!(error.contains("cases/spid.toml exists"), "{error}");
+    assert!(error.contains("cases/spid.toml: it exists"), "{error}");
     assert!(!folder.path().join("spid-band.toml").exists());
 }
 

@@ -115,6 +115,19 @@ fn a_truncated_image_is_refused_wherever_it_ends() {
     }
 }
 
+#[test]
+fn files_that_exist_are_kept_before_anything_is_read() {
+    let folder = folder_with("");
+    std::fs::write(folder.path().join("taken.hex"), "mine").expect("a file");
+    for option in ["--hex", "--backup"] {
+        let (code, said) = answer(&folder, &["flash", "absent.elf", option, "taken.hex"]);
+        assert!(code == Some(2) && said.contains("cannot write taken.hex: it exists"), "{said}");
+    }
+    let (code, said) = answer(&folder, &["flash", "absent.elf", "--hex", "taken.hex", "--force"]);
+    assert!(code == Some(2) && said.contains("absent.elf"), "{said}");
+    assert_eq!(std::fs::read_to_string(folder.path().join("taken.hex")).expect("a file"), "mine");
+}
+
 #[cfg(feature = "probe")]
 #[test]
 fn a_missing_probe_is_reported_with_what_to_check() {

@@ -35,6 +35,7 @@ fn a_topic_is_a_page_or_a_section_of_a_long_one() {
     assert!(printed(&["help", "e_n"]).starts_with("Read E_n: does the model agree?\n==="));
     let section = printed(&["help", "option", "bytes"]);
     assert!(section.starts_with("Option bytes\n") && section.contains("`damprig help lab-guide` prints all of it"));
+    assert!(section.contains("In the browser: `damprig help option bytes --web`\n"), "{section}");
 }
 
 #[test]
@@ -78,7 +79,59 @@ fn a_page_opens_in_the_browser() {
     }
     assert!(open("laser").ends_with("/manual/how-to/calibrate-lasers.html"));
     assert!(open("option bytes").ends_with("/manual/LAB_GUIDE.html#option-bytes"));
+    let mut help = assert_cmd::Command::new(&command);
+    let told = help.args(["help", "laser"]).assert().success().get_output().stdout.clone();
+    let told = String::from_utf8(told).unwrap();
+    assert!(
+        told.contains("`damprig help laser --web` opens file://") && told.contains("calibrate-lasers.html\n"),
+        "{told}"
+    );
     assert!(open("E_n").ends_with(".html") && !open("E_n").contains("/manual/"), "a page that this book does not have");
+}
+
+/// Each command that has the option `--NAME`, with the option's value, if it takes one, and what the help says of it.
+fn with_option(page: &str, name: &str) -> Vec<(String, String, String)> {
+    let mut found = Vec::new();
+    for section in page.split("\n## damprig ").skip(1) {
+        let command = section.lines().next().unwrap();
+        for paragraph in section.split("\n\n") {
+            let mut lines = paragraph.lines().map(str::trim).skip_while(|line| !line.starts_with("--"));
+            let Some((option, value)) = lines.next().map(|line| line.split_once(' ').unwrap_or((line, ""))) else {
+                continue;
+            };
+            if option == name {
+                found.push((command.to_string(), value.to_string(), lines.collect::<Vec<_>>().join(" ")));
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn an_option_of_several_commands_says_the_same_in_each() {
+    let page = printed(&["man", "--markdown"]);
+    for (name, least) in [("--json", 20), ("--force", 20), ("--quiet", 4)] {
+        let found = with_option(&page, name);
+        assert!(found.len() >= least, "{name}: {found:?}");
+        for (command, value, text) in &found {
+            assert_eq!((value.as_str(), text), ("", &found[0].2), "{command} {name}");
+        }
+    }
+}
+
+#[test]
+fn each_out_is_a_file_or_a_folder_that_force_replaces() {
+    let page = printed(&["man", "--markdown"]);
+    let forced: Vec<String> = with_option(&page, "--force").into_iter().map(|(command, ..)| command).collect();
+    // These begin a run in a new folder, or go on in the folder of a study.
+    let without = ["run", "study run", "study work", "study status", "study verify", "study merge"];
+    let found = with_option(&page, "--out");
+    assert!(found.len() > 15, "{found:?}");
+    for (command, value, _) in found {
+        // `continue` takes either.
+        assert!(["<FILE>", "<FILE.toml>", "<FOLDER>", "<PLACE>"].contains(&value.as_str()), "{command} --out {value}");
+        assert_ne!(forced.contains(&command), without.contains(&command.as_str()), "{command}");
+    }
 }
 
 #[cfg(not(feature = "probe"))]

@@ -287,6 +287,25 @@ fn a_wrong_file_is_refused_with_what_is_wrong_and_what_to_do() {
 }
 
 #[test]
+fn an_answer_is_replaced_only_by_force() {
+    let folder = folder(CASE, &format!("{TOP}{CLEARANCE}"));
+    let out = folder.path().join("out");
+    std::fs::create_dir(&out).unwrap();
+    for file in ["answer.json", "neighbourhood.parquet"] {
+        std::fs::write(out.join(file), "of another answer").unwrap();
+    }
+    let refused = run(&folder, "2", &["--out", "out"]);
+    assert!(
+        refused.status.code() == Some(2)
+            && String::from_utf8_lossy(&refused.stderr).contains("--out: out is not empty")
+    );
+    let replaced = run(&folder, "2", &["--out", "out", "--force"]);
+    assert!(replaced.status.success(), "{}", String::from_utf8_lossy(&replaced.stderr));
+    serde_json::from_slice::<serde_json::Value>(&std::fs::read(out.join("answer.json")).unwrap()).unwrap();
+    assert!(std::fs::read(out.join("neighbourhood.parquet")).is_ok_and(|bytes| bytes.starts_with(b"PAR1")));
+}
+
+#[test]
 fn shipped_optimisations_are_sound() {
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("optimisations");
     let files: Vec<PathBuf> = std::fs::read_dir(shipped).unwrap().flatten().map(|entry| entry.path()).collect();

@@ -61,6 +61,16 @@ fn a_folder_in_use_is_refused_before_anything_moves() {
     std::fs::write(folder.path().join("out/earlier.txt"), "data").unwrap();
     let answer = damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().code(2);
     answer.stderr(contains("cannot use the folder out: it is not empty; give --out a new folder"));
+    // Before the campaign is read or predicted, and in a dry run.
+    for run in [&["run", "absent.toml"][..], &["run", "test.toml", "--dry-run"]] {
+        damprig(&folder)
+            .args(run)
+            .args(["--out", "out"])
+            .assert()
+            .code(2)
+            .stdout("")
+            .stderr(contains("it is not empty"));
+    }
     let file = damprig(&folder).args(["run", "test.toml", "--out", "test.toml/run"]).assert().code(1);
     file.stderr(contains("test.toml/run").and(contains("Not a directory")));
 }

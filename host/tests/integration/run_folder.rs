@@ -163,8 +163,8 @@ fn a_manifest_of_a_later_format_or_of_another_run_is_refused() {
 fn a_folder_and_a_campaign_together_are_refused_with_the_correct_usage() {
     let folder = crate::common::folder_with(&short());
     let answer = damprig(&folder).args(["run", "--resume", "out", "test.toml"]).assert().code(2);
-    let right = contains("damprig run [OPTIONS] --resume <DIR>\n");
-    answer.stderr(right.and(contains("--resume <DIR> [CAMPAIGN.toml]").not()));
+    let right = contains("damprig run [OPTIONS] --resume <FOLDER>\n");
+    answer.stderr(right.and(contains("--resume <FOLDER> [CAMPAIGN.toml]").not()));
 }
 
 #[test]

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::common::{damprig, folder_with, rows, short};
 use predicates::prelude::*;
 use predicates::str::contains;
+use serde_json::Value;
 use tempfile::TempDir;
 
 fn with_run() -> (TempDir, PathBuf) {
@@ -27,6 +28,28 @@ fn an_intact_run_is_listed_shown_and_verified() {
     damprig(&folder).args(["runs", "."]).assert().success().stdout(contains("6/6").and(contains("complete")));
     damprig(&folder).args(["runs", "show", "out"]).assert().success().stdout(contains("x_m (m)"));
     damprig(&folder).args(["runs", "verify", "out"]).assert().success().stdout(contains("FAILED").not());
+}
+
+#[test]
+fn a_run_is_listed_shown_and_verified_for_programs() {
+    let (folder, run) = with_run();
+    let json = |arguments: &[&str], code: i32| -> Value {
+        let answer = damprig(&folder).args(arguments).arg("--json").assert().code(code);
+        serde_json::from_slice(&answer.get_output().stdout).unwrap()
+    };
+    let list = json(&["runs", "."], 0);
+    assert_eq!(
+        (&list[0]["folder"], &list[0]["points_taken"], &list[0]["rig"]),
+        (&"./out".into(), &6.into(), &"virtual".into())
+    );
+    let shown = json(&["runs", "show", "out"], 0);
+    assert_eq!(shown["manifest"]["campaign"], list[0]["campaign"]);
+    assert_eq!(shown["results"].as_array().unwrap().len(), 6);
+    assert!(shown["results"][0]["frequency_hz"].as_f64().unwrap() > 0.0, "{shown}");
+    let wrong = |verified: &Value| verified["checks"].as_array().unwrap().iter().any(|check| check["is_good"] == false);
+    assert!(!wrong(&json(&["runs", "verify", "out"], 0)));
+    cut_in_half(&run.join("samples.parquet"));
+    assert!(wrong(&json(&["runs", "verify", "out"], 1)));
 }
 
 #[test]

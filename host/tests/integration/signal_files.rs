@@ -343,7 +343,7 @@ fn inspect_draws_the_signals_and_keeps_an_existing_picture() {
     assert!(svg.contains("#1 x (mm)") && svg.contains("#2 f (N)") && svg.contains("Time (s)"), "{svg}");
     let again = run(&[]);
     assert_eq!(again.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&again.stderr).contains("two.svg exists"));
+    assert!(String::from_utf8_lossy(&again.stderr).contains("two.svg: it exists"));
     assert!(run(&["--force"]).status.success());
 }
 

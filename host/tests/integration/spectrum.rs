@@ -184,7 +184,7 @@ fn the_command_writes_table_and_figure_and_refuses_what_it_cannot_use() {
     assert_eq!(text("s.svg").matches("stroke-width=\"1.8\"").count(), 2 * 5);
     assert!(run(&["named.csv", "--unit", "g", "--json", "--method", "newmark"]).status.success());
     for (arguments, words) in [
-        (&files[..], "s.csv exists"),
+        (&files[..], "s.csv: it exists"),
         (&["named.csv"], "--unit"),
         (&["named.csv", "--unit", "inch"], "must be a unit such as m/s2, g"),
         (&["absent.csv"], "absent.csv"),

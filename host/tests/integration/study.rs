@@ -471,6 +471,15 @@ fn a_changed_record_is_noticed_whichever_word_names_it_and_the_folder_of_the_stu
 }
 
 #[test]
+fn a_quiet_study_prints_where_its_table_is() {
+    let folder = folder(TWO_AXES);
+    let output = run(&folder, "2", &["--out", "out", "--quiet"]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && said.starts_with("Table: out/table.parquet (9 rows, "), "{said}");
+    assert_eq!((said.lines().count(), output.stderr.len()), (1, 0), "{said}");
+}
+
+#[test]
 fn a_dry_run_says_how_much_it_is_and_a_study_of_days_needs_a_word() {
     let small = folder(TWO_AXES);
     let output = run(&small, "2", &["--dry-run"]);

@@ -37,7 +37,8 @@ pub(super) struct ContactArgs {
 /// # Errors
 /// Sources from which nothing can be identified, an unwritable file.
 pub(super) fn run(args: &ContactArgs) -> Outcome {
-    finish(&args.out, &args.sources, identify(args).map_err(Failure::input)?)
+    args.out.check(&args.sources, &[])?;
+    finish(&args.out, identify(args).map_err(Failure::input)?)
 }
 
 fn identify(args: &ContactArgs) -> Result<Identification, CannotIdentify> {

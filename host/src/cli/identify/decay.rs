@@ -5,7 +5,7 @@ use std::slice::from_ref;
 
 use clap::Args as ClapArgs;
 
-use super::{ChoiceArgs, OutArgs, SensorArgs, finish_if_consistent, refuse_existing};
+use super::{ChoiceArgs, OutArgs, SensorArgs, finish_if_consistent};
 use crate::cli::arguments::{StatedArgs, positive, table_file};
 use crate::cli::outcome::{Failure, Outcome};
 use crate::cli::simulate::picture;
@@ -18,7 +18,6 @@ use crate::report::plot::{FigureError, Picture};
 use crate::report::{backbone_table, branch_table};
 use crate::run_folder::read::folder::find;
 use crate::signal_file::Selector;
-use crate::storage::out_file::OutFile;
 
 /// Natural frequency, damping ratio and Coulomb friction of the structure from a free vibration.
 ///
@@ -73,10 +72,11 @@ pub(super) struct DecayArgs {
 /// # Errors
 /// A source from which nothing can be identified, values that another method contradicts and --out, an unwritable file.
 pub(super) fn run(args: &DecayArgs) -> Outcome {
+    args.out.check(from_ref(&args.source), &[&args.plot, &args.plot_residuals, &args.table])?;
     let (decay, identified) = identify(args).map_err(Failure::input)?;
     draw(args, &decay, &identified)?;
     let help = "cut the record to the amplitudes that matter, or write the values of the fit";
-    finish_if_consistent(&args.out, from_ref(&args.source), identified, args.despite_misfit, help)
+    finish_if_consistent(&args.out, identified, args.despite_misfit, help)
 }
 
 fn identify(args: &DecayArgs) -> Result<(Decay, Identification), CannotIdentify> {
@@ -115,13 +115,12 @@ fn identify(args: &DecayArgs) -> Result<(Decay, Identification), CannotIdentify>
 
 /// Writes the pictures and the table.
 fn draw(args: &DecayArgs, decay: &Decay, identified: &Identification) -> Outcome {
-    let draw = |option, path: &Option<PathBuf>, draw: fn(&Decay) -> Result<Picture, FigureError>| {
+    let draw = |path: &Option<PathBuf>, draw: fn(&Decay) -> Result<Picture, FigureError>| {
         let Some(path) = path else { return Ok(()) };
-        refuse_existing(option, path, args.out.force)?;
         draw(decay).and_then(|picture| picture.save(path)).map_err(Failure::failed)
     };
-    draw("--plot", &args.plot, backbone::draw)?;
-    draw("--plot-residuals", &args.plot_residuals, backbone::residuals)?;
+    draw(&args.plot, backbone::draw)?;
+    draw(&args.plot_residuals, backbone::residuals)?;
     let Some(path) = &args.table else { return Ok(()) };
     if identified.over_amplitude.is_empty() {
         return Err(Failure::Input(
@@ -129,6 +128,6 @@ fn draw(args: &DecayArgs, decay: &Decay, identified: &Identification) -> Outcome
         ));
     }
     let table = backbone_table::table(&identified.over_amplitude, &identified.taken_from);
-    branch_table::write(table, &OutFile { path: path.clone(), force: args.out.force }).map_err(Failure::failed)?;
+    branch_table::write(table, &args.out.force.file(path)).map_err(Failure::failed)?;
     Ok(())
 }

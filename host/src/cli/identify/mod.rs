@@ -12,7 +12,7 @@ use std::slice::from_ref;
 
 use clap::{Args as ClapArgs, Subcommand};
 
-use super::arguments::positive;
+use super::arguments::{ForceArg, JsonArg, positive};
 use super::outcome::{Failure, Outcome};
 use crate::identify::backbone::Row;
 use crate::identify::restitution::OverSpeed;
@@ -168,9 +168,8 @@ impl SensorArgs {
 /// Where the results go.
 #[derive(Clone, Debug, ClapArgs)]
 struct OutArgs {
-    /// Print the results as one JSON object
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonArg,
 
     /// Write the values as a set-up file (TOML) for campaigns and cases
     #[arg(long, value_name = "FILE")]
@@ -180,9 +179,31 @@ struct OutArgs {
     #[arg(long, requires = "out", conflicts_with = "force")]
     update: bool,
 
-    /// Replace existing files
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    force: ForceArg,
+}
+
+impl OutArgs {
+    /// Rejects an --out that is one of the sources, and files that exist: that of --out and the given ones of other options.
+    fn check(&self, sources: &[PathBuf], others: &[&Option<PathBuf>]) -> Outcome {
+        if let Some(path) = &self.out {
+            let is_same = |source: &PathBuf, out: &PathBuf| {
+                Selector::of(source).path.canonicalize().is_ok_and(|source| source == *out)
+            };
+            if path.canonicalize().is_ok_and(|out| sources.iter().any(|source| is_same(source, &out))) {
+                let message = format!("--out would overwrite {}, the record\n  give another file name", path.display());
+                return Err(Failure::Input(message));
+            }
+            if !self.update && !self.force.is_given() && path.symlink_metadata().is_ok() {
+                let message = format!(
+                    "--out: {} exists\n  add the values to it with --update, replace it with --force, or give another name",
+                    path.display()
+                );
+                return Err(Failure::Input(message));
+            }
+        }
+        others.iter().copied().flatten().try_for_each(|path| self.force.check(path))
+    }
 }
 
 /// Runs the subcommand.
@@ -196,11 +217,18 @@ pub fn run(args: &Args) -> Outcome {
         What::Restitution(args) => restitution::run(args),
         What::Contact(args) => contact::run(args),
         What::Friction(args) => {
+            args.out.check(from_ref(&args.source), &[])?;
             let identified = of_table(&args.source, |table| friction::identify(table, args.gravity));
-            finish(&args.out, from_ref(&args.source), identified.map_err(Failure::input)?)
+            finish(&args.out, identified.map_err(Failure::input)?)
         }
-        What::Sound(args) => finish(&args.out, from_ref(&args.source), sound::identify(args).map_err(Failure::input)?),
-        What::Wall(args) => finish(&args.out, from_ref(&args.source), wall(args).map_err(Failure::input)?),
+        What::Sound(args) => {
+            args.out.check(from_ref(&args.source), &[])?;
+            finish(&args.out, sound::identify(args).map_err(Failure::input)?)
+        }
+        What::Wall(args) => {
+            args.out.check(from_ref(&args.source), &[])?;
+            finish(&args.out, wall(args).map_err(Failure::input)?)
+        }
     }
 }
 
@@ -225,46 +253,29 @@ fn wall(args: &WallArgs) -> Result<Identification, CannotIdentify> {
 }
 
 /// Prints the results, and writes the set-up file unless something contradicts them; `help` says what to do then.
-fn finish_if_consistent(
-    args: &OutArgs,
-    sources: &[PathBuf],
-    identified: Identification,
-    despite_misfit: bool,
-    help: &str,
-) -> Outcome {
+fn finish_if_consistent(args: &OutArgs, identified: Identification, despite_misfit: bool, help: &str) -> Outcome {
     let contradiction = identified.contradiction.clone().filter(|_| !despite_misfit);
     let Some((path, contradiction)) = args.out.as_ref().zip(contradiction) else {
-        return finish(args, sources, identified);
+        return finish(args, identified);
     };
-    finish(&OutArgs { out: None, update: false, ..args.clone() }, sources, identified)?;
+    finish(&OutArgs { out: None, update: false, ..args.clone() }, identified)?;
     let path = path.display();
     Err(Failure::Input(format!("--out: {path} is not written: {contradiction}\n  {help} with --despite-misfit")))
 }
 
-/// Refuses to replace a file that an option names.
-fn refuse_existing(option: &str, path: &Path, force: bool) -> Result<(), Failure> {
-    if !force && path.symlink_metadata().is_ok() {
-        return Err(Failure::Input(format!(
-            "{option}: {} exists\n  give another name, or replace it with --force",
-            path.display()
-        )));
-    }
-    Ok(())
-}
-
 /// Prints the results and writes the set-up file.
-fn finish(args: &OutArgs, sources: &[PathBuf], identified: Identification) -> Outcome {
-    let text = args.out.as_ref().map(|path| set_up_text(args, path, sources, &identified)).transpose()?;
-    if args.json {
+fn finish(args: &OutArgs, identified: Identification) -> Outcome {
+    let text = args.out.as_ref().map(|path| set_up_text(args, path, &identified)).transpose()?;
+    if args.json.is_given() {
         say!("{}", serde_json::to_string(&identified).map_err(Failure::failed)?);
     } else {
         say!("{}", text_of(&identified));
     }
     let (Some(path), Some(text)) = (&args.out, text) else { return Ok(()) };
-    let out = OutFile { path: path.clone(), force: args.force || args.update };
+    let out = OutFile { path: path.clone(), force: args.force.is_given() || args.update };
     let failed = to_failure(path);
     write_new(&out, |file| file.write_all(text.as_bytes()).map_err(|e| failed(&e))).map_err(Failure::failed)?;
-    if !args.json {
+    if !args.json.is_given() {
         say!(
             "\nWritten to {}: `set_up_file = {:?}` at the top of a campaign reads it.",
             path.display(),
@@ -275,26 +286,8 @@ fn finish(args: &OutArgs, sources: &[PathBuf], identified: Identification) -> Ou
 }
 
 /// The text of the set-up file, with what an existing one has.
-fn set_up_text(
-    args: &OutArgs,
-    path: &Path,
-    sources: &[PathBuf],
-    identified: &Identification,
-) -> Result<String, Failure> {
-    let is_same =
-        |source: &PathBuf, out: &PathBuf| Selector::of(source).path.canonicalize().is_ok_and(|source| source == *out);
-    if path.canonicalize().is_ok_and(|out| sources.iter().any(|source| is_same(source, &out))) {
-        let message = format!("--out would overwrite {}, the record\n  give another file name", path.display());
-        return Err(Failure::Input(message));
-    }
+fn set_up_text(args: &OutArgs, path: &Path, identified: &Identification) -> Result<String, Failure> {
     let exists = path.symlink_metadata().is_ok();
-    if exists && !args.update && !args.force {
-        let message = format!(
-            "--out: {} exists\n  add the values to it with --update, replace it with --force, or give another name",
-            path.display()
-        );
-        return Err(Failure::Input(message));
-    }
     if identified.estimates.iter().all(|estimate| estimate.key.is_none()) {
         let message = "--out: none of the results is a key of a set-up; print them, or use --json";
         return Err(Failure::Input(message.into()));

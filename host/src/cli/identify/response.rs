@@ -5,7 +5,7 @@ use std::slice::from_ref;
 
 use clap::Args as ClapArgs;
 
-use super::{ChoiceArgs, OutArgs, SensorArgs, finish, finish_if_consistent, refuse_existing};
+use super::{ChoiceArgs, OutArgs, SensorArgs, finish, finish_if_consistent};
 use crate::cli::arguments::{not_negative, positive};
 use crate::cli::outcome::{Failure, Outcome};
 use crate::cli::simulate::picture;
@@ -160,11 +160,12 @@ pub(super) fn run(args: &ResponseArgs) -> Outcome {
     {
         return Err(Failure::Input(format!("--from-hz {from} must be less than --to-hz {to}")));
     }
+    args.out.check(from_ref(&args.source), &[&args.plot])?;
     let from = from_source(args)?;
     check_options(args, &from)?;
     match from {
-        Given::Points(points) => finish(&args.out, from_ref(&args.source), of_points(args, points)?),
-        Given::Motion(motion) => finish(&args.out, from_ref(&args.source), of_motion(args, &motion)?),
+        Given::Points(points) => finish(&args.out, of_points(args, points)?),
+        Given::Motion(motion) => finish(&args.out, of_motion(args, &motion)?),
         Given::Lines(lines) => {
             let found = modal::identify(&lines, args.file.band()).map_err(Failure::input)?;
             of_mode(args, &lines, &found)
@@ -332,12 +333,11 @@ fn of_mode(args: &ResponseArgs, lines: &FrequencyResponse, found: &Modal) -> Out
     identified.contradiction = found.contradiction();
     identified.remarks = [found.remarks(is_drive_point), lines.remarks.clone(), vec![response::REPORT.into()]].concat();
     let help = "choose another band with --from-hz and --to-hz, or write the values of the fit";
-    finish_if_consistent(&args.out, from_ref(&args.source), identified, args.despite_misfit, help)
+    finish_if_consistent(&args.out, identified, args.despite_misfit, help)
 }
 
 /// Draws the picture, if it is wished.
 fn plot(args: &ResponseArgs, draw: impl FnOnce() -> Result<Picture, FigureError>) -> Outcome {
     let Some(path) = &args.plot else { return Ok(()) };
-    refuse_existing("--plot", path, args.out.force)?;
     draw().and_then(|picture| picture.save(path)).map_err(Failure::failed)
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 
-use super::{ChoiceArgs, OutArgs, SensorArgs, finish_if_consistent, refuse_existing};
+use super::{ChoiceArgs, OutArgs, SensorArgs, finish_if_consistent};
 use crate::cli::arguments::{not_negative, positive, table_file};
 use crate::cli::outcome::{Failure, Outcome};
 use crate::cli::simulate::picture;
@@ -14,7 +14,6 @@ use crate::identify::{CannotIdentify, Identification, particle_run};
 use crate::report::figures::restitution as figure;
 use crate::report::{branch_table, restitution_table};
 use crate::run_folder::read::folder::find;
-use crate::storage::out_file::OutFile;
 
 /// Coefficient of restitution, as one value and over the approach speed; clearance and contact time.
 ///
@@ -107,6 +106,7 @@ pub(super) struct RestitutionArgs {
 /// # Errors
 /// Sources from which nothing can be identified, one coefficient that the impacts contradict and --out, an unwritable file.
 pub(super) fn run(args: &RestitutionArgs) -> Outcome {
+    args.out.check(&args.sources, &[&args.plot, &args.table])?;
     let is_file = args.sources.iter().all(|source| source.is_file());
     let found = if is_file { restitution_of_files(args) } else { restitution_of_run(args) };
     let Restitution { law, mut identified } = found.map_err(Failure::input)?;
@@ -118,17 +118,15 @@ pub(super) fn run(args: &RestitutionArgs) -> Outcome {
                 format!("{option}: the source has no impacts with a speed each\n  it is for drop tests; leave it out");
             return Err(Failure::Input(message));
         };
-        refuse_existing(option, path, args.out.force)?;
         if option == "--plot" {
             figure::draw(law, &over.impacts).and_then(|picture| picture.save(path)).map_err(Failure::failed)?;
         } else {
             let table = restitution_table::table(&over.impacts, &identified.taken_from);
-            branch_table::write(table, &OutFile { path: path.clone(), force: args.out.force })
-                .map_err(Failure::failed)?;
+            branch_table::write(table, &args.out.force.file(path)).map_err(Failure::failed)?;
         }
     }
     let help = "test at the speeds of the experiment, or write the coefficient of all impacts";
-    finish_if_consistent(&args.out, &args.sources, identified, args.despite_misfit, help)
+    finish_if_consistent(&args.out, identified, args.despite_misfit, help)
 }
 
 fn restitution_of_run(args: &RestitutionArgs) -> Result<Restitution, CannotIdentify> {

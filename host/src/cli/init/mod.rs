@@ -10,13 +10,14 @@ use std::path::{Path, PathBuf};
 use clap::{Args as ClapArgs, ValueEnum};
 
 use self::values::{DamperArg, ExperimentArg, ValueArgs};
+use super::arguments::ForceArg;
 use super::outcome::{Failure, Outcome};
 use crate::campaign::Campaign;
 use crate::file_keys::fit;
 use crate::file_keys::new_file::{self, Damper, Excitation, Fitted, RecordFile, Values};
 use crate::input::Source;
 use crate::simulation::Case;
-use crate::storage::out_file::{EXISTS, OutFile, to_failure, write_new};
+use crate::storage::out_file::{to_failure, write_new};
 use crate::study::bifurcation::SweepAxis;
 
 /// Writes a new campaign, case, study or optimisation: a commented file to edit.
@@ -72,9 +73,8 @@ pub struct Args {
     #[command(flatten)]
     values: ValueArgs,
 
-    /// Replace an existing file
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    force: ForceArg,
 }
 
 const AFTER_HELP: &str = "\
@@ -125,7 +125,7 @@ pub fn run(args: &Args) -> Outcome {
         && args.values == ValueArgs::default();
     // Before the questions, so that nobody answers them in vain.
     if let Some(file) = &args.file {
-        refuse_existing(file, args.force)?;
+        args.force.check(file)?;
     }
     let mut wanted = if is_asked { ask::ask()? } else { from(args) };
     let default = if wanted.is_case { "case.toml" } else { "campaign.toml" };
@@ -133,7 +133,7 @@ pub fn run(args: &Args) -> Outcome {
     if let Some(record) = &args.record {
         wanted.values.record = record_of(args, record, &path)?;
     }
-    refuse_existing(&path, args.force)?;
+    args.force.check(&path)?;
     let text = fitting_text(&mut wanted, &path)?;
     write(&path, &text, args.force)?;
     let shown = path.display();
@@ -153,17 +153,10 @@ pub fn run(args: &Args) -> Outcome {
     Ok(())
 }
 
-fn write(path: &Path, text: &str, force: bool) -> Outcome {
+fn write(path: &Path, text: &str, force: ForceArg) -> Outcome {
     let failed = to_failure(path);
-    let out = OutFile { path: path.into(), force };
-    write_new(&out, |file| file.write_all(text.as_bytes()).map_err(|e| failed(&e))).map_err(Failure::failed)
-}
-
-fn refuse_existing(path: &Path, force: bool) -> Outcome {
-    if !force && path.symlink_metadata().is_ok() {
-        return Err(Failure::Input(format!("cannot write {}: {EXISTS}", path.display())));
-    }
-    Ok(())
+    write_new(&force.file(path), |file| file.write_all(text.as_bytes()).map_err(|e| failed(&e)))
+        .map_err(Failure::failed)
 }
 
 fn from(args: &Args) -> Wanted {

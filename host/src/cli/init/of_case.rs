@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Args, beside_or_whole, name_of, refuse_existing, write};
+use super::{Args, beside_or_whole, name_of, write};
 use crate::cli::outcome::{Failure, Outcome};
 use crate::file_keys::new_study;
 use crate::input::{Refusal, Source};
@@ -55,7 +55,7 @@ impl New<'_> {
     /// Writes the text that is made from the file's name, the case as the file names it, and the case; a text that is not accepted is not
     /// written.
     fn write(&self, args: &Args, text: impl FnOnce(&str, &str, &Case) -> Result<Text, Failure>) -> Outcome {
-        refuse_existing(&self.file, args.force)?;
+        args.force.check(&self.file)?;
         let case = Case::read(self.case).map_err(Failure::input)?;
         let named = beside_or_whole(self.option, self.case, &self.file)?;
         let (text, parse) = text(&name_of(&self.file), &named, &case)?;

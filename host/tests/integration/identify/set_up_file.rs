@@ -142,6 +142,9 @@ fn values_are_added_to_a_file_only_when_asked() {
         damprig(&folder).args(all).assert()
     };
     identify(&[]).code(2).stderr(contains("--update").and(contains("--force")));
+    // Before the record is read.
+    let absent = ["identify", "decay", "absent.csv", "--out", "identified.toml"];
+    damprig(&folder).args(absent).assert().code(2).stderr(contains("identified.toml exists"));
     identify(&["--update"]).success();
     let file = std::fs::read_to_string(folder.path().join("identified.toml")).unwrap();
     let values: toml::Table = file.parse().unwrap();

@@ -194,7 +194,7 @@ fn a_table_of_a_motion_in_closed_form_gives_its_parameters_and_a_picture() {
         assert!(picture.contains(words), "{words}");
     }
     let again = ["identify", "response", "motion.csv", "--plot", "response.svg"];
-    damprig(&folder).args(again).assert().code(2).stderr(contains("response.svg exists").and(contains("--force")));
+    damprig(&folder).args(again).assert().code(2).stderr(contains("response.svg: it exists").and(contains("--force")));
     damprig(&folder).args(again).arg("--force").assert().success();
     let values: toml::Table = std::fs::read_to_string(folder.path().join("identified.toml")).unwrap().parse().unwrap();
     assert!(values["structure"].get("damping_ratio").is_some());
