@@ -110,7 +110,7 @@ fn with_option(page: &str, name: &str) -> Vec<(String, String, String)> {
 #[test]
 fn an_option_of_several_commands_says_the_same_in_each() {
     let page = printed(&["man", "--markdown"]);
-    for (name, least) in [("--json", 20), ("--force", 20), ("--quiet", 4)] {
+    for (name, least) in [("--json", 15), ("--force", 15), ("--quiet", 4)] {
         let found = with_option(&page, name);
         assert!(found.len() >= least, "{name}: {found:?}");
         for (command, value, text) in &found {
