@@ -40,20 +40,20 @@ pub struct Swing {
     pub max_x_m: f64,
     /// Drive frequency at which it occurs, Hz.
     pub frequency_hz: f64,
-    /// Largest force on a wall, N; 0 without an impact.
-    pub wall_force_n: f64,
+    /// Largest force on the walls at −d and +d, N; 0 without an impact.
+    pub wall_force_n: [f64; 2],
     /// Time of each point that was simulated, s, if that is less than the point takes.
     pub predicted_s: Option<f64>,
 }
 
 impl Swing {
-    const NOTHING: Self = Self { max_x_m: 0.0, frequency_hz: 0.0, wall_force_n: 0.0, predicted_s: None };
+    const NOTHING: Self = Self { max_x_m: 0.0, frequency_hz: 0.0, wall_force_n: [0.0; 2], predicted_s: None };
 
     /// The larger of both, in each respect.
     fn or(self, other: Self) -> Self {
         let larger = if other.max_x_m > self.max_x_m { other } else { self };
         Self {
-            wall_force_n: self.wall_force_n.max(other.wall_force_n),
+            wall_force_n: wall_force::larger(self.wall_force_n, other.wall_force_n),
             predicted_s: [self.predicted_s, other.predicted_s].into_iter().flatten().reduce(f64::min),
             ..larger
         }
@@ -418,7 +418,7 @@ fn simulate(
             }
         }
         points.extend(maxima.mean_m().map(|x_m| (frequency_hz, x_m / base_amplitude_m)));
-        largest.wall_force_n = largest.wall_force_n.max(watched.watch.largest_force_n);
+        largest.wall_force_n = wall_force::larger(largest.wall_force_n, watched.watch.largest_force_n);
         if experiment.start == Start::CarryOver {
             carried = Some(watched.motion);
         }

@@ -11,6 +11,7 @@ use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::model::Initial;
 use damprig_motion::watch::WatchedMotion;
 
+use super::wall_force::larger;
 use super::watch;
 use super::{USABLE, tries};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, FreeVibration, Kind, Playback};
@@ -33,8 +34,8 @@ pub struct Outlook {
     pub impacts: u32,
     /// Impacts that it would not: below its threshold, or within the pulse of a stronger one.
     pub weak_impacts: u32,
-    /// Largest force on a wall, N; 0 without an impact.
-    pub wall_force_n: f64,
+    /// Largest force on the walls at −d and +d, N; 0 without an impact.
+    pub wall_force_n: [f64; 2],
     /// Time that was simulated, s, if that is less than the experiment takes.
     pub predicted_s: Option<f64>,
 }
@@ -50,7 +51,7 @@ impl Outlook {
             rms_x_minus_z_m,
             impacts: 0,
             weak_impacts: 0,
-            wall_force_n: 0.0,
+            wall_force_n: [0.0; 2],
             ..self
         }
     }
@@ -86,7 +87,7 @@ fn of_starts(mut all: Vec<Outlook>) -> Outlook {
     Outlook {
         max_abs_x_m: largest(|o| o.max_abs_x_m),
         max_abs_x_minus_z_m: largest(|o| o.max_abs_x_minus_z_m),
-        wall_force_n: largest(|o| o.wall_force_n),
+        wall_force_n: all.iter().map(|o| o.wall_force_n).fold([0.0; 2], larger),
         ..all[all.len() / 2]
     }
 }

@@ -3,10 +3,7 @@
 //! The model's impacts on hard walls take no time; the force follows from the impulse J and the contact time τ of a half-sine
 //! pulse, F = πJ/(2τ). The simulated rig's contacts last [`damprig_simulator::plant::walls::WallSensors::contact_s`]. Those of a
 //! real wall may be several times longer, so only a force far beyond the limit is refused; above the limit there is a warning.
-//! The force of soft walls is that of their springs and dashpots: above the limit it is refused. A hard wall beside a soft one
-//! counts as two hard ones.
-
-use damprig_core::model::Wall;
+//! The force of a soft wall is that of its spring and dashpot: above the limit it is refused. Each wall is judged as what it is.
 
 use super::Prediction;
 use super::transient::Expected;
@@ -18,6 +15,11 @@ use crate::settings::number_of;
 /// A contact this many times longer than the simulated rig's still exceeds the limit.
 const FAR_BEYOND: f64 = 4.0;
 
+/// The larger force at each side.
+pub(super) fn larger(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0].max(b[0]), a[1].max(b[1])]
+}
+
 /// Warnings on forces above the limit.
 ///
 /// # Errors
@@ -27,29 +29,28 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expect
     // Forces on the set-ups' walls: in stepped sines, and in other experiments.
     let sines = predictions.iter().map(|p| (p.set_up, None, p.swing.wall_force_n));
     let others = expected.iter().map(|e| (e.set_up, Some(&campaign.experiments[e.experiment]), e.outlook.wall_force_n));
-    let forces: Vec<(usize, Option<&Experiment>, f64)> = sines.chain(others).collect();
+    let forces: Vec<(usize, Option<&Experiment>, [f64; 2])> = sines.chain(others).collect();
     let limit_n = number_of(campaign.rig.acting.wall_force_n);
     let mut warnings = Vec::new();
     for (index, set_up) in campaign.set_ups.iter().enumerate() {
-        let own = forces.iter().filter(|(of, ..)| *of == index);
-        let Some((_, experiment, force_n)) = own.max_by(|a, b| a.2.total_cmp(&b.2)) else { continue };
-        if *force_n <= limit_n {
-            continue;
-        }
-        let is_soft = set_up.model().particle.is_some_and(|p| p.walls().iter().all(Wall::is_soft));
-        let (contact, most_n) = if is_soft {
-            (" with the soft wall".into(), limit_n)
-        } else {
-            (format!(" of {} ms", watch::contact_s() * 1e3), FAR_BEYOND * limit_n)
-        };
+        let kinds = set_up.model().particle.map_or([false; 2], |particle| particle.walls().map(|wall| wall.is_soft()));
+        let most_n = |is_soft| if is_soft { limit_n } else { FAR_BEYOND * limit_n };
+        let own = forces.iter().filter(|(of, ..)| *of == index).flat_map(|(_, experiment, forces)| {
+            let sides = kinds.iter().zip(forces).filter(|(_, force_n)| **force_n > limit_n);
+            sides.map(|(is_soft, force_n)| (*experiment, *is_soft, *force_n))
+        });
+        let share = |(_, is_soft, force_n): &(_, bool, f64)| force_n / most_n(*is_soft);
+        let Some((experiment, is_soft, force_n)) = own.max_by(|a, b| share(a).total_cmp(&share(b))) else { continue };
+        let contact =
+            if is_soft { " with the soft wall".into() } else { format!(" of {} ms", watch::contact_s() * 1e3) };
         let during = experiment.map_or(String::new(), |experiment| format!(" in experiment {:?}", experiment.name));
         let what = format!(
             "set-up {:?} would reach the limit of the force on a wall{during}: predicted {force_n:.0} N in a contact{contact}, \
              limit {limit_n} N",
             set_up.name,
         );
-        if *force_n > most_n {
-            campaign.source.report(problem(set_up, *experiment, what, is_soft));
+        if force_n > most_n(is_soft) {
+            campaign.source.report(problem(set_up, experiment, what, is_soft));
         } else {
             warnings.push(format!("{what}; the rig stops there"));
         }

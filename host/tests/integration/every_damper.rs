@@ -118,14 +118,17 @@ fn a_release_with_soft_walls_is_measured_as_predicted_and_as_simulated_exactly()
 }
 
 #[test]
-fn a_soft_wall_whose_force_would_exceed_the_limit_is_refused() {
-    let wall = "kind = \"voigt\", stiffness_n_per_m = 1e6, damping_n_s_per_m = 10, release = \"zero_force\"";
-    let set_up = format!("particle = {{ mass_ratio = 0.1, clearance_m = 0.0075, wall = {{ {wall} }} }}");
-    let folder =
-        folder_with(&campaign(&set_up, RELEASE).replace("[telemetry]", "[rig]\nwall_force_limit_n = 50\n[telemetry]"));
-    let said = contains("predicted").and(contains("N in a contact with the soft wall, limit 50 N"));
-    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().code(2).stderr(said);
-    assert!(!folder.path().join("out").exists());
+fn a_soft_wall_whose_force_would_exceed_the_limit_is_refused_also_beside_a_hard_one() {
+    let soft = "{ kind = \"voigt\", stiffness_n_per_m = 1e6, damping_n_s_per_m = 10, release = \"zero_force\" }";
+    let hard = "{ kind = \"restitution\", coefficient = 0.5 }";
+    for walls in [format!("wall = {soft}"), format!("wall = {hard}, positive_wall = {soft}")] {
+        let set_up = format!("particle = {{ mass_ratio = 0.1, clearance_m = 0.0075, {walls} }}");
+        let limited = campaign(&set_up, RELEASE).replace("[telemetry]", "[rig]\nwall_force_limit_n = 50\n[telemetry]");
+        let folder = folder_with(&limited);
+        let said = contains("predicted").and(contains("N in a contact with the soft wall, limit 50 N"));
+        damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().code(2).stderr(said);
+        assert!(!folder.path().join("out").exists());
+    }
 }
 
 #[test]

@@ -148,7 +148,7 @@ fn a_particle_that_starts_anywhere_is_predicted_for_several_starts() {
         damprig::prediction::transient::predict(&campaign)
             .unwrap()
             .iter()
-            .map(|e| e.outlook.wall_force_n)
+            .flat_map(|e| e.outlook.wall_force_n)
             .fold(0.0, f64::max)
     };
     assert!(peak("unknown") >= peak("centre") && peak("unknown") >= peak("at_positive_wall"));

@@ -99,8 +99,8 @@ pub struct MotionWatch {
     pub measurable: u32,
     /// The others.
     pub weak: u32,
-    /// The largest force on a wall, N; 0 without an impact.
-    pub largest_force_n: f64,
+    /// The largest force on the walls at −d and +d, N; 0 without an impact.
+    pub largest_force_n: [f64; 2],
     /// All pulses, if they are kept.
     pulses: Option<Vec<WatchedPulse>>,
     /// Peak of the pulse of an impact with a unit of `kick`, N.
@@ -123,7 +123,7 @@ impl MotionWatch {
             pressing: None,
             measurable: 0,
             weak: 0,
-            largest_force_n: 0.0,
+            largest_force_n: [0.0; 2],
             pulses: None,
             // Of a half-sine pulse.
             force_per_kick_n: 0.5 * PI * (mass_kg / step_s) / detection.contact_s,
@@ -154,8 +154,9 @@ impl MotionWatch {
 
     /// Counts a pulse as the board does.
     fn count(&mut self, side: i8, new: Pulse) {
-        self.largest_force_n = self.largest_force_n.max(new.peak_n);
-        let last = &mut self.last[usize::from(side > 0)];
+        let wall = usize::from(side > 0);
+        self.largest_force_n[wall] = self.largest_force_n[wall].max(new.peak_n);
+        let last = &mut self.last[wall];
         let is_own_pulse = last.is_none_or(|last| {
             new.from >= last.until + self.refractory
                 || new.from >= last.until && new.peak_n >= self.ringing * last.peak_n
