@@ -41,7 +41,7 @@ const fn key(key: &'static str, parameter: Parameter, label: &'static str) -> Pa
 }
 
 /// Every parameter.
-pub const PARAMETERS: [ParameterKey; 21] = [
+pub const PARAMETERS: [ParameterKey; 26] = [
     key("base.frequency_hz", Parameter::Frequency, "Frequency of the base (Hz)"),
     key("base.amplitude_m", Parameter::BaseAmplitude, "Z (m)"),
     key("force.frequency_hz", Parameter::Frequency, "Frequency of the force (Hz)"),
@@ -54,8 +54,17 @@ pub const PARAMETERS: [ParameterKey; 21] = [
     key("particle.mass_ratio", Parameter::MassRatio, "m/M"),
     key("particle.friction_coefficient", Parameter::InternalFriction, "μi"),
     key("particle.wall.coefficient", Parameter::Restitution, "e"),
+    key("particle.wall.exponent", Parameter::RestitutionExponent, "exponent of e(v)"),
     key("particle.wall.stiffness_n_per_m", Parameter::LinkStiffness, "k1 of the wall (N/m)"),
     key("particle.wall.damping_n_s_per_m", Parameter::LinkDamping, "c1 of the wall (N·s/m)"),
+    key("particle.positive_wall.coefficient", Parameter::PositiveRestitution, "e of the positive wall"),
+    key(
+        "particle.positive_wall.exponent",
+        Parameter::PositiveRestitutionExponent,
+        "exponent of e(v) of the positive wall",
+    ),
+    key("particle.positive_wall.stiffness_n_per_m", Parameter::PositiveStiffness, "k1 of the positive wall (N/m)"),
+    key("particle.positive_wall.damping_n_s_per_m", Parameter::PositiveDamping, "c1 of the positive wall (N·s/m)"),
     key("friction_damper.force_n", Parameter::DamperForce, "F (N)"),
     key("friction_damper.friction_ratio", Parameter::DamperForceRatio, "F/(kZ)"),
     key("tmd.mass_kg", Parameter::Mass, "m of the tuned mass (kg)"),

@@ -16,6 +16,8 @@ pub trait Real:
     fn sqrt(self) -> Self;
     /// A positive number to a constant power.
     fn power(self, exponent: f64) -> Self;
+    /// Natural logarithm of a positive number.
+    fn ln(self) -> Self;
 }
 
 impl Real for f64 {
@@ -37,6 +39,10 @@ impl Real for f64 {
 
     fn power(self, exponent: f64) -> Self {
         libm::pow(self, exponent)
+    }
+
+    fn ln(self) -> Self {
+        libm::log(self)
     }
 }
 
@@ -121,6 +127,10 @@ impl<T: Real> Real for Dual<T> {
             value: self.value.power(exponent),
             slope: self.slope * T::of(exponent) * self.value.power(exponent - 1.0),
         }
+    }
+
+    fn ln(self) -> Self {
+        Self { value: self.value.ln(), slope: self.slope / self.value }
     }
 }
 

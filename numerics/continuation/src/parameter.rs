@@ -25,12 +25,22 @@ pub enum Parameter {
     ClearanceRatio,
     /// μi of the friction between particle and structure.
     InternalFriction,
-    /// e of hard walls.
+    /// e of hard walls, at the reference speed where it varies; of two different walls that at the negative side.
     Restitution,
-    /// k1 of soft walls or of the tuned mass, N/m.
+    /// Exponent of e over the speed, of the same walls.
+    RestitutionExponent,
+    /// k1 of soft walls or of the tuned mass, N/m; of two different walls that at the negative side.
     LinkStiffness,
-    /// c1 of soft walls or of the tuned mass, N·s/m.
+    /// c1 of soft walls or of the tuned mass, N·s/m; of two different walls that at the negative side.
     LinkDamping,
+    /// e of the wall at the positive side, where it differs.
+    PositiveRestitution,
+    /// Exponent of e over the speed, of the wall at the positive side.
+    PositiveRestitutionExponent,
+    /// k1 of the wall at the positive side, N/m.
+    PositiveStiffness,
+    /// c1 of the wall at the positive side, N·s/m.
+    PositiveDamping,
     /// F of the friction damper, N.
     DamperForce,
     /// F/(kZ).
@@ -55,6 +65,19 @@ pub struct Ties {
     pub link_damping_ratio: Option<f64>,
 }
 
+/// The values of a wall that parameters change, in SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WallValues<T> {
+    /// e, at the reference speed where it varies.
+    pub(crate) restitution: T,
+    /// Exponent of e over the speed.
+    pub(crate) exponent: T,
+    /// k1 of a soft wall; at the first place that of a tuned mass too.
+    pub(crate) stiffness: T,
+    /// c1, likewise.
+    pub(crate) damping: T,
+}
+
 /// The values that the equations of motion use, in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Values<T> {
@@ -64,9 +87,8 @@ pub struct Values<T> {
     pub(crate) mass: T,
     pub(crate) clearance: T,
     pub(crate) friction_acceleration: T,
-    pub(crate) restitution: T,
-    pub(crate) link_stiffness: T,
-    pub(crate) link_damping: T,
+    /// Of the wall at the negative side, which may be both, and at the positive side, which acts where it differs.
+    pub(crate) walls: [WallValues<T>; 2],
     pub(crate) damper_force: T,
     pub(crate) base_amplitude: T,
     pub(crate) force_amplitude: T,
@@ -94,9 +116,14 @@ impl<T: Real> Values<T> {
             Parameter::Clearance => (self.clearance, self.clearance_ratio) = (value, None),
             Parameter::ClearanceRatio => self.clearance_ratio = Some(value),
             Parameter::InternalFriction => self.friction_acceleration = value * self.gravity,
-            Parameter::Restitution => self.restitution = value,
-            Parameter::LinkStiffness => (self.link_stiffness, self.link_frequency_ratio) = (value, None),
-            Parameter::LinkDamping => (self.link_damping, self.link_damping_ratio) = (value, None),
+            Parameter::Restitution => self.walls[0].restitution = value,
+            Parameter::RestitutionExponent => self.walls[0].exponent = value,
+            Parameter::LinkStiffness => (self.walls[0].stiffness, self.link_frequency_ratio) = (value, None),
+            Parameter::LinkDamping => (self.walls[0].damping, self.link_damping_ratio) = (value, None),
+            Parameter::PositiveRestitution => self.walls[1].restitution = value,
+            Parameter::PositiveRestitutionExponent => self.walls[1].exponent = value,
+            Parameter::PositiveStiffness => self.walls[1].stiffness = value,
+            Parameter::PositiveDamping => self.walls[1].damping = value,
             Parameter::DamperForce => (self.damper_force, self.damper_force_ratio) = (value, None),
             Parameter::DamperForceRatio => self.damper_force_ratio = Some(value),
             Parameter::LinkFrequencyRatio => self.link_frequency_ratio = Some(value),
@@ -112,11 +139,12 @@ impl<T: Real> Values<T> {
         if let Some(ratio) = self.damper_force_ratio {
             self.damper_force = ratio * self.stiffness * self.base_amplitude;
         }
+        let link = &mut self.walls[0];
         if let Some(ratio) = self.link_frequency_ratio {
-            self.link_stiffness = ratio * ratio * self.stiffness * self.mass / self.structure_mass;
+            link.stiffness = ratio * ratio * self.stiffness * self.mass / self.structure_mass;
         }
         if let Some(ratio) = self.link_damping_ratio {
-            self.link_damping = T::of(2.0) * ratio * (self.link_stiffness * self.mass).sqrt();
+            link.damping = T::of(2.0) * ratio * (link.stiffness * self.mass).sqrt();
         }
         self
     }

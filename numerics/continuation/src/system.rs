@@ -9,7 +9,7 @@ use damprig_core::model::{SetUp, Wall};
 
 use crate::dual::{Dual, Real};
 use crate::equations::Equations;
-use crate::parameter::{Parameter, Ties, Values};
+use crate::parameter::{Parameter, Ties, Values, WallValues};
 use crate::wall_law::{Scales, WallLaw, of};
 
 /// A set-up under a sine of the base or of a force.
@@ -76,6 +76,12 @@ impl System {
         self.set_up.particle.is_some_and(|p| !p.walls()[of(side)].is_soft())
     }
 
+    /// The wall at the negative side, or that at the positive side where it differs.
+    fn wall(&self, side: Sign) -> Option<Wall> {
+        let particle = self.set_up.particle?;
+        if side > 0 { particle.cavity.positive_wall } else { Some(particle.wall) }
+    }
+
     /// The part of g that presses the particle on its floor, m/s².
     fn level_gravity(&self) -> f64 {
         self.set_up.gravity_m_per_s2 * self.set_up.particle.map_or(1.0, |p| p.cavity.level())
@@ -94,7 +100,13 @@ impl System {
             Parameter::Clearance => self.has_particle,
             Parameter::InternalFriction => self.has_particle && self.level_gravity() > 0.0,
             Parameter::ClearanceRatio => self.has_particle && moves_base,
-            Parameter::Restitution => self.set_up.particle.is_some_and(|p| p.wall.restitution().is_some()),
+            Parameter::Restitution => self.wall(-1).is_some_and(|wall| wall.restitution().is_some()),
+            Parameter::RestitutionExponent => self.wall(-1).is_some_and(|wall| wall.falling().is_some()),
+            Parameter::PositiveRestitution => self.wall(1).is_some_and(|wall| wall.restitution().is_some()),
+            Parameter::PositiveRestitutionExponent => self.wall(1).is_some_and(|wall| wall.falling().is_some()),
+            Parameter::PositiveStiffness | Parameter::PositiveDamping => {
+                self.wall(1).is_some_and(|wall| wall.spring_and_dashpot().is_some())
+            }
             Parameter::LinkStiffness | Parameter::LinkDamping => {
                 self.has_tmd || (self.has_particle && !self.is_hard(-1))
             }
@@ -125,15 +137,23 @@ impl System {
             Parameter::Clearance => v.clearance,
             Parameter::ClearanceRatio => v.clearance / v.base_amplitude,
             Parameter::InternalFriction => v.friction_acceleration / v.gravity,
-            Parameter::Restitution => v.restitution,
-            Parameter::LinkStiffness => v.link_stiffness,
-            Parameter::LinkDamping => v.link_damping,
+            Parameter::Restitution => v.walls[0].restitution,
+            Parameter::RestitutionExponent => v.walls[0].exponent,
+            Parameter::LinkStiffness => v.walls[0].stiffness,
+            Parameter::LinkDamping => v.walls[0].damping,
+            Parameter::PositiveRestitution => v.walls[1].restitution,
+            Parameter::PositiveRestitutionExponent => v.walls[1].exponent,
+            Parameter::PositiveStiffness => v.walls[1].stiffness,
+            Parameter::PositiveDamping => v.walls[1].damping,
             Parameter::DamperForce => v.damper_force,
             Parameter::DamperForceRatio => v.damper_force / (v.stiffness * v.base_amplitude),
             Parameter::LinkFrequencyRatio => {
-                libm::sqrt(v.link_stiffness / v.mass) / libm::sqrt(v.stiffness / v.structure_mass)
+                libm::sqrt(v.walls[0].stiffness / v.mass) / libm::sqrt(v.stiffness / v.structure_mass)
             }
-            Parameter::LinkDampingRatio => v.link_damping / (2.0 * libm::sqrt(v.link_stiffness * v.mass)),
+            Parameter::LinkDampingRatio => {
+                let link = &v.walls[0];
+                link.damping / (2.0 * libm::sqrt(link.stiffness * v.mass))
+            }
         }
     }
 
@@ -149,22 +169,28 @@ impl System {
             if v.gravity > 0.0 {
                 particle.friction_coefficient = v.friction_acceleration / v.gravity;
             }
-            match &mut particle.wall {
-                Wall::Restitution { coefficient } => *coefficient = v.restitution,
-                Wall::SpeedRestitution(law) => law.coefficient = v.restitution,
-                Wall::TableRestitution(_) => {}
-                Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
-                    (*stiffness_n_per_m, *damping_n_s_per_m) = (v.link_stiffness, v.link_damping);
+            let walls = [Some(&mut particle.wall), particle.cavity.positive_wall.as_mut()];
+            for (wall, values) in walls.into_iter().zip(&v.walls).filter_map(|(wall, values)| Some((wall?, values))) {
+                match wall {
+                    Wall::Restitution { coefficient } => *coefficient = values.restitution,
+                    Wall::SpeedRestitution(law) => {
+                        (law.coefficient, law.exponent) = (values.restitution, values.exponent);
+                    }
+                    Wall::TableRestitution(_) => {}
+                    Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
+                        (*stiffness_n_per_m, *damping_n_s_per_m) = (values.stiffness, values.damping);
+                    }
+                    // Refused in `System::new`.
+                    Wall::Hertz(_) => {}
                 }
-                // Refused in `System::new`.
-                Wall::Hertz(_) => {}
             }
         }
         if let Some(damper) = &mut set_up.friction_damper {
             damper.force_n = v.damper_force;
         }
         if let Some(tmd) = &mut set_up.tmd {
-            (tmd.mass_kg, tmd.stiffness_n_per_m, tmd.damping_n_s_per_m) = (v.mass, v.link_stiffness, v.link_damping);
+            let link = &v.walls[0];
+            (tmd.mass_kg, tmd.stiffness_n_per_m, tmd.damping_n_s_per_m) = (v.mass, link.stiffness, link.damping);
         }
         let (angular_frequency_rad_per_s, phase_rad) = (v.turning, 0.0);
         let excitation = if self.excitation.moves_base() {
@@ -186,14 +212,18 @@ impl System {
             }
             _ => (0.0, 0.0, 1.0),
         };
-        let link = match (particle.map(|p| p.wall), tmd) {
-            (Some(Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. }), _) => {
-                (stiffness_n_per_m, damping_n_s_per_m)
+        let walls = [-1, 1].map(|side| {
+            let wall = self.wall(side);
+            let tmd = tmd.filter(|_| side < 0).map(|tmd| (tmd.stiffness_n_per_m, tmd.damping_n_s_per_m));
+            let link = wall.and_then(|wall| wall.spring_and_dashpot()).or(tmd).unwrap_or_default();
+            let law = wall.and_then(|wall| wall.restitution());
+            WallValues {
+                restitution: T::of(law.map_or(0.0, |law| law.coefficient)),
+                exponent: T::of(law.map_or(0.0, |law| law.exponent)),
+                stiffness: T::of(link.0),
+                damping: T::of(link.1),
             }
-            (_, Some(tmd)) => (tmd.stiffness_n_per_m, tmd.damping_n_s_per_m),
-            _ => (0.0, 0.0),
-        };
-        let restitution = particle.and_then(|p| p.wall.restitution()).map_or(0.0, |law| law.coefficient);
+        });
         let mass = particle.map(|p| p.mass_kg).or(tmd.map(|tmd| tmd.mass_kg)).unwrap_or(structure.mass_kg);
         let mut values = Values {
             structure_mass: T::of(structure.mass_kg),
@@ -202,9 +232,7 @@ impl System {
             mass: T::of(mass),
             clearance: T::of(particle.map_or(0.0, |p| p.clearance_m)),
             friction_acceleration: T::of(self.set_up.internal_friction_m_per_s2()),
-            restitution: T::of(restitution),
-            link_stiffness: T::of(link.0),
-            link_damping: T::of(link.1),
+            walls,
             damper_force: T::of(friction_damper.map_or(0.0, |damper| damper.force_n)),
             base_amplitude: T::of(base_amplitude),
             force_amplitude: T::of(force_amplitude),
@@ -231,10 +259,11 @@ impl System {
         let scales = Scales { velocity_m_per_s: self.length_m / self.time_s, time, per_mass };
         let walls = self.set_up.particle.map_or([None; 2], |p| p.walls().map(Some));
         let mut walls = walls.map(|wall| WallLaw::of(wall.as_ref(), &scales));
-        // The parameters are those of the negative side, and of both where there is one wall.
+        // The values at the first place are those of both walls where there is one.
         let is_one = self.set_up.particle.is_none_or(|p| p.cavity.positive_wall.is_none());
-        for wall in walls.iter_mut().take(if is_one { 2 } else { 1 }) {
-            wall.set(v.restitution, scales.stiffness(v.link_stiffness), scales.damping(v.link_damping));
+        let of_side = [0, if is_one { 0 } else { 1 }];
+        for (wall, place) in walls.iter_mut().zip(of_side) {
+            wall.set(&v.walls[place], &scales);
         }
         Equations {
             stiffness: v.stiffness * square * per_mass,

@@ -71,6 +71,24 @@ fn systems() -> Vec<(&'static str, SetUp, Excitation, Task)> {
             task(Parameter::Restitution, (0.3, 0.7), 0.5),
         ),
         (
+            "the exponent of falling restitution",
+            SetUp { particle: particle(10.0, 0.0, falling), ..structure(0.01) },
+            sine(1.0),
+            task(Parameter::RestitutionExponent, (0.1, 0.4), 0.25),
+        ),
+        (
+            "the wall at the positive side",
+            SetUp { particle: lopsided(falling, 0.0, hard), gravity_m_per_s2: 40.0, ..structure(0.01) },
+            sine(1.0),
+            task(Parameter::PositiveRestitution, (0.3, 0.7), 0.5),
+        ),
+        (
+            "the exponent at the positive side",
+            SetUp { particle: lopsided(hard, 0.0, falling), gravity_m_per_s2: 40.0, ..structure(0.01) },
+            sine(1.0),
+            task(Parameter::PositiveRestitutionExponent, (0.1, 0.4), 0.25),
+        ),
+        (
             "a hard and a soft wall on an incline, friction",
             SetUp {
                 particle: lopsided(hard, 0.1, soft(Release::ZeroForce)),
