@@ -1,7 +1,7 @@
 //! `[[set_up]]`: a set-up with its name and base amplitude. Its other keys are read by [`crate::setup`].
 
 use damprig_core::io::TICK_HZ;
-use damprig_core::model::SetUp;
+use damprig_core::model::{Particle, SetUp};
 use toml::de::DeTable;
 
 use super::keys::{campaign, set_up};
@@ -41,10 +41,29 @@ pub struct CampaignSetUp {
 }
 
 impl CampaignSetUp {
-    /// The set-up in SI units.
+    /// The set-up that the rig's twin, the simulated plant and predictions follow, in SI units: walls with Hertz contact as hard ones.
     #[must_use]
     pub fn model(&self) -> SetUp {
-        self.spec.at(self.base_amplitude_m)
+        self.model_at(self.base_amplitude_m)
+    }
+
+    /// The same at another base amplitude, m.
+    #[must_use]
+    pub fn model_at(&self, base_amplitude_m: f64) -> SetUp {
+        self.spec.at(base_amplitude_m).without_hertz()
+    }
+
+    /// Its particle as stated: walls with Hertz contact are such.
+    #[must_use]
+    pub fn stated_particle(&self) -> Option<Particle> {
+        self.spec.at(self.base_amplitude_m).particle
+    }
+
+    /// What acts in place of its walls with Hertz contact; `None` without one.
+    #[must_use]
+    pub fn hertz_as_hard(&self) -> Option<String> {
+        let walls = self.stated_particle().map_or([None; 2], |particle| particle.walls().map(|wall| wall.hertz()));
+        setup::hertz_as_hard(walls.into_iter().flatten())
     }
 
     /// P, N, if a force drives the structure.
@@ -162,10 +181,6 @@ fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSet
         section.reject(MANY_PARTICLES, allowed, Some(help.into()));
     }
     let spec = setup::read(section, shared, base, Some(1.0 / f64::from(TICK_HZ)));
-    if let Some(law) = spec.as_ref().and_then(SetUpSpec::hertz_wall) {
-        let allowed = "a wall of kind \"hertz\" is for cases: impacts of a campaign's models take no time";
-        section.reject(setup::set_up_keys::PARTICLE.name(), allowed, Some(setup::equivalent_of(&law)));
-    }
     let has_unmodelled_damper = section.word(&set_up::DAMPER).is_some();
     if has_unmodelled_damper && let Some(modelled) = spec.as_ref().and_then(SetUpSpec::damper) {
         let unmodelled = set_up::DAMPER.name();

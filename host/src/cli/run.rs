@@ -179,6 +179,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         terminal::set_ups::parameters(&campaign).iter().for_each(|table| say!("{table}"));
         terminal::campaign::steps(&campaign).iter().for_each(|line| say!("{line}"));
     }
+    terminal::campaign::hertz_walls(&campaign).iter().for_each(|line| say!("{line}"));
     let predicted = Predicted::of(&campaign).map_err(Failure::input)?;
     settling::advice(&campaign).iter().for_each(|line| say!("{line}"));
     if !predicted.swings.is_empty() {

@@ -12,6 +12,7 @@ use super::parameters::{PARAMETERS, ParameterKey};
 use crate::input::key::Quantity;
 use crate::input::{Problem, Refusal, Section, Source, near};
 use crate::motion_record::resolve;
+use crate::setup::StatedContact;
 use crate::simulation::case::default_name;
 use crate::simulation::{Case, SetValues};
 
@@ -71,7 +72,7 @@ impl Continuation {
         let name = case_source.name().to_string();
         let text = (case_source.name(), case_source.text());
         case.refuse_many_particles(text, &SetValues::default(), "a continuation")?;
-        case.refuse_hertz(text, "a continuation")?;
+        let case = case.without_hertz();
         if !matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. }) || case.record.is_some() {
             return Err(Refusal(format!(
                 "{name}: `base` or `force` must be a sine: only then does a motion repeat with the drive\n  \
@@ -141,9 +142,15 @@ impl Continuation {
 
     /// Keys of the parameters that a case has.
     fn of_this(system: &System, case: &Case) -> Vec<&'static str> {
+        // The keys of a Hertz wall are not those of the hard wall in its place.
+        let hertz = [("particle.wall.", 0), ("particle.positive_wall.", 1)]
+            .map(|(wall, side)| matches!(case.contacts[side], Some(StatedContact::HertzWall(_))).then_some(wall));
+
         let drive = if case.excitation.moves_base() { "force." } else { "base." };
         let other = if case.set_up.tmd.is_some() { "particle." } else { "tmd." };
-        let has = |p: &&ParameterKey| !p.key.starts_with(drive) && !p.key.starts_with(other) && system.has(p.parameter);
+        let absent =
+            |key: &str| [drive, other].into_iter().chain(hertz.into_iter().flatten()).any(|of| key.starts_with(of));
+        let has = |p: &&ParameterKey| !absent(p.key) && system.has(p.parameter);
         PARAMETERS.iter().filter(has).map(|p| p.key).collect()
     }
 
@@ -155,6 +162,7 @@ impl Continuation {
         let diagram = self.system.explore(&self.task).map_err(|why| self.no_start(&why))?;
         let mut found = Found::of(&self.name, &self.parameter, &diagram);
         found.case_text.clone_from(&self.case_text);
+        found.walls = self.case.hertz_as_hard();
         if let Some((parameter, range)) = &self.second {
             let parameters = [self.parameter.parameter, parameter.parameter];
             let ranges = [self.task.range, *range];

@@ -13,6 +13,9 @@ pub struct Found {
     /// Text of the case.
     #[serde(skip)]
     pub case_text: String,
+    /// What acts in place of walls with Hertz contact; `None` without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub walls: Option<String>,
     /// Key of the parameter.
     pub parameter: &'static str,
     /// The parameter with its symbol and unit.
@@ -144,6 +147,7 @@ impl Found {
         Self {
             case: case.into(),
             case_text: String::new(),
+            walls: None,
             parameter: parameter.key,
             key: *parameter,
             branches,

@@ -379,7 +379,7 @@ fn simulate(
     base_amplitude_m: f64,
     (most_steps, detection): (u64, &Detection),
 ) -> Result<Simulated, Invalid> {
-    let model = set_up.spec.at(base_amplitude_m);
+    let model = set_up.model_at(base_amplitude_m);
     let initial = Initial { y_m: set_up.spec.particle_start_m(base_amplitude_m), ..Initial::default() };
     let mut largest = Swing::NOTHING;
     let mut points = Vec::new();

@@ -54,6 +54,10 @@ pub fn predicted_and_measured(campaign: &Campaign) -> Vec<String> {
                 .into(),
         );
     }
+    notes.extend(campaign.set_ups.iter().filter_map(|s| {
+        let text = s.hertz_as_hard()?;
+        Some(format!("Set-up {:?}: {text}.", s.name))
+    }));
     if campaign.set_ups.iter().any(|s| s.model().particle.is_some()) {
         notes.push(format!(
             "Impacts are predicted as the board counts them: pulses above {} N (of a hard wall in a contact of {} ms), of a \

@@ -16,7 +16,7 @@ use crate::simulation::Case;
 pub fn set_up(set_up: &CampaignSetUp) -> String {
     let clearance = set_up.clearance_ratio().map(|r| format!("d/Z = {}", trimmed(r, 2)));
     let model = set_up.model();
-    let wall = model.particle.map(|particle| walls(&particle));
+    let wall = set_up.stated_particle().map(|particle| walls(&particle));
     let tuned = model.tmd.map(|tmd| {
         let own = (tmd.stiffness_n_per_m / tmd.mass_kg).sqrt();
         let gamma = own / model.structure.angular_frequency_rad_per_s();

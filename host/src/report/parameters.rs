@@ -47,6 +47,10 @@ const PARAMETERS: &[(&str, Value)] = &[
             .filter(|p| p.friction_coefficient > 0.0 || p.cavity.inclination_deg != 0.0)
             .map(|_| number(m.gravity_m_per_s2))
     }),
+    ("walls as stated", |s, _| {
+        let particle = s.stated_particle()?;
+        particle.walls().iter().any(|wall| wall.hertz().is_some()).then(|| describe::walls(&particle))
+    }),
     ("e, restitution", |_, m| Some(number(m.particle?.wall.restitution()?.coefficient))),
     ("reference speed of e (m/s)", |_, m| Some(number(m.particle?.wall.falling()?.reference_speed_m_per_s))),
     ("exponent of e over speed", |_, m| Some(number(m.particle?.wall.falling()?.exponent))),

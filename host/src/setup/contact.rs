@@ -1,6 +1,7 @@
 //! The contact of a hard wall: what turns the impulse of an impact, which takes no time, into a force. It does not change the motion.
+//! Also says what acts in place of a wall with Hertz contact.
 
-use damprig_core::model::{Hertz, ImpactLaw};
+use damprig_core::model::{HERTZ_TABLE_ERROR, Hertz, ImpactLaw};
 
 /// The contact of a hard wall, as the file states it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,6 +15,8 @@ pub enum StatedContact {
     },
     /// Elastic spheres.
     Elastic(Hertz),
+    /// That of the wall with Hertz contact that the hard wall stands for.
+    HertzWall(Hertz),
 }
 
 impl StatedContact {
@@ -21,14 +24,32 @@ impl StatedContact {
     /// mM/(M + m) of particle and structure.
     ///
     /// A pulse has the impulse J = mM/(M + m)·v·(1 + e(v)) and the peak factor·J/τ. An elastic contact has the force at which it has
-    /// stored the whole energy of the approach ([`Hertz::peak_force_n`]); e does not enter. Both rise with v.
+    /// stored the whole energy of the approach; e does not enter. A wall with Hertz contact has that of a free impact
+    /// ([`Hertz::peak_force_n`]). All rise with v.
     #[must_use]
     pub fn peak_force_n(&self, law: &ImpactLaw<f64>, reduced_mass_kg: f64, speed_m_per_s: f64) -> f64 {
         match *self {
             Self::Pulse { time_s, factor } => {
                 factor * reduced_mass_kg * speed_m_per_s * (1.0 + law.at(speed_m_per_s)) / time_s
             }
-            Self::Elastic(wall) => wall.peak_force_n(reduced_mass_kg, speed_m_per_s),
+            Self::Elastic(wall) | Self::HertzWall(wall) => wall.peak_force_n(reduced_mass_kg, speed_m_per_s),
         }
     }
+}
+
+/// What acts in place of walls with these Hertz contacts where impacts take no time; `None` without one.
+#[must_use]
+pub fn hertz_as_hard(laws: impl IntoIterator<Item = Hertz>) -> Option<String> {
+    let of = |law: Hertz| match law.table() {
+        None => format!("e = {:.4} of its free impacts", law.restitution(1.0)),
+        Some((_, fastest_m_per_s)) => {
+            format!(
+                "e over the speed of its free impacts, from a table within {HERTZ_TABLE_ERROR} up to {fastest_m_per_s:.3} m/s"
+            )
+        }
+    };
+    let mut all: Vec<String> = laws.into_iter().map(of).collect();
+    all.dedup();
+    (!all.is_empty())
+        .then(|| format!("a Hertz wall acts as a hard wall with {}; its contacts take no time", all.join(" or ")))
 }

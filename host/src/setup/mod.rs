@@ -21,7 +21,7 @@ use crate::input::{Number, Section};
 use keys::{friction_damper, particle, set_up, spring, structure, tmd, wall_hertz, wall_restitution, wall_voigt};
 use spec::{Friction, ParticleSpec, Place, Relative};
 
-pub use contact::StatedContact;
+pub use contact::{StatedContact, hertz_as_hard};
 pub use keys::ALL_TABLES as TABLES;
 pub(crate) use keys::set_up::BASE_AMPLITUDE;
 pub(crate) use keys::{PARTS, SET_UP_FILE, set_up as set_up_keys};
@@ -364,22 +364,6 @@ fn read_hertz(s: &Section) -> Option<Wall> {
         (_, coefficient) => Dissipation::LankaraniNikravesh { coefficient },
     };
     Some(Wall::Hertz(Hertz { stiffness_n_per_m15, dissipation }))
-}
-
-/// What to write in place of a Hertz wall where impacts take no time: e of its free impacts.
-#[must_use]
-pub(crate) fn equivalent_of(law: &Hertz) -> String {
-    let e = |speed: f64| format!("{:.4}", law.restitution(speed));
-    let write = |e: &str| format!("wall = {{ kind = \"restitution\", coefficient = {e} }}");
-    match law.dissipation {
-        Dissipation::LankaraniNikravesh { .. } => {
-            format!("its free impacts have this e at every speed: {}", write(&e(1.0)))
-        }
-        Dissipation::HuntCrossley { .. } => {
-            let speeds = [0.01, 0.1, 0.3, 1.0, 3.0].map(|v| format!("{} at {v} m/s", e(v))).join(", ");
-            format!("write {} with e of the usual speed; its free impacts have e = {speeds}", write("…"))
-        }
-    }
 }
 
 fn read_friction(s: &Section, base: BaseAmplitude) -> Option<Friction> {

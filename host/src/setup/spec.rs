@@ -1,7 +1,7 @@
 //! A set-up as written: quantities relative to the base amplitude are resolved once Z is known.
 
 use damprig_core::control::friction_spring::SpringConfig;
-use damprig_core::model::{Cavity, FrictionDamper, Hertz, Particle, SetUp, Structure, Tmd, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Particle, SetUp, Structure, Tmd, Wall};
 
 use super::contact::StatedContact;
 
@@ -185,13 +185,6 @@ impl SetUpSpec {
             particle.place = Place::Share(share);
         }
         self
-    }
-
-    /// The law of its first wall with Hertz contact.
-    #[must_use]
-    pub fn hertz_wall(&self) -> Option<Hertz> {
-        let particle = self.particle?;
-        particle.wall.hertz().or(particle.cavity.positive_wall.and_then(|wall| wall.hertz()))
     }
 
     /// The structure.

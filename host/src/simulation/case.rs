@@ -66,6 +66,25 @@ impl Case {
         Ok(Self::read_with_warnings(path)?.0)
     }
 
+    /// The case for motions whose impacts take no time: walls with Hertz contact as hard ones ([`SetUp::without_hertz`]), whose
+    /// force is that of the contact.
+    #[must_use]
+    pub fn without_hertz(&self) -> Self {
+        let laws = self.set_up.particle.map_or([None; 2], |particle| particle.walls().map(|wall| wall.hertz()));
+        let stated = |side: usize| laws[side].map(StatedContact::HertzWall).or(self.contacts[side]);
+        Self { set_up: self.set_up.without_hertz(), contacts: [stated(0), stated(1)], ..self.clone() }
+    }
+
+    /// What acts in place of walls with Hertz contact in a case without them ([`Case::without_hertz`]); `None` if it had none.
+    #[must_use]
+    pub fn hertz_as_hard(&self) -> Option<String> {
+        let replaced = |contact| match contact {
+            Some(StatedContact::HertzWall(law)) => Some(law),
+            _ => None,
+        };
+        setup::hertz_as_hard(self.contacts.into_iter().filter_map(replaced))
+    }
+
     /// Reads a file; also the warnings of unusual values, each with file, line, key, value and usual range.
     ///
     /// # Errors
@@ -284,10 +303,6 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
             help: None,
         });
     }
-    if let (Some(particle), Some(_)) = (set_up.particle.filter(|_| set_up.has_hertz_walls()), &record) {
-        let source = root.source();
-        source.report(refusals::hertz_problem(&particle, "a recorded motion", |path| source.locate(path)));
-    }
     let contacts = spec.contacts();
     let case = Case { name, set_up, contacts, many_particles, excitation, record, initial, run };
     if let Some(section) = &run_section {
@@ -296,7 +311,8 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     if let (Some(section), Some(damper)) = (&spheres, &case.many_particles) {
         many_particles::read::check_contact(section, damper, case.shortest_period_s());
     }
-    Some(case)
+    // A record moves the sampled integrator.
+    Some(if case.record.is_some() { case.without_hertz() } else { case })
 }
 
 /// Reads `base` or `force`.

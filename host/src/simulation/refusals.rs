@@ -1,16 +1,14 @@
 //! What a case cannot have together, and what commands cannot do with a case.
 
-use damprig_core::model::Particle;
-
 use super::Case;
 use super::case::toml_of;
 use super::keys::{case, initial};
 use super::set_values::SetValues;
-use crate::input::locate::Step::{self, Key};
+use crate::input::locate::Step::Key;
 use crate::input::locate::locate_in;
-use crate::input::{Problem, Refusal, Section, Source, Span};
+use crate::input::{Problem, Refusal, Section, Source};
 use crate::motion_record::Record;
-use crate::setup::{self, SetUpSpec};
+use crate::setup::SetUpSpec;
 
 impl Case {
     /// Refuses a case with a many-particle damper for what needs the equations of the other dampers. `name` and `text` are those of its
@@ -38,34 +36,6 @@ impl Case {
             help: Some("`damprig simulate` and `damprig study` follow spheres; or take a `particle`".into()),
         });
         source.verdict()
-    }
-
-    /// Refuses a case with a Hertz wall for what has impacts that take no time, or linear soft walls. `name` and `text` are those of
-    /// its file.
-    ///
-    /// # Errors
-    /// Says that `what` is not available, where the wall is written, and what to write.
-    pub fn refuse_hertz(&self, (name, text): (&str, &str), what: &str) -> Result<(), Refusal> {
-        let Some(particle) = self.set_up.particle.filter(|_| self.set_up.has_hertz_walls()) else { return Ok(()) };
-        let source = Source::new(name, text);
-        let toml = toml_of(&source).map(|(toml, _)| toml).unwrap_or_default();
-        source.report(hertz_problem(&particle, what, |path| locate_in(&toml, path)));
-        source.verdict()
-    }
-}
-
-/// That `what` has no Hertz walls, at the first such wall of a particle.
-pub(super) fn hertz_problem(particle: &Particle, what: &str, place: impl Fn(&[Step<'_>]) -> Option<Span>) -> Problem {
-    let walls = [(Some(particle.wall), "wall"), (particle.cavity.positive_wall, "positive_wall")];
-    let first = walls.into_iter().find_map(|(wall, key)| wall.and_then(|wall| Some((wall.hertz()?, key))));
-    let (key, help) = first.map_or(("wall", None), |(law, key)| (key, Some(setup::equivalent_of(&law))));
-    Problem {
-        title: format!("{what} is not available with `particle.{key}` of kind \"hertz\""),
-        span: place(&[Key("particle"), Key(key)]).or_else(|| place(&[Key("particle")])).unwrap_or_default(),
-        allowed:
-            "only `simulate`, `study`, `optimise` and `study bifurcation` on an excitation in closed form follow its contacts"
-                .into(),
-        help,
     }
 }
 

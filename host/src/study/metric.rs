@@ -62,9 +62,6 @@ pub fn refusal(metric: Quantity, case: &Case) -> Option<&'static str> {
             "an impact on a hard wall takes no time; give each hard wall `contact_time_s` or `hertz_stiffness_n_per_m15`, or the walls \
              `kind = \"voigt\"` or \"hertz\"",
         ),
-        Quantity::PeriodCycles | Quantity::LargestMultiplier if case.set_up.has_hertz_walls() => Some(
-            "the analysis of periodic motions has no Hertz walls; give the walls `kind = \"restitution\"` or \"voigt\"",
-        ),
         Quantity::PeriodCycles | Quantity::LargestMultiplier if !is_sine => {
             Some("only a sine of the base has periodic motions")
         }

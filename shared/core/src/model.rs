@@ -19,7 +19,7 @@ use serde::ser::{SerializeStruct, Serializer};
 use serde::{Deserialize, Serialize};
 
 pub use cavity::Cavity;
-pub use hertz::{Dissipation, Hertz};
+pub use hertz::{Dissipation, HERTZ_TABLE_ERROR, Hertz};
 pub use soft_wall::{DampingLaw, Material};
 pub use speed_table::{SPEED_TABLE_POINTS, SpeedTable};
 pub use tuning::Tuning;
@@ -192,6 +192,16 @@ impl SetUp {
     #[must_use]
     pub fn has_hertz_walls(&self) -> bool {
         self.particle.is_some_and(|particle| particle.walls().iter().any(|wall| wall.hertz().is_some()))
+    }
+
+    /// The set-up for motions whose impacts take no time: its walls with Hertz contact as hard ones ([`Wall::without_hertz`]).
+    #[must_use]
+    pub fn without_hertz(mut self) -> Self {
+        if let Some(particle) = &mut self.particle {
+            particle.wall = particle.wall.without_hertz();
+            particle.cavity.positive_wall = particle.cavity.positive_wall.map(|wall| wall.without_hertz());
+        }
+        self
     }
 
     /// The part of the weight along the motion that acts on the particle, per mass, m/s²: positive pulls it towards −y. 0 without

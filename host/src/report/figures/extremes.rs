@@ -197,6 +197,7 @@ fn branches_and_curves_of_extreme_values_are_drawn_and_say_how_many_are_not() {
         let found = Found {
             case: "case".into(),
             case_text: String::new(),
+            walls: None,
             parameter: PARAMETERS[0].key,
             key: PARAMETERS[0],
             branches: vec![branch],

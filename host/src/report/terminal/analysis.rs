@@ -14,11 +14,12 @@ pub fn text(analysis: &Analysis) -> String {
         ("  by friction damper", e.friction_damper_j),
         ("  by soft wall or TMD", e.link_damping_j),
     ];
-    let mut lines = vec![
+    let mut lines: Vec<(&str, String)> = analysis.walls.clone().map(|text| ("walls", text)).into_iter().collect();
+    lines.extend([
         ("energy input", joule(e.input_j)),
         ("change of stored energy", format!("{} (end minus start)", joule(e.stored_change_j))),
         ("energy dissipated", joule(by_mechanism.iter().map(|(_, energy_j)| energy_j).sum())),
-    ];
+    ]);
     let dissipated = by_mechanism.iter().filter(|(_, energy_j)| *energy_j != 0.0);
     lines.extend(dissipated.map(|(name, energy_j)| (*name, joule(*energy_j))));
     lines.push(("energy residual", format!("{} J (rounding)", significant(e.residual_j, 2))));

@@ -3,7 +3,7 @@
 use comfy_table::Table;
 
 use super::table;
-use crate::campaign::{Campaign, Experiment, GridPeak};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, GridPeak};
 use crate::input::shown_in_line;
 use crate::prediction::{Prediction, Response};
 use crate::report::describe;
@@ -50,6 +50,19 @@ pub fn steps(campaign: &Campaign) -> Vec<String> {
         }
     }
     lines
+}
+
+/// What acts in place of walls with Hertz contact, a line for each set-up that has one.
+#[must_use]
+pub fn hertz_walls(campaign: &Campaign) -> Vec<String> {
+    let line = |set_up: &CampaignSetUp| {
+        let text = set_up.hertz_as_hard()?;
+        Some(
+            shown_in_line(&format!("Set-up {:?}: in prediction, twin and simulated plant {text}", set_up.name))
+                .into_owned(),
+        )
+    };
+    campaign.set_ups.iter().filter_map(line).collect()
 }
 
 /// A number, or a dash where nothing is predicted.

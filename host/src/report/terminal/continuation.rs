@@ -41,7 +41,8 @@ pub fn text(found: &Found) -> String {
             ]);
         }
     }
-    let mut text = format!("Periodic orbits of {} over {}\n{branches}\n", found.case, found.parameter);
+    let walls = found.walls.as_ref().map_or(String::new(), |walls| format!("; {walls}"));
+    let mut text = format!("Periodic orbits of {} over {}{walls}\n{branches}\n", found.case, found.parameter);
     if count == 0 {
         text.push_str("No special points in this range.");
     } else {

@@ -86,6 +86,7 @@ fn set_up(case: &Case) -> Vec<(&'static str, String)> {
         };
         let (d, by) = (millimetres(p.clearance_m), relative(p.clearance_m));
         lines.push(("particle", format!("mass ratio {ratio}, d = {d}{by}, {wall}{friction}")));
+        lines.extend(case.hertz_as_hard().map(|text| ("walls", text)));
     }
     if let Some(damper) = &case.set_up.friction_damper {
         let ratio = reference.map_or(String::new(), |(by_m, name)| {

@@ -6,6 +6,7 @@
 //! k δ^1.5 (1 + β δ′) with a β that is constant during a contact. In a free impact of reduced mass m then
 //! u/β − ln(1 + β u)/β² + (2k/5m) δ^2.5 is conserved, u = δ′: penetration, force and restitution follow from it.
 
+use super::speed_table::{SPEED_TABLE_POINTS, SpeedTable};
 use crate::io::{Invalid, not_negative, positive, require};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -34,6 +35,20 @@ pub enum Dissipation {
         coefficient: f64,
     },
 }
+
+/// Largest error of e in [`Hertz::table`], up to its fastest speed.
+pub const HERTZ_TABLE_ERROR: f64 = 0.005;
+
+/// βv at the points of [`Hertz::table`]. e falls with rising slope: a chord lies above it, so that the table is
+/// [`HERTZ_TABLE_ERROR`] too high between points and too low at them. Up to the first one it is constant, and too high there. The
+/// last one is limited by the rebound speed, which must not fall.
+const TABLE_RATES: [f64; SPEED_TABLE_POINTS] = [0.0151, 0.1755, 0.6035, 1.2155, 2.1105, 2.975];
+
+/// βv up to which [`Hertz::table`] holds, a little beyond its last point.
+const FASTEST_RATE: f64 = 3.0;
+
+/// α below which e is taken as the same at every speed, s/m: it differs by this much from its value at 1 m/s for each m/s.
+const NEGLIGIBLE_S_PER_M: f64 = 1e-6;
 
 /// 2 (5/4)^(2/5) ∫₀¹ dx/√(1 − x^2.5).
 const DURATION_FACTOR: f64 = 3.218_065_459_719_043;
@@ -73,6 +88,24 @@ impl Hertz {
     pub fn restitution(&self, speed_m_per_s: f64) -> f64 {
         let approach = self.rate_s_per_m(speed_m_per_s) * speed_m_per_s;
         if approach > 0.0 { returned(approach) / approach } else { 1.0 }
+    }
+
+    /// e of free impacts as a table over the approach speed, and the speed up to which the table is within [`HERTZ_TABLE_ERROR`] of
+    /// e, m/s: 2/α of Hunt and Crossley. Faster impacts have the e of that speed. `None` where e is the same at every speed.
+    #[must_use]
+    pub fn table(&self) -> Option<(SpeedTable, f64)> {
+        let rate = match self.dissipation {
+            Dissipation::HuntCrossley { coefficient_s_per_m } if coefficient_s_per_m > NEGLIGIBLE_S_PER_M => {
+                self.rate_s_per_m(1.0)
+            }
+            _ => return None,
+        };
+        let mut points = TABLE_RATES.map(|approach| {
+            let speed = approach / rate;
+            [speed, self.restitution(speed) - HERTZ_TABLE_ERROR]
+        });
+        points[0][1] += 2.0 * HERTZ_TABLE_ERROR;
+        Some((SpeedTable::new(&points)?, FASTEST_RATE / rate))
     }
 
     /// Largest penetration of a free impact, m: reduced mass in kg and approach speed in m/s, both greater than 0.
@@ -210,6 +243,20 @@ mod tests {
         let near = Hertz { dissipation: Dissipation::LankaraniNikravesh { coefficient: 0.99 }, ..wall };
         // To second order in 1 − e.
         assert!((near.restitution(1.0) - 0.99).abs() < 2e-4);
+    }
+
+    #[test]
+    fn the_table_of_hunt_and_crossley_is_as_close_to_the_law_as_stated() {
+        for coefficient in [1e-4, 0.08, 0.3, 5.0] {
+            let wall = hunt_crossley(coefficient);
+            let (table, fastest) = wall.table().expect("e varies");
+            assert_eq!(table.validate(), Ok(()));
+            assert!((fastest * coefficient - 2.0).abs() < 1e-12);
+            let error = |v: f64| (table.at(v) - wall.restitution(v)).abs();
+            let worst = (1..=20_000).map(|n| error(fastest * f64::from(n) / 20_000.0)).fold(0.0, f64::max);
+            assert!(worst <= HERTZ_TABLE_ERROR + 1e-12 && worst > 0.99 * HERTZ_TABLE_ERROR, "{worst}");
+        }
+        assert_eq!(hunt_crossley(0.0).table(), None);
     }
 
     #[test]

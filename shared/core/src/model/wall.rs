@@ -28,7 +28,8 @@ pub enum Wall {
     SpeedRestitution(Restitution),
     /// A hard wall whose coefficient of restitution is a table over the speed of the impact.
     TableRestitution(SpeedTable),
-    /// A wall with Hertz contact and dissipation: for motions of the exact integrator. A board refuses it.
+    /// A wall with Hertz contact and dissipation: for motions of the exact integrator. Other motions and boards have
+    /// [`Wall::without_hertz`] in its place.
     Hertz(Hertz),
 }
 
@@ -249,6 +250,15 @@ impl Wall {
             Self::Hertz(law) => Some(law),
             _ => None,
         }
+    }
+
+    /// The hard wall with the restitution of the free impacts on a wall with Hertz contact, whose time is left out: a constant e, or
+    /// the table over the speed ([`Hertz::table`]). Any other wall as it is.
+    #[must_use]
+    pub fn without_hertz(self) -> Self {
+        let Self::Hertz(law) = self else { return self };
+        let constant = Self::Restitution { coefficient: law.restitution(1.0) };
+        law.table().map_or(constant, |(table, _)| Self::TableRestitution(table))
     }
 
     /// When a spring and a dashpot release the particle; `None` of another wall.
