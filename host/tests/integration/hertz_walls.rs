@@ -176,16 +176,16 @@ fn at_the_end(z_m: f64, particle: &str) -> (f64, Value) {
     (answer["summary"]["steady_mean_cycle_max_abs_x_m"].as_f64().unwrap(), answer)
 }
 
-/// In a motion with two impacts a cycle a contact that lasts τ leaves the particle T/2 − τ for its way of 2d, in place of T/2: the motion
-/// is that of impacts without duration in a cavity that is longer by 2τ/T of d. The table's e is off by at most 0.005.
+/// A contact of duration τ, at whose approach the speed is v, is an impact at the centre of its impulse, t = eτ/(1 + e) after its begin:
+/// as if each wall stood v·t further away. The table's e is off by at most 0.005. Both motions are stable, with two impacts a cycle.
 #[test]
 fn a_virtual_rig_agrees_with_the_contacts_of_stiff_steel_walls() {
     let walls = |wall: &str, clearance_m: f64| {
         format!("particle = {{ mass_ratio = 0.1, clearance_m = {clearance_m:?}, wall = {{ {wall} }} }}\n")
     };
-    let d_m = 0.0075;
+    let d_m = 0.015;
     for (wall, error_of_e) in [(LANKARANI, 0.0), (HUNT, 0.005)] {
-        let wall = wall.replace("1e9", "1e10");
+        let wall = wall.replace("1e9", "1e10").replace("0.3", "1");
         for rig in ["virtual:f64", "virtual:f32"] {
             let folder = folder_with(&campaign(&walls(&wall, d_m)));
             let said = damprig(&folder).args(["run", "test.toml", "--rig", rig, "--out", "out"]).assert().success();
@@ -195,20 +195,21 @@ fn a_virtual_rig_agrees_with_the_contacts_of_stiff_steel_walls() {
             );
             let results = &read_parquet(folder.path().join("out/results.parquet"))[0];
             let measured = |name: &str| numbers(results, name).unwrap()[0];
-            let (z_m, x_m) = (measured("z_amplitude_m"), measured("x_mean_cycle_max_m"));
+            let (z_m, x_m) = (measured("z_amplitude_m"), measured("mean_cycle_max_m"));
             let (exact_m, answer) = at_the_end(z_m, &walls(&wall, d_m));
             let contacts = answer["contacts"].as_array().unwrap();
             let last = |key: &str| contacts.last().unwrap()[key].as_f64().unwrap();
             let (contact_s, speed) = (last("duration_s"), last("approach_speed_m_per_s"));
             let e = law(&wall).restitution(speed);
-            let hard = |e: f64, share: f64| {
+            let hard = |e: f64, further_m: f64| {
                 let wall = format!("kind = \"restitution\", coefficient = {e:?}");
-                at_the_end(z_m, &walls(&wall, d_m * (1.0 + share))).0
+                at_the_end(z_m, &walls(&wall, d_m + further_m)).0
             };
-            let by_contact = hard(e, 2.0 * contact_s * 2.5) - hard(e, 0.0);
-            let by_table = hard(e + error_of_e, 0.0) - hard(e - error_of_e, 0.0);
-            // Twice, for what is of higher order; the largest of samples 1 ms apart and the lock-in are off by up to 1e-4.
-            let allowed_m = 2.0 * by_contact.abs() + by_table.abs() + 1e-4 * exact_m;
+            let by_contact = hard(e, speed * contact_s * e / (1.0 + e)) - hard(e, 0.0);
+            let by_table = 0.5 * (hard(e + error_of_e, 0.0) - hard(e - error_of_e, 0.0));
+            // A fifth more, for what is of higher order in τ; the largest of samples 1 ms apart is up to 3e-5 too small, and the amplitude
+            // of the base is known to about as much.
+            let allowed_m = 1.2 * by_contact.abs() + by_table.abs() + 1e-4 * exact_m;
             println!("{rig} {wall}: {x_m:e} {exact_m:e} m, off by {:e}, allowed {allowed_m:e} m", x_m - exact_m);
             assert!((x_m - exact_m).abs() < allowed_m, "{rig} {wall}: {x_m} {exact_m} {allowed_m}");
             assert!(allowed_m < 0.01 * exact_m, "{rig} {wall}: the bound says nothing");
@@ -234,22 +235,27 @@ fn analysis_continuation_and_records_say_what_acts_in_place_of_a_hertz_wall() {
     let (_, out, _) = run(&folder, &case(LANKARANI), &more[1..]);
     told(&out, &["a Hertz wall acts as a hard wall with e = 0.7561"]);
 
-    let follow = |wall: &str, parameter: &str| {
-        let text = format!("case = \"case.toml\"\nparameter = \"{parameter}\"\nfrom = 5.0\nto = 6.0\n");
+    let follow = |wall: &str, parameter: &str, from: f64| {
+        let to = from + 0.2;
+        let text = format!("case = \"case.toml\"\nparameter = \"{parameter}\"\nfrom = {from}\nto = {to}\n");
         let case = Source::new("case.toml", case(wall).replace("clearance_m = 0.03", "clearance_ratio = 5.5"));
         Continuation::parse(&Source::new("continue.toml", text), Path::new("continue.toml"), Some(&case))
     };
-    let found =
-        |wall: &str| serde_json::to_value(follow(wall, "particle.clearance_ratio").unwrap().follow().unwrap()).unwrap();
+    let found = |wall: &str| {
+        serde_json::to_value(follow(wall, "particle.clearance_ratio", 5.4).unwrap().follow().unwrap()).unwrap()
+    };
     let (of_hertz, of_hard) = (found(LANKARANI), found(&hard));
     assert_eq!(of_hertz["branches"], of_hard["branches"]);
     told(of_hertz["walls"].as_str().unwrap(), &["e = 0.7561"]);
     let refused =
-        follow(LANKARANI, "particle.wall.coefficient").map(|_| ()).expect_err("no key of the case").to_string();
+        follow(LANKARANI, "particle.wall.coefficient", 0.6).map(|_| ()).expect_err("no key of the case").to_string();
     told(&refused, &["the case case.toml has no such parameter", "particle.clearance_m"]);
 
-    std::fs::write(folder.path().join("record.csv"), "t,z\n0,0\n0.1,0.02\n0.2,-0.02\n0.3,0.02\n0.4,0\n0.9,0\n")
-        .unwrap();
+    std::fs::write(
+        folder.path().join("record.csv"),
+        "t,z\n0,0\n0.1,0.02\n0.2,-0.02\n0.3,0.02\n0.4,0\n0.5,0\n0.6,0\n0.7,0\n",
+    )
+    .unwrap();
     let record = "base = { kind = \"record\", file = \"record.csv\", quantity = \"displacement\", unit = \"m\", column = 2, time_column = \"t\" }\nrun = {}\n";
     let played = [LANKARANI, &hard].map(|wall| {
         let near = particle(wall).replace("0.03", "0.003");

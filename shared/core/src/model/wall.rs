@@ -28,8 +28,7 @@ pub enum Wall {
     SpeedRestitution(Restitution),
     /// A hard wall whose coefficient of restitution is a table over the speed of the impact.
     TableRestitution(SpeedTable),
-    /// A wall with Hertz contact and dissipation: for motions of the exact integrator. Other motions and boards have
-    /// [`Wall::without_hertz`] in its place.
+    /// A wall with Hertz contact and dissipation: for motions of the exact integrator. A board refuses it: a hard wall takes its place.
     Hertz(Hertz),
 }
 
