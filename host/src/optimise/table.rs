@@ -33,7 +33,10 @@ pub fn check_folder(folder: &Path) -> Result<(), Refusal> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
         Err(error) => format!("cannot be read: {error}"),
     };
-    Err(Refusal(format!("--out: {} {why}\n  give a new folder, or replace its files with --force; nothing was computed", folder.display())))
+    Err(Refusal(format!(
+        "--out: {} {why}\n  give a new folder, or replace its files with --force; nothing was computed",
+        folder.display()
+    )))
 }
 
 /// Writes all files.
