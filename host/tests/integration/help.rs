@@ -100,7 +100,8 @@ fn with_option(page: &str, name: &str) -> Vec<(String, String, String)> {
                 continue;
             };
             if option == name {
-                found.push((command.to_string(), value.to_string(), lines.collect::<Vec<_>>().join(" ")));
+                let text = lines.take_while(|line| *line != "```").collect::<Vec<_>>();
+                found.push((command.to_string(), value.to_string(), text.join(" ")));
             }
         }
     }
