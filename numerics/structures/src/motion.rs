@@ -41,6 +41,8 @@ pub struct Motion {
     pub(crate) amplitudes: Vec<f64>,
     pub(crate) steps_since_amplitudes: u32,
     pub(crate) guards: Vec<Live>,
+    /// Guards that are zero by definition at the present instant, and how many of their derivatives.
+    pub(crate) zeros: Vec<(Event, usize)>,
     /// Bounds of the guards by level of step; empty where not yet known.
     pub(crate) bounds: Vec<Vec<Bounds>>,
     /// Guards that fall through zero in the step being judged.
@@ -70,10 +72,6 @@ pub(crate) struct Flight {
 }
 
 impl Flight {
-    pub fn shift(&mut self, by_m: f64) {
-        self.y += by_m;
-    }
-
     pub fn after(&self, t: f64) -> Self {
         Self { y: self.y + t * (self.u + 0.5 * t * self.acceleration), u: self.u + t * self.acceleration, ..*self }
     }
@@ -82,6 +80,11 @@ impl Flight {
 impl Free for Flight {
     fn parts(&self) -> (f64, f64, f64) {
         (self.y, self.u, self.acceleration)
+    }
+
+    fn shift(&mut self, by: (f64, f64)) {
+        self.y += by.0;
+        self.u += by.1;
     }
 }
 
@@ -116,6 +119,7 @@ impl Motion {
             amplitudes: Vec::new(),
             steps_since_amplitudes: 0,
             guards: Vec::new(),
+            zeros: Vec::new(),
             bounds: Vec::new(),
             falls: Vec::new(),
             free: Vec::new(),
@@ -285,8 +289,13 @@ impl Motion {
         (self.q, self.v) = (q, v);
     }
 
-    /// Starts the phase of the present contacts. `hints`: guards whose first derivatives are zero by definition, and how many.
+    /// Starts the phase of the present contacts. `hints`: guards whose first derivatives are zero by definition, and how many; those of
+    /// earlier events at this instant still are.
     pub(crate) fn phase(&mut self, hints: &[(Event, usize)]) -> Result<(), Refused> {
+        for hint in hints {
+            self.zeros.retain(|(event, _)| *event != hint.0);
+            self.zeros.push(*hint);
+        }
         if self.systems.get(self.system).is_none_or(|system| system.contacts != self.contacts) {
             self.system = self.find_system()?;
         }
@@ -317,7 +326,7 @@ impl Motion {
         let base_offset_m = self.share() * self.wave.offset;
         self.guards.clear();
         for guard in &system.guards {
-            let fresh = hints.iter().find(|(event, _)| *event == guard.event).map_or(0, |(_, order)| *order);
+            let fresh = self.zeros.iter().find(|(event, _)| *event == guard.event).map_or(0, |(_, order)| *order);
             self.guards.push(Live { constant: guard.constant(system, &self.rest, base_offset_m), fresh });
         }
         self.take_amplitudes();

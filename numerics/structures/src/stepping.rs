@@ -106,10 +106,8 @@ impl Motion {
                     return Some(guard.event);
                 }
                 live.fresh = 1;
-                // Rounding has put a particle behind its wall.
-                if let Some((n, factor)) = guard.free_displacement() {
-                    self.free[n].shift(-here.value / factor);
-                }
+                // Rounding has put a particle behind its wall, or its velocity behind zero.
+                guard.lift(&mut self.free, -here.value);
             }
         }
         None
@@ -231,6 +229,7 @@ impl Motion {
         (self.wave.sine, self.wave.cosine) = (wave.im, wave.re);
         if length_s > 0.0 {
             self.events_at_once = 0;
+            self.zeros.clear();
             self.guards.iter_mut().for_each(|live| live.fresh = 0);
         }
         self.steps_since_amplitudes += 1;

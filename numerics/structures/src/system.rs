@@ -105,9 +105,12 @@ impl Watched {
         self.constant + of_motion + self.offset * base_offset_m
     }
 
-    /// The free particle whose displacement the guard contains: its number among the free ones, and the factor.
-    pub fn free_displacement(&self) -> Option<(usize, f64)> {
-        self.body.filter(|_| !self.of_rate)
+    /// Raises a guard of a free particle by moving the particle, or by changing its velocity.
+    pub fn lift<F: Free>(&self, free: &mut [F], by: f64) {
+        if let Some((n, factor)) = self.body {
+            let by = by / factor;
+            free[n].shift(if self.of_rate { (0.0, by) } else { (by, 0.0) });
+        }
     }
 
     /// The part that is a parabola from now on.
@@ -126,6 +129,9 @@ impl Watched {
 pub(crate) trait Free {
     /// Displacement, velocity and acceleration.
     fn parts(&self) -> (f64, f64, f64);
+
+    /// Adds to displacement and velocity.
+    fn shift(&mut self, by: (f64, f64));
 }
 
 /// The system of one state of the contacts.
