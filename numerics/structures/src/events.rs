@@ -183,7 +183,9 @@ impl Motion {
             }
             Event::Breaks(joint, direction) => {
                 let mut hints = Vec::new();
-                self.start_sliding(joint, direction, 2, &mut hints);
+                for (joint, direction) in self.breaking(joint, direction) {
+                    self.start_sliding(joint, direction, 2, &mut hints);
+                }
                 self.phase(&hints)
             }
             Event::Wall(particle, side) => {
@@ -218,6 +220,21 @@ impl Motion {
                 self.resolve(&zero, &[(Event::Wall(particle, side), 1)])
             }
         }
+    }
+
+    /// All joints whose force reaches its limit at this instant, to within rounding, with the direction in which each will slide.
+    fn breaking(&self, joint: usize, direction: Sign) -> Vec<(usize, Sign)> {
+        let mut all = vec![(joint, direction)];
+        for (guard, live) in self.systems[self.system].guards.iter().zip(&self.guards) {
+            let Event::Breaks(other, direction) = guard.event else { continue };
+            let here = guard.guard.at(&self.z, self.z.len(), guard.parabola(&self.free, live.constant).at(0.0));
+            let limits = self.limits(other);
+            let size = limits.low.abs().min(limits.high.abs());
+            if other != joint && here.value <= ONE_INSTANT * size && here.slope < 0.0 {
+                all.push((other, direction));
+            }
+        }
+        all
     }
 
     /// Other particles that meet a hard wall at this instant, to within rounding.
