@@ -39,7 +39,7 @@ fn main() -> Result<(), Refused> {
             }
             let omega = set_up.structure.modes[0].angular_frequency_rad_per_s;
             let excitation = Excitation::Sine { amplitude_m: 3e-3, angular_frequency_rad_per_s: omega, phase_rad: 0.0 };
-            let mut motion = Motion::new(&set_up, &excitation, &set_up.at_rest(3e-3 * omega))?;
+            let mut motion = Motion::new(&set_up, &excitation, &set_up.at_rest(&excitation))?;
             motion.run(CYCLES.0 * TAU / omega, &mut ())?;
             let mut count = Count(0);
             let begun = Instant::now();

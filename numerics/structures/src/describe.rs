@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::basis::symmetric;
 use crate::{Mode, Modes, Refused};
 use damprig_core::io::{not_negative, positive, require};
 
@@ -84,7 +85,7 @@ impl Modes {
         // L⁻¹ K L⁻ᵀ has the squares of the natural frequencies.
         let left = root.solve_lower_triangular(&stiffness).ok_or(Refused::NotDefinite("structure.mass_kg"))?;
         let both = root.solve_lower_triangular(&left.transpose()).ok_or(Refused::NotDefinite("structure.mass_kg"))?;
-        let eigen = ((&both + both.transpose()) * 0.5).symmetric_eigen();
+        let eigen = symmetric(&both).symmetric_eigen();
         let shapes = root
             .transpose()
             .solve_upper_triangular(&eigen.eigenvectors)
@@ -108,11 +109,8 @@ impl Modes {
             Damping::Matrix(rows) => {
                 let damping = matrix("structure.damping_n_s_per_m", rows, n)?;
                 let modal = shapes.transpose() * damping * &shapes;
-                let modal = (&modal + modal.transpose()) * 0.5;
-                let values = modal.clone().symmetric_eigenvalues();
-                if values.min() < -1e-12 * values.amax() {
-                    return Err(Refused::NegativeDamping);
-                }
+                let modal = symmetric(&modal);
+                not_growing(&modal)?;
                 modal
             }
         };
@@ -210,8 +208,8 @@ impl Modes {
     }
 }
 
-/// A square matrix from its rows.
-fn matrix(what: &'static str, rows: &[f64], n: usize) -> Result<DMatrix<f64>, Refused> {
+/// A symmetric matrix from its rows.
+pub(crate) fn matrix(what: &'static str, rows: &[f64], n: usize) -> Result<DMatrix<f64>, Refused> {
     if rows.len() != n * n {
         return Err(Refused::Count { what, found: rows.len(), expected: n * n });
     }
@@ -225,7 +223,13 @@ fn matrix(what: &'static str, rows: &[f64], n: usize) -> Result<DMatrix<f64>, Re
             }
         }
     }
-    Ok((&matrix + matrix.transpose()) * 0.5)
+    Ok(symmetric(&matrix))
+}
+
+/// Refuses damping that feeds a motion.
+pub(crate) fn not_growing(damping: &DMatrix<f64>) -> Result<(), Refused> {
+    let values = damping.clone().symmetric_eigenvalues();
+    if values.min() < -1e-12 * values.amax() { Err(Refused::NegativeDamping) } else { Ok(()) }
 }
 
 /// The n-th root β of `1 + cos β cosh β + r β (cos β sinh β − sin β cosh β) = 0`, r the tip's mass per the beam's, divided by cosh β.

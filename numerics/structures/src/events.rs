@@ -5,12 +5,13 @@ use damprig_core::model::Release;
 use nalgebra::DMatrix;
 
 use crate::Refused;
-use crate::contact::{self, At, Limits};
-use crate::linear::{C64, add, dot};
+use crate::bodies::{add, dot};
+use crate::complementarity::{At, Limits, solve};
+use crate::contacts::{Event, Slide, Touch};
+use crate::linear::C64;
 use crate::motion::{Motion, ROUNDINGS};
-use crate::mount::WallLaw;
+use crate::mount::{Joint, WallLaw};
 use crate::observe::{Impact, Observer};
-use crate::system::{Event, Slide, Touch};
 
 /// Bounces are compared with rounding only when slower than this fraction of the fastest impact.
 const SLOW: f64 = 1e-4;
@@ -20,30 +21,13 @@ const SLOW: f64 = 1e-4;
 const ONE_INSTANT: f64 = 1e-12;
 
 impl Motion {
-    /// Limits of a joint's force at zero relative velocity.
-    fn limits(&self, joint: usize) -> Limits {
-        let frictions = self.mount.frictions.len();
-        if let Some(friction) = self.mount.frictions.get(joint) {
-            return Limits { low: -friction.force_n, high: friction.force_n };
-        }
-        let particle = joint - frictions;
-        let friction = self.mount.cavities[particle].friction_n;
-        match self.contacts.particles[particle].1 {
-            Touch::Wall(1) => Limits { low: f64::NEG_INFINITY, high: friction },
-            Touch::Wall(_) => Limits { low: -friction, high: f64::INFINITY },
-            _ => Limits { low: -friction, high: friction },
-        }
-    }
-
     /// Decides at an instant which joints of zero relative velocity stick, and starts the next phase. `hints`: guards that are zero by
     /// definition besides those that follow from this decision.
     pub(crate) fn resolve(&mut self, zero: &[bool], hints: &[(Event, usize)]) -> Result<(), Refused> {
         let mut hints = hints.to_vec();
-        let frictions = self.mount.frictions.len();
         let mut candidates = Vec::new();
         for (joint, &is_zero) in zero.iter().enumerate() {
-            let limits = self.limits(joint);
-            let may_stick = limits.low < limits.high;
+            let may_stick = self.contacts.may_stick(&self.mount, joint);
             let slip = if may_stick && !is_zero { self.slip_beyond_rounding(joint) } else { 0.0 };
             if may_stick && slip == 0.0 {
                 candidates.push(joint);
@@ -54,8 +38,7 @@ impl Motion {
         let sticking = if candidates.is_empty() { Sticking::default() } else { self.sticking(&candidates, &[])? };
         for ((&joint, at), relative) in candidates.iter().zip(sticking.at).zip(sticking.relative) {
             match at {
-                At::Inside if joint < frictions => self.contacts.joints[joint] = 0,
-                At::Inside => self.contacts.particles[joint - frictions].0 = Slide::Stuck,
+                At::Inside => self.contacts.slides[joint] = Slide::Stuck,
                 At::Low | At::High => {
                     let direction = if at == At::Low { 1 } else { -1 };
                     // Without a relative acceleration the velocity starts with the square of time.
@@ -65,9 +48,9 @@ impl Motion {
             }
         }
         for particle in 0..self.mount.cavities.len() {
-            let (slide, touch) = &mut self.contacts.particles[particle];
-            if let (Slide::Free(_), Touch::Wall(_)) = (&slide, &touch) {
-                *touch = Touch::None;
+            let slides = self.contacts.slides[self.mount.joint_of(particle)] != Slide::Stuck;
+            if slides && matches!(self.contacts.touches[particle], Touch::Wall(_)) {
+                self.contacts.touches[particle] = Touch::None;
             }
         }
         self.phase(&hints)
@@ -75,32 +58,26 @@ impl Motion {
 
     /// Relative velocity of a joint; 0 where it is within rounding.
     fn slip_beyond_rounding(&self, joint: usize) -> f64 {
-        let size: f64 = self.mount.rows[joint].iter().zip(&self.v).map(|(row, v)| (row * v).abs()).sum();
+        let size: f64 = self.mount.joints[joint].row.iter().zip(&self.v).map(|(row, v)| (row * v).abs()).sum();
         let slip = self.slip(joint);
         if slip.abs() <= ROUNDINGS * size { 0.0 } else { slip }
     }
 
     /// A joint starts to slide from rest in `direction`; the relative velocity grows with the power `order` of time.
     fn start_sliding(&mut self, joint: usize, direction: Sign, order: usize, hints: &mut Vec<(Event, usize)>) {
-        let frictions = self.mount.frictions.len();
         hints.push((Event::Stops(joint), order));
-        if let Some(particle) = joint.checked_sub(frictions)
-            && let Touch::Wall(side) = self.contacts.particles[particle].1
+        if let Some(particle) = self.mount.particle_of(joint)
+            && let Touch::Wall(side) = self.contacts.touches[particle]
         {
-            self.contacts.particles[particle].1 = Touch::None;
+            self.contacts.touches[particle] = Touch::None;
             hints.push((Event::Wall(particle, side), order + 1));
         }
         self.set_direction(joint, direction);
     }
 
     fn set_direction(&mut self, joint: usize, direction: Sign) {
-        match joint.checked_sub(self.mount.frictions.len()) {
-            None => self.contacts.joints[joint] = direction,
-            Some(particle) => {
-                let has_friction = self.mount.cavities[particle].friction_n > 0.0;
-                self.contacts.particles[particle].0 = Slide::Free(if has_friction { direction } else { 0 });
-            }
-        }
+        let has_friction = self.mount.joints[joint].friction_n > 0.0;
+        self.contacts.slides[joint] = Slide::Free(if has_friction { direction } else { 0 });
     }
 
     /// The accelerations of all bodies when the joints in `free` have no force, and the sizes of their terms.
@@ -119,18 +96,18 @@ impl Motion {
         push(1.0, &driven);
         for (i, cavity) in mount.cavities.iter().enumerate() {
             let mut unit = vec![0.0; bodies.len()];
-            unit[mount.fixed + i] = 1.0;
+            unit[mount.permanent + i] = 1.0;
             push(-cavity.weight_n, &unit);
-            if let Touch::Pressing(side) = self.contacts.particles[i].1
+            if let Touch::Pressing(side) = self.contacts.touches[i]
                 && let WallLaw::Soft { stiffness, damping, .. } = *cavity.wall(side)
             {
                 let (offset, slide) = self.offset(i);
                 let row = mount.offset_row(i);
-                push(-(stiffness * (offset - signed(side, cavity.end(side))) + damping * slide), row);
+                push(-(stiffness * (offset - cavity.wall_at(side)) + damping * slide), row);
             }
         }
-        for (joint, row) in mount.rows.iter().enumerate().filter(|(joint, _)| !free.contains(joint)) {
-            push(self.contacts.sliding_force(mount, joint), row);
+        for (number, joint) in mount.joints.iter().enumerate().filter(|(number, _)| !free.contains(number)) {
+            push(self.contacts.sliding_force(mount, number), &joint.row);
         }
         let per_mass = |x: Vec<f64>| x.iter().zip(&bodies.mass).map(|(x, mass)| x / mass).collect();
         (per_mass(force), per_mass(size))
@@ -140,18 +117,17 @@ impl Motion {
     fn sticking(&self, candidates: &[usize], without: &[usize]) -> Result<Sticking, Refused> {
         let (acceleration, size) = self.accelerations(&[candidates, without].concat());
         let w = self.compliance(candidates, |_| 1.0);
-        let base = -self.share() * self.turning * self.turning * self.wave.sine;
+        let base = -self.mount.share * self.turning * self.turning * self.wave.sine;
         let mut a0 = Vec::new();
         let mut tolerance = Vec::new();
         for &joint in candidates {
-            let row = &self.mount.rows[joint];
-            let influence = self.mount.frictions.get(joint).map_or(0.0, |friction| friction.influence);
+            let Joint { row, influence, .. } = &self.mount.joints[joint];
             a0.push(dot(row, &acceleration) + influence * base);
             let sizes = row.iter().zip(&size).map(|(row, size)| (row * size).abs()).sum::<f64>();
             tolerance.push(ROUNDINGS * (sizes + (influence * base).abs()));
         }
-        let limits: Vec<Limits> = candidates.iter().map(|&joint| self.limits(joint)).collect();
-        let (force, at) = contact::solve(&w, &a0, &limits, &tolerance).ok_or(Refused::Redundant)?;
+        let limits: Vec<Limits> = candidates.iter().map(|&joint| self.contacts.limits(&self.mount, joint)).collect();
+        let (force, at) = solve(&w, &a0, &limits, &tolerance).ok_or(Refused::Redundant)?;
         let relative = (0..a0.len())
             .map(|i| {
                 let a = a0[i] + (0..force.len()).map(|j| w[(i, j)] * force[j]).sum::<f64>();
@@ -174,9 +150,9 @@ impl Motion {
         match event {
             Event::Stops(joint) => {
                 let slip = self.slip(joint);
-                // The velocity of the lighter side takes what rounding has left.
-                if let Some(particle) = joint.checked_sub(self.mount.frictions.len()) {
-                    self.v[self.mount.fixed + particle] -= slip;
+                // The particle takes what rounding has left.
+                if let Some(particle) = self.mount.particle_of(joint) {
+                    self.v[self.mount.permanent + particle] -= slip;
                 }
                 zero[joint] = true;
                 self.resolve(&zero, &[])
@@ -191,12 +167,12 @@ impl Motion {
             Event::Wall(particle, side) => {
                 self.place_at_wall(particle, side);
                 if self.mount.cavities[particle].is_soft(side) {
-                    self.contacts.particles[particle].1 = Touch::Pressing(side);
+                    self.contacts.touches[particle] = Touch::Pressing(side);
                     let approach_speed_m_per_s = signed(side, self.offset(particle).1);
                     observer.impact(&Impact { time_s: self.time_s(), damper: particle, side, approach_speed_m_per_s });
                     return self.resolve(&zero, &[(Event::Releases(particle, side), 1)]);
                 }
-                self.contacts.particles[particle].1 = Touch::Wall(side);
+                self.contacts.touches[particle] = Touch::Wall(side);
                 let mut hits = vec![(particle, side)];
                 self.others_at_walls(particle, &mut hits);
                 self.hit(&hits, zero, observer)
@@ -207,15 +183,15 @@ impl Motion {
                 let keeps =
                     matches!(cavity.wall(side), WallLaw::Soft { release: Release::ZeroForce, .. }) && past > 0.0;
                 if keeps {
-                    self.contacts.particles[particle].1 = Touch::Leaving(side);
+                    self.contacts.touches[particle] = Touch::Leaving(side);
                     return self.resolve(&zero, &[]);
                 }
-                self.contacts.particles[particle].1 = Touch::None;
+                self.contacts.touches[particle] = Touch::None;
                 self.place_at_wall(particle, side);
                 self.resolve(&zero, &[(Event::Wall(particle, side), 1)])
             }
             Event::Inside(particle, side) => {
-                self.contacts.particles[particle].1 = Touch::None;
+                self.contacts.touches[particle] = Touch::None;
                 self.place_at_wall(particle, side);
                 self.resolve(&zero, &[(Event::Wall(particle, side), 1)])
             }
@@ -228,8 +204,8 @@ impl Motion {
         for (guard, live) in self.systems[self.system].guards.iter().zip(&self.guards) {
             let Event::Breaks(other, direction) = guard.event else { continue };
             let here = guard.guard.at(&self.z, self.z.len(), guard.parabola(&self.free, live.constant).at(0.0));
-            let limits = self.limits(other);
-            let size = limits.low.abs().min(limits.high.abs());
+            // The size of what cancels in the guard: forces may be limited to 0.
+            let (_, size) = guard.guard.derivative(&self.z, &self.systems[self.system].linear.natural.rates, 0);
             if other != joint && here.value <= ONE_INSTANT * size && here.slope < 0.0 {
                 all.push((other, direction));
             }
@@ -240,16 +216,17 @@ impl Motion {
     /// Other particles that meet a hard wall at this instant, to within rounding.
     fn others_at_walls(&mut self, except: usize, hits: &mut Vec<(usize, Sign)>) {
         for i in (0..self.mount.cavities.len()).filter(|&i| i != except) {
-            if self.contacts.particles[i].1 != Touch::None || self.contacts.particles[i].0 == Slide::Stuck {
+            let is_stuck = self.contacts.slides[self.mount.joint_of(i)] == Slide::Stuck;
+            if is_stuck || self.contacts.touches[i] != Touch::None {
                 continue;
             }
             let (offset, slide) = self.offset(i);
             let side = sign(slide);
             let cavity = &self.mount.cavities[i];
-            let size = cavity.end(side).abs() + self.q[self.mount.fixed + i].abs();
+            let size = cavity.end(side).abs() + self.q[self.mount.permanent + i].abs();
             if side != 0 && !cavity.is_soft(side) && cavity.end(side) - signed(side, offset) <= ONE_INSTANT * size {
                 self.place_at_wall(i, side);
-                self.contacts.particles[i].1 = Touch::Wall(side);
+                self.contacts.touches[i] = Touch::Wall(side);
                 hits.push((i, side));
             }
         }
@@ -262,17 +239,16 @@ impl Motion {
         mut zero: Vec<bool>,
         observer: &mut O,
     ) -> Result<(), Refused> {
-        let frictions = self.mount.frictions.len();
         let mut closed: Vec<Closed> = Vec::new();
-        for (particle, (slide, touch)) in self.contacts.particles.iter().enumerate() {
+        for (particle, touch) in self.contacts.touches.iter().enumerate() {
             if let Touch::Wall(side) = *touch {
-                let rests = *slide == Slide::Stuck;
+                let rests = self.contacts.slides[self.mount.joint_of(particle)] == Slide::Stuck;
                 let approach = if rests { 0.0 } else { signed(side, self.offset(particle).1) };
                 let e = match self.mount.cavities[particle].wall(side) {
                     WallLaw::Hard(law) if approach > 0.0 => law.at(approach),
                     _ => 0.0,
                 };
-                closed.push(Closed { particle, side, approach, e });
+                closed.push(Closed { particle, side, approach, e, stays: false });
             }
         }
         for &(damper, side) in hits {
@@ -283,60 +259,58 @@ impl Motion {
             }
         }
         let before = self.v.clone();
-        let pushed = self.impulses(&closed)?;
+        let mut pushed = self.impulses(&closed)?;
         let speed = before.iter().chain(&self.v).fold(0.0, |most: f64, v| most.max(v.abs()));
-        // Bounces that rounding hides end: these particles do not leave their walls.
-        let mut hidden = false;
-        for (closed, _) in closed.iter_mut().zip(&pushed).filter(|(closed, pushed)| **pushed && closed.e > 0.0) {
-            let leaves = -signed(closed.side, self.offset(closed.particle).1);
-            if leaves <= SLOW * self.fastest_m_per_s && self.is_hidden(closed, leaves, &zero)? {
-                closed.e = 0.0;
-                hidden = true;
-            }
+        // Bounces that rounding hides end: these particles stay on their walls.
+        for contact in &mut closed {
+            let leaves = -signed(contact.side, self.offset(contact.particle).1);
+            let is_slow = leaves > 0.0 && leaves <= SLOW * self.fastest_m_per_s;
+            contact.stays = is_slow && self.is_hidden(contact, leaves, &zero)?;
         }
-        let pushed = if hidden {
+        if closed.iter().any(|contact| contact.stays) {
             self.v.copy_from_slice(&before);
-            self.impulses(&closed)?
-        } else {
-            pushed
-        };
+            pushed = self.impulses(&closed)?;
+        }
         let mut hints = Vec::new();
-        for (&Closed { particle, side, e, .. }, pushed) in closed.iter().zip(pushed) {
-            let joint = frictions + particle;
-            zero[joint] = (pushed && e == 0.0) || self.slip_beyond_rounding(joint) == 0.0;
+        for (&Closed { particle, side, e, stays, .. }, pushed) in closed.iter().zip(pushed) {
+            let joint = self.mount.joint_of(particle);
+            zero[joint] = stays || (pushed && e == 0.0) || self.slip_beyond_rounding(joint) == 0.0;
             if !zero[joint] {
-                self.contacts.particles[particle] = (Slide::Free(0), Touch::None);
+                self.contacts.slides[joint] = Slide::Free(0);
+                self.contacts.touches[particle] = Touch::None;
                 hints.push((Event::Wall(particle, side), 1));
             }
         }
         // The impulses move joints that stuck, unless they do not act on them.
         for (joint, is_zero) in zero.iter_mut().enumerate() {
-            let is_closed =
-                joint >= frictions && matches!(self.contacts.particles[joint - frictions].1, Touch::Wall(_));
-            let size: f64 = self.mount.rows[joint].iter().map(|x| x.abs()).sum();
+            let particle = self.mount.particle_of(joint);
+            let is_closed = particle.is_some_and(|particle| matches!(self.contacts.touches[particle], Touch::Wall(_)));
+            let size: f64 = self.mount.joints[joint].row.iter().map(|x| x.abs()).sum();
             *is_zero &= is_closed || self.slip(joint).abs() <= ROUNDINGS * size * speed;
-            if *is_zero && joint >= frictions {
-                self.v[self.mount.fixed + joint - frictions] -= self.slip(joint);
+            if let Some(particle) = particle.filter(|_| *is_zero) {
+                self.v[self.mount.permanent + particle] -= self.slip(joint);
             }
         }
         self.resolve(&zero, &hints)
     }
 
     /// Applies the impulses of closed contacts (Moreau's law): each separates at least at e times its approach, at exactly that where it
-    /// has an impulse. Returns which have one.
+    /// has an impulse; one that stays does not separate. Returns which have an impulse.
     fn impulses(&mut self, closed: &[Closed]) -> Result<Vec<bool>, Refused> {
-        let frictions = self.mount.frictions.len();
         let (impulse, at) = if let [only] = closed {
-            let w = self.mount.compliance[(frictions + only.particle, frictions + only.particle)];
-            (vec![(1.0 + only.e) * only.approach / w], vec![At::Inside])
+            let joint = self.mount.joint_of(only.particle);
+            let w = self.mount.compliance[(joint, joint)];
+            (vec![only.bounce() / w], vec![At::Inside])
         } else {
-            let joints: Vec<usize> = closed.iter().map(|closed| frictions + closed.particle).collect();
+            let joints: Vec<usize> = closed.iter().map(|closed| self.mount.joint_of(closed.particle)).collect();
             let w = self.compliance(&joints, |i| f64::from(closed[i].side));
-            let a0: Vec<f64> = closed.iter().map(|closed| -(1.0 + closed.e) * closed.approach).collect();
-            let limits = vec![Limits { low: 0.0, high: f64::INFINITY }; closed.len()];
+            let a0: Vec<f64> = closed.iter().map(|closed| -closed.bounce()).collect();
+            let low = |closed: &Closed| if closed.stays { f64::NEG_INFINITY } else { 0.0 };
+            let limits: Vec<Limits> =
+                closed.iter().map(|closed| Limits { low: low(closed), high: f64::INFINITY }).collect();
             let speed = self.v.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
             let tolerance = vec![f64::EPSILON * speed; closed.len()];
-            contact::solve(&w, &a0, &limits, &tolerance).ok_or(Refused::Redundant)?
+            solve(&w, &a0, &limits, &tolerance).ok_or(Refused::Redundant)?
         };
         for (closed, impulse) in closed.iter().zip(&impulse) {
             let row = self.mount.offset_row(closed.particle);
@@ -350,15 +324,14 @@ impl Motion {
     /// Whether a particle that has left a wall at `speed` would return from a height within rounding, while the joints in `zero` stick
     /// if they can.
     fn is_hidden(&self, closed: &Closed, speed: f64, zero: &[bool]) -> Result<bool, Refused> {
-        let own = self.mount.frictions.len() + closed.particle;
-        let can_stick =
-            |joint: &usize| zero[*joint] && *joint != own && self.limits(*joint).low < self.limits(*joint).high;
-        let candidates: Vec<usize> = (0..self.joints()).filter(can_stick).collect();
+        let own = self.mount.joint_of(closed.particle);
+        let can_stick = |joint: &usize| zero[*joint] && *joint != own && self.contacts.may_stick(&self.mount, *joint);
+        let candidates: Vec<usize> = (0..zero.len()).filter(can_stick).collect();
         let Sticking { force, acceleration, .. } = self.sticking(&candidates, &[own])?;
         let held = candidates.iter().zip(force).map(|(joint, force)| self.mount.compliance[(own, *joint)] * force);
-        let pressing = signed(closed.side, dot(&self.mount.rows[own], &acceleration) + held.sum::<f64>());
+        let pressing = signed(closed.side, dot(&self.mount.joints[own].row, &acceleration) + held.sum::<f64>());
         let cavity = &self.mount.cavities[closed.particle];
-        let size = cavity.end(closed.side).abs() + self.q[self.mount.fixed + closed.particle].abs();
+        let size = cavity.end(closed.side).abs() + self.q[self.mount.permanent + closed.particle].abs();
         Ok(pressing > 0.0 && speed * speed <= ROUNDINGS * size * pressing)
     }
 }
@@ -376,6 +349,13 @@ struct Sticking {
     acceleration: Vec<f64>,
 }
 
+impl Closed {
+    /// Change of its relative velocity by an impulse, m/s.
+    fn bounce(&self) -> f64 {
+        if self.stays { self.approach } else { (1.0 + self.e) * self.approach }
+    }
+}
+
 /// A particle at a hard wall at the instant of an impact.
 #[derive(Clone, Copy, Debug)]
 struct Closed {
@@ -385,4 +365,6 @@ struct Closed {
     approach: f64,
     /// e at this speed.
     e: f64,
+    /// It does not separate: its bounce would be within rounding.
+    stays: bool,
 }

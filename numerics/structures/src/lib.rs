@@ -3,13 +3,15 @@
 //! Every state of the contacts (each particle free, held or in a soft wall, each friction damper sticking or slipping in a
 //! direction) is a linear system with constant coefficients. Its motion is a sum of exponentials (`linear`); events are
 //! the first roots of linear functions of the motion (`guard`); forces at rest and impulses follow from convex problems
-//! (`contact`).
+//! (`complementarity`).
 //!
 //! # No event is missed
 //! A step is taken only when each guard is proved to stay positive over it, or to fall through zero once. The proofs use values
 //! and slopes at both ends and bounds that hold for the whole step: amplitudes of natural motions never grow. A step that
-//! is not decided is halved. Rounding is neglected: an event deeper than about ten roundings of the displacement is
-//! never passed.
+//! is not decided is halved; `Motion::unresolved` counts the steps that were taken at the smallest length without a proof. Rounding
+//! is neglected: of the motion, whose parts near a resonance are many times larger than their sum.
+//!
+//! Impacts within 1e-12 of the displacements from each other, and forces within rounding of their limits, count as one instant.
 //!
 //! # Laws of contact
 //! - Coulomb friction with a constant limit: at zero relative velocity the accelerations solve a convex problem and are unique, whatever
@@ -22,13 +24,18 @@
 //!   energy that goes into fast modes looks like a lower one.
 //! - A particle whose bounces are lower than rounding rests on its wall.
 
-mod contact;
+mod basis;
+mod bodies;
+mod complementarity;
+mod contacts;
 mod describe;
 mod events;
+mod flight;
 mod guard;
 mod linear;
 mod motion;
 mod mount;
+mod natural_motions;
 mod observe;
 mod refused;
 mod set_up;

@@ -7,11 +7,14 @@ use damprig_core::integrator::exact::excitation::Wave;
 use damprig_core::integrator::exact::time::Time;
 use damprig_core::integrator::modes::{Sign, signed};
 
+use crate::bodies::dot;
+use crate::contacts::{Contacts, Event, Slide, Touch};
+use crate::flight::Flight;
 use crate::guard::Bounds;
-use crate::linear::{C64, Rest, dot};
+use crate::linear::{C64, Rest};
 use crate::mount::Mount;
 use crate::observe::{Observer, Parts};
-use crate::system::{Contacts, Event, Free, Slide, System, Touch};
+use crate::system::System;
 use crate::{Body, Refused, SetUp, State};
 
 /// Roundings that may remain in a sum of cancelling terms.
@@ -63,43 +66,19 @@ pub(crate) struct Live {
     pub fresh: usize,
 }
 
-/// A particle in free flight, from the start of the present step.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Flight {
-    y: f64,
-    u: f64,
-    acceleration: f64,
-}
-
-impl Flight {
-    pub fn after(&self, t: f64) -> Self {
-        Self { y: self.y + t * (self.u + 0.5 * t * self.acceleration), u: self.u + t * self.acceleration, ..*self }
-    }
-}
-
-impl Free for Flight {
-    fn parts(&self) -> (f64, f64, f64) {
-        (self.y, self.u, self.acceleration)
-    }
-
-    fn shift(&mut self, by: (f64, f64)) {
-        self.y += by.0;
-        self.u += by.1;
-    }
-}
-
 impl Motion {
     /// Starts at t = 0 from `start`.
     ///
     /// # Errors
-    /// A value out of range, a motion that has no closed form here, or dampers that the engine does not have.
+    /// A value out of range, a particle outside its cavity, a motion that has no closed form here, or a damper that the engine does
+    /// not have.
     pub fn new(set_up: &SetUp, excitation: &Excitation, start: &State) -> Result<Self, Refused> {
         let mount = Mount::new(set_up, excitation)?;
         set_up.validate_state(start)?;
         let count = mount.bodies.len();
         let contacts = Contacts {
-            joints: vec![0; mount.frictions.len()],
-            particles: vec![(Slide::Free(0), Touch::None); mount.cavities.len()],
+            slides: vec![Slide::Free(0); mount.joints.len()],
+            touches: vec![Touch::None; mount.cavities.len()],
         };
         let mut motion = Self {
             turning: excitation.angular_frequency_rad_per_s(),
@@ -140,7 +119,7 @@ impl Motion {
         self.time.seconds()
     }
 
-    /// Number of times that more than 64 events fell on one instant and a small step was taken without guards.
+    /// Number of steps that were taken without guards: more than 64 events fell on one instant, or halving a step decided nothing.
     #[must_use]
     pub fn unresolved(&self) -> u32 {
         self.unresolved
@@ -157,15 +136,18 @@ impl Motion {
         State {
             modal: q[..mount.modes].to_vec(),
             modal_rate: v[..mount.modes].to_vec(),
-            tuned_masses: (mount.modes..mount.fixed).zip(&mount.tuned_influence).map(|(i, of)| body(i, *of)).collect(),
-            particles: (mount.fixed..q.len()).zip(&mount.cavities).map(|(i, of)| body(i, of.influence)).collect(),
+            tuned_masses: (mount.modes..mount.permanent)
+                .zip(&mount.tuned_influence)
+                .map(|(i, of)| body(i, *of))
+                .collect(),
+            particles: (mount.permanent..q.len()).zip(&mount.cavities).map(|(i, of)| body(i, of.influence)).collect(),
         }
     }
 
     /// z and z′, m and m/s; 0 where a force drives.
     #[must_use]
     pub fn base(&self) -> (f64, f64) {
-        let share = self.share();
+        let share = self.mount.share;
         (share * (self.wave.offset + self.wave.sine), share * self.turning * self.wave.cosine)
     }
 
@@ -189,10 +171,6 @@ impl Motion {
         }
     }
 
-    pub(crate) fn share(&self) -> f64 {
-        if self.mount.moves_base { 1.0 } else { 0.0 }
-    }
-
     /// Takes the bodies' state from `state`.
     fn put(&mut self, state: &State) {
         let (z, rate) = self.base();
@@ -209,44 +187,42 @@ impl Motion {
 
     /// Contacts of the first instant.
     fn begin(&mut self) -> Result<(), Refused> {
-        let mut zero = vec![false; self.joints()];
+        let zero: Vec<bool> = (0..self.mount.joints.len()).map(|joint| self.slip(joint) == 0.0).collect();
         let mut hits = Vec::new();
-        for (joint, zero) in zero.iter_mut().enumerate() {
-            *zero = self.slip(joint) == 0.0;
-        }
-        for i in 0..self.mount.cavities.len() {
-            let (offset, slide) = self.offset(i);
+        for particle in 0..self.mount.cavities.len() {
+            let (offset, slide) = self.offset(particle);
             for side in [-1, 1] {
                 // A start "at the wall" is written as y = x ± d and may miss the wall by a rounding.
-                let x = self.q[self.mount.fixed + i].abs() + offset.abs();
-                if signed(side, offset) >= self.mount.cavities[i].end(side) - 8.0 * f64::EPSILON * x {
-                    self.place_at_wall(i, side);
-                    let approach = signed(side, slide);
-                    if self.mount.cavities[i].is_soft(side) {
-                        if approach > 0.0 {
-                            self.contacts.particles[i].1 = Touch::Pressing(side);
-                        }
-                    } else {
-                        self.contacts.particles[i].1 = Touch::Wall(side);
-                        if approach > 0.0 {
-                            hits.push((i, side));
-                        }
+                let rounding = 8.0 * f64::EPSILON * (self.q[self.mount.permanent + particle].abs() + offset.abs());
+                let cavity = &self.mount.cavities[particle];
+                let past = signed(side, offset) - cavity.end(side);
+                if past > rounding {
+                    let (from_m, to_m) = (cavity.wall_at(-1), cavity.wall_at(1));
+                    return Err(Refused::Outside { damper: particle, offset_m: offset, from_m, to_m });
+                }
+                if past < -rounding {
+                    continue;
+                }
+                let is_soft = cavity.is_soft(side);
+                self.place_at_wall(particle, side);
+                let approaches = signed(side, slide) > 0.0;
+                if !is_soft {
+                    self.contacts.touches[particle] = Touch::Wall(side);
+                    if approaches {
+                        hits.push((particle, side));
                     }
+                } else if approaches {
+                    self.contacts.touches[particle] = Touch::Pressing(side);
                 }
             }
         }
         if hits.is_empty() { self.resolve(&zero, &[]) } else { self.hit(&hits, zero, &mut ()) }
     }
 
-    /// Number of joints: friction dampers, then particles.
-    pub(crate) fn joints(&self) -> usize {
-        self.mount.frictions.len() + self.mount.cavities.len()
-    }
-
     /// Relative velocity of a joint.
     pub(crate) fn slip(&self, joint: usize) -> f64 {
-        let influence = self.mount.frictions.get(joint).map_or(0.0, |friction| friction.influence);
-        dot(&self.mount.rows[joint], &self.v) + influence * self.base().1
+        let joint = &self.mount.joints[joint];
+        dot(&joint.row, &self.v) + joint.influence * self.base().1
     }
 
     /// y − x and y′ − x′ of a particle.
@@ -258,15 +234,15 @@ impl Motion {
     pub(crate) fn place_at_wall(&mut self, particle: usize, side: Sign) {
         let cavity = &self.mount.cavities[particle];
         let x = dot(&cavity.place, &self.q);
-        self.q[self.mount.fixed + particle] = x + signed(side, cavity.end(side));
+        self.q[self.mount.permanent + particle] = x + cavity.wall_at(side);
     }
 
     /// Writes the state of the natural motions and flights over `q` and `v`.
     fn settle(&self, q: &mut [f64], v: &mut [f64]) {
         let system = &self.systems[self.system];
-        let fixed = self.mount.fixed;
-        if system.members.len() == fixed {
-            system.linear.leave(&self.rest, &self.z, &mut q[..fixed], &mut v[..fixed]);
+        let permanent = self.mount.permanent;
+        if system.members.len() == permanent {
+            system.linear.leave(&self.rest, &self.z, &mut q[..permanent], &mut v[..permanent]);
         } else {
             let (mut of, mut rate) = (vec![0.0; system.members.len()], vec![0.0; system.members.len()]);
             system.linear.leave(&self.rest, &self.z, &mut of, &mut rate);
@@ -277,8 +253,8 @@ impl Motion {
         let (base, base_rate) = self.base();
         for (&i, flight) in system.free.iter().zip(&self.free) {
             let influence = self.mount.cavities[i].influence;
-            q[fixed + i] = flight.y - influence * base;
-            v[fixed + i] = flight.u - influence * base_rate;
+            q[permanent + i] = flight.y_m - influence * base;
+            v[permanent + i] = flight.u_m_per_s - influence * base_rate;
         }
     }
 
@@ -300,30 +276,30 @@ impl Motion {
             self.system = self.find_system()?;
         }
         let system = &self.systems[self.system];
-        let fixed = self.mount.fixed;
+        let permanent = self.mount.permanent;
         let wave = C64::new(self.wave.cosine, self.wave.sine);
         let of = |all: &[f64]| -> Vec<f64> { system.members.iter().map(|&i| all[i]).collect() };
         let (more_q, more_v);
-        let (q, v) = if system.members.len() == fixed {
-            (&self.q[..fixed], &self.v[..fixed])
+        let (q, v) = if system.members.len() == permanent {
+            (&self.q[..permanent], &self.v[..permanent])
         } else {
             (more_q, more_v) = (of(&self.q), of(&self.v));
             (&more_q[..], &more_v[..])
         };
-        system.linear.rest(&system.bodies, q, &system.force, &self.wave, self.share(), &mut self.rest);
+        system.linear.rest(&system.bodies, q, &system.force, self.mount.share * self.wave.sine, &mut self.rest);
         system.linear.enter(&self.rest, q, v, wave, &mut self.z);
         let (base, base_rate) = self.base();
         self.free.clear();
         for &i in &system.free {
-            let (cavity, body) = (&self.mount.cavities[i], fixed + i);
-            let friction = self.contacts.sliding_force(&self.mount, self.mount.frictions.len() + i);
+            let (cavity, body) = (&self.mount.cavities[i], permanent + i);
+            let friction = self.contacts.sliding_force(&self.mount, self.mount.joint_of(i));
             self.free.push(Flight {
-                y: self.q[body] + cavity.influence * base,
-                u: self.v[body] + cavity.influence * base_rate,
+                y_m: self.q[body] + cavity.influence * base,
+                u_m_per_s: self.v[body] + cavity.influence * base_rate,
                 acceleration: (friction - cavity.weight_n) / cavity.mass,
             });
         }
-        let base_offset_m = self.share() * self.wave.offset;
+        let base_offset_m = self.mount.share * self.wave.offset;
         self.guards.clear();
         for guard in &system.guards {
             let fresh = self.zeros.iter().find(|(event, _)| *event == guard.event).map_or(0, |(_, order)| *order);
@@ -357,7 +333,7 @@ impl Motion {
             system: &self.systems[self.system],
             rest: &self.rest,
             z: &self.z,
-            offset_m: self.share() * self.wave.offset,
+            offset_m: self.mount.share * self.wave.offset,
         }
     }
 
@@ -376,14 +352,13 @@ impl Motion {
                 .iter_mut()
                 .zip(inertia.iter().zip(mass))
                 .for_each(|(v, (inertia, mass))| *v -= inertia / mass * jump);
-            zero[..self.mount.frictions.len()].fill(false);
+            zero[..self.mount.joint_of(0)].fill(false);
         }
         self.resolve(&zero, &[])
     }
 
     /// Joints that stick now.
     pub(crate) fn stuck(&self) -> Vec<bool> {
-        let particles = self.contacts.particles.iter().map(|(slide, _)| *slide == Slide::Stuck);
-        self.contacts.joints.iter().map(|joint| *joint == 0).chain(particles).collect()
+        self.contacts.slides.iter().map(|slide| *slide == Slide::Stuck).collect()
     }
 }

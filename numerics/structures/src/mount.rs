@@ -1,16 +1,14 @@
 //! A set-up as bodies, joints and walls: what the engine computes with.
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::integrator::modes::Sign;
+use damprig_core::integrator::modes::{Sign, signed};
 use damprig_core::model::{ImpactLaw, Release};
 
 use nalgebra::DMatrix;
 
-use crate::linear::{Bodies, C64, Link};
+use crate::bodies::{Bodies, Link};
+use crate::linear::C64;
 use crate::{Refused, SetUp};
-
-/// Where the base moves, a displacement per displacement of the base.
-pub(crate) type Influence = f64;
 
 /// A wall of a cavity.
 #[derive(Clone, Copy, Debug)]
@@ -24,15 +22,13 @@ pub(crate) enum WallLaw {
 pub(crate) struct Cavity {
     /// Its place's displacement per modal coordinate.
     pub place: Vec<f64>,
-    /// ι of the place.
-    pub influence: Influence,
+    /// ι of the place; 0 where a force drives.
+    pub influence: f64,
     /// m, kg.
     pub mass: f64,
     /// Distance of the walls from y = x, each towards its side, m.
     pub ends: [f64; 2],
     pub walls: [WallLaw; 2],
-    /// Largest friction force, N.
-    pub friction_n: f64,
     /// Weight along −y, N.
     pub weight_n: f64,
 }
@@ -40,6 +36,11 @@ pub(crate) struct Cavity {
 impl Cavity {
     pub fn end(&self, side: Sign) -> f64 {
         self.ends[usize::from(side > 0)]
+    }
+
+    /// y − x at the wall of `side`, m.
+    pub fn wall_at(&self, side: Sign) -> f64 {
+        signed(side, self.end(side))
     }
 
     pub fn wall(&self, side: Sign) -> &WallLaw {
@@ -51,33 +52,37 @@ impl Cavity {
     }
 }
 
-/// A friction damper: Coulomb friction on the relative velocity of its joint, to which the base adds `influence · z′`.
+/// A joint: Coulomb friction on a relative velocity, of a friction damper or of a particle against its place.
 #[derive(Clone, Debug)]
-pub(crate) struct Friction {
-    pub influence: Influence,
-    pub force_n: f64,
+pub(crate) struct Joint {
+    /// The relative displacement over the bodies.
+    pub row: Vec<f64>,
+    /// What the base adds to it per displacement.
+    pub influence: f64,
+    /// Largest friction force, N.
+    pub friction_n: f64,
 }
 
 /// A mounted set-up. Bodies are the modal coordinates, the tuned masses and the particles, in this order, relative to the base.
 #[derive(Clone, Debug)]
 pub(crate) struct Mount {
+    /// Number of modal coordinates.
     pub modes: usize,
-    /// Modal coordinates and tuned masses.
-    pub fixed: usize,
+    /// Number of bodies that are part of every system: modal coordinates and tuned masses.
+    pub permanent: usize,
     /// Without soft walls.
     pub bodies: Bodies,
     pub cavities: Vec<Cavity>,
-    pub frictions: Vec<Friction>,
-    /// Relative displacement of each joint over the bodies: friction dampers, then y − x of the particles.
-    pub rows: Vec<Vec<f64>>,
+    /// Friction dampers, then particles against their places.
+    pub joints: Vec<Joint>,
     /// Bᵀ M⁻¹ B of all joints: relative acceleration per joint force, 1/kg.
     pub compliance: DMatrix<f64>,
     /// F̂ on each body.
     pub force: Vec<C64>,
-    /// The driven place's row; empty where the base moves.
-    pub moves_base: bool,
-    /// ι of what each tuned mass is mounted on.
-    pub tuned_influence: Vec<Influence>,
+    /// 1 where the excitation moves the base, 0 where it is a force.
+    pub share: f64,
+    /// ι of what each tuned mass is mounted on; 0 where a force drives.
+    pub tuned_influence: Vec<f64>,
 }
 
 impl Mount {
@@ -85,14 +90,18 @@ impl Mount {
         set_up.validate()?;
         excitation.validate()?;
         let structure = &set_up.structure;
-        let moves_base = excitation.moves_base();
-        let share = if moves_base { 1.0 } else { 0.0 };
+        let share = if excitation.moves_base() { 1.0 } else { 0.0 };
+        match (excitation.moves_base(), set_up.driven_place) {
+            (false, None) => return Err(Refused::NoDrivenPlace),
+            (true, Some(_)) if *excitation != Excitation::Fixed => return Err(Refused::BaseMoves),
+            _ => {}
+        }
         let modes = structure.modes.len();
         let shape = |place: usize| -> Vec<f64> { structure.modes.iter().map(|mode| mode.shape[place]).collect() };
         let influence = |place: usize| share * structure.influence[place];
         let (tuned, particles) = (&set_up.tuned_masses, &set_up.impact_dampers);
-        let fixed = modes + tuned.len();
-        let count = fixed + particles.len();
+        let permanent = modes + tuned.len();
+        let count = permanent + particles.len();
         let row = |place: usize| {
             let mut row = shape(place);
             row.resize(count, 0.0);
@@ -122,7 +131,7 @@ impl Mount {
         let turning = excitation.angular_frequency_rad_per_s();
         let mut force: Vec<C64> =
             bodies.inertia.iter().map(|inertia| C64::new(0.0, -inertia * turning * turning)).collect();
-        if let Some(place) = set_up.driven_place.filter(|_| !moves_base) {
+        if let Some(place) = set_up.driven_place {
             force.iter_mut().zip(row(place)).for_each(|(force, row)| *force = C64::new(0.0, -row));
         }
         let cavities = particles
@@ -147,45 +156,54 @@ impl Mount {
                     mass: particle.mass_kg,
                     ends: [-negative, positive],
                     walls: [wall(first)?, wall(second)?],
-                    friction_n: particle.friction_coefficient * gravity * particle.cavity.level(),
                     weight_n: gravity * particle.cavity.rise(),
                 })
             })
             .collect::<Result<Vec<_>, Refused>>()?;
-        let mut rows = Vec::new();
-        let frictions = set_up
-            .friction_dampers
-            .iter()
-            .map(|joint| {
-                let mut row = row(joint.place);
-                let mut other = share;
-                if let Some(place) = joint.other {
-                    row.iter_mut().zip(shape(place)).for_each(|(row, shape)| *row -= shape);
-                    other = influence(place);
-                }
-                rows.push(row);
-                Friction { influence: influence(joint.place) - other, force_n: joint.damper.force_n }
-            })
-            .collect();
+        let mut joints = Vec::new();
+        for damper in &set_up.friction_dampers {
+            let mut row = row(damper.place);
+            let mut other = share;
+            if let Some(place) = damper.other {
+                row.iter_mut().zip(shape(place)).for_each(|(row, shape)| *row -= shape);
+                other = influence(place);
+            }
+            let friction_n = damper.damper.force_n;
+            joints.push(Joint { row, influence: influence(damper.place) - other, friction_n });
+        }
         for (i, damper) in particles.iter().enumerate() {
             let mut row: Vec<f64> = row(damper.place).iter().map(|x| -x).collect();
-            row[fixed + i] = 1.0;
-            rows.push(row);
+            row[permanent + i] = 1.0;
+            let particle = &damper.particle;
+            let normal_n = set_up.gravity_m_per_s2 * particle.mass_kg * particle.cavity.level();
+            // Both sides are measured from the base at the same place.
+            joints.push(Joint { row, influence: 0.0, friction_n: particle.friction_coefficient * normal_n });
         }
-        let compliance = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
-            rows[i]
-                .iter()
-                .zip(&rows[j])
-                .zip(&bodies.mass)
-                .map(|((a, b), mass): ((&f64, &f64), &f64)| a * b / mass)
-                .sum()
+        let compliance = DMatrix::from_fn(joints.len(), joints.len(), |i, j| {
+            let (a, b) = (joints[i].row.iter(), &joints[j].row);
+            a.zip(b).zip(&bodies.mass).map(|((a, b), mass): ((&f64, &f64), &f64)| a * b / mass).sum()
         });
         let tuned_influence = tuned.iter().map(|tuned| influence(tuned.place)).collect();
-        Ok(Self { modes, fixed, bodies, cavities, frictions, rows, compliance, force, moves_base, tuned_influence })
+        Ok(Self { modes, permanent, bodies, cavities, joints, compliance, force, share, tuned_influence })
+    }
+
+    /// The joint of a particle.
+    pub fn joint_of(&self, particle: usize) -> usize {
+        self.joints.len() - self.cavities.len() + particle
+    }
+
+    /// The particle of a joint; `None` of a friction damper.
+    pub fn particle_of(&self, joint: usize) -> Option<usize> {
+        joint.checked_sub(self.joint_of(0))
+    }
+
+    /// ι of the place of a particle's joint; 0 of a friction damper.
+    pub fn influence_of(&self, joint: usize) -> f64 {
+        self.particle_of(joint).map_or(0.0, |particle| self.cavities[particle].influence)
     }
 
     /// y − x of a particle, as a row over the bodies.
     pub fn offset_row(&self, particle: usize) -> &[f64] {
-        &self.rows[self.frictions.len() + particle]
+        &self.joints[self.joint_of(particle)].row
     }
 }

@@ -48,12 +48,10 @@ impl<'a> Piece<'a> {
     #[must_use]
     pub fn place(&self, shape: &[f64], influence: f64, after_s: f64) -> (f64, f64) {
         let Parts { mount, system, rest, z, offset_m } = self.parts;
-        let influence = if mount.moves_base { influence } else { 0.0 };
-        let mut signal = system.place(shape);
-        let constant = signal.constant(rest) + influence * offset_m;
-        signal.coefficients[system.linear.wave] += C64::new(0.0, -influence);
-        let mut here = (constant, 0.0);
-        for ((c, z), rate) in signal.coefficients.iter().zip(z).zip(&system.linear.rates) {
+        let influence = mount.share * influence;
+        let signal = system.place(shape, influence);
+        let mut here = (signal.constant(rest) + influence * offset_m, 0.0);
+        for ((c, z), rate) in signal.coefficients.iter().zip(z).zip(&system.linear.natural.rates) {
             let term = c * z * (rate * after_s).exp();
             here.0 += term.re;
             here.1 += (rate * term).re;

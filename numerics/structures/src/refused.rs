@@ -34,6 +34,26 @@ pub enum Refused {
     /// A damper at a place that no mode moves.
     #[error("friction_dampers: no mode moves the damper's two ends against each other")]
     NoMotion,
+    /// A force without a place to act at.
+    #[error("force.place: the excitation is a force; name the place at which it acts")]
+    NoDrivenPlace,
+    /// A driven place of an excitation that moves the base.
+    #[error("force.place: the excitation moves the base; leave the place out, or give a force")]
+    BaseMoves,
+    /// A particle that starts outside its cavity.
+    #[error(
+        "initial: y − x of the particle of impact damper {damper} is {offset_m} m, its walls are at {from_m} m and {to_m} m"
+    )]
+    Outside {
+        /// Number of the impact damper, counted from 0.
+        damper: usize,
+        /// y − x, m.
+        offset_m: f64,
+        /// y − x at the wall on the negative side, m.
+        from_m: f64,
+        /// y − x at the wall on the positive side, m.
+        to_m: f64,
+    },
     /// A wall with Hertz contact.
     #[error(
         "impact_dampers: a wall with Hertz contact is not available on a structure of several degrees of freedom; state its restitution"
@@ -69,8 +89,8 @@ pub enum Refused {
     /// A matrix that must be positive definite.
     #[error("{0}: the matrix must be positive definite: a direction of motion has no mass, or a negative one")]
     NotDefinite(&'static str),
-    /// A damping matrix with a negative eigenvalue.
-    #[error("structure.damping_n_s_per_m: the matrix has a negative eigenvalue, so that a motion would grow by itself")]
+    /// Damping with a negative part.
+    #[error("structure: the damping has a negative part, so that a motion would grow by itself")]
     NegativeDamping,
     /// Joints that stick together depend on each other.
     #[error(

@@ -1,8 +1,11 @@
 //! A set-up: a linear structure and the dampers mounted on it, in SI units, as plain data.
 
+use damprig_core::integrator::exact::Excitation;
+use damprig_core::integrator::exact::time::Time;
 use damprig_core::io::{finite, not_negative, positive};
 use damprig_core::model::{FrictionDamper, GRAVITY_M_PER_S2, Particle, Structure, Tmd};
 
+use crate::describe::{matrix, not_growing};
 use crate::{Body, Refused, State};
 
 /// A natural mode of the structure.
@@ -105,9 +108,7 @@ impl SetUp {
             driven_place: None,
         }
     }
-}
 
-impl SetUp {
     /// Checks that every value is physical and every place exists.
     ///
     /// # Errors
@@ -127,8 +128,11 @@ impl SetUp {
         }
         influence.iter().try_for_each(|x| finite("structure.influence", *x))?;
         if !coupling_per_s.is_empty() {
-            count("structure.coupling_per_s", coupling_per_s.len(), modes.len() * modes.len())?;
-            coupling_per_s.iter().try_for_each(|c| finite("structure.coupling_per_s", *c))?;
+            let mut damping = matrix("structure.coupling_per_s", coupling_per_s, modes.len())?;
+            for (i, mode) in modes.iter().enumerate() {
+                damping[(i, i)] += 2.0 * mode.damping_ratio * mode.angular_frequency_rad_per_s;
+            }
+            not_growing(&damping)?;
         }
         not_negative("gravity_m_per_s2", self.gravity_m_per_s2)?;
         let exists = |what: &'static str, place: usize| {
@@ -162,21 +166,19 @@ impl SetUp {
     /// Checks a starting state against this set-up.
     ///
     /// # Errors
-    /// A list of a wrong length, a value that is not finite, or a particle outside its cavity.
+    /// A list of a wrong length, or a value that is not finite. [`crate::Motion::new`] also refuses a particle outside its cavity.
     pub fn validate_state(&self, state: &State) -> Result<(), Refused> {
         let modes = self.structure.modes.len();
         count("initial.modal", state.modal.len(), modes)?;
         count("initial.modal_rate", state.modal_rate.len(), modes)?;
         count("initial.particles", state.particles.len(), self.impact_dampers.len())?;
         count("initial.tuned_masses", state.tuned_masses.len(), self.tuned_masses.len())?;
-        let bodies = state.particles.iter().chain(&state.tuned_masses).flat_map(|body| [body.y_m, body.u_m_per_s]);
-        state
-            .modal
-            .iter()
-            .chain(&state.modal_rate)
-            .copied()
-            .chain(bodies)
-            .try_for_each(|value| finite("initial", value))?;
+        state.modal.iter().try_for_each(|q| finite("initial.modal", *q))?;
+        state.modal_rate.iter().try_for_each(|v| finite("initial.modal_rate", *v))?;
+        for body in state.particles.iter().chain(&state.tuned_masses) {
+            finite("initial.y_m", body.y_m)?;
+            finite("initial.u_m_per_s", body.u_m_per_s)?;
+        }
         Ok(())
     }
 
@@ -193,14 +195,19 @@ impl SetUp {
         self.structure.modes.iter().zip(&state.modal).map(|(mode, q)| mode.shape[place] * q).sum()
     }
 
-    /// Everything at rest (also absolutely, where the base moves at once), with the particles in the middle of their cavities.
+    /// Everything at rest and at 0 in the laboratory at t = 0, while the base may be elsewhere and moving; the particles in the middle of
+    /// their cavities.
     #[must_use]
-    pub fn at_rest(&self, base_velocity_m_per_s: f64) -> State {
+    pub fn at_rest(&self, excitation: &Excitation) -> State {
+        let wave = excitation.wave(Time::default());
+        let share = if excitation.moves_base() { 1.0 } else { 0.0 };
+        let (z, rate) = (wave.offset + wave.sine, excitation.angular_frequency_rad_per_s() * wave.cosine);
         let modes = &self.structure.modes;
+        let against = |base: f64| modes.iter().map(|mode| -mode.participation * share * base).collect();
         let middle = |damper: &ImpactDamper| Body { y_m: damper.particle.cavity.offset_m, u_m_per_s: 0.0 };
         State {
-            modal: vec![0.0; modes.len()],
-            modal_rate: modes.iter().map(|mode| -mode.participation * base_velocity_m_per_s).collect(),
+            modal: against(z),
+            modal_rate: against(rate),
             particles: self.impact_dampers.iter().map(middle).collect(),
             tuned_masses: vec![Body::default(); self.tuned_masses.len()],
         }

@@ -3,11 +3,11 @@
 use damprig_core::integrator::exact::time::Time;
 
 use crate::Refused;
+use crate::contacts::Event;
 use crate::guard::{Step, Verdict};
 use crate::linear::C64;
 use crate::motion::{Motion, ROUNDINGS};
 use crate::observe::{Observer, Piece};
-use crate::system::Event;
 
 /// Events at one instant after which a small step is taken without guards.
 const MAX_EVENTS_AT_ONCE: u32 = 64;
@@ -59,6 +59,7 @@ impl Motion {
                 Length::ToLimit(rest_s)
             };
             let blind = self.events_at_once >= MAX_EVENTS_AT_ONCE || self.level >= LAST_LEVEL;
+            self.unresolved += u32::from(blind);
             match self.judge(length, blind) {
                 Judged::Undecided => {
                     if let Some(event) = self.immediate() {
@@ -66,7 +67,6 @@ impl Motion {
                         if self.events_at_once < MAX_EVENTS_AT_ONCE {
                             return self.handle(event, observer);
                         }
-                        self.unresolved += 1;
                         self.level = self.level.max(BLIND_LEVEL);
                     }
                     self.level += 1;
@@ -120,7 +120,7 @@ impl Motion {
         let step = match length {
             Length::Level(level) => &system.steps[level],
             Length::ToLimit(length_s) => {
-                own = Step::new(&system.linear.rates, length_s);
+                own = Step::new(&system.linear.natural.rates, length_s);
                 &own
             }
         };
@@ -148,7 +148,7 @@ impl Motion {
         for (n, ((guard, live), bounds)) in system.guards.iter().zip(&self.guards).zip(bounds).enumerate() {
             let parabola = guard.parabola(&self.free, live.constant);
             if live.fresh > 1 {
-                if guard.rises(&self.z, &system.linear.rates, &parabola, live.fresh, h) {
+                if guard.rises(&self.z, &system.linear.natural.rates, &parabola, live.fresh, h) {
                     continue;
                 }
                 return Judged::Undecided;
@@ -179,7 +179,7 @@ impl Motion {
         let system = &self.systems[self.system];
         let guard = &system.guards[which];
         let parabola = guard.parabola(&self.free, self.guards[which].constant);
-        let rates = &system.linear.rates;
+        let rates = &system.linear.natural.rates;
         let start = guard.guard.at(&self.z, self.z.len(), parabola.at(0.0));
         let (mut low, mut high) = (0.0, length_s);
         let first_guess = start.value / -start.slope;
@@ -225,7 +225,7 @@ impl Motion {
         std::mem::swap(&mut self.z, &mut self.ahead);
         self.free.iter_mut().for_each(|flight| *flight = flight.after(length_s));
         self.time = end;
-        let wave = self.z[self.systems[self.system].linear.wave];
+        let wave = self.z[self.systems[self.system].linear.natural.wave];
         (self.wave.sine, self.wave.cosine) = (wave.im, wave.re);
         if length_s > 0.0 {
             self.events_at_once = 0;
@@ -243,7 +243,7 @@ impl Motion {
     /// Computes the excitation from the time, so that rounding does not accumulate.
     fn anchor(&mut self) {
         self.wave = self.excitation.wave(self.time);
-        let wave = self.systems[self.system].linear.wave;
+        let wave = self.systems[self.system].linear.natural.wave;
         self.z[wave] = C64::new(self.wave.cosine, self.wave.sine);
     }
 }

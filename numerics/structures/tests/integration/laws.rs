@@ -3,7 +3,7 @@
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Cavity, FrictionDamper, Particle, Release, Tmd, Wall};
 use damprig_structures::{
-    Body, FrictionJoint, Impact, ImpactDamper, Modes, Motion, Observer, SetUp, State, Storey, TunedMass,
+    Body, FrictionJoint, Impact, ImpactDamper, Modes, Motion, Observer, Piece, SetUp, State, Storey, TunedMass,
 };
 
 fn frame(storeys: usize, damping_n_s_per_m: f64) -> Modes {
@@ -36,6 +36,63 @@ impl Observer for Times {
     }
 }
 
+/// The end of the last piece of motion, of every place.
+struct Pieces<'a> {
+    set_up: &'a SetUp,
+    end_s: f64,
+    places: Vec<(f64, f64)>,
+    count: u32,
+}
+
+impl Pieces<'_> {
+    fn at(&self, piece: &Piece, after_s: f64) -> Vec<(f64, f64)> {
+        let structure = &self.set_up.structure;
+        let shape = |place: usize| -> Vec<f64> { structure.modes.iter().map(|mode| mode.shape[place]).collect() };
+        (structure.influence.iter().enumerate())
+            .map(|(place, influence)| piece.place(&shape(place), *influence, after_s))
+            .collect()
+    }
+}
+
+impl Observer for Pieces<'_> {
+    const PIECES: bool = true;
+
+    fn piece(&mut self, piece: &Piece) {
+        assert!((piece.start_s - self.end_s).abs() < 1e-12, "{} {}", piece.start_s, self.end_s);
+        for (before, now) in self.places.iter().zip(self.at(piece, 0.0)) {
+            assert!((before.0 - now.0).abs() < 1e-14, "{before:?} {now:?}");
+        }
+        self.places = self.at(piece, piece.length_s);
+        self.end_s = piece.start_s + piece.length_s;
+        self.count += 1;
+    }
+
+    fn goes_on(&mut self, time_s: f64) -> bool {
+        time_s < 5.0
+    }
+}
+
+/// Each piece starts where the one before ended, the last one ends in the state of the motion, and the observer ends the run.
+#[test]
+fn pieces_join_up_and_the_observer_ends_the_run() {
+    let wall = Wall::Restitution { coefficient: 0.4 };
+    let joint = FrictionJoint { place: 2, other: Some(1), damper: FrictionDamper { force_n: 0.6 } };
+    let set_up = SetUp {
+        impact_dampers: vec![ImpactDamper { place: 2, particle: particle(0.4, 10e-3, wall) }],
+        friction_dampers: vec![joint],
+        ..SetUp::bare(frame(3, 0.5))
+    };
+    let excitation = Excitation::Sine { amplitude_m: 2e-3, angular_frequency_rad_per_s: 13.0, phase_rad: 0.7 };
+    let mut motion = Motion::new(&set_up, &excitation, &set_up.at_rest(&excitation)).unwrap();
+    let mut pieces = Pieces { set_up: &set_up, end_s: 0.0, places: Vec::new(), count: 0 };
+    motion.run(100.0, &mut pieces).unwrap();
+    assert!(pieces.count > 100 && (5.0..5.2).contains(&motion.time_s()), "{} {}", pieces.count, motion.time_s());
+    let (state, (z, _)) = (motion.state(), motion.base());
+    for (place, (x_m, _)) in pieces.places.iter().enumerate() {
+        assert!((x_m - set_up.displacement_m(&state, place) - z).abs() < 1e-14);
+    }
+}
+
 /// Random frames with particles of equal and different kinds, friction joints and a tuned mass, released from a random state.
 #[test]
 fn no_free_motion_gains_energy() {
@@ -63,7 +120,7 @@ fn no_free_motion_gains_energy() {
             let tmd = Tmd { mass_kg: 0.2, stiffness_n_per_m: 40.0, damping_n_s_per_m: 0.1 };
             set_up.tuned_masses.push(TunedMass { place: 0, tmd });
         }
-        let mut start = set_up.at_rest(0.0);
+        let mut start = set_up.at_rest(&Excitation::Fixed);
         start.modal_rate.iter_mut().for_each(|v| *v = rng.f64() - 0.5);
         let begun = energy_j(&set_up, &start);
         let mut motion = Motion::new(&set_up, &Excitation::Fixed, &start).unwrap();
@@ -89,7 +146,7 @@ fn elastic_impacts_keep_the_energy() {
     let dampers =
         [(2, 0.4), (0, 0.3)].map(|(place, mass)| ImpactDamper { place, particle: particle(mass, 8e-3, wall) });
     let set_up = SetUp { impact_dampers: dampers.to_vec(), ..SetUp::bare(frame(3, 0.0)) };
-    let mut start = set_up.at_rest(0.0);
+    let mut start = set_up.at_rest(&Excitation::Fixed);
     start.modal_rate = vec![0.4, -0.2, 0.1];
     let begun = energy_j(&set_up, &start);
     let mut motion = Motion::new(&set_up, &Excitation::Fixed, &start).unwrap();
@@ -123,8 +180,8 @@ fn two_halves_of_a_particle_move_as_one() {
         let one = SetUp { impact_dampers: whole, ..base.clone() };
         let two = SetUp { impact_dampers: halves, ..base };
         let excitation = Excitation::Sine { amplitude_m: 2e-3, angular_frequency_rad_per_s: 17.0, phase_rad: 0.0 };
-        let mut whole = Motion::new(&one, &excitation, &one.at_rest(0.0)).unwrap();
-        let mut halves = Motion::new(&two, &excitation, &two.at_rest(0.0)).unwrap();
+        let mut whole = Motion::new(&one, &excitation, &one.at_rest(&excitation)).unwrap();
+        let mut halves = Motion::new(&two, &excitation, &two.at_rest(&excitation)).unwrap();
         whole.run(3.0, &mut ()).unwrap();
         halves.run(3.0, &mut ()).unwrap();
         let (whole, halves) = (whole.state(), halves.state());
@@ -176,11 +233,11 @@ fn a_particle_that_rests_on_its_wall_adds_its_mass() {
         modes.map(|mode| -(mode.shape[0] * mass[0] * static_m[0] + mode.shape[1] * mass[1] * static_m[1])).collect()
     };
     let excitation = Excitation::Sine { amplitude_m: 1e-3, angular_frequency_rad_per_s: 12.0, phase_rad: 0.0 };
-    let mut start = set_up.at_rest(0.0);
+    let mut start = set_up.at_rest(&Excitation::Fixed);
     start.modal = modal(&set_up, [2.0, 2.0]);
     start.particles = vec![Body { y_m: set_up.displacement_m(&start, 1) - 0.1, u_m_per_s: 1e-3 * 12.0 }];
     let mut one = Motion::new(&set_up, &excitation, &start).unwrap();
-    let mut other = Motion::new(&heavier, &excitation, &heavier.at_rest(0.0)).unwrap();
+    let mut other = Motion::new(&heavier, &excitation, &heavier.at_rest(&Excitation::Fixed)).unwrap();
     one.run(7.0, &mut ()).unwrap();
     other.run(7.0, &mut ()).unwrap();
     let (one, other) = (one.state(), other.state());

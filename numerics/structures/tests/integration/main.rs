@@ -3,5 +3,7 @@
 mod closed_forms;
 mod laws;
 mod one_degree;
+mod one_mode;
 mod random_set_ups;
+mod refusals;
 mod second_method;

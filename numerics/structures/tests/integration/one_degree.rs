@@ -2,7 +2,9 @@
 
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation};
 use damprig_core::model::{Cavity, FrictionDamper, Particle, Release, SetUp as One, Structure, Tmd, Wall};
-use damprig_structures::{FrictionJoint, ImpactDamper, Motion, SetUp, State, TunedMass};
+use damprig_structures::{Motion, State};
+
+use crate::one_mode::{set_up, state};
 
 fn structure() -> Structure {
     Structure::from_modal(1.6, 2.5, 0.0038)
@@ -10,22 +12,6 @@ fn structure() -> Structure {
 
 fn particle(clearance_m: f64, wall: Wall, friction_coefficient: f64) -> Particle {
     Particle { mass_kg: 0.16, clearance_m, friction_coefficient, wall, cavity: Default::default() }
-}
-
-/// The same set-up for the engine of several degrees of freedom.
-fn several(one: &One, excitation: &Excitation) -> SetUp {
-    SetUp {
-        impact_dampers: one.particle.map(|particle| ImpactDamper { place: 0, particle }).into_iter().collect(),
-        friction_dampers: one
-            .friction_damper
-            .map(|damper| FrictionJoint { place: 0, other: None, damper })
-            .into_iter()
-            .collect(),
-        tuned_masses: one.tmd.map(|tmd| TunedMass { place: 0, tmd }).into_iter().collect(),
-        gravity_m_per_s2: one.gravity_m_per_s2,
-        driven_place: (!excitation.moves_base()).then_some(0),
-        ..SetUp::bare(one.structure)
-    }
 }
 
 /// Relative distance of the second motions, which tell how far nearby motions part.
@@ -45,9 +31,8 @@ struct Nearby {
 /// that started this cycle [`NEARBY`].
 fn agrees(name: &str, one: &One, excitation: &Excitation, cycles: u32) {
     let mut exact = Exact::new(one, excitation, &one.neutral()).unwrap();
-    let set_up = several(one, excitation);
-    let base = if excitation.moves_base() { exact.base() } else { (0.0, 0.0) };
-    let mut motion = Motion::new(&set_up, excitation, &set_up.at_rest(base.1)).unwrap();
+    let start = state(one, &one.neutral(), excitation);
+    let mut motion = Motion::new(&set_up(one, excitation), excitation, &start).unwrap();
     let root = one.structure.mass_kg.sqrt();
     let omega = excitation.angular_frequency_rad_per_s();
     let has_body = one.particle.is_some() || one.tmd.is_some();
@@ -157,5 +142,20 @@ fn soft_walls_move_as_with_one_degree() {
         let wall = Wall::Voigt { stiffness_n_per_m: 1024.9, damping_n_s_per_m: 2.0, release };
         let particle = Some(particle(22.5e-3, wall, 0.0));
         agrees(&format!("{release:?}"), &One { particle, ..One::bare(structure()) }, &sine(2.5), 6);
+    }
+}
+
+/// Pulses end: there the closed form of the excitation changes, and the base's velocity jumps.
+#[test]
+fn pulses_move_as_with_one_degree() {
+    let particle = Some(particle(10e-3, Wall::Restitution { coefficient: 0.4 }, 0.05));
+    let friction_damper = Some(FrictionDamper { force_n: 0.4 });
+    let one = One { particle, friction_damper, ..One::bare(structure()) };
+    for excitation in [
+        Excitation::HalfSine { amplitude_m: 20e-3, duration_s: 0.15 },
+        Excitation::Versine { amplitude_m: 20e-3, duration_s: 0.3 },
+        Excitation::ForceHalfSine { amplitude_n: 15.0, duration_s: 0.1 },
+    ] {
+        agrees(&format!("{excitation:?}"), &one, &excitation, 8);
     }
 }

@@ -1,47 +1,17 @@
 //! The second method compared with the exact integrator of the core, on random set-ups with one degree of freedom.
 
 use super::Reference;
+use crate::one_mode::{set_up, state};
 use damprig_core::integrator::exact::{Exact, Excitation};
 use damprig_core::model::{
     Cavity, FrictionDamper, Initial, Particle, Release, Restitution, SetUp as Single, SpeedTable, Structure, Tmd, Wall,
 };
-use damprig_structures::{Body, FrictionJoint, ImpactDamper, SetUp, State, TunedMass};
 use fastrand::Rng;
 use std::f64::consts::TAU;
 
 /// A uniform random number.
 fn between(rng: &mut Rng, low: f64, high: f64) -> f64 {
     low + (high - low) * rng.f64()
-}
-
-fn set_up(single: &Single, is_force: bool) -> SetUp {
-    let joint = |damper| FrictionJoint { place: 0, other: None, damper };
-    SetUp {
-        impact_dampers: single.particle.map(|particle| ImpactDamper { place: 0, particle }).into_iter().collect(),
-        friction_dampers: single.friction_damper.map(joint).into_iter().collect(),
-        tuned_masses: single.tmd.map(|tmd| TunedMass { place: 0, tmd }).into_iter().collect(),
-        gravity_m_per_s2: single.gravity_m_per_s2,
-        driven_place: is_force.then_some(0),
-        ..SetUp::bare(single.structure)
-    }
-}
-
-/// A state of the core at the start of a cycle.
-fn state(single: &Single, initial: &Initial, excitation: &Excitation) -> State {
-    let root = single.structure.mass_kg.sqrt();
-    let [z, w] = match *excitation {
-        Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad } => {
-            [amplitude_m * phase_rad.sin(), amplitude_m * angular_frequency_rad_per_s * phase_rad.cos()]
-        }
-        _ => [0.0; 2],
-    };
-    let body = Body { y_m: initial.y_m, u_m_per_s: initial.u_m_per_s };
-    State {
-        modal: vec![root * (initial.x_m - z)],
-        modal_rate: vec![root * (initial.v_m_per_s - w)],
-        particles: single.particle.map(|_| body).into_iter().collect(),
-        tuned_masses: single.tmd.map(|_| body).into_iter().collect(),
-    }
 }
 
 /// Compares 24 random set-ups with dampers that `mount` draws over 30 cycles, as far as they do not amplify a change of 1e-10 by more
@@ -70,7 +40,7 @@ fn compare(name: &str, seed: u64, mount: impl Fn(&mut Rng, Structure) -> Single)
         let cycle_s = TAU / turning;
         let clearance_m = single.particle.map_or(0.0, |particle| particle.clearance_m);
         let mut reference = Reference::new(
-            &set_up(&single, number % 3 == 0),
+            &set_up(&single, &excitation),
             &excitation,
             &state(&single, &initial, &excitation),
             cycle_s,

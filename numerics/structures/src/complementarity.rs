@@ -1,4 +1,4 @@
-//! The laws of contact at one instant: which joints stick, and the impulses of impacts.
+//! The convex problem of contacts at one instant: which joints stick, and the impulses of impacts.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -1,0 +1,78 @@
+//! States of the contacts, and the events that end one.
+
+use damprig_core::integrator::modes::{Sign, signed};
+
+use crate::complementarity::Limits;
+use crate::mount::Mount;
+
+/// Whether the two sides of a joint move against each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Slide {
+    /// In this direction; 0 without friction.
+    Free(Sign),
+    /// They move together.
+    Stuck,
+}
+
+/// What a particle touches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Touch {
+    None,
+    /// It rests at the hard wall of that side.
+    Wall(Sign),
+    /// It presses into the soft wall of that side.
+    Pressing(Sign),
+    /// That soft wall does not push it; it is not yet back inside the clearance.
+    Leaving(Sign),
+}
+
+/// The state of all contacts.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Contacts {
+    /// Of each joint.
+    pub slides: Vec<Slide>,
+    /// Of each particle.
+    pub touches: Vec<Touch>,
+}
+
+impl Contacts {
+    /// Force of a sliding joint along its row, N; 0 of one that sticks.
+    pub fn sliding_force(&self, mount: &Mount, joint: usize) -> f64 {
+        match self.slides[joint] {
+            Slide::Free(direction) => -signed(direction, mount.joints[joint].friction_n),
+            Slide::Stuck => 0.0,
+        }
+    }
+
+    /// Limits of a joint's force along its row at zero relative velocity, N. A hard wall pushes without limit.
+    pub fn limits(&self, mount: &Mount, joint: usize) -> Limits {
+        let friction = mount.joints[joint].friction_n;
+        let (low, high) = match mount.particle_of(joint).map(|particle| self.touches[particle]) {
+            Some(Touch::Wall(1)) => (f64::NEG_INFINITY, friction),
+            Some(Touch::Wall(_)) => (-friction, f64::INFINITY),
+            _ => (-friction, friction),
+        };
+        Limits { low, high }
+    }
+
+    /// Whether a joint can stick: friction or a wall acts in it.
+    pub fn may_stick(&self, mount: &Mount, joint: usize) -> bool {
+        let limits = self.limits(mount, joint);
+        limits.low < limits.high
+    }
+}
+
+/// What ends a state of the contacts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Event {
+    /// The relative velocity of a joint becomes zero.
+    Stops(usize),
+    /// The force of a joint that sticks reaches a limit; it will slide in that direction.
+    Breaks(usize, Sign),
+    /// A particle reaches a wall.
+    Wall(usize, Sign),
+    /// A soft wall releases a particle.
+    Releases(usize, Sign),
+    /// A released particle is back inside the clearance.
+    Inside(usize, Sign),
+}

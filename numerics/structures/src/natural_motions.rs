@@ -1,0 +1,228 @@
+//! Natural motions of coordinates η: motions `z′ = λ z` of which the coordinates are sums.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::Refused;
+use crate::linear::C64;
+
+/// Largest relative coupling by damping that counts as rounding.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
+/// Largest loss of digits by the coordinates of the natural motions: ten digits are left.
+const MOST_CONDITION: f64 = 1e5;
+
+/// Largest growth of a natural motion, relative to the fastest rate, that counts as rounding.
+const GROWTH: f64 = 1e-12;
+
+/// Imaginary part of a rate, relative to the fastest one, up to which it is real.
+const REAL: f64 = 1e-12;
+
+/// The natural motions, and among them the excitation, by the magnitude of their rates.
+#[derive(Clone, Debug)]
+pub(crate) struct NaturalMotions {
+    /// λ of each natural motion, 1/s, and iΩ of the excitation.
+    pub rates: Vec<C64>,
+    /// Which of them is the excitation.
+    pub wave: usize,
+    kind: Kind,
+}
+
+/// How natural motions and coordinates follow from each other.
+#[derive(Clone, Debug)]
+enum Kind {
+    /// Every natural motion is part of one coordinate; `None`: the excitation.
+    Uncoupled(Vec<Option<Part>>),
+    /// η = Re(right · z); z = left · η + left_rate · η′.
+    Coupled { right: DMatrix<C64>, left: DMatrix<C64>, left_rate: DMatrix<C64> },
+}
+
+/// A natural motion `z = of · η + of_rate · η′` of one coordinate, which contains Re z.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    coordinate: usize,
+    of: C64,
+    of_rate: C64,
+}
+
+impl NaturalMotions {
+    /// Solves `η″ + C η′ + ω² η = 0`; `square` is ω², `turning` Ω of the excitation, rad/s.
+    pub fn new(square: &[f64], damping: &DMatrix<f64>, turning: f64) -> Result<Self, Refused> {
+        if square.iter().any(|square| *square <= 0.0) {
+            return Err(Refused::Unsupported);
+        }
+        let (mut rates, mut kind) = if is_diagonal(damping) {
+            uncoupled(square, damping.diagonal().as_slice())?
+        } else {
+            coupled(square, damping)?
+        };
+        let wave = rates.iter().filter(|rate| rate.norm() <= turning).count();
+        rates.insert(wave, C64::new(0.0, turning));
+        match &mut kind {
+            Kind::Uncoupled(parts) => parts.insert(wave, None),
+            Kind::Coupled { right, left, left_rate } => {
+                *right = right.clone().insert_column(wave, C64::ZERO);
+                *left = left.clone().insert_row(wave, C64::ZERO);
+                *left_rate = left_rate.clone().insert_row(wave, C64::ZERO);
+            }
+        }
+        Ok(Self { rates, wave, kind })
+    }
+
+    /// z of coordinates and their rates, which `of` gives by number, with the excitation `wave`.
+    pub fn enter(&self, count: usize, of: impl Fn(usize) -> (f64, f64), wave: C64, z: &mut Vec<C64>) {
+        z.clear();
+        match &self.kind {
+            Kind::Uncoupled(parts) => z.extend(parts.iter().map(|part| match part {
+                Some(part) => {
+                    let (eta, rate) = of(part.coordinate);
+                    part.of * eta + part.of_rate * rate
+                }
+                None => wave,
+            })),
+            Kind::Coupled { left, left_rate, .. } => {
+                z.resize(self.rates.len(), C64::ZERO);
+                for i in 0..count {
+                    let (eta, rate) = of(i);
+                    for (z, (of, of_rate)) in z.iter_mut().zip(left.column(i).iter().zip(left_rate.column(i).iter())) {
+                        *z += of * eta + of_rate * rate;
+                    }
+                }
+                z[self.wave] = wave;
+            }
+        }
+    }
+
+    /// Adds the natural motions to the coordinates and their rates.
+    pub fn leave(&self, z: &[C64], eta: &mut [f64], rate: &mut [f64]) {
+        match &self.kind {
+            Kind::Uncoupled(parts) => {
+                for (part, (z, faster)) in parts.iter().zip(z.iter().zip(&self.rates)) {
+                    if let Some(Part { coordinate, .. }) = *part {
+                        eta[coordinate] += z.re;
+                        rate[coordinate] += (faster * z).re;
+                    }
+                }
+            }
+            Kind::Coupled { right, .. } => {
+                for (column, (z, faster)) in right.column_iter().zip(z.iter().zip(&self.rates)) {
+                    let faster = faster * z;
+                    for (i, right) in column.iter().enumerate() {
+                        eta[i] += (right * z).re;
+                        rate[i] += (right * faster).re;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Coefficients of the natural motions in `on · η`; 0 for the excitation.
+    pub fn coefficients(&self, on: &[f64]) -> Vec<C64> {
+        match &self.kind {
+            Kind::Uncoupled(parts) => {
+                parts.iter().map(|part| part.map_or(C64::ZERO, |part| C64::from(on[part.coordinate]))).collect()
+            }
+            Kind::Coupled { right, .. } => {
+                right.column_iter().map(|column| column.iter().zip(on).map(|(right, on)| right * *on).sum()).collect()
+            }
+        }
+    }
+}
+
+/// Whether a damping matrix couples no coordinates, to within rounding.
+fn is_diagonal(damping: &DMatrix<f64>) -> bool {
+    let largest = damping.diagonal().amax();
+    (0..damping.nrows()).all(|i| (0..i).all(|j| damping[(i, j)].abs() <= ROUNDING * largest))
+}
+
+/// The natural motions of uncoupled coordinates, by the magnitude of their rates.
+fn uncoupled(square: &[f64], damping: &[f64]) -> Result<(Vec<C64>, Kind), Refused> {
+    let mut list = Vec::new();
+    for (i, (&square, &damping)) in square.iter().zip(damping).enumerate() {
+        let decay = -0.5 * damping;
+        let left = square - decay * decay;
+        if left.abs() <= 1e-10 * square {
+            return Err(Refused::Critical);
+        } else if left > 0.0 {
+            let turning = left.sqrt();
+            let (of, of_rate) = (C64::new(1.0, decay / turning), C64::new(0.0, -1.0 / turning));
+            list.push((C64::new(decay, turning), Some(Part { coordinate: i, of, of_rate })));
+        } else {
+            let split = (-left).sqrt();
+            // The slow rate from the product of both, without cancellation.
+            let fast = decay - split;
+            let slow = square / fast;
+            for (rate, other) in [(fast, slow), (slow, fast)] {
+                let of_rate = C64::from(1.0 / (rate - other));
+                list.push((C64::from(rate), Some(Part { coordinate: i, of: -other * of_rate, of_rate })));
+            }
+        }
+    }
+    list.sort_by(|a, b| a.0.norm().total_cmp(&b.0.norm()));
+    let (rates, motions) = list.into_iter().unzip();
+    Ok((rates, Kind::Uncoupled(motions)))
+}
+
+/// The natural motions of coordinates with ω² = `square` that the damping couples: eigenvalues and eigenvectors of
+/// `(ωη, η′)′ = [0 ω; −ω −C] (ωη, η′)`, which is normal but for C.
+fn coupled(square: &[f64], damping: &DMatrix<f64>) -> Result<(Vec<C64>, Kind), Refused> {
+    let n = square.len();
+    let omega: Vec<f64> = square.iter().map(|square| square.sqrt()).collect();
+    let matrix = DMatrix::from_fn(2 * n, 2 * n, |i, j| {
+        C64::from(match (i < n, j < n) {
+            (true, false) if i == j - n => omega[i],
+            (false, true) if i - n == j => -omega[j],
+            (false, false) => -damping[(i - n, j - n)],
+            _ => 0.0,
+        })
+    });
+    let (unitary, triangle) = matrix.schur().unpack();
+    let vectors = unitary * eigenvectors(&triangle);
+    let inverse = vectors.clone().try_inverse().ok_or(Refused::Critical)?;
+    if vectors.norm() * inverse.norm() > MOST_CONDITION * n as f64 {
+        return Err(Refused::Critical);
+    }
+    let size = triangle.diagonal().iter().fold(0.0, |most: f64, rate| most.max(rate.norm()));
+    let mut kept: Vec<(usize, C64, f64)> = triangle
+        .diagonal()
+        .iter()
+        .enumerate()
+        .filter(|(_, rate)| rate.im > -REAL * size)
+        .map(|(j, rate)| if rate.im > REAL * size { (j, *rate, 2.0) } else { (j, C64::from(rate.re), 1.0) })
+        .collect();
+    if kept.iter().any(|(_, rate, _)| rate.re > GROWTH * size) {
+        return Err(Refused::NegativeDamping);
+    }
+    kept.sort_by(|a, b| a.1.norm().total_cmp(&b.1.norm()));
+    let count = kept.len();
+    Ok((
+        // A growth within rounding is none.
+        kept.iter().map(|(_, rate, _)| C64::new(rate.re.min(0.0), rate.im)).collect(),
+        Kind::Coupled {
+            right: DMatrix::from_fn(n, count, |i, j| vectors[(i, kept[j].0)] * (kept[j].2 / omega[i])),
+            left: DMatrix::from_fn(count, n, |j, i| inverse[(kept[j].0, i)] * omega[i]),
+            left_rate: DMatrix::from_fn(count, n, |j, i| inverse[(kept[j].0, n + i)]),
+        },
+    ))
+}
+
+/// The eigenvectors of an upper triangular matrix, as columns of length 1.
+fn eigenvectors(triangle: &DMatrix<C64>) -> DMatrix<C64> {
+    let n = triangle.nrows();
+    let least = f64::EPSILON * triangle.norm();
+    let mut vectors = DMatrix::from_element(n, n, C64::ZERO);
+    for k in 0..n {
+        let mut vector = DVector::from_element(n, C64::ZERO);
+        vector[k] = C64::ONE;
+        for i in (0..k).rev() {
+            let sum: C64 = (i + 1..=k).map(|j| triangle[(i, j)] * vector[j]).sum();
+            let mut gap = triangle[(k, k)] - triangle[(i, i)];
+            if gap.norm() < least {
+                gap = C64::from(least);
+            }
+            vector[i] = sum / gap;
+        }
+        let norm = vector.norm();
+        vectors.set_column(k, &(vector / C64::from(norm)));
+    }
+    vectors
+}
