@@ -28,6 +28,7 @@ mod basis;
 mod bodies;
 mod complementarity;
 mod contacts;
+mod course;
 mod describe;
 mod events;
 mod flight;
@@ -43,6 +44,7 @@ mod state;
 mod stepping;
 mod system;
 
+pub use course::Course;
 pub use describe::{Beam, Damping, Storey, Support};
 pub use motion::Motion;
 pub use observe::{Impact, Observer, Piece};

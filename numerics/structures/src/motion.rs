@@ -333,6 +333,7 @@ impl Motion {
             system: &self.systems[self.system],
             rest: &self.rest,
             z: &self.z,
+            free: &self.free,
             offset_m: self.mount.share * self.wave.offset,
         }
     }

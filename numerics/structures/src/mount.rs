@@ -63,6 +63,13 @@ pub(crate) struct Joint {
     pub friction_n: f64,
 }
 
+/// What the modal coordinates and the base move a place by.
+#[derive(Clone, Debug)]
+pub(crate) struct Place {
+    pub shape: Vec<f64>,
+    pub influence: f64,
+}
+
 /// A mounted set-up. Bodies are the modal coordinates, the tuned masses and the particles, in this order, relative to the base.
 #[derive(Clone, Debug)]
 pub(crate) struct Mount {
@@ -81,6 +88,8 @@ pub(crate) struct Mount {
     pub force: Vec<C64>,
     /// 1 where the excitation moves the base, 0 where it is a force.
     pub share: f64,
+    /// Shape and influence of every place; no influence where a force drives.
+    pub places: Vec<Place>,
     /// ι of what each tuned mass is mounted on; 0 where a force drives.
     pub tuned_influence: Vec<f64>,
 }
@@ -184,7 +193,10 @@ impl Mount {
             a.zip(b).zip(&bodies.mass).map(|((a, b), mass): ((&f64, &f64), &f64)| a * b / mass).sum()
         });
         let tuned_influence = tuned.iter().map(|tuned| influence(tuned.place)).collect();
-        Ok(Self { modes, permanent, bodies, cavities, joints, compliance, force, share, tuned_influence })
+        let places = (0..structure.influence.len())
+            .map(|place| Place { shape: shape(place), influence: influence(place) })
+            .collect();
+        Ok(Self { modes, permanent, bodies, cavities, joints, compliance, force, share, places, tuned_influence })
     }
 
     /// The joint of a particle.

@@ -1,7 +1,11 @@
 //! Observers of a motion: smooth pieces and impacts.
 
-use damprig_core::integrator::modes::Sign;
+use damprig_core::integrator::modes::{Contact, Grip, Sign};
 
+use crate::contacts::{Slide, Touch};
+use crate::course::Course;
+use crate::flight::Flight;
+use crate::guard::Parabola;
 use crate::linear::{C64, Rest};
 use crate::mount::Mount;
 use crate::system::System;
@@ -26,6 +30,7 @@ pub(crate) struct Parts<'a> {
     pub system: &'a System,
     pub rest: &'a Rest,
     pub z: &'a [C64],
+    pub free: &'a [Flight],
     pub offset_m: f64,
 }
 
@@ -43,20 +48,77 @@ impl<'a> Piece<'a> {
         Self { parts, start_s, length_s }
     }
 
-    /// Displacement of a place from its shape (per modal coordinate) and its influence, m, and its velocity, m/s, at time
-    /// `after_s` after the start.
+    /// The absolute displacement of a place.
     #[must_use]
-    pub fn place(&self, shape: &[f64], influence: f64, after_s: f64) -> (f64, f64) {
-        let Parts { mount, system, rest, z, offset_m } = self.parts;
-        let influence = mount.share * influence;
-        let signal = system.place(shape, influence);
-        let mut here = (signal.constant(rest) + influence * offset_m, 0.0);
-        for ((c, z), rate) in signal.coefficients.iter().zip(z).zip(&system.linear.natural.rates) {
-            let term = c * z * (rate * after_s).exp();
-            here.0 += term.re;
-            here.1 += (rate * term).re;
+    pub fn place(&self, place: usize) -> Course {
+        let Parts { mount, system, rest, z, offset_m, .. } = self.parts;
+        let place = &mount.places[place];
+        let signal = system.place(&place.shape, place.influence);
+        self.course(&signal.coefficients, z, signal.constant(rest) + place.influence * offset_m)
+    }
+
+    /// The displacement of the base; 0 where a force drives.
+    #[must_use]
+    pub fn base(&self) -> Course {
+        let Parts { mount, system, z, offset_m, .. } = self.parts;
+        let wave = system.linear.natural.wave;
+        let term = (C64::new(0.0, -mount.share) * z[wave], system.linear.natural.rates[wave]);
+        Course::new(std::iter::once(term), Parabola { value: mount.share * offset_m, ..Parabola::default() })
+    }
+
+    /// The absolute displacement of the particle of an impact damper.
+    #[must_use]
+    pub fn particle(&self, damper: usize) -> Course {
+        let Parts { mount, system, .. } = self.parts;
+        if let Some(n) = system.free.iter().position(|free| *free == damper) {
+            let Flight { y_m, u_m_per_s, acceleration } = self.parts.free[n];
+            return Course::new(std::iter::empty(), Parabola { value: y_m, slope: u_m_per_s, bend: acceleration });
         }
-        here
+        self.body(mount.permanent + damper, mount.cavities[damper].influence)
+    }
+
+    /// The absolute displacement of a tuned mass.
+    #[must_use]
+    pub fn tuned_mass(&self, damper: usize) -> Course {
+        let mount = self.parts.mount;
+        self.body(mount.modes + damper, mount.tuned_influence[damper])
+    }
+
+    /// A body of the system, whose displacement relative to the base is a coordinate.
+    fn body(&self, body: usize, influence: f64) -> Course {
+        let Parts { system, rest, z, offset_m, .. } = self.parts;
+        let row: Vec<f64> = system.members.iter().map(|member| f64::from(u8::from(*member == body))).collect();
+        let mut signal = system.linear.displacement(&row);
+        signal.coefficients[system.linear.natural.wave] -= C64::new(0.0, influence);
+        self.course(&signal.coefficients, z, signal.constant(rest) + influence * offset_m)
+    }
+
+    fn course(&self, coefficients: &[C64], z: &[C64], value: f64) -> Course {
+        let rates = &self.parts.system.linear.natural.rates;
+        let terms = coefficients.iter().zip(z).zip(rates).map(|((c, z), rate)| (c * z, *rate));
+        Course::new(terms, Parabola { value, ..Parabola::default() })
+    }
+
+    /// Whether a friction damper sticks or slips, and in which direction.
+    #[must_use]
+    pub fn grip(&self, damper: usize) -> Grip {
+        match self.parts.system.contacts.slides[damper] {
+            Slide::Stuck => Grip::Stuck,
+            Slide::Free(direction) => Grip::Slip(direction),
+        }
+    }
+
+    /// Whether the particle of an impact damper flies or is held, and whether it is in contact with a soft wall.
+    #[must_use]
+    pub fn contact(&self, damper: usize) -> (Contact, bool) {
+        let contacts = &self.parts.system.contacts;
+        let touch = contacts.touches[damper];
+        let contact = match (contacts.slides[self.parts.mount.joint_of(damper)], touch) {
+            (Slide::Free(direction), _) => Contact::Free(direction),
+            (Slide::Stuck, Touch::Wall(side)) => Contact::Held(side),
+            (Slide::Stuck, _) => Contact::Held(0),
+        };
+        (contact, matches!(touch, Touch::Pressing(_)))
     }
 }
 

@@ -36,33 +36,26 @@ impl Observer for Times {
     }
 }
 
-/// The end of the last piece of motion, of every place.
-struct Pieces<'a> {
-    set_up: &'a SetUp,
+/// The end of the last piece of motion: of every place, the particle, the tuned mass and the base.
+#[derive(Default)]
+struct Pieces {
     end_s: f64,
-    places: Vec<(f64, f64)>,
+    ends: Vec<(f64, f64)>,
     count: u32,
 }
 
-impl Pieces<'_> {
-    fn at(&self, piece: &Piece, after_s: f64) -> Vec<(f64, f64)> {
-        let structure = &self.set_up.structure;
-        let shape = |place: usize| -> Vec<f64> { structure.modes.iter().map(|mode| mode.shape[place]).collect() };
-        (structure.influence.iter().enumerate())
-            .map(|(place, influence)| piece.place(&shape(place), *influence, after_s))
-            .collect()
-    }
-}
-
-impl Observer for Pieces<'_> {
+impl Observer for Pieces {
     const PIECES: bool = true;
 
     fn piece(&mut self, piece: &Piece) {
         assert!((piece.start_s - self.end_s).abs() < 1e-12, "{} {}", piece.start_s, self.end_s);
-        for (before, now) in self.places.iter().zip(self.at(piece, 0.0)) {
+        let courses =
+            [piece.place(0), piece.place(1), piece.place(2), piece.particle(0), piece.tuned_mass(0), piece.base()];
+        for (before, course) in self.ends.iter().zip(&courses) {
+            let now = course.at(0.0);
             assert!((before.0 - now.0).abs() < 1e-14, "{before:?} {now:?}");
         }
-        self.places = self.at(piece, piece.length_s);
+        self.ends = courses.iter().map(|course| course.at(piece.length_s)).collect();
         self.end_s = piece.start_s + piece.length_s;
         self.count += 1;
     }
@@ -77,19 +70,28 @@ impl Observer for Pieces<'_> {
 fn pieces_join_up_and_the_observer_ends_the_run() {
     let wall = Wall::Restitution { coefficient: 0.4 };
     let joint = FrictionJoint { place: 2, other: Some(1), damper: FrictionDamper { force_n: 0.6 } };
+    let tmd = Tmd { mass_kg: 0.2, stiffness_n_per_m: 40.0, damping_n_s_per_m: 0.1 };
+    let mut sticky = particle(0.4, 10e-3, wall);
+    sticky.friction_coefficient = 0.1;
     let set_up = SetUp {
-        impact_dampers: vec![ImpactDamper { place: 2, particle: particle(0.4, 10e-3, wall) }],
+        impact_dampers: vec![ImpactDamper { place: 2, particle: sticky }],
         friction_dampers: vec![joint],
+        tuned_masses: vec![TunedMass { place: 0, tmd }],
         ..SetUp::bare(frame(3, 0.5))
     };
     let excitation = Excitation::Sine { amplitude_m: 2e-3, angular_frequency_rad_per_s: 13.0, phase_rad: 0.7 };
     let mut motion = Motion::new(&set_up, &excitation, &set_up.at_rest(&excitation)).unwrap();
-    let mut pieces = Pieces { set_up: &set_up, end_s: 0.0, places: Vec::new(), count: 0 };
+    let mut pieces = Pieces::default();
     motion.run(100.0, &mut pieces).unwrap();
     assert!(pieces.count > 100 && (5.0..5.2).contains(&motion.time_s()), "{} {}", pieces.count, motion.time_s());
-    let (state, (z, _)) = (motion.state(), motion.base());
-    for (place, (x_m, _)) in pieces.places.iter().enumerate() {
-        assert!((x_m - set_up.displacement_m(&state, place) - z).abs() < 1e-14);
+    let (state, (z, rate)) = (motion.state(), motion.base());
+    let bodies = [state.particles[0], state.tuned_masses[0]].map(|body| (body.y_m, body.u_m_per_s));
+    let places = (0..3).map(|place| set_up.displacement_m(&state, place) + z);
+    for ((x_m, _), end) in pieces.ends.iter().zip(places) {
+        assert!((x_m - end).abs() < 1e-14);
+    }
+    for (end, body) in pieces.ends[3..].iter().zip(bodies.into_iter().chain([(z, rate)])) {
+        assert!((end.0 - body.0).abs() < 1e-14 && (end.1 - body.1).abs() < 1e-13, "{end:?} {body:?}");
     }
 }
 
