@@ -139,7 +139,7 @@ fn simulate_one(
     if args.analyse {
         let source = Source::read(path).map_err(Failure::input)?;
         let text = (source.name(), source.text());
-        case.refuse_many_particles(text, values, "--analyse").map_err(Failure::input)?;
+        case.refuse_other_engines(text, values, "--analyse", false).map_err(Failure::input)?;
     }
     super::output_paths::check(path, case, args.out.as_ref(), args.plot.as_deref(), args.force)?;
     let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| case.usual_rate_hz()));

@@ -71,7 +71,7 @@ impl Continuation {
         let case = Case::parse(&case_source, &default_name(Path::new(case_source.name())))?;
         let name = case_source.name().to_string();
         let text = (case_source.name(), case_source.text());
-        case.refuse_many_particles(text, &SetValues::default(), "a continuation")?;
+        case.refuse_other_engines(text, &SetValues::default(), "a continuation", false)?;
         let case = case.without_hertz();
         if !matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. }) || case.record.is_some() {
             return Err(Refusal(format!(

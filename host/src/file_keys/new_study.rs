@@ -13,22 +13,38 @@ pub fn usual_axes(case: &Case) -> Vec<SweepAxis> {
         SweepAxis { key: key.into(), values }
     };
     let mut axes = Vec::new();
+    // One of several has its number.
+    let several = case.multi_degree.as_ref().map(|several| &several.set_up);
+    let of = |table: &str, count: Option<usize>, key: &str| match count {
+        Some(2..) => format!("{table}.1.{key}"),
+        _ => format!("{table}.{key}"),
+    };
+    let of_particle = |key: &str| of("particle", several.map(|set_up| set_up.impact_dampers.len()), key);
+    let of_friction = |key: &str| of("friction_damper", several.map(|set_up| set_up.friction_dampers.len()), key);
     if let Some(particle) = &case.set_up.particle {
         if let Some((reference_m, _)) = case.reference_m() {
             let ratio = particle.clearance_m / reference_m;
-            axes.push(axis("particle.clearance_ratio", round(0.5 * ratio), round(2.0 * ratio), 41));
+            axes.push(axis(&of_particle("clearance_ratio"), round(0.5 * ratio), round(2.0 * ratio), 41));
         }
         if !particle.wall.is_soft() {
-            axes.push(axis("particle.wall.coefficient", 0.1, 0.9, 33));
+            axes.push(axis(&of_particle("wall.coefficient"), 0.1, 0.9, 33));
         }
     }
     if case.set_up.friction_damper.is_some() && is_driven(case) {
-        axes.push(axis("friction_damper.friction_ratio", 0.1, 0.7, 25));
+        axes.push(axis(&of_friction("friction_ratio"), 0.1, 0.7, 25));
     }
     if axes.is_empty() {
         let natural_hz = 1.0 / case.natural_period_s();
-        let key = if is_driven(case) { drive_key(case) } else { "structure.natural_frequency_hz" };
-        axes.push(axis(key, round(0.8 * natural_hz), round(1.2 * natural_hz), 41));
+        axes.push(match (is_driven(case), &case.multi_degree) {
+            (true, _) => axis(drive_key(case), round(0.8 * natural_hz), round(1.2 * natural_hz), 41),
+            (false, None) => {
+                axis("structure.natural_frequency_hz", round(0.8 * natural_hz), round(1.2 * natural_hz), 41)
+            }
+            (false, Some(_)) => {
+                let start_m = if case.initial.x_m == 0.0 { 0.001 } else { case.initial.x_m };
+                axis("initial.x_m", round(0.5 * start_m), round(2.0 * start_m), 41)
+            }
+        });
     }
     axes
 }
@@ -38,7 +54,7 @@ pub fn usual_axes(case: &Case) -> Vec<SweepAxis> {
 pub fn study(name: &str, case_file: &str, case: &Case, axes: &[SweepAxis]) -> String {
     let mut metrics =
         vec![if case.reference_m().is_some() && case.record.is_none() { "x_over_z" } else { "max_abs_x_m" }];
-    metrics.extend((case.set_up.particle.is_some() || case.many_particles.is_some()).then_some("impacts_per_cycle"));
+    metrics.extend(case.has_impacts().then_some("impacts_per_cycle"));
     metrics.extend(case.record.is_none().then_some("cycle_spread"));
     let mut text = format!(
         "# A case over all combinations of the values of its axes. `damprig keys` has all keys of a study.\n\
@@ -72,7 +88,7 @@ pub fn study(name: &str, case_file: &str, case: &Case, axes: &[SweepAxis]) -> St
     } else {
         text += "\n# What is counted; without it the case's run.duration_s.\n# [record]\n# duration_s = 12\n";
     }
-    if case.set_up.particle.is_some() {
+    if case.has_particle() {
         text += "\n# Each point from several starts of the particle, from wall to wall: median, 5 and 95 %.\n# [ensemble]\n# starts = 21\n";
     }
     text

@@ -126,6 +126,7 @@ fn type_of(key: &Key) -> String {
         Kind::Texts => "list of texts".into(),
         Kind::TextOrPlace => "text, or place from 1".into(),
         Kind::Table => "table".into(),
+        Kind::OneOrMoreTables => "table, or list of tables".into(),
         Kind::Tables => "list of tables".into(),
     }
 }

@@ -19,7 +19,9 @@ pub fn schema(file: FileKind) -> Value {
     let mut builder = Builder { file, tables: file.tables(), definitions: BTreeMap::new() };
     let mut root = builder.table("");
     if file == FileKind::Case {
-        root["if"] = json!({ "not": { "required": ["set_up_file"] } });
+        // These have the structure in place of the set-up.
+        let others = ["set_up_file", "storey", "beam", "mode"].map(|key| json!({ "required": [key] }));
+        root["if"] = json!({ "not": { "anyOf": others } });
         root["then"] = builder.without_set_up_file();
     }
     root["$schema"] = "https://json-schema.org/draft/2020-12/schema".into();
@@ -128,6 +130,12 @@ impl Builder {
             Kind::Texts => json!({ "type": "array", "items": { "type": "string" } }),
             Kind::TextOrPlace => json!({ "type": ["string", "integer"], "minimum": 1 }),
             Kind::Table => json!({ "$ref": self.definition(&inner) }),
+            // Several dampers are for a case with several places.
+            Kind::OneOrMoreTables if self.file != FileKind::Case => json!({ "$ref": self.definition(&inner) }),
+            Kind::OneOrMoreTables => {
+                let one = json!({ "$ref": self.definition(&inner) });
+                json!({ "oneOf": [one, { "type": "array", "items": one }] })
+            }
             Kind::Tables => json!({ "type": "array", "items": { "$ref": self.definition(&inner) } }),
         };
         schema["description"] = description(key).into();

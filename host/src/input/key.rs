@@ -49,6 +49,8 @@ pub enum Kind {
     TextOrPlace,
     /// A table.
     Table,
+    /// A table, or a list of them.
+    OneOrMoreTables,
     /// A list of tables.
     Tables,
 }
@@ -225,7 +227,7 @@ const fn unit(suffix: &'static str, symbol: &'static str, least: f64, most: f64)
 }
 
 /// A suffix that ends with another suffix comes before it.
-const UNITS: [Unit; 23] = [
+const UNITS: [Unit; 30] = [
     unit("_n_s_per_m", "N·s/m", 1e-18, 1e18),
     unit("_s_per_m", "s/m", 1e-18, 1e6),
     unit("_n_per_m15", "N/m^1.5", 1e-12, 1e21),
@@ -234,11 +236,18 @@ const UNITS: [Unit; 23] = [
     unit("_rad_per_s", "rad/s", 1e-9, 1e9),
     unit("_m_per_s2", "m/s²", 1e-18, 1e6),
     unit("_m_per_s", "m/s", 1e-18, 1e6),
+    unit("_kg_per_m3", "kg/m³", 1e-6, 1e9),
+    unit("_kg_per_m", "kg/m", 1e-12, 1e12),
+    unit("_n_m2", "N·m²", 1e-18, 1e18),
     unit("_per_s", "1/s", 1e-12, 1e12),
     unit("phase_rad", "rad", 0.0, 1e6),
     unit("_pa", "Pa", 1e-6, 1e18),
-    unit("_kg", "kg", 1e-12, 1e12),
     unit("_hz", "Hz", 1e-9, 1e9),
+    unit("per_root_kg", "1/√kg", 1e-18, 1e6),
+    unit("_root_kg", "√kg", 1e-18, 1e6),
+    unit("_kg", "kg", 1e-12, 1e12),
+    unit("_m4", "m⁴", 1e-24, 1e12),
+    unit("_m2", "m²", 1e-18, 1e12),
     unit("_m", "m", 1e-18, 1e6),
     unit("amplitude_n", "N", 1e-18, 1e12),
     unit("_n", "N", 0.0, 1e12),

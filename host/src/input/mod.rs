@@ -10,7 +10,7 @@ pub mod regular;
 pub mod section;
 pub mod shipped;
 mod shown;
-mod suggest;
+pub(crate) mod suggest;
 mod without_panic;
 
 use std::collections::BTreeMap;

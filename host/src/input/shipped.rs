@@ -25,6 +25,8 @@ pub static FILES: &[(&str, &str)] = files![
     "campaigns/source-document.toml",
     "campaigns/transients.toml",
     "campaigns/tuned.toml",
+    "cases/boring-bar.toml",
+    "cases/frame.toml",
     "cases/friction-damper.toml",
     "cases/hertz-wall.toml",
     "cases/hybrid.toml",

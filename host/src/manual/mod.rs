@@ -63,6 +63,7 @@ pub const PAGES: &[Page] = pages![
     "theory/models.md",
     "WALLS.md",
     "PARTICLES.md",
+    "STRUCTURES.md",
     "COMPARE.md",
     "IDENTIFY.md",
     "THESIS.md",

@@ -235,7 +235,7 @@ fn place_in_band(optimisation: &Optimisation, best: &Evaluated) -> Vec<Named> {
 
 fn starts(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Option<Starts>, Halt> {
     let case = Cases::at(optimisation, &best.values)?.case(&optimisation.band_values(0))?;
-    if case.set_up.particle.is_none() {
+    if !case.has_particle() {
         return Ok(None);
     }
     let last = f64::from(DENSE_STARTS - 1);

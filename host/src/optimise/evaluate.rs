@@ -8,7 +8,7 @@ use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::study::axis::{Axis, Value};
 use crate::study::band::{Band, Effort, Reduced};
-use crate::study::evaluate::{quantile, started_at};
+use crate::study::evaluate::quantile;
 use crate::study::simulate::{Halt, metrics_of_all};
 
 /// What an evaluated point gives.
@@ -168,7 +168,7 @@ impl Simulations<'_> {
             let case = (self.case)(&self.optimisation.band_values(point))?;
             match starts {
                 None => all.push(case),
-                Some(shares) => all.extend(shares.iter().map(|share| started_at(&case, *share))),
+                Some(shares) => all.extend(shares.iter().map(|share| case.started_at(*share))),
             }
         }
         let mut simulated = vec![vec![Vec::with_capacity(points); count]; metrics.len()];
@@ -191,7 +191,7 @@ impl Simulations<'_> {
     fn at(&mut self, points: &[Vec<Value>], share: Option<f64>, metric: Quantity) -> Result<Vec<f64>, Halt> {
         let case = |at: &Vec<Value>| {
             let case = (self.case)(at)?;
-            Ok(share.map_or_else(|| case.clone(), |share| started_at(&case, share)))
+            Ok(share.map_or_else(|| case.clone(), |share| case.started_at(share)))
         };
         let cases = points.iter().map(case).collect::<Result<Vec<Case>, Refusal>>()?;
         Ok(self.metrics(&cases, &[metric])?.into_iter().flatten().collect())

@@ -247,8 +247,8 @@ impl Optimisation {
     fn check_case(&self, case: &Case, values: &[Value]) -> Result<(), Refusal> {
         let path = self.case_path.display();
         let text = (&*path.to_string(), self.case_text.as_str());
-        case.refuse_many_particles(text, &self.varied_case().set_values(values), "an optimisation")?;
-        if self.starts.is_some() && case.set_up.particle.is_none() {
+        case.refuse_other_engines(text, &self.varied_case().set_values(values), "an optimisation", true)?;
+        if self.starts.is_some() && !case.has_particle() {
             return Err(Refusal(format!("[ensemble] is for a particle, and {path} has none\n  leave it out")));
         }
         if self.record.is_some() && case.record.is_some() {

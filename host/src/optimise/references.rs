@@ -21,7 +21,8 @@ pub struct References {
     pub tmd: Option<TunedMass>,
 }
 
-/// A tuned mass damper of the mass of the case's particle (or of its own tuned mass).
+/// A tuned mass damper of the mass of the case's particle (or of its own tuned mass); on a structure with several places, of all of them, at the place of the
+/// first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TunedMass {
     /// Its mass, kg.
@@ -44,15 +45,13 @@ impl References {
     pub fn at(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Self, Halt> {
         let middle = optimisation.band_values(optimisation.band_points() / 2);
         let middle = Cases::at(optimisation, &best.values)?.case(&middle)?;
-        let bare = objective(optimisation, best, &|case| without_dampers(case, None), go_on)?;
-        let mass_kg = middle.set_up.particle.map(|p| p.mass_kg).or(middle.set_up.tmd.map(|t| t.mass_kg));
-        let Some(mass_kg) = mass_kg else { return Ok(Self { bare, tmd: None }) };
+        let bare = objective(optimisation, best, &|case| case.with_dampers(None), go_on)?;
+        let Some((mass_kg, structure)) = middle.damper_mass() else { return Ok(Self { bare, tmd: None }) };
         let is_force = matches!(middle.excitation, Excitation::ForceSine { .. } | Excitation::ForceHalfSine { .. });
         let tuning = if is_force { Tuning::DenHartog } else { Tuning::Warburton };
-        let structure = middle.set_up.structure;
         let tmd = Tmd::tuned(&structure, mass_kg, tuning);
         let mass_ratio = mass_kg / structure.mass_kg;
-        let with_tmd = objective(optimisation, best, &|case| without_dampers(case, Some(tmd)), go_on)?;
+        let with_tmd = objective(optimisation, best, &|case| case.with_dampers(Some(tmd)), go_on)?;
         let tmd = with_tmd.map(|objective| TunedMass {
             mass_kg,
             tuning: tuning.name(),
@@ -62,15 +61,6 @@ impl References {
         });
         Ok(Self { bare, tmd })
     }
-}
-
-/// The case with a tuned mass, which starts with the structure, or nothing in place of its dampers.
-fn without_dampers(mut case: Case, tmd: Option<Tmd>) -> Case {
-    case.set_up.particle = None;
-    case.set_up.friction_damper = None;
-    case.set_up.tmd = tmd;
-    (case.initial.y_m, case.initial.u_m_per_s) = (case.initial.x_m, case.initial.v_m_per_s);
-    case
 }
 
 /// The objective with other dampers, if it exists.

@@ -1,11 +1,12 @@
 //! A simulated case as one JSON object, as `damprig simulate --json` prints it.
 
-use damprig_core::model::SetUp;
+use damprig_core::model::{Particle, SetUp, Tmd};
 use damprig_particles::{Damper, Elasticity};
 use serde::Serialize;
 
 use crate::report::describe;
 use crate::simulation::analysis::Analysis;
+use crate::simulation::multi_degree::MultiDegree;
 use crate::simulation::{Case, SimulationResult};
 
 /// The case as simulated.
@@ -17,6 +18,8 @@ pub struct Simulated<'a> {
     set_up: &'a SetUp,
     #[serde(skip_serializing_if = "Option::is_none")]
     many_particles: Option<Spheres>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    multi_degree: Option<SeveralPlaces<'a>>,
     excitation: String,
     cycle_s: f64,
     duration_s: f64,
@@ -40,6 +43,63 @@ struct Spheres {
     height_m: f64,
     steps_per_contact: f64,
     seed: u64,
+}
+
+/// A structure with several places and its dampers, as simulated.
+#[derive(Debug, Serialize)]
+struct SeveralPlaces<'a> {
+    kind: &'a str,
+    places: &'a [String],
+    observed_place: &'a str,
+    modes: Vec<NaturalMode<'a>>,
+    impact_dampers: Vec<(&'a str, Particle)>,
+    friction_dampers: Vec<Friction<'a>>,
+    tuned_masses: Vec<(&'a str, Tmd)>,
+}
+
+#[derive(Debug, Serialize)]
+struct NaturalMode<'a> {
+    frequency_hz: f64,
+    damping_ratio: f64,
+    shape_per_root_kg: &'a [f64],
+    participation_root_kg: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Friction<'a> {
+    place: &'a str,
+    /// The base without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    other_place: Option<&'a str>,
+    force_n: f64,
+}
+
+impl<'a> SeveralPlaces<'a> {
+    fn of(several: &'a MultiDegree) -> Self {
+        let set_up = &several.set_up;
+        let place = |number: usize| several.places[number].as_str();
+        let mode = |mode: &'a damprig_structures::Mode| NaturalMode {
+            frequency_hz: mode.angular_frequency_rad_per_s / std::f64::consts::TAU,
+            damping_ratio: mode.damping_ratio,
+            shape_per_root_kg: &mode.shape,
+            participation_root_kg: mode.participation,
+        };
+        Self {
+            kind: &several.kind,
+            places: &several.places,
+            observed_place: place(several.observed),
+            modes: set_up.structure.modes.iter().map(mode).collect(),
+            impact_dampers: set_up.impact_dampers.iter().map(|of| (place(of.place), of.particle)).collect(),
+            friction_dampers: (set_up.friction_dampers.iter())
+                .map(|of| Friction {
+                    place: place(of.place),
+                    other_place: of.other.map(place),
+                    force_n: of.damper.force_n,
+                })
+                .collect(),
+            tuned_masses: set_up.tuned_masses.iter().map(|of| (place(of.place), of.tmd)).collect(),
+        }
+    }
 }
 
 /// The keys of [`Elasticity`].
@@ -102,6 +162,7 @@ impl<'a> Simulated<'a> {
             set,
             set_up: &case.set_up,
             many_particles: case.many_particles.as_ref().map(Spheres::of),
+            multi_degree: case.multi_degree.as_ref().map(SeveralPlaces::of),
             excitation: describe::excitation(case),
             cycle_s: case.cycle_s(),
             duration_s: case.run.duration_s,

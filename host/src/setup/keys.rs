@@ -27,6 +27,12 @@ const fn positive(table: Table) -> Table {
     Table { path: "particle.positive_wall", ..table }
 }
 
+/// Where a damper is mounted on a structure with several places.
+pub(crate) const PLACE: [Key; 2] = [
+    key("place", Kind::Text, "the place of a structure with several, by its name"),
+    number("position_m", NotNegative, "the place on a beam, from its first support"),
+];
+
 /// The tables of a set-up, with all their keys.
 pub const ALL_TABLES: &[Table] = &{
     let mut all = [POSITIVE_WALL[0]; TABLES.len() + POSITIVE_WALL.len()];
@@ -60,9 +66,9 @@ tables! {
             number("gravity_m_per_s2", NotNegative, "g in the weight of the particle, and so in the friction between particle and structure").usual(9.7, 9.9),
         ];
         STRUCTURE: RequiredUnless("the file of `set_up_file` has it"), [key("structure", Kind::Table, "the structure: mass, stiffness, damping")];
-        PARTICLE: Optional, [key("particle", Kind::Table, "the impact damper")];
-        FRICTION_DAMPER: Optional, [key("friction_damper", Kind::Table, "the friction damper, between structure and base")];
-        TMD: If(&PARTICLE, "particle", &Forbidden, &Optional), [key("tmd", Kind::Table, "the tuned mass damper")];
+        PARTICLE: Optional, [key("particle", Kind::OneOrMoreTables, "the impact damper")];
+        FRICTION_DAMPER: Optional, [key("friction_damper", Kind::OneOrMoreTables, "the friction damper, between structure and base")];
+        TMD: If(&PARTICLE, "particle", &Forbidden, &Optional), [key("tmd", Kind::OneOrMoreTables, "the tuned mass damper")];
     }
 
     "The structure: a mass on a spring and a viscous damper."
@@ -107,6 +113,7 @@ tables! {
             word("start", &["centre", "at_negative_wall", "at_positive_wall", "unknown"], "where the particle starts in its cavity"),
             number("start_m", Any, "y − x at the start, within the clearance"),
         ];
+        PLACE: Optional, [super::PLACE[0], super::PLACE[1]];
     }
 
     "A hard wall: an impact takes no time."
@@ -194,6 +201,11 @@ tables! {
             number("friction_ratio", NotNegative, "γF = F/(kZ), the friction force over stiffness times base amplitude")
                 .usual(0.0, 2.0),
         ];
+        PLACE: Optional, [super::PLACE[0], super::PLACE[1]];
+        OTHER_PLACE: Optional, [
+            key("other_place", Kind::Text, "the place of its other end, by its name; the base when left out"),
+            number("other_position_m", NotNegative, "the place of its other end on a beam; the base when left out"),
+        ];
     }
 
     "The friction damper's spring: what it is tuned to, and what is known of it."
@@ -226,5 +238,6 @@ tables! {
             number("damping_ratio", NotNegative, "ζ = c1/(2√(k1·m))").usual(0.0, 0.5),
             number("damping_n_s_per_m", NotNegative, "c1, the damper's viscous damping"),
         ];
+        PLACE: Optional, [super::PLACE[0], super::PLACE[1]];
     }
 }

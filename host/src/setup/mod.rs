@@ -24,7 +24,9 @@ use spec::{Friction, ParticleSpec, Place, Relative};
 pub use contact::{StatedContact, hertz_as_hard};
 pub use keys::ALL_TABLES as TABLES;
 pub(crate) use keys::set_up::BASE_AMPLITUDE;
-pub(crate) use keys::{PARTS, SET_UP_FILE, set_up as set_up_keys};
+pub(crate) use keys::{
+    PARTS, SET_UP_FILE, friction_damper as friction_damper_keys, particle as particle_keys, set_up as set_up_keys,
+};
 pub use set_up_file::{IDENTIFIED, Identified, SetUpFile};
 pub use spec::{SetUpSpec, SpringSpec, SpringTarget};
 
@@ -101,7 +103,10 @@ pub fn read<'a>(
         _ => base,
     };
     let particle = part(section, shared, &set_up::PARTICLE, |s| read_particle(s, of, base));
-    let friction = part(section, shared, &set_up::FRICTION_DAMPER, |s| read_friction(s, base));
+    let friction = part(section, shared, &set_up::FRICTION_DAMPER, |s| {
+        refuse_place(s, &friction_damper::OTHER_PLACE);
+        read_friction(s, base)
+    });
     let tmd = part(section, shared, &set_up::TMD, |s| read_tmd(s, of));
     let gravity = section.scalar(&set_up::GRAVITY);
     let gravity = shared.gravity_m_per_s2.filter(|_| !section.is_given(&set_up::GRAVITY)).or(gravity);
@@ -123,9 +128,50 @@ fn part<'a, T>(
     read: impl FnOnce(&Section<'a>) -> Option<T>,
 ) -> Option<Option<T>> {
     match section.table_of(quantity, shared.table(quantity)) {
-        Some(table) => read(&table).map(Some),
+        Some(table) => {
+            refuse_place(&table, &particle::PLACE);
+            read(&table).map(Some)
+        }
         None => (!section.is_given(quantity)).then_some(None),
     }
+}
+
+/// Refuses a place where the structure has only one.
+pub(crate) fn refuse_place(s: &Section, quantity: &Quantity) {
+    if let Some(key) = s.written(quantity) {
+        let allowed = "is for a structure with several places: `storey`, `beam` or `mode` in a case";
+        s.reject(key.name, allowed, Some("leave it out".into()));
+    }
+}
+
+/// A damper of a structure with several places.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Damper {
+    /// An impact damper.
+    Particle,
+    /// A friction damper.
+    Friction,
+    /// A tuned mass damper.
+    Tmd,
+}
+
+/// Reads a damper at a place of a structure with several; `None` after a problem has been reported. `at_place` is the structure that its ratios
+/// refer to: a mode at its place.
+pub(crate) fn read_damper(s: &Section, damper: Damper, at_place: Structure, base: BaseAmplitude) -> Option<SetUpSpec> {
+    let bare = SetUpSpec {
+        structure: at_place,
+        particle: None,
+        friction: None,
+        tmd: None,
+        gravity_m_per_s2: 0.0,
+        is_force_driven: false,
+    };
+    let of = Some(&at_place);
+    Some(match damper {
+        Damper::Particle => SetUpSpec { particle: Some(read_particle(s, of, base)?), ..bare },
+        Damper::Friction => SetUpSpec { friction: Some(read_friction(s, base)?), ..bare },
+        Damper::Tmd => SetUpSpec { tmd: Some(read_tmd(s, of)?), ..bare },
+    })
 }
 
 fn read_structure(s: &Section, sample_s: Option<f64>) -> Option<Structure> {

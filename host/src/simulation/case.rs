@@ -5,20 +5,21 @@ use std::path::Path;
 
 use arrow_schema::Metadata;
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{Initial, SetUp};
+use damprig_core::model::{Initial, SetUp, Structure, Tmd};
 use damprig_particles::Damper;
 use toml::de::DeTable;
 
 use super::excitation::{self, CaseExcitation};
 use super::json_case;
-use super::keys::{case, initial, run};
+use super::keys::{case, force_sine, initial, run};
+use super::multi_degree::{self, MultiDegree};
 use super::set_values::{self, SetValues};
 use super::{many_particles, refusals};
 use crate::input::locate::Step::Key;
 use crate::input::{Problem, Refusal, Section, Source};
 use crate::motion_record::{Record, resolve};
 use crate::run_folder::schema::self_description::of_case;
-use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, StatedContact, set_up_file};
+use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, StatedContact, refuse_place, set_up_file};
 
 /// Usual rows per period of a time history.
 const ROWS_PER_PERIOD: f64 = 200.0;
@@ -42,6 +43,9 @@ pub struct Case {
     pub initial: Initial,
     /// Duration and requested output.
     pub run: RunSpec,
+    /// A structure of several degrees of freedom with its dampers. The set-up is then the lowest mode at the observed place with the dampers that are
+    /// there: what tables and figures name.
+    pub multi_degree: Option<MultiDegree>,
 }
 
 /// The `run` table.
@@ -128,6 +132,39 @@ impl Case {
         TAU / self.set_up.structure.angular_frequency_rad_per_s()
     }
 
+    /// The mass of the particle, or of the tuned mass without one, kg, and the structure that ratios refer to: on a structure with several places the mass of
+    /// all of them, and the structure at the place of the first.
+    #[must_use]
+    pub fn damper_mass(&self) -> Option<(f64, Structure)> {
+        if let Some(several) = &self.multi_degree {
+            return several.damper_mass();
+        }
+        let mass_kg = self.set_up.particle.map(|p| p.mass_kg).or(self.set_up.tmd.map(|t| t.mass_kg))?;
+        Some((mass_kg, self.set_up.structure))
+    }
+
+    /// The case with a tuned mass, which starts with the structure, or nothing in place of its dampers.
+    #[must_use]
+    pub fn with_dampers(mut self, tmd: Option<Tmd>) -> Self {
+        self.set_up.particle = None;
+        self.set_up.friction_damper = None;
+        self.set_up.tmd = tmd;
+        (self.initial.y_m, self.initial.u_m_per_s) = (self.initial.x_m, self.initial.v_m_per_s);
+        self.multi_degree = self.multi_degree.map(|several| several.with_dampers(tmd));
+        self
+    }
+
+    /// The same with its particles at this share of the clearance from the middle of the cavity, −1 to 1.
+    #[must_use]
+    pub fn started_at(&self, share: f64) -> Self {
+        let mut case = self.clone();
+        if let Some(particle) = &case.set_up.particle {
+            case.initial.y_m = case.initial.x_m + (particle.cavity.offset_m + share * particle.clearance_m);
+        }
+        case.multi_degree = case.multi_degree.map(|several| several.started_at(share));
+        case
+    }
+
     /// The natural or the drive period, whichever is shorter, s; of a pulse that of the sine that it is a part of.
     fn shortest_period_s(&self) -> f64 {
         self.natural_period_s().min(TAU / self.excitation.angular_frequency_rad_per_s())
@@ -166,10 +203,24 @@ impl Case {
         }
     }
 
+    /// Whether it has an impact damper of one particle.
+    #[must_use]
+    pub fn has_particle(&self) -> bool {
+        let several = self.multi_degree.as_ref();
+        several.map_or(self.set_up.particle.is_some(), |several| !several.set_up.impact_dampers.is_empty())
+    }
+
+    /// Whether a wall is soft.
+    #[must_use]
+    pub fn has_soft_walls(&self) -> bool {
+        let several = self.multi_degree.iter().flat_map(|several| &several.set_up.impact_dampers);
+        self.set_up.has_soft_walls() || several.flat_map(|damper| damper.particle.walls()).any(|wall| wall.is_soft())
+    }
+
     /// Whether a particle or spheres may hit walls of the structure.
     #[must_use]
     pub fn has_impacts(&self) -> bool {
-        self.set_up.particle.is_some() || self.many_particles.is_some()
+        self.has_particle() || self.many_particles.is_some()
     }
 
     /// Length of a cycle, s: as given, else the drive period, else the natural period.
@@ -233,6 +284,12 @@ pub(super) fn toml_of(source: &Source) -> Option<(String, &'static str)> {
 
 fn read_root(root: &Section, name: &str) -> Option<Case> {
     let name = root.text_of(&case::NAME).map_or_else(|| name.to_string(), |text| text.value);
+    if multi_degree::read::description(root).is_some() {
+        return multi_degree::read::read(root, name);
+    }
+    for quantity in [&case::OBSERVED, &case::PLACES, &case::MODAL_DAMPING] {
+        refuse_place(root, quantity);
+    }
     let stated_m = root.scalar(&BASE_AMPLITUDE);
     let case_excitation = read_excitation(root, stated_m);
     let record = match &case_excitation {
@@ -240,6 +297,12 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
         _ => None,
     };
     let initial_section = root.table_of(&case::INITIAL, None);
+    if let Some(initial) = &initial_section {
+        refuse_place(initial, &initial::MODE);
+    }
+    if let Some(force) = root.table_of(&case::FORCE, None) {
+        refuse_place(&force, &force_sine::PLACE);
+    }
     let x0_m = initial_section.as_ref().and_then(|s| s.scalar(&initial::X)).filter(|x0_m| *x0_m != 0.0);
     let base = case_excitation.as_ref().map_or(BaseAmplitude::Unread, |it| base_amplitude(it, stated_m, x0_m));
     let source = root.source();
@@ -304,7 +367,7 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
         });
     }
     let contacts = spec.contacts();
-    let case = Case { name, set_up, contacts, many_particles, excitation, record, initial, run };
+    let case = Case { name, set_up, contacts, many_particles, excitation, record, initial, run, multi_degree: None };
     if let Some(section) = &run_section {
         check_cycles(section, &case);
     }
@@ -316,7 +379,7 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
 }
 
 /// Reads `base` or `force`.
-fn read_excitation(root: &Section, stated_m: Option<f64>) -> Option<CaseExcitation> {
+pub(super) fn read_excitation(root: &Section, stated_m: Option<f64>) -> Option<CaseExcitation> {
     let beside = |file: &str| resolve(Path::new(root.source().name()), file);
     let base = root.table_of(&case::BASE, None).map(|s| excitation::base(&s, stated_m, &beside));
     let force = root.table_of(&case::FORCE, None).map(|s| (s.span(), excitation::force(&s)));
@@ -334,7 +397,7 @@ fn read_excitation(root: &Section, stated_m: Option<f64>) -> Option<CaseExcitati
 }
 
 /// What ratios refer to: Z, the amplitude of the base motion, or the one stated in the set-up; P of a force; x0 of a free vibration.
-fn base_amplitude(excitation: &CaseExcitation, stated_m: Option<f64>, x0_m: Option<f64>) -> BaseAmplitude {
+pub(super) fn base_amplitude(excitation: &CaseExcitation, stated_m: Option<f64>, x0_m: Option<f64>) -> BaseAmplitude {
     let free_m = x0_m.filter(|_| excitation.is_none());
     let force_n = excitation.amplitude_n().filter(|force_n| *force_n > 0.0);
     match (excitation.amplitude_m(), stated_m) {
@@ -355,7 +418,7 @@ fn base_amplitude(excitation: &CaseExcitation, stated_m: Option<f64>, x0_m: Opti
 const MIN_CYCLE: f64 = 1e-6;
 
 /// Rejects a cycle so short that the run would only close empty cycles, and steady cycles without a length or beyond the run.
-fn check_cycles(run: &Section, case: &Case) {
+pub(super) fn check_cycles(run: &Section, case: &Case) {
     let least_s = MIN_CYCLE * case.shortest_period_s();
     if case.run.cycle_s.is_some_and(|cycle_s| cycle_s < least_s) {
         let allowed = format!("must be {least_s:.3e} s or more: a millionth of the period of structure or drive");
@@ -399,7 +462,7 @@ fn read_initial(s: Option<&Section>, base_start_m: f64, (start_m, is_placed): (f
 }
 
 /// Reads `run`. The duration defaults to that of the record.
-fn read_run(s: &Section, record_s: Option<f64>) -> Option<RunSpec> {
+pub(super) fn read_run(s: &Section, record_s: Option<f64>) -> Option<RunSpec> {
     let duration = match record_s {
         Some(length_s) if !s.is_given(&run::DURATION) => Some(length_s),
         _ => s.scalar(&run::DURATION),

@@ -63,6 +63,9 @@ pub fn estimate(case: &Case) -> Result<Cost, Invalid> {
         let step_s = damper.step_s(&case.set_up.structure);
         return Ok(Cost { arcs: (case.run.duration_s / step_s).ceil(), ..trial(case, step_s, None)? });
     }
+    if let Some(several) = &case.multi_degree {
+        return trial(case, several.shortest_s(), None);
+    }
     // Stiffness depends on the set-up alone, so this also holds for a case on a record.
     let motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
     let (arc_s, duration_s) = (motion.shortest_arc_s(), case.run.duration_s);
@@ -119,6 +122,7 @@ fn whole_s(marks: &[(f64, f64)], spent_s: f64, trial_s: f64, duration_s: f64) ->
 /// Names a value that is not physical.
 pub fn longest_part_s(case: &Case, rate_hz: Option<f64>) -> Result<f64, Invalid> {
     let arc_s = match (&case.record, &case.many_particles) {
+        _ if let Some(several) = &case.multi_degree => several.shortest_s(),
         (Some(record), _) => record.step_s,
         (None, Some(damper)) => damper.step_s(&case.set_up.structure),
         (None, None) => Exact::new(&case.set_up, &case.excitation, &case.initial)?.shortest_arc_s(),

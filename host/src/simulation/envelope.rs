@@ -200,7 +200,7 @@ impl Viewer for Envelope {
     }
 
     fn impact(&mut self, impact: &ImpactRecord) {
-        if !(self.from_s..=self.to_s).contains(&impact.t_s) {
+        if impact.y_m.is_nan() || !(self.from_s..=self.to_s).contains(&impact.t_s) {
             return;
         }
         self.impacts += 1;
@@ -298,7 +298,7 @@ mod tests {
         let mut envelope = Envelope::new(0.0, 10.0, 10);
         for n in 0..100 {
             let t_s = 0.2 * f64::from(n);
-            envelope.impact(&ImpactRecord { t_s, side: 1, approach_speed_m_per_s: 1.0, y_m: t_s });
+            envelope.impact(&ImpactRecord { t_s, side: 1, approach_speed_m_per_s: 1.0, y_m: t_s, damper: None });
         }
         assert_eq!(envelope.impacts(), 51);
         assert_eq!(envelope.columns()[3].impacts, [None, Some((3.0, 3.0))]);

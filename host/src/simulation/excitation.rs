@@ -125,8 +125,9 @@ fn amplitude(s: &Section, quantity: &Declared, stated_m: Option<f64>) -> Option<
     stated_m
 }
 
-/// Reads `force`, which acts on the structure over a fixed base.
+/// Reads `force`, which acts on the structure over a fixed base. Its place is another's to read.
 pub(super) fn force(s: &Section) -> Option<CaseExcitation> {
+    s.leave(&force_sine::PLACE);
     let force = match s.variant(&[force_sine::TABLE, force_half_sine::TABLE])? {
         0 => {
             let amplitude = s.scalar(&force_sine::AMPLITUDE);

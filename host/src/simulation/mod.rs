@@ -29,6 +29,7 @@ mod excitation;
 mod json_case;
 mod keys;
 pub mod many_particles;
+pub mod multi_degree;
 mod refusals;
 pub mod result;
 mod sampled_driver;

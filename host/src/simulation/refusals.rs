@@ -11,29 +11,40 @@ use crate::motion_record::Record;
 use crate::setup::SetUpSpec;
 
 impl Case {
-    /// Refuses a case with a many-particle damper for what needs the equations of the other dampers. `name` and `text` are those of its
-    /// file, `values` what was set from outside.
+    /// Refuses a case with a many-particle damper, and unless `several_places` one with a structure of several degrees of freedom, for what needs the
+    /// equations of one degree of freedom. `name` and `text` are those of its file, `values` what was set from outside.
     ///
     /// # Errors
-    /// Says that `what` is not available, where the spheres are written, and what to do.
-    pub fn refuse_many_particles(
+    /// Says that `what` is not available, where the spheres or the structure are written, and what to do.
+    pub fn refuse_other_engines(
         &self,
         (name, text): (&str, &str),
         values: &SetValues,
         what: &str,
+        several_places: bool,
     ) -> Result<(), Refusal> {
-        if self.many_particles.is_none() {
-            return Ok(());
-        }
-        let key = case::MANY_PARTICLES.name();
+        let spheres = self.many_particles.as_ref().map(|_| case::MANY_PARTICLES.name());
+        let (key, allowed, help) = match (spheres, &self.multi_degree) {
+            (Some(key), _) => (
+                key,
+                "spheres have no motion whose every event is found exactly, which it needs",
+                "`damprig simulate` and `damprig study` follow spheres; or take a `particle`",
+            ),
+            (None, Some(several)) if !several_places => (
+                several.key,
+                "it follows a structure of one degree of freedom",
+                "`damprig simulate`, `study` and `optimise` follow a structure with several places; or take a `structure`",
+            ),
+            _ => return Ok(()),
+        };
         let source = Source::new(name, text);
         let set = source.attach(&values.origin, &values.lines);
         let own = toml_of(&source).and_then(|(toml, _)| locate_in(&toml, &[Key(key)]));
         source.report(Problem {
             title: format!("{what} is not available for `{key}`"),
             span: own.or_else(|| locate_in(&set, &[Key(key)])).unwrap_or_default(),
-            allowed: "spheres have no motion whose every event is found exactly, which it needs".into(),
-            help: Some("`damprig simulate` and `damprig study` follow spheres; or take a `particle`".into()),
+            allowed: allowed.into(),
+            help: Some(help.into()),
         });
         source.verdict()
     }

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::Case;
 use super::many_particles::SpheresResult;
 use super::motion::{AccumulationRecord, ContactRecord, ImpactRecord};
+use super::multi_degree::driver::PlacesResult;
 use super::statistics::LastCycles;
 use super::wall_force;
 
@@ -33,6 +34,9 @@ pub struct SimulationResult {
     /// What only a many-particle damper has.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub many_particles: Option<SpheresResult>,
+    /// What a structure with several places has besides.
+    #[serde(flatten)]
+    pub multi_degree: Option<PlacesResult>,
     /// Where the run was stopped before its end, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped_at_s: Option<f64>,

@@ -59,7 +59,26 @@ fn is_bare(c: char) -> bool {
     c.is_ascii_alphanumeric() || c == '_' || c == '-'
 }
 
-/// Puts `values` into `own`, the table of a case at `path`. A table with a `kind` replaces the case's own, others are put in key by
+/// The path of what a table has under a key: of a table of a list that of the list.
+fn inside(path: &str, name: &str) -> String {
+    match (path.is_empty(), is_number(name)) {
+        (true, _) => name.to_string(),
+        (false, true) => path.to_string(),
+        (false, false) => format!("{path}.{name}"),
+    }
+}
+
+fn is_number(name: &str) -> bool {
+    name.parse::<usize>().is_ok()
+}
+
+/// Whether the keys are numbers, from 1, of the tables of a list of this length.
+fn are_of_list(values: &DeTable, length: usize) -> bool {
+    let is_one = |key: &str| key.parse::<usize>().is_ok_and(|number| (1..=length).contains(&number));
+    values.iter().all(|(key, value)| is_one(key.get_ref()) && value.get_ref().is_table())
+}
+
+/// Puts `values` into `own`, the table of a case at `path`; tables of a list have their numbers, from 1, as keys, which a list of one may leave out. A table with a `kind` replaces the case's own, others are put in key by
 /// key. The other keys of a quantity are removed: a `clearance_ratio` replaces a `clearance_m`.
 pub(super) fn put<'t>(own: &mut DeTable<'t>, values: &DeTable<'t>, path: &str) {
     for (key, value) in values {
@@ -67,13 +86,26 @@ pub(super) fn put<'t>(own: &mut DeTable<'t>, values: &DeTable<'t>, path: &str) {
         for other in alternatives(path, name) {
             own.remove(other);
         }
-        let inside = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
-        let own_table = own.get_mut(name).and_then(|own| match own.get_mut() {
-            DeValue::Table(own) => Some(own),
-            _ => None,
-        });
-        match (own_table, value.get_ref()) {
-            (Some(own), DeValue::Table(values)) if !values.contains_key("kind") => put(own, values, &inside),
+        let inside = inside(path, name);
+        match (own.get_mut(name).map(Spanned::get_mut), value.get_ref()) {
+            (Some(DeValue::Table(own)), DeValue::Table(values)) if !values.contains_key("kind") => {
+                put(own, values, &inside)
+            }
+            (Some(DeValue::Array(list)), DeValue::Table(values)) if list.len() == 1 && !are_of_list(values, 1) => {
+                if let Some(DeValue::Table(own)) = list.first_mut().map(Spanned::get_mut) {
+                    put(own, values, &inside);
+                }
+            }
+            (Some(DeValue::Array(list)), DeValue::Table(values)) if are_of_list(values, list.len()) => {
+                for (number, values) in values {
+                    let place = number.get_ref().parse::<usize>().map_or(0, |number| number - 1);
+                    if let (Some(DeValue::Table(own)), DeValue::Table(values)) =
+                        (list.get_mut(place).map(Spanned::get_mut), values.get_ref())
+                    {
+                        put(own, values, &inside);
+                    }
+                }
+            }
             _ => {
                 own.insert(key.clone(), Spanned::clone(value));
             }
@@ -88,11 +120,10 @@ pub(super) fn both_of_one<'v, 't>(
 ) -> Option<(&'v Spanned<std::borrow::Cow<'t, str>>, String, &'static str)> {
     values.iter().find_map(|(key, value)| {
         let name = key.get_ref().as_ref();
-        let inside = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
         let other = alternatives(path, name).find(|other| values.contains_key(*other));
         match (other, value.get_ref()) {
-            (Some(other), _) => Some((key, inside, other)),
-            (None, DeValue::Table(inner)) => both_of_one(inner, &inside),
+            (Some(other), _) => Some((key, inside(path, name), other)),
+            (None, DeValue::Table(inner)) => both_of_one(inner, &inside(path, name)),
             _ => None,
         }
     })
@@ -117,11 +148,17 @@ pub fn fixed_parameters(case: &str, changed: &[&str]) -> String {
     for key in changed {
         let (path, name) = key.rsplit_once('.').unwrap_or(("", key));
         fixed.remove(*key);
-        for other in alternatives(path, name) {
+        for other in alternatives(&without_numbers(path), name) {
             fixed.remove(format!("{path}.{other}").trim_start_matches('.'));
         }
     }
     serde_json::Value::from(fixed).to_string()
+}
+
+/// A path without the numbers of tables in lists.
+#[must_use]
+pub fn without_numbers(path: &str) -> String {
+    path.split('.').filter(|part| !is_number(part)).collect::<Vec<_>>().join(".")
 }
 
 fn flatten(value: serde_json::Value, key: String, flat: &mut serde_json::Map<String, serde_json::Value>) {
@@ -129,6 +166,11 @@ fn flatten(value: serde_json::Value, key: String, flat: &mut serde_json::Map<Str
         serde_json::Value::Object(table) => {
             for (name, value) in table {
                 flatten(value, if key.is_empty() { name } else { format!("{key}.{name}") }, flat);
+            }
+        }
+        serde_json::Value::Array(tables) if !tables.is_empty() && tables.iter().all(serde_json::Value::is_object) => {
+            for (number, table) in (1..).zip(tables) {
+                flatten(table, format!("{key}.{number}"), flat);
             }
         }
         value if !key.is_empty() => drop(flat.insert(key, value)),
@@ -174,6 +216,27 @@ mod tests {
         let all = changed(case, &["particle.wall={kind='voigt', material='rubber'}", "friction_damper.force_n=0.5"]);
         assert!(all.contains("kind='voigt'") && !all.contains("coefficient"), "{all}");
         assert!(all.contains("friction_damper") && all.contains("force_n=0.5"), "{all}");
+    }
+
+    #[test]
+    fn a_table_of_a_list_has_its_number_as_a_key() {
+        let case = "particle = [{mass_kg = 1, clearance_m = 0.02}, {mass_kg = 2, clearance_m = 0.03}]";
+        let mut document = DeTable::parse(case).expect("it is TOML");
+        let set = DeTable::parse("particle.2.clearance_ratio = 9").expect("it is TOML");
+        put(document.get_mut(), set.get_ref(), "");
+        let list = document.get_ref().get("particle").and_then(|list| list.get_ref().as_array()).expect("a list");
+        let keys = |n: usize| {
+            list[n]
+                .get_ref()
+                .as_table()
+                .map(|table| table.iter().map(|(key, _)| key.get_ref().to_string()).collect::<Vec<_>>())
+        };
+        assert_eq!(keys(0), Some(vec!["clearance_m".into(), "mass_kg".into()]));
+        assert_eq!(keys(1), Some(vec!["clearance_ratio".into(), "mass_kg".into()]));
+        let twice = DeTable::parse("particle.2 = {clearance_ratio = 9, clearance_m = 1}").expect("it is TOML");
+        assert!(both_of_one(twice.get_ref(), "").is_some());
+        let fixed = fixed_parameters(case, &["particle.2.clearance_ratio"]);
+        assert_eq!(fixed, "{\"particle.1.clearance_m\":0.02,\"particle.1.mass_kg\":1,\"particle.2.mass_kg\":2}");
     }
 
     #[test]

@@ -19,7 +19,7 @@ pub fn warning(case: &Case, key: &str, first_cycle: f64, [cycle_s, end_s]: [f64;
     }
     let start_s = first_cycle * cycle_s;
     let found = unsettled(&case.set_up.structure, [start_s, end_s - start_s], CASE_TOLERANCE)?;
-    let may_shorten = case.set_up.particle.is_some() || case.many_particles.is_some();
+    let may_shorten = case.has_impacts();
     let unless = if may_shorten { ", unless the damper shortens it" } else { "" };
     Some(format!(
         "the counted cycles begin after {first_cycle} cycles, when {:.0} % of the structure's free vibration is left{unless}: exp(−ζωt), time \

@@ -8,7 +8,7 @@ use super::collector::{Collector, RunOptions};
 use super::motion::Viewer;
 use super::result::{SimulationResult, Summary};
 use super::statistics::LastCyclesMeter;
-use super::{Case, exact_driver, many_particles, sampled_driver};
+use super::{Case, exact_driver, many_particles, multi_degree, sampled_driver};
 
 /// Simulates a case. `viewer` sees the motion too.
 ///
@@ -20,7 +20,13 @@ pub fn simulate<V: Viewer>(case: &Case, viewer: &mut V, options: RunOptions) -> 
     let cycle_s = case.run.cycle_s.or(steady_from_cycle.map(|_| case.cycle_s()));
     let wanted = Wanted { cycle_s, steady_from_cycle, whole_run: true };
     let mut spheres = None;
+    let mut places = None;
     let (summary, end) = match (&case.many_particles, &case.record) {
+        _ if let Some(several) = &case.multi_degree => {
+            let (summary, end, result) = multi_degree::driver::run(case, several, wanted, &mut collector, options)?;
+            places = Some(result);
+            (summary, end)
+        }
         (Some(damper), _) => {
             let (summary, end, result) = many_particles::driver::run(case, damper, wanted, &mut collector, options)?;
             spheres = Some(result);
@@ -52,6 +58,7 @@ pub fn simulate<V: Viewer>(case: &Case, viewer: &mut V, options: RunOptions) -> 
         accumulations: std::mem::take(&mut collector.events.accumulations),
         stopped_at_s: (!is_complete).then_some(summary.simulated_s),
         many_particles: spheres,
+        multi_degree: places,
         last_cycles: collector.last_cycles.as_ref().filter(|_| is_complete).and_then(LastCyclesMeter::last_cycles),
         summary,
     })

@@ -99,6 +99,12 @@ impl MotionRow {
     }
 }
 
+/// Of a structure with several impact dampers.
+fn damper_columns(impacts: &[ImpactRecord]) -> TableBuilder<'_, ImpactRecord> {
+    let number = |impact: &ImpactRecord| i32::try_from(impact.damper.unwrap_or(1)).unwrap_or(i32::MAX);
+    impact_columns(impacts).column(Column::new("damper", "", "number of the impact damper, from 1"), number)
+}
+
 fn impact_columns(impacts: &[ImpactRecord]) -> TableBuilder<'_, ImpactRecord> {
     TableBuilder::new(impacts)
         .column(Column::new("t_s", "s", "time"), |impact| impact.t_s)
@@ -150,7 +156,8 @@ impl TimeHistory {
         let motion = TableFile::create(&to.path, format, "motion", MotionRow::columns, motion)?;
         let impacts = || {
             let about = about("a row for each impact");
-            TableFile::create(&to.impacts().path, format, "impacts", impact_columns, about)
+            let columns = if case.multi_degree.is_some() { damper_columns } else { impact_columns };
+            TableFile::create(&to.impacts().path, format, "impacts", columns, about)
         };
         let contacts = || {
             let about = about("a row for each contact with a Hertz wall that has ended");

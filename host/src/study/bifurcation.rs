@@ -111,7 +111,7 @@ pub fn cases(source_name: &str, text: &str, name: &str, sweep: &Sweep, set: &Set
         let lines = format!("{}{} = {value:?}\n", set.lines, sweep.key);
         let values = SetValues { origin: "--axis and --set".into(), lines };
         let case = Case::parse_changed(&Source::new(source_name, text), name, &values)?;
-        case.refuse_many_particles((source_name, text), &values, "a bifurcation diagram")?;
+        case.refuse_other_engines((source_name, text), &values, "a bifurcation diagram", false)?;
         match case.excitation {
             Excitation::Sine { .. } | Excitation::ForceSine { .. } if case.record.is_none() => Ok(case),
             _ => Err(Refusal(format!(

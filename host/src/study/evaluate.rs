@@ -111,7 +111,7 @@ pub fn rows(study: &Study, rows: Range<u64>, go_on: GoOn) -> Result<Vec<Vec<f64>
             let case = study.case_with(&study.points.values(&study.axes, row, point))?;
             match &study.ensemble {
                 None => cases.push(case),
-                Some(ensemble) => cases.extend(ensemble.shares.iter().map(|share| started_at(&case, *share))),
+                Some(ensemble) => cases.extend(ensemble.shares.iter().map(|share| case.started_at(*share))),
             }
         }
     }
@@ -138,7 +138,7 @@ fn row_of(study: &Study, band: &Band, row: u64, simulated: &[Simulated], go_on: 
                         values[*axis] = value.clone();
                     }
                     let case = study.case_with(&values)?;
-                    Ok(share.map_or_else(|| case.clone(), |share| started_at(&case, share)))
+                    Ok(share.map_or_else(|| case.clone(), |share| case.started_at(share)))
                 };
                 let cases = points.iter().map(case).collect::<Result<Vec<Case>, Refusal>>()?;
                 let found = metrics_of_all(&cases, study.record, &[*metric], go_on)?;
@@ -166,16 +166,6 @@ fn row_of(study: &Study, band: &Band, row: u64, simulated: &[Simulated], go_on: 
     }
     row_values.push(unresolved);
     Ok(row_values)
-}
-
-/// The case with its particle at this share of the clearance from the centre.
-#[must_use]
-pub fn started_at(case: &Case, share: f64) -> Case {
-    let mut case = case.clone();
-    if let Some(particle) = &case.set_up.particle {
-        case.initial.y_m = case.initial.x_m + (particle.cavity.offset_m + share * particle.clearance_m);
-    }
-    case
 }
 
 /// A quantile of sorted values, linear between them (type 7 of Hyndman and Fan); not a number if one of them is not.
@@ -232,7 +222,7 @@ pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Quantity]) ->
     let refused = |invalid: damprig_core::io::Invalid| Refusal(invalid.to_string());
     // The analysis runs the motion again, and some of its periods many times.
     let times = if metrics.iter().any(|metric| metric::needs_analysis(*metric)) { 4.0 } else { 1.0 };
-    if case.many_particles.is_some() {
+    if case.many_particles.is_some() || case.multi_degree.is_some() {
         let run = RunSpec { duration_s: end_s, ..RunSpec::default() };
         return Ok(times * cost::estimate(&Case { run, ..case }).map_err(refused)?.seconds);
     }

@@ -197,7 +197,7 @@ impl Study {
 
     fn check_at(&self, source: &Source, values: &[Value]) -> Result<(), Refusal> {
         let case = self.varied_case().checked(source, values)?;
-        if self.ensemble.is_some() && case.set_up.particle.is_none() {
+        if self.ensemble.is_some() && !case.has_particle() {
             return Err(Refusal(format!(
                 "[ensemble] is for a particle, and {} has none\n  leave it out",
                 self.case_path.display()

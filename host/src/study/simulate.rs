@@ -8,7 +8,7 @@ use super::metric::{self, Figures, Periodicity};
 use crate::input::Refusal;
 use crate::quantity::Quantity;
 use crate::simulation::result::Summary;
-use crate::simulation::{Case, RunOptions, cost, many_particles, simulate};
+use crate::simulation::{Case, RunOptions, cost, many_particles, multi_degree, simulate};
 
 /// Asked now and then, also inside a simulation, whether to go on.
 pub type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);
@@ -131,13 +131,18 @@ fn figures(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoO
     if case.record.is_some() {
         return figures_on_record(case, go_on);
     }
-    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial).map_err(invalid)?;
     let from_s = counted.first_cycle * counted.cycle_s;
     let wanted = Wanted {
         cycle_s: Some(counted.cycle_s),
         steady_from_cycle: Some(first_cycle),
         whole_run: metrics.iter().any(|metric| metric::needs_whole_run(*metric)),
     };
+    if let Some(several) = &case.multi_degree {
+        let simulated = multi_degree::driver::counted(case, several, (first_cycle, from_s), end_s, wanted, go_on);
+        let (response, unresolved) = simulated.map_err(invalid)?.ok_or(Halt::Stopped)?;
+        return Ok(of(Summary::of(case, &response, end_s, unresolved), None));
+    }
+    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial).map_err(invalid)?;
     let response = response_from(&mut motion, (first_cycle, from_s), end_s, wanted, go_on).ok_or(Halt::Stopped)?;
     Ok(of(Summary::of(case, &response, end_s, motion.unresolved()), None))
 }

@@ -43,6 +43,7 @@ mod monitor;
 mod monitor_folder;
 #[cfg(unix)]
 mod monitor_run;
+mod multi_degree;
 mod mutations;
 mod noise;
 mod not_files;

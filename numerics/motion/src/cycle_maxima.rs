@@ -1,7 +1,6 @@
 //! Measures the largest |x| of every cycle of a run.
 
-use super::statistics::{largest_abs, x};
-use super::{Piece, Viewer};
+use super::{Displacement, Piece, Viewer};
 
 /// Intervals of a piece in which an extremum is looked for: an arc has at most one, an interval of a record a few.
 const INTERVALS: u32 = 4;
@@ -41,7 +40,8 @@ impl Viewer for CycleMaxima {
             if cycle >= self.maxima_m.len() {
                 self.maxima_m.resize(cycle + 1, 0.0);
             }
-            self.maxima_m[cycle] = largest_abs(piece, (from_s, to_s), INTERVALS, x, self.maxima_m[cycle]);
+            self.maxima_m[cycle] =
+                piece.largest_abs_m(Displacement::X, (from_s, to_s), INTERVALS, self.maxima_m[cycle]);
             if to_s >= length_s {
                 break;
             }

@@ -29,6 +29,27 @@ pub struct MotionState {
     pub base_velocity_m_per_s: f64,
 }
 
+/// A displacement whose largest magnitude is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Displacement {
+    /// x.
+    X,
+    /// x − z.
+    XMinusZ,
+}
+
+impl Displacement {
+    /// Its value, m, and rate, m/s, in a state.
+    #[must_use]
+    pub fn of(self, at: &MotionState) -> (f64, f64) {
+        let (z_m, base_velocity_m_per_s) = match self {
+            Self::X => (0.0, 0.0),
+            Self::XMinusZ => (at.z_m, at.base_velocity_m_per_s),
+        };
+        (at.state.x_m - z_m, at.state.v_m_per_s - base_velocity_m_per_s)
+    }
+}
+
 /// A piece of motion without an event inside. Pieces follow each other without gaps.
 pub trait Piece {
     /// Start, s.
@@ -39,6 +60,15 @@ pub trait Piece {
     fn at(&self, after_s: f64) -> MotionState;
     /// Stick, slip and contact along it.
     fn phase(&self) -> Phase;
+    /// ∫ of a displacement's square over it, m²·s: by a quadrature that is exact for pieces without fast parts, unless the piece knows better.
+    fn square_m2_s(&self, of: Displacement) -> f64 {
+        statistics::square_m2_s(self, of)
+    }
+    /// The largest magnitude of a displacement between two times after its start, s, if above `least_m`. The interval is divided into
+    /// `parts` with at most one extremum each, unless the piece knows better.
+    fn largest_abs_m(&self, of: Displacement, window_s: (f64, f64), parts: u32, least_m: f64) -> f64 {
+        statistics::largest_abs_m(self, of, window_s, parts, least_m)
+    }
 }
 
 /// An impact, or the first touch of a soft wall.
@@ -50,9 +80,12 @@ pub struct ImpactRecord {
     pub side: i8,
     /// |x′ − y′| before the impact, m/s.
     pub approach_speed_m_per_s: f64,
-    /// y at the impact, m.
+    /// y at the impact, m; not a number if it is not of the second mass that is shown.
     #[serde(skip)]
     pub y_m: f64,
+    /// Number of the impact damper, from 1, on a structure with several places.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub damper: Option<u32>,
 }
 
 /// A chatter that ended with the particle at rest on a wall. The impacts of its tail are summed, not listed.
@@ -274,6 +307,7 @@ impl<V: Viewer> exact::Observer for ExactObserver<V> {
             side: impact.side,
             approach_speed_m_per_s: impact.approach_speed_m_per_s,
             y_m: impact.before.y_m(),
+            damper: None,
         });
     }
 

@@ -185,7 +185,8 @@ impl sampled::Observer<f64> for SampledObserver<'_> {
         let t_s = at.time_s(impact.at);
         if t_s <= at.duration_s {
             let approach_speed_m_per_s = impact.approach / at.step_s;
-            let record = ImpactRecord { t_s, side: impact.side, approach_speed_m_per_s, y_m: at.state.y_m() };
+            let record =
+                ImpactRecord { t_s, side: impact.side, approach_speed_m_per_s, y_m: at.state.y_m(), damper: None };
             Viewer::impact(&mut at.response, &record);
             self.viewer.impact(&record);
         }

@@ -4,48 +4,47 @@
 use damprig_core::integrator::exact::response::{NODES, Response};
 use serde::Serialize;
 
-use super::{AccumulationRecord, ImpactRecord, MotionState, Piece, Viewer};
+use super::{AccumulationRecord, Displacement, ImpactRecord, Piece, Viewer};
 
-/// A quantity of a motion state and its rate.
-pub(crate) type ValueAndRate = fn(&MotionState) -> (f64, f64);
-
-pub(crate) fn x(at: &MotionState) -> (f64, f64) {
-    (at.state.x_m, at.state.v_m_per_s)
-}
-
-fn x_minus_z(at: &MotionState) -> (f64, f64) {
-    (at.state.x_m - at.z_m, at.state.v_m_per_s - at.base_velocity_m_per_s)
-}
-
-/// The largest of `least` and the quantity's magnitude between two times of a piece. The piece is divided into `parts`
+/// The largest magnitude of a displacement between two times of a piece, if above `least_m`. The piece is divided into `parts`
 /// intervals with at most one extremum each, where the rate changes its sign.
-pub(crate) fn largest_abs(
-    piece: &dyn Piece,
+pub(crate) fn largest_abs_m<P: Piece + ?Sized>(
+    piece: &P,
+    of: Displacement,
     (from_s, to_s): (f64, f64),
     parts: u32,
-    of: ValueAndRate,
-    least: f64,
+    least_m: f64,
 ) -> f64 {
-    let mut largest = least;
-    let mut last = (from_s, of(&piece.at(from_s)));
+    let at = |after_s: f64| of.of(&piece.at(after_s));
+    let mut largest = least_m;
+    let mut last = (from_s, at(from_s));
     for part in 1..=parts {
         let end_s = from_s + (to_s - from_s) * f64::from(part) / f64::from(parts);
-        let end = (end_s, of(&piece.at(end_s)));
+        let end = (end_s, at(end_s));
         largest = largest.max(last.1.0.abs()).max(end.1.0.abs());
         if last.1.1 * end.1.1 < 0.0 {
-            largest = largest.max(turning_point(piece, (last.0, last.1.1), (end.0, end.1.1), of));
+            largest = largest.max(turning_point(at, (last.0, last.1.1), (end.0, end.1.1)));
         }
         last = end;
     }
     largest
 }
 
+/// ∫ of a displacement's square over a piece, m²·s, by eight-point quadrature.
+pub(crate) fn square_m2_s<P: Piece + ?Sized>(piece: &P, of: Displacement) -> f64 {
+    let half_s = 0.5 * piece.length_s();
+    let square = |at_s: f64| of.of(&piece.at(at_s)).0.powi(2);
+    let pairs =
+        NODES.iter().map(|(node, weight)| weight * (square(half_s * (1.0 - node)) + square(half_s * (1.0 + node))));
+    half_s * pairs.sum::<f64>()
+}
+
 /// |value| where the rate is zero between two times, by bracketed secant steps (Illinois).
-fn turning_point(piece: &dyn Piece, mut low: (f64, f64), mut high: (f64, f64), of: ValueAndRate) -> f64 {
+fn turning_point(at: impl Fn(f64) -> (f64, f64), mut low: (f64, f64), mut high: (f64, f64)) -> f64 {
     let mut largest = 0.0_f64;
     for _ in 0..40 {
         let at_s = low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1);
-        let (value, rate) = of(&piece.at(at_s));
+        let (value, rate) = at(at_s);
         largest = largest.max(value.abs());
         // A further step would change the value by less than rounding.
         if rate == 0.0 || (rate * (high.0 - low.0)).abs() <= 1e-16 * value.abs() {
@@ -65,20 +64,15 @@ fn turning_point(piece: &dyn Piece, mut low: (f64, f64), mut high: (f64, f64), o
 impl Viewer for Response {
     fn piece(&mut self, piece: &dyn Piece) {
         let (start_s, length_s) = (piece.start_s(), piece.length_s());
-        let largest = |from_s, to_s, least_m| largest_abs(piece, (from_s, to_s), 1, x, least_m);
+        let largest = |from_s, to_s, least_m| piece.largest_abs_m(Displacement::X, (from_s, to_s), 1, least_m);
         self.take_x([start_s, start_s + length_s], length_s, |after_s| after_s, largest);
         let add_squares = |square_m2_s: &mut f64, relative_square_m2_s: &mut f64| {
-            let half_s = 0.5 * length_s;
-            for (node, weight) in NODES {
-                for at_s in [half_s * (1.0 - node), half_s * (1.0 + node)] {
-                    let at = piece.at(at_s);
-                    let (x_m, relative_m) = (at.state.x_m, at.state.x_m - at.z_m);
-                    *square_m2_s += half_s * weight * x_m * x_m;
-                    *relative_square_m2_s += half_s * weight * relative_m * relative_m;
-                }
-            }
+            *square_m2_s += piece.square_m2_s(Displacement::X);
+            *relative_square_m2_s += piece.square_m2_s(Displacement::XMinusZ);
         };
-        self.take_whole(length_s, add_squares, |least_m| largest_abs(piece, (0.0, length_s), 1, x_minus_z, least_m));
+        self.take_whole(length_s, add_squares, |least_m| {
+            piece.largest_abs_m(Displacement::XMinusZ, (0.0, length_s), 1, least_m)
+        });
     }
 
     fn impact(&mut self, impact: &ImpactRecord) {
@@ -159,7 +153,7 @@ impl Viewer for LastCyclesMeter {
             let boundary_s = self.from_s + (cycle + 1) as f64 * self.cycle_s - start_s;
             let is_last = cycle == 2 * COMPARED - 1 || boundary_s <= at_s;
             let to_s = if is_last { length_s } else { boundary_s.min(length_s) };
-            self.maxima_m[cycle] = largest_abs(piece, (at_s, to_s), 4, x, self.maxima_m[cycle]);
+            self.maxima_m[cycle] = piece.largest_abs_m(Displacement::X, (at_s, to_s), 4, self.maxima_m[cycle]);
             at_s = to_s;
         }
     }
@@ -174,7 +168,7 @@ impl Viewer for LastCyclesMeter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Phase;
+    use crate::{MotionState, Phase};
     use damprig_core::integrator::exact::flow::ExactState;
     use damprig_core::integrator::exact::response::Wanted;
     use damprig_core::integrator::modes::{Contact, Grip, Mode};

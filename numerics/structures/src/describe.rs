@@ -133,11 +133,19 @@ impl Modes {
         Ok(Self { modes, influence: influence.to_vec(), coupling_per_s })
     }
 
-    /// A frame of storeys, from the ground up; the places are its floors.
+    /// A frame of storeys with their own damping, from the ground up; the places are its floors.
     ///
     /// # Errors
     /// No storey, or a value out of range.
     pub fn storeys(storeys: &[Storey]) -> Result<Self, Refused> {
+        Self::frame(storeys, &Damping::Matrix(chain(storeys, |storey| storey.damping_n_s_per_m)))
+    }
+
+    /// A frame of storeys with another damping than theirs.
+    ///
+    /// # Errors
+    /// As [`Modes::storeys`].
+    pub fn frame(storeys: &[Storey], damping: &Damping) -> Result<Self, Refused> {
         let n = storeys.len();
         if n == 0 {
             return Err(Refused::Count { what: "structure.storeys", found: 0, expected: 1 });
@@ -147,22 +155,10 @@ impl Modes {
             positive("structure.storeys.stiffness_n_per_m", storey.stiffness_n_per_m)?;
             not_negative("structure.storeys.damping_n_s_per_m", storey.damping_n_s_per_m)?;
         }
-        let chain = |of: fn(&Storey) -> f64| -> Vec<f64> {
-            let mut rows = vec![0.0; n * n];
-            for (i, storey) in storeys.iter().enumerate() {
-                rows[i * n + i] += of(storey);
-                if let Some(below) = i.checked_sub(1) {
-                    rows[below * n + below] += of(storey);
-                    rows[i * n + below] -= of(storey);
-                    rows[below * n + i] -= of(storey);
-                }
-            }
-            rows
-        };
         let mass: Vec<f64> =
             (0..n * n).map(|at| if at / n == at % n { storeys[at / n].mass_kg } else { 0.0 }).collect();
-        let damping = Damping::Matrix(chain(|storey| storey.damping_n_s_per_m));
-        Self::from_matrices(&mass, &chain(|storey| storey.stiffness_n_per_m), &damping, &vec![1.0; n])
+        let stiffness = chain(storeys, |storey| storey.stiffness_n_per_m);
+        Self::from_matrices(&mass, &stiffness, damping, &vec![1.0; n])
     }
 
     /// The bending modes of a beam.
@@ -189,7 +185,12 @@ impl Modes {
         let modes = (1..=beam.modes)
             .map(|n| {
                 let wave = if is_free { cantilever_root(n, tip_ratio) } else { n as f64 * std::f64::consts::PI };
-                let shape = |s: f64| if is_free { cantilever_shape(wave, s) } else { (wave * s).sin() };
+                let shape = |s: f64| match is_free {
+                    // Supports do not move.
+                    _ if s == 0.0 || (!is_free && s == 1.0) => 0.0,
+                    true => cantilever_shape(wave, s),
+                    false => (wave * s).sin(),
+                };
                 let tip = if is_free { shape(1.0) } else { 0.0 };
                 let square = integral(wave, |s| shape(s) * shape(s)) + tip_ratio * tip * tip;
                 let scale = 1.0 / (mass * square).sqrt();
@@ -206,6 +207,21 @@ impl Modes {
             .collect();
         Ok(Self { modes, influence: vec![1.0; beam.places_m.len()], coupling_per_s: Vec::new() })
     }
+}
+
+/// The matrix of springs or dashpots between each floor and the one below, by rows.
+fn chain(storeys: &[Storey], of: fn(&Storey) -> f64) -> Vec<f64> {
+    let n = storeys.len();
+    let mut rows = vec![0.0; n * n];
+    for (i, storey) in storeys.iter().enumerate() {
+        rows[i * n + i] += of(storey);
+        if let Some(below) = i.checked_sub(1) {
+            rows[below * n + below] += of(storey);
+            rows[i * n + below] -= of(storey);
+            rows[below * n + i] -= of(storey);
+        }
+    }
+    rows
 }
 
 /// A symmetric matrix from its rows.

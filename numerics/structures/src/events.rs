@@ -169,7 +169,7 @@ impl Motion {
                 if self.mount.cavities[particle].is_soft(side) {
                     self.contacts.touches[particle] = Touch::Pressing(side);
                     let approach_speed_m_per_s = signed(side, self.offset(particle).1);
-                    observer.impact(&Impact { time_s: self.time_s(), damper: particle, side, approach_speed_m_per_s });
+                    observer.impact(&self.impact(particle, side, approach_speed_m_per_s));
                     return self.resolve(&zero, &[(Event::Releases(particle, side), 1)]);
                 }
                 self.contacts.touches[particle] = Touch::Wall(side);
@@ -232,6 +232,13 @@ impl Motion {
         }
     }
 
+    /// What an observer is told of an impact now.
+    fn impact(&self, damper: usize, side: Sign, approach_speed_m_per_s: f64) -> Impact {
+        let base_m = self.mount.cavities[damper].influence * self.base().0;
+        let y_m = self.q[self.mount.permanent + damper] + base_m;
+        Impact { time_s: self.time_s(), damper, side, approach_speed_m_per_s, y_m }
+    }
+
     /// Impacts at one instant: of the particles in `hits`, together with those that rest at a wall.
     pub(crate) fn hit<O: Observer>(
         &mut self,
@@ -255,7 +262,7 @@ impl Motion {
             if let Some(closed) = closed.iter().find(|closed| closed.particle == damper) {
                 let approach_speed_m_per_s = closed.approach;
                 self.fastest_m_per_s = self.fastest_m_per_s.max(approach_speed_m_per_s);
-                observer.impact(&Impact { time_s: self.time_s(), damper, side, approach_speed_m_per_s });
+                observer.impact(&self.impact(damper, side, approach_speed_m_per_s));
             }
         }
         let before = self.v.clone();

@@ -21,6 +21,8 @@ pub struct Impact {
     pub side: Sign,
     /// |y′ − x′| just before, m/s.
     pub approach_speed_m_per_s: f64,
+    /// y, m.
+    pub y_m: f64,
 }
 
 /// What a piece is made of.

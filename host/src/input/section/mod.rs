@@ -228,6 +228,11 @@ impl<'a> Section<'a> {
         self.value(key).is_some_and(|v| v.get_ref().is_table())
     }
 
+    /// Whether the value of `key` is a list.
+    fn is_list(&self, key: &'static str) -> bool {
+        self.value(key).is_some_and(|v| v.get_ref().is_array())
+    }
+
     /// A table inside this one that takes missing keys from `inherited`, the table of that name at the top of the file. None
     /// without a table of its own.
     fn table(&self, key: &'static str, inherited: Option<&'a DeTable<'a>>) -> Option<Section<'a>> {

@@ -53,6 +53,11 @@ impl<'a> Section<'a> {
         !self.found(quantity).is_empty()
     }
 
+    /// Leaves a quantity to another reader of the same table.
+    pub fn leave(&self, quantity: &Quantity) {
+        self.found(quantity);
+    }
+
     /// The key under which a quantity is written; the section's own before an inherited one.
     pub fn written(&self, quantity: &Quantity) -> Option<&'static Key> {
         let found = self.found(quantity);
@@ -155,7 +160,7 @@ impl<'a> Section<'a> {
             self.reject(key.name, format!("{allowed} {name} = {word:?}"), Some("leave it out".into()));
         } else if !holds {
             self.reject(key.name, format!("goes with `{name}`, which is not given"), None);
-        } else if key.kind == Kind::Table {
+        } else if matches!(key.kind, Kind::Table | Kind::OneOrMoreTables) {
             self.source.report(Problem {
                 title: format!("`{}` and `{}` are both given", self.full(key.name), self.full(name)),
                 span: self.span_of(key.name),
@@ -196,7 +201,8 @@ impl<'a> Section<'a> {
             }
             Kind::Text | Kind::TextOrPlace => self.text(key.name).map(Given::Text),
             Kind::Texts => self.texts(key.name).map(Given::Texts),
-            Kind::Table => self.table(key.name, None).map(Given::Table),
+            Kind::OneOrMoreTables if self.is_list(key.name) => Some(Given::Tables(self.tables(key.name))),
+            Kind::Table | Kind::OneOrMoreTables => self.table(key.name, None).map(Given::Table),
             Kind::Tables => Some(Given::Tables(self.tables(key.name))),
         }
     }
@@ -257,6 +263,12 @@ impl<'a> Section<'a> {
     pub fn table_of(&self, quantity: &Quantity, inherited: Option<&'a DeTable<'a>>) -> Option<Section<'a>> {
         match self.given(quantity)? {
             (place, Given::Table(_)) => self.table(quantity.keys[place].name, inherited),
+            (place, Given::Tables(_)) => {
+                let help =
+                    "several are mounted on a structure with several places: `storey`, `beam` or `mode` in a case";
+                self.reject(quantity.keys[place].name, "must be one table here", Some(help.into()));
+                None
+            }
             _ => None,
         }
     }
@@ -270,10 +282,11 @@ impl<'a> Section<'a> {
         Some(Section::new(self.source, self.full(quantity.name()), self.span(), &EMPTY, None))
     }
 
-    /// A declared list of tables; empty if it is left out, or after a problem has been reported.
+    /// A declared list of tables, or the one table in place of it; empty if it is left out, or after a problem has been reported.
     pub fn tables_of(&self, quantity: &Quantity) -> Vec<Section<'a>> {
         match self.written(quantity).and_then(|key| self.read(key)) {
             Some(Given::Tables(tables)) => tables,
+            Some(Given::Table(table)) => vec![table],
             _ => Vec::new(),
         }
     }

@@ -5,6 +5,7 @@ pub mod calibration;
 pub mod campaign;
 pub mod comparison;
 pub mod continuation;
+pub mod multi_degree;
 pub mod optimise;
 pub mod set_ups;
 pub mod simulation;

@@ -8,6 +8,7 @@ use damprig_particles::{Damper, Elasticity};
 use crate::motion_record::{Quantity, Record};
 use crate::report::describe;
 use crate::report::numbers::{about, millimetres, significant};
+use crate::report::terminal::multi_degree;
 use crate::simulation::collector::MAX_ACCUMULATIONS_WITHOUT_IMPACTS;
 use crate::simulation::cost::{Cost, LONG_S};
 use crate::simulation::many_particles::SpheresResult;
@@ -37,7 +38,7 @@ pub fn warnings(case: &Case, cost: &Cost, history: Option<(&TablePath, f64)>) ->
         ));
     }
     if cost.seconds > LONG_S {
-        let pieces = if case.many_particles.is_some() { "steps" } else { "arcs" };
+        let pieces = if case.many_particles.is_some() || case.multi_degree.is_some() { "steps" } else { "arcs" };
         warnings.push(format!(
             "simulating {} s may take {} ({} {pieces}), judging by the first {} s; Ctrl-C stops the run and keeps the results so far",
             significant(case.run.duration_s, 6),
@@ -62,6 +63,11 @@ pub fn warnings(case: &Case, cost: &Cost, history: Option<(&TablePath, f64)>) ->
 
 /// The set-up, a line per part.
 fn set_up(case: &Case) -> Vec<(&'static str, String)> {
+    if let Some(several) = &case.multi_degree {
+        let mut lines = multi_degree::set_up(several);
+        lines.push(("excitation", describe::excitation(case)));
+        return lines;
+    }
     let structure = &case.set_up.structure;
     let omega = structure.angular_frequency_rad_per_s();
     let mut lines = vec![(
@@ -222,13 +228,16 @@ pub fn summary(case: &Case, result: &SimulationResult) -> String {
     }
     lines.push(("RMS of x", millimetres(s.rms_x_m) + &over(s.rms_x_m, "RMS")));
     if case.has_impacts() {
-        let kind = if case.set_up.has_soft_walls() { "contacts" } else { "impacts" };
+        let kind = if case.has_soft_walls() { "contacts" } else { "impacts" };
         let rate = last_cycles
             .map_or(String::new(), |e| format!(", {} per cycle at the end", significant(e.impacts_per_cycle, 3)));
         lines.push((kind, format!("{}{rate}", s.impact_count)));
     }
     if let Some(spheres) = &result.many_particles {
         lines.extend(spheres_results(spheres));
+    }
+    if let Some(places) = &result.multi_degree {
+        lines.extend(multi_degree::results(places));
     }
     if s.accumulation_count > 0 {
         lines.push(("accumulations", accumulations(result)));

@@ -75,6 +75,7 @@ impl SpheresRun {
                 side: impact.side,
                 approach_speed_m_per_s: impact.approach_speed_m_per_s,
                 y_m: impact.centre_m,
+                damper: None,
             });
         });
         self.steps += 1;

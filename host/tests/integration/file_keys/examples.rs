@@ -145,7 +145,96 @@ measure_s = 2
 cycles = 4
 "#;
 
-pub const MORE_CASES: [&str; 14] = [
+pub const MORE_CASES: [&str; 20] = [
+    r#"
+modal_damping_ratio = 0.02
+observed_place = "floor 1"
+base = { kind = "sine", amplitude_m = 0.001, frequency_ratio = 0.9 }
+run = { duration_s = 1 }
+[[storey]]
+mass_kg = 100
+stiffness_n_per_m = 5e4
+[[storey]]
+name = "roof"
+mass_kg = 80
+stiffness_n_per_m = 4e4
+[[friction_damper]]
+place = "roof"
+other_place = "floor 1"
+force_n = 2
+[[tmd]]
+place = "roof"
+mass_ratio = 0.05
+tuning = "den_hartog"
+"#,
+    r#"
+run = { duration_s = 1 }
+[[storey]]
+mass_kg = 100
+stiffness_n_per_m = 5e4
+damping_n_s_per_m = 20
+[particle]
+place = "floor 1"
+mass_kg = 5
+clearance_m = 0.01
+wall = { kind = "restitution", coefficient = 0.5 }
+[friction_damper]
+place = "floor 1"
+friction_ratio = 0.1
+[base]
+kind = "sine"
+amplitude_m = 0.001
+frequency_hz = 3
+"#,
+    r#"
+observed_position_m = 0.3
+beam = { kind = "cantilever", length_m = 0.3, youngs_modulus_pa = 2.1e11, second_moment_m4 = 2e-8, density_kg_per_m3 = 7850, area_m2 = 5e-4, tip_mass_kg = 0.4, modes = 3, damping_ratio = 0.01 }
+force = { kind = "sine", amplitude_n = 12, frequency_hz = 120, position_m = 0.3 }
+initial = { x_m = 1e-4, v_m_per_s = 0.01, mode = 2 }
+run = { duration_s = 0.1 }
+[[friction_damper]]
+position_m = 0.2
+other_position_m = 0.3
+force_n = 2
+[[particle]]
+position_m = 0.28
+mass_ratio = 0.05
+clearance_m = 2e-4
+wall = { kind = "restitution", coefficient = 0.5 }
+"#,
+    r#"
+beam = { kind = "simply_supported", length_m = 2, bending_stiffness_n_m2 = 4000, mass_per_length_kg_per_m = 4, damping_ratio = 0.01 }
+force = { kind = "half_sine", amplitude_n = 12, duration_s = 0.01, position_m = 1.5 }
+run = { duration_s = 0.1 }
+[tmd]
+position_m = 1
+mass_kg = 0.1
+stiffness_n_per_m = 1000
+damping_n_s_per_m = 1
+"#,
+    r#"
+places = ["tip", "middle"]
+force = { kind = "half_sine", amplitude_n = 12, duration_s = 0.01, place = "middle" }
+run = { duration_s = 0.1 }
+[[mode]]
+frequency_hz = 118
+damping_ratio = 0.011
+shape_per_root_kg = [1.1, 0.4]
+[[mode]]
+angular_frequency_rad_per_s = 4700
+damping_ratio = 0.008
+shape_per_root_kg = [1, -0.7]
+participation_root_kg = 0.4
+"#,
+    r#"
+places = ["tip"]
+force = { kind = "sine", amplitude_n = 1, frequency_hz = 100, place = "tip" }
+run = { duration_s = 0.1 }
+[[mode]]
+frequency_hz = 118
+damping_ratio = 0.011
+shape_per_root_kg = [1.1]
+"#,
     r#"
 structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
 run = { duration_s = 0.01 }

@@ -1,0 +1,82 @@
+//! Text of a structure with several places: its modes and dampers, and what each place and damper did.
+
+use std::f64::consts::TAU;
+
+use crate::report::describe;
+use crate::report::numbers::{millimetres, significant};
+use crate::simulation::multi_degree::MultiDegree;
+use crate::simulation::multi_degree::driver::{DamperResult, PlaceResult, PlacesResult};
+
+/// Most modes that are listed.
+const LISTED: usize = 5;
+
+/// The structure and its dampers, a line per part.
+pub fn set_up(several: &MultiDegree) -> Vec<(&'static str, String)> {
+    let set_up = &several.set_up;
+    let mut modes: Vec<_> = set_up.structure.modes.iter().collect();
+    modes.sort_by(|a, b| a.angular_frequency_rad_per_s.total_cmp(&b.angular_frequency_rad_per_s));
+    let more = if modes.len() > LISTED { ", …" } else { "" };
+    let list = |of: &dyn Fn(&damprig_structures::Mode) -> f64, digits| {
+        let listed: Vec<String> = modes.iter().take(LISTED).map(|mode| significant(of(mode), digits)).collect();
+        format!("{}{more}", listed.join(", "))
+    };
+    let frequencies = list(&|mode| mode.angular_frequency_rad_per_s / TAU, 5);
+    let ratios = list(&|mode| mode.damping_ratio, 3);
+    let mut lines = vec![
+        ("structure", several.kind.clone()),
+        ("modes", format!("{}: {frequencies} Hz, ζ = {ratios}", modes.len())),
+    ];
+    let place = |number: usize| format!("at {}", several.places[number]);
+    for damper in &set_up.impact_dampers {
+        let particle = &damper.particle;
+        let friction = match particle.friction_coefficient {
+            0.0 => String::new(),
+            mu => format!(", μi = {}", significant(mu, 4)),
+        };
+        lines.push((
+            "particle",
+            format!(
+                "{}: {} kg, d = {}, {}{friction}",
+                place(damper.place),
+                significant(particle.mass_kg, 4),
+                millimetres(particle.clearance_m),
+                describe::walls(particle)
+            ),
+        ));
+    }
+    for joint in &set_up.friction_dampers {
+        let other = joint.other.map_or("the base".into(), |other| several.places[other].clone());
+        let force = significant(joint.damper.force_n, 4);
+        lines.push(("friction damper", format!("{} to {other}: F = {force} N", place(joint.place))));
+    }
+    for tuned in &set_up.tuned_masses {
+        let tmd = &tuned.tmd;
+        let own = (tmd.stiffness_n_per_m / tmd.mass_kg).sqrt();
+        lines.push((
+            "tuned mass",
+            format!(
+                "{}: {} kg, {} Hz, ζ1 = {}",
+                place(tuned.place),
+                significant(tmd.mass_kg, 4),
+                significant(own / TAU, 5),
+                significant(tmd.damping_n_s_per_m / (2.0 * tmd.mass_kg * own), 4)
+            ),
+        ));
+    }
+    lines.push(("x is that", place(several.observed)));
+    lines
+}
+
+/// What each place and each impact damper did.
+pub fn results(result: &PlacesResult) -> Vec<(&'static str, String)> {
+    let place = |of: &PlaceResult| {
+        let (x, relative, rms) =
+            (millimetres(of.max_abs_x_m), millimetres(of.max_abs_x_minus_z_m), millimetres(of.rms_x_m));
+        ("place", format!("{}: largest |x| {x}, |x − z| {relative}, RMS of x {rms}", of.place))
+    };
+    let damper = |of: &DamperResult| {
+        let speed = significant(of.max_approach_speed_m_per_s, 4);
+        ("particle", format!("at {}: {} impacts, at most {speed} m/s", of.place, of.impact_count))
+    };
+    result.places.iter().map(place).chain(result.impact_dampers.iter().map(damper)).collect()
+}

@@ -1,0 +1,215 @@
+//! Runs a case with a structure of several degrees of freedom: every event at its instant.
+
+use damprig_core::integrator::exact::flow::ExactState;
+use damprig_core::integrator::exact::response::{Response, Wanted};
+use damprig_core::io::Invalid;
+use damprig_structures::{Impact, Motion, Observer, Piece, Refused};
+use serde::Serialize;
+
+use super::piece::PieceAtPlace;
+use super::{MultiDegree, SecondMass};
+use crate::simulation::Case;
+use crate::simulation::collector::{Collector, RunOptions, run_in_parts};
+use crate::simulation::motion::{ImpactRecord, Viewer};
+use crate::simulation::result::Summary;
+
+/// Steps between two questions whether to go on: about a millisecond.
+const STEPS_PER_QUESTION: u32 = 256;
+
+/// What happened at each place and to each impact damper.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlacesResult {
+    /// The places.
+    pub places: Vec<PlaceResult>,
+    /// The impact dampers.
+    pub impact_dampers: Vec<DamperResult>,
+}
+
+/// The motion of a place.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlaceResult {
+    /// Its name.
+    pub place: String,
+    /// Largest |x|, m.
+    pub max_abs_x_m: f64,
+    /// Largest |x − z|, m.
+    pub max_abs_x_minus_z_m: f64,
+    /// √(1/T ∫x² dt), m.
+    pub rms_x_m: f64,
+}
+
+/// The impacts of an impact damper.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DamperResult {
+    /// Name of its place.
+    pub place: String,
+    /// Impacts.
+    pub impact_count: u64,
+    /// Largest approach speed, m/s; 0 without an impact.
+    pub max_approach_speed_m_per_s: f64,
+}
+
+/// Shows the motion at the observed place to a viewer and measures all places.
+struct Watch<'a, 'v> {
+    of: &'a MultiDegree,
+    viewer: &'a mut (dyn Viewer + 'v),
+    /// The response of every place; none if only the viewer is to see the motion.
+    places: &'a mut [Response],
+    /// Impacts and the largest approach speed of every impact damper.
+    dampers: &'a mut [(u64, f64)],
+    go_on: &'a mut dyn FnMut(f64) -> bool,
+    steps: u32,
+    is_stopped: bool,
+}
+
+impl Observer for Watch<'_, '_> {
+    const PIECES: bool = true;
+
+    fn piece(&mut self, piece: &Piece) {
+        if piece.start_s + piece.length_s >= self.viewer.pieces_from_s() {
+            self.viewer.piece(&PieceAtPlace::new(piece, self.of, self.of.observed));
+        }
+        for (place, response) in self.places.iter_mut().enumerate() {
+            response.piece(&PieceAtPlace::new(piece, self.of, place));
+        }
+    }
+
+    fn impact(&mut self, impact: &Impact) {
+        let Impact { time_s, damper, side, approach_speed_m_per_s, y_m } = *impact;
+        let (count, fastest_m_per_s) = &mut self.dampers[damper];
+        (*count, *fastest_m_per_s) = (*count + 1, fastest_m_per_s.max(approach_speed_m_per_s));
+        let is_shown = damper == 0 && self.of.second_mass() == Some(SecondMass::Particle);
+        self.viewer.impact(&ImpactRecord {
+            t_s: time_s,
+            side,
+            approach_speed_m_per_s,
+            y_m: if is_shown { y_m } else { f64::NAN },
+            damper: u32::try_from(damper + 1).ok(),
+        });
+    }
+
+    fn goes_on(&mut self, time_s: f64) -> bool {
+        self.steps += 1;
+        if self.steps >= STEPS_PER_QUESTION {
+            self.steps = 0;
+            self.is_stopped |= !(self.go_on)(time_s);
+        }
+        !self.is_stopped
+    }
+}
+
+/// What a motion in progress is refused for, in the words of a simulation.
+fn invalid(refused: Refused) -> Invalid {
+    match refused {
+        Refused::Invalid(invalid) => invalid,
+        _ => Invalid {
+            parameter: "the structure with its dampers",
+            value: f64::NAN,
+            allowed: "one whose contacts have a motion in closed form: joints that stick together depend on each other, or a motion is \
+                      critically damped or driven at its natural frequency",
+        },
+    }
+}
+
+/// Runs the case.
+///
+/// # Errors
+/// Names a value that is not physical.
+pub(in crate::simulation) fn run<V: Viewer>(
+    case: &Case,
+    of: &MultiDegree,
+    wanted: Wanted,
+    collector: &mut Collector<'_, V>,
+    options: RunOptions,
+) -> Result<(Summary, ExactState, PlacesResult), Invalid> {
+    let mut motion = Motion::new(&of.set_up, &case.excitation, &of.start).map_err(invalid)?;
+    let mut response = Response::new(wanted);
+    let mut places = vec![Response::new(Wanted { whole_run: true, ..Wanted::default() }); of.places.len()];
+    let mut dampers = vec![(0, 0.0); of.set_up.impact_dampers.len()];
+    let mut refused = Ok(());
+    run_in_parts(case.run.duration_s, options, collector, |until_s, collector, go_on| {
+        let mut viewer = (&mut response, collector.all());
+        let mut watch = Watch {
+            of,
+            viewer: &mut viewer,
+            places: &mut places,
+            dampers: &mut dampers,
+            go_on,
+            steps: 0,
+            is_stopped: false,
+        };
+        if refused.is_ok() {
+            refused = motion.run(until_s, &mut watch);
+        }
+        motion.time_s()
+    });
+    refused.map_err(invalid)?;
+    response.finish(motion.time_s());
+    let summary = Summary::of(case, &response, motion.time_s(), motion.unresolved());
+    let place = |(name, response): (&String, &Response)| PlaceResult {
+        place: name.clone(),
+        max_abs_x_m: response.max_abs_x_m(),
+        max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
+        rms_x_m: response.rms_x_m(),
+    };
+    let impact_dampers = of.set_up.impact_dampers.iter().zip(dampers);
+    let result = PlacesResult {
+        places: of.places.iter().zip(&places).map(place).collect(),
+        impact_dampers: impact_dampers
+            .map(|(damper, (impact_count, max_approach_speed_m_per_s))| DamperResult {
+                place: of.places[damper.place].clone(),
+                impact_count,
+                max_approach_speed_m_per_s,
+            })
+            .collect(),
+    };
+    Ok((summary, end(of, &motion), result))
+}
+
+/// Runs a case up to `end_s`, s, and gives its response from the cycle `first_cycle` on, which begins at `from_s`, with how often the event search
+/// was given up. `None` if it was stopped: `go_on` is asked now and then.
+///
+/// # Errors
+/// Names a value that is not physical.
+pub fn counted(
+    case: &Case,
+    of: &MultiDegree,
+    (first_cycle, from_s): (u64, f64),
+    end_s: f64,
+    wanted: Wanted,
+    go_on: &dyn Fn() -> bool,
+) -> Result<Option<(Response, u32)>, Invalid> {
+    let mut motion = Motion::new(&of.set_up, &case.excitation, &of.start).map_err(invalid)?;
+    let mut go_on = |_: f64| go_on();
+    let mut dampers = vec![(0, 0.0); of.set_up.impact_dampers.len()];
+    let mut response = Response::new(wanted);
+    response.skip_to(first_cycle);
+    let (mut nothing, mut is_stopped) = ((), false);
+    for (until_s, is_counted) in [(from_s, false), (end_s, true)] {
+        let viewer: &mut dyn Viewer = if is_counted { &mut response } else { &mut nothing };
+        let mut watch =
+            Watch { of, viewer, places: &mut [], dampers: &mut dampers, go_on: &mut go_on, steps: 0, is_stopped };
+        motion.run(until_s, &mut watch).map_err(invalid)?;
+        is_stopped = watch.is_stopped;
+    }
+    response.finish(motion.time_s());
+    Ok((!is_stopped).then(|| (response, motion.unresolved())))
+}
+
+/// The state at the observed place at the end of a run.
+fn end(of: &MultiDegree, motion: &Motion) -> ExactState {
+    let (state, (z_m, base_velocity_m_per_s)) = (motion.state(), motion.base());
+    let modes = &of.set_up.structure;
+    let iota = modes.influence[of.observed];
+    let sum = |coordinates: &[f64]| -> f64 {
+        modes.modes.iter().zip(coordinates).map(|(mode, q)| mode.shape[of.observed] * q).sum()
+    };
+    let (x_m, v_m_per_s) = (sum(&state.modal) + iota * z_m, sum(&state.modal_rate) + iota * base_velocity_m_per_s);
+    let second = match of.second_mass() {
+        Some(SecondMass::Particle) => state.particles.first(),
+        Some(SecondMass::Tuned) => state.tuned_masses.first(),
+        None => None,
+    };
+    let (y_m, u_m_per_s) = second.map_or((x_m, v_m_per_s), |body| (body.y_m, body.u_m_per_s));
+    ExactState { x_m, v_m_per_s, offset_m: y_m - x_m, slide_m_per_s: u_m_per_s - v_m_per_s }
+}

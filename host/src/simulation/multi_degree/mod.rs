@@ -1,0 +1,101 @@
+//! Cases with a structure of several degrees of freedom: places where dampers are mounted, a force acts and the motion is observed.
+
+pub mod driver;
+mod piece;
+mod places;
+pub mod read;
+
+use damprig_core::model::{Structure, Tmd};
+use damprig_structures::{Body, Modes, SetUp, State, TunedMass};
+
+/// A structure of several degrees of freedom with its dampers, as simulated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MultiDegree {
+    /// The key that describes it.
+    pub key: &'static str,
+    /// What the structure is, in a few words.
+    pub kind: String,
+    /// Structure and dampers.
+    pub set_up: SetUp,
+    /// Names of the places, in the order of the structure's.
+    pub places: Vec<String>,
+    /// Number of the place whose displacement is x.
+    pub observed: usize,
+    /// State at the start.
+    pub start: State,
+    /// Displacement and velocity of each place at the start, m and m/s.
+    pub place_starts: Vec<Body>,
+}
+
+impl MultiDegree {
+    /// What the second mass of tables and figures is: the first particle, or the first tuned mass without one.
+    #[must_use]
+    pub fn second_mass(&self) -> Option<SecondMass> {
+        let particle = self.set_up.impact_dampers.first().map(|damper| (damper.place, SecondMass::Particle));
+        let tuned = self.set_up.tuned_masses.first().map(|damper| (damper.place, SecondMass::Tuned));
+        particle.or(tuned).filter(|(place, _)| *place == self.observed).map(|(_, mass)| mass)
+    }
+
+    /// A radian of the fastest mode, s: steps are hardly shorter but for events.
+    #[must_use]
+    pub fn shortest_s(&self) -> f64 {
+        let modes = self.set_up.structure.modes.iter();
+        1.0 / modes.map(|mode| mode.angular_frequency_rad_per_s).fold(0.0, f64::max)
+    }
+
+    /// The mass of all particles and tuned masses, kg, and the structure at the place of the first; `None` without one.
+    #[must_use]
+    pub fn damper_mass(&self) -> Option<(f64, Structure)> {
+        let particles = self.set_up.impact_dampers.iter().map(|damper| (damper.place, damper.particle.mass_kg));
+        let tuned = self.set_up.tuned_masses.iter().map(|damper| (damper.place, damper.tmd.mass_kg));
+        let masses: Vec<(usize, f64)> = particles.chain(tuned).collect();
+        let (place, _) = masses.first()?;
+        Some((masses.iter().map(|(_, mass_kg)| mass_kg).sum(), at_place(&self.set_up.structure, *place)?))
+    }
+
+    /// The same with a tuned mass at the place of the first damper, which starts with it, or nothing in place of the dampers.
+    #[must_use]
+    pub fn with_dampers(mut self, tmd: Option<Tmd>) -> Self {
+        let impact = self.set_up.impact_dampers.first().map(|damper| damper.place);
+        let place = impact.or(self.set_up.tuned_masses.first().map(|damper| damper.place)).unwrap_or(self.observed);
+        self.set_up.impact_dampers.clear();
+        self.set_up.friction_dampers.clear();
+        self.set_up.tuned_masses = tmd.map(|tmd| TunedMass { place, tmd }).into_iter().collect();
+        self.start.particles.clear();
+        self.start.tuned_masses = tmd.map(|_| self.place_starts[place]).into_iter().collect();
+        self
+    }
+
+    /// The same with each particle at this share of its clearance from the middle of its cavity, −1 to 1.
+    #[must_use]
+    pub fn started_at(mut self, share: f64) -> Self {
+        for (damper, body) in self.set_up.impact_dampers.iter().zip(&mut self.start.particles) {
+            let particle = &damper.particle;
+            body.y_m = self.place_starts[damper.place].y_m + particle.cavity.offset_m + share * particle.clearance_m;
+        }
+        self
+    }
+}
+
+/// The mass besides the structure that tables and figures show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SecondMass {
+    /// The particle of the first impact damper.
+    Particle,
+    /// The first tuned mass.
+    Tuned,
+}
+
+/// The lowest mode that moves a place, as the structure of one degree of freedom that it is there: M = 1/φ², k = ω²M, c = 2ζωM.
+#[must_use]
+pub fn at_place(modes: &Modes, place: usize) -> Option<Structure> {
+    let moves = modes.modes.iter().filter(|mode| mode.shape[place] != 0.0);
+    let lowest = moves.min_by(|a, b| a.angular_frequency_rad_per_s.total_cmp(&b.angular_frequency_rad_per_s))?;
+    let (phi, omega) = (lowest.shape[place], lowest.angular_frequency_rad_per_s);
+    let mass_kg = 1.0 / (phi * phi);
+    Some(Structure {
+        mass_kg,
+        stiffness_n_per_m: omega * omega * mass_kg,
+        damping_n_s_per_m: 2.0 * lowest.damping_ratio * omega * mass_kg,
+    })
+}
