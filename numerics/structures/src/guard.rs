@@ -63,6 +63,13 @@ pub(crate) struct Here {
     pub slope: f64,
 }
 
+impl Here {
+    /// The sum of two parts of a guard.
+    pub fn plus(self, other: Self) -> Self {
+        Self { value: self.value + other.value, slope: self.slope + other.slope }
+    }
+}
+
 /// The part of a guard that is a parabola: `value + slope t + bend t²/2`, with the magnitude of its terms.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Parabola {
@@ -74,6 +81,11 @@ pub(crate) struct Parabola {
 impl Parabola {
     pub fn at(&self, t: f64) -> Here {
         Here { value: self.value + t * (self.slope + 0.5 * t * self.bend), slope: self.slope + t * self.bend }
+    }
+
+    /// The size of its terms up to time `t`.
+    pub fn size(&self, t: f64) -> f64 {
+        self.value.abs() + t * (self.slope.abs() + 0.5 * t * self.bend.abs())
     }
 }
 
@@ -117,6 +129,17 @@ impl Guard {
             here.slope += slope.re * z.re - slope.im * z.im;
         }
         here
+    }
+
+    /// Its second derivative at z, without that of the parabola.
+    pub fn bend(&self, z: &[C64], rates: &[C64]) -> f64 {
+        let terms = z.iter().zip(&self.slopes).zip(rates).map(|((z, slope), rate)| (slope * rate * z).re);
+        terms.sum()
+    }
+
+    /// The size of its natural motions with these amplitudes.
+    pub fn size(&self, amplitudes: &[f64]) -> f64 {
+        self.sizes.iter().zip(amplitudes).map(|(size, amplitude)| size * amplitude).sum()
     }
 
     /// The derivative of order `order` at z, without that of the parabola, and the largest size that it can have from now on.

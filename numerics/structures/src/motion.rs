@@ -14,6 +14,7 @@ use crate::guard::Bounds;
 use crate::linear::{C64, Rest};
 use crate::mount::Mount;
 use crate::observe::{Observer, Parts};
+use crate::stepping::AtEnds;
 use crate::system::System;
 use crate::{Body, Refused, SetUp, State};
 
@@ -48,10 +49,13 @@ pub struct Motion {
     pub(crate) zeros: Vec<(Event, usize)>,
     /// Bounds of the guards by level of step; empty where not yet known.
     pub(crate) bounds: Vec<Vec<Bounds>>,
+    pub(crate) here: AtEnds,
     /// Guards that fall through zero in the step being judged.
     pub(crate) falls: Vec<usize>,
     pub(crate) free: Vec<Flight>,
     pub(crate) level: usize,
+    /// Steps until a longer one is tried.
+    pub(crate) patience: u32,
     pub(crate) events_at_once: u32,
     pub(crate) unresolved: u32,
     /// Speed of the fastest impact, m/s.
@@ -101,8 +105,10 @@ impl Motion {
             zeros: Vec::new(),
             bounds: Vec::new(),
             falls: Vec::new(),
+            here: AtEnds::default(),
             free: Vec::new(),
             level: 4,
+            patience: 0,
             events_at_once: 0,
             unresolved: 0,
             fastest_m_per_s: 0.0,
@@ -300,6 +306,7 @@ impl Motion {
             });
         }
         let base_offset_m = self.mount.share * self.wave.offset;
+        self.here.slow = None;
         self.guards.clear();
         for guard in &system.guards {
             let fresh = self.zeros.iter().find(|(event, _)| *event == guard.event).map_or(0, |(_, order)| *order);

@@ -4,7 +4,7 @@ use damprig_core::integrator::exact::time::Time;
 
 use crate::Refused;
 use crate::contacts::Event;
-use crate::guard::{Step, Verdict};
+use crate::guard::{Here, Step, Verdict};
 use crate::linear::C64;
 use crate::motion::{Motion, ROUNDINGS};
 use crate::observe::{Observer, Piece};
@@ -17,6 +17,9 @@ const LAST_LEVEL: usize = 48;
 
 /// The level of the step that is taken without guards after too many events at one instant.
 const BLIND_LEVEL: usize = 20;
+
+/// Steps of a length after a longer one was not decided.
+const PATIENCE: u32 = 2;
 
 /// Steps after which amplitudes and excitation are taken anew.
 const STEPS_PER_ANCHOR: u32 = 16;
@@ -70,6 +73,7 @@ impl Motion {
                         self.level = self.level.max(BLIND_LEVEL);
                     }
                     self.level += 1;
+                    self.patience = PATIENCE;
                     // Less than the rest.
                     while self.systems[self.system].length_s(self.level) >= rest_s {
                         self.level += 1;
@@ -77,8 +81,16 @@ impl Motion {
                 }
                 Judged::Clear => {
                     let end = if let Length::ToLimit(_) = length { Time::at(limit_s) } else { self.after(length) };
+                    let slow = self.here.slow;
                     self.take(length.seconds(&self.systems[self.system]), end, observer);
-                    self.level = self.level.saturating_sub(1);
+                    if !blind && self.steps_since_amplitudes > 1 {
+                        std::mem::swap(&mut self.here.of_start, &mut self.here.of_end);
+                        self.here.slow = slow;
+                    }
+                    self.patience = self.patience.saturating_sub(1);
+                    if self.patience == 0 {
+                        self.level = self.level.saturating_sub(1);
+                    }
                     return Ok(());
                 }
                 Judged::Event(First { at_s, event }) => {
@@ -144,21 +156,34 @@ impl Motion {
             own_bounds = system.guards.iter().map(|guard| guard.guard.bounds(step, &self.amplitudes)).collect();
             bounds = &own_bounds;
         }
+        // What the guards' slow motions are at the start is what they were at the end of the last step.
+        if self.here.slow != Some(step.slow) {
+            self.here.slow = Some(step.slow);
+            let guards = system.guards.iter();
+            self.here.of_start.clear();
+            for guard in guards {
+                let here = guard.follow(&self.z, step.slow, self.here.of_start.last());
+                self.here.of_start.push(here);
+            }
+        }
+        self.here.of_end.clear();
         self.falls.clear();
         for (n, ((guard, live), bounds)) in system.guards.iter().zip(&self.guards).zip(bounds).enumerate() {
             let parabola = guard.parabola(&self.free, live.constant);
+            let of_end = guard.follow(&self.ahead, step.slow, self.here.of_end.last());
+            self.here.of_end.push(of_end);
             if live.fresh > 1 {
                 if guard.rises(&self.z, &system.linear.natural.rates, &parabola, live.fresh, h) {
                     continue;
                 }
                 return Judged::Undecided;
             }
-            let mut start = guard.guard.at(&self.z, step.slow, parabola.at(0.0));
+            let mut start = self.here.of_start[n].plus(parabola.at(0.0));
             let is_zero = live.fresh == 1;
             if is_zero && step.slow == self.z.len() {
                 start.value = 0.0;
             }
-            let end = guard.guard.at(&self.ahead, step.slow, parabola.at(h));
+            let end = of_end.plus(parabola.at(h));
             match bounds.judge(h, start, end, is_zero) {
                 Verdict::Clear => {}
                 Verdict::Falls => self.falls.push(n),
@@ -180,10 +205,16 @@ impl Motion {
         let guard = &system.guards[which];
         let parabola = guard.parabola(&self.free, self.guards[which].constant);
         let rates = &system.linear.natural.rates;
+        // At the end of the step, or at the first event found so far.
+        let end_s = limit_s.min(length_s);
         let start = guard.guard.at(&self.z, self.z.len(), parabola.at(0.0));
-        let (mut low, mut high) = (0.0, length_s);
-        let first_guess = start.value / -start.slope;
-        let mut t = if first_guess > 0.0 && first_guess < length_s { first_guess } else { 0.5 * length_s };
+        let end = guard.guard.at(&self.ahead, self.z.len(), parabola.at(end_s));
+        if end.value > 0.0 {
+            return None;
+        }
+        let noise = 4.0 * f64::EPSILON * (guard.guard.size(&self.amplitudes) + parabola.size(end_s));
+        let (mut low, mut high) = (0.0, end_s);
+        let mut t = root_of_cubic(start, end, end_s);
         let mut z: Vec<C64> = self.z.iter().zip(rates).map(|(z, rate)| z * (rate * t).exp()).collect();
         for _ in 0..MAX_NEWTON_STEPS {
             let here = guard.guard.at(&z, z.len(), parabola.at(t));
@@ -192,12 +223,14 @@ impl Motion {
             } else {
                 high = t;
             }
-            if low >= limit_s {
-                return None;
+            if here.value.abs() <= noise {
+                break;
             }
-            let newton = t - here.value / here.slope;
-            let is_inside = newton > low && newton < high;
-            let next = if is_inside { newton } else { 0.5 * (low + high) };
+            // Halley's step: Newton's with the change of the slope.
+            let bend = guard.guard.bend(&z, rates) + parabola.bend;
+            let newton = here.value / here.slope;
+            let next = t - newton / (1.0 - 0.5 * newton * bend / here.slope);
+            let next = if next > low && next < high { next } else { 0.5 * (low + high) };
             let more = next - t;
             if more.abs() <= 4.0 * f64::EPSILON * t || !(low < next && next < high) {
                 break;
@@ -223,6 +256,7 @@ impl Motion {
             observer.piece(&Piece::new(self.parts(), self.time.seconds(), length_s));
         }
         std::mem::swap(&mut self.z, &mut self.ahead);
+        self.here.slow = None;
         self.free.iter_mut().for_each(|flight| *flight = flight.after(length_s));
         self.time = end;
         let wave = self.z[self.systems[self.system].linear.natural.wave];
@@ -248,6 +282,15 @@ impl Motion {
     }
 }
 
+/// What the slow motions of the guards are at the ends of a step.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct AtEnds {
+    of_start: Vec<Here>,
+    of_end: Vec<Here>,
+    /// How many motions count at the start; `None` where it is not known.
+    pub slow: Option<usize>,
+}
+
 impl Length {
     fn seconds(self, system: &crate::system::System) -> f64 {
         match self {
@@ -259,14 +302,41 @@ impl Length {
 
 /// e^x for |x| up to 10⁻³: the next term is 10⁻²¹/5040 at most.
 fn exp_near_zero(x: C64) -> C64 {
-    let mut sum = C64::ONE;
-    for n in (1..=6).rev() {
-        sum = C64::ONE + x * sum / f64::from(n);
+    const PER: [f64; 6] = [1.0, 1.0 / 2.0, 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0];
+    let square = x * x;
+    let even = square * (square * (square * PER[5] + PER[3]) + PER[1]);
+    even + x * (square * (square * PER[4] + PER[2]) + PER[0]) + 1.0
+}
+
+/// A root of the cubic that falls from a positive value to one that is not, with these values and slopes at 0 and `end_s`: near that of the guard.
+fn root_of_cubic(start: Here, end: Here, end_s: f64) -> f64 {
+    let (rise, m0, m1) = (end.value - start.value, start.slope * end_s, end.slope * end_s);
+    let (square, cube) = (3.0 * rise - 2.0 * m0 - m1, m0 + m1 - 2.0 * rise);
+    let (mut low, mut high) = (0.0, 1.0);
+    let mut at = 0.5;
+    for _ in 0..8 {
+        let value = start.value + at * (m0 + at * (square + at * cube));
+        let slope = m0 + at * (2.0 * square + 3.0 * at * cube);
+        if value > 0.0 {
+            low = at;
+        } else {
+            high = at;
+        }
+        let newton = at - value / slope;
+        at = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
     }
-    sum
+    at * end_s
 }
 
 impl crate::system::Watched {
+    /// Value and slope by the first `count` natural motions; `before`: those of the guard before this one.
+    fn follow(&self, z: &[C64], count: usize, before: Option<&Here>) -> Here {
+        match before {
+            Some(Here { value, slope }) if self.is_mirrored => Here { value: -value, slope: -slope },
+            _ => self.guard.at(z, count, Here::default()),
+        }
+    }
+
     /// Whether a guard whose first `order` derivatives (from the value on) are zero by definition stays positive for `h`: by the
     /// next one and the largest one after it (Taylor).
     fn rises(&self, z: &[C64], rates: &[C64], parabola: &crate::guard::Parabola, order: usize, h: f64) -> bool {

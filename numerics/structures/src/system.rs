@@ -19,6 +19,8 @@ const LONGEST_S: f64 = 1.0;
 pub(crate) struct Watched {
     pub event: Event,
     pub guard: Guard,
+    /// Its natural motions are those of the guard before it with the opposite sign: the two walls of a particle.
+    pub is_mirrored: bool,
     source: Source,
     /// Constant part that is the same in every phase.
     constant: f64,
@@ -51,6 +53,7 @@ impl Watched {
         Self {
             event,
             guard,
+            is_mirrored: false,
             source: Source::Signal(signal, factor),
             constant: 0.0,
             offset: 0.0,
@@ -236,6 +239,7 @@ impl System {
                 let factor = f64::from(direction);
                 self.guards.push(Watched {
                     event: Event::Breaks(joint, direction),
+                    is_mirrored: false,
                     guard: Guard::new(holding.iter().map(|c| c * factor).collect(), &self.linear.natural.rates),
                     source: Source::Holding(which, factor),
                     constant: -factor * limit,
@@ -251,13 +255,17 @@ impl System {
         let (cavity, touch) = (&mount.cavities[particle], self.contacts.touches[particle]);
         if let Some(n) = self.free.iter().position(|&free| free == particle) {
             let place = self.place(&cavity.place, cavity.influence);
+            let mut first = 0.0;
             for side in [-1_i8, 1] {
                 // Gap to the wall, or what is left of the penetration.
                 let is_leaving = touch == Touch::Leaving(side);
                 let sign = if is_leaving { -1.0 } else { 1.0 };
                 let factor = sign * f64::from(side);
+                let is_mirrored = side == 1 && factor == -first;
+                first = factor;
                 let event = if is_leaving { Event::Inside(particle, side) } else { Event::Wall(particle, side) };
                 self.guards.push(Watched {
+                    is_mirrored,
                     constant: sign * cavity.end(side),
                     offset: factor * cavity.influence,
                     flight: Flying::Displacement(n, -factor),
@@ -282,6 +290,7 @@ impl System {
             self.guards.push(Watched {
                 event: Event::Releases(particle, side),
                 guard: Guard::new(coefficients, &self.linear.natural.rates),
+                is_mirrored: false,
                 source: Source::Signal(displacement, factor),
                 constant: -of * cavity.end(side),
                 offset: 0.0,
