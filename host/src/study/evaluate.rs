@@ -14,7 +14,7 @@ use super::simulate::{Counted, GoOn, Halt, Record, Simulated, metrics_of_all};
 use crate::input::Refusal;
 use crate::quantity::Quantity;
 use crate::simulation::case::RunSpec;
-use crate::simulation::{Case, cost};
+use crate::simulation::{Case, cost, multi_degree};
 
 /// A column of the table that is computed.
 #[derive(Clone, Debug, PartialEq)]
@@ -222,7 +222,7 @@ pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Quantity]) ->
     let refused = |invalid: damprig_core::io::Invalid| Refusal(invalid.to_string());
     // The analysis runs the motion again, and some of its periods many times.
     let times = if metrics.iter().any(|metric| metric::needs_analysis(*metric)) { 4.0 } else { 1.0 };
-    if case.many_particles.is_some() || case.multi_degree.is_some() {
+    if case.many_particles.is_some() {
         let run = RunSpec { duration_s: end_s, ..RunSpec::default() };
         return Ok(times * cost::estimate(&Case { run, ..case }).map_err(refused)?.seconds);
     }
@@ -230,6 +230,19 @@ pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Quantity]) ->
         // Nothing stops it, so it has a result.
         let _ = Halt::unless_stopped(metrics_of_all(&[case], None, metrics, &|| true))?;
         return Ok(times * start.elapsed().as_secs_f64());
+    }
+    if let Some(several) = &case.multi_degree {
+        let wanted = Wanted { cycle_s: Some(case.cycle_s()), ..Wanted::default() };
+        let mut until_s = (8.0 * case.cycle_s()).min(end_s);
+        loop {
+            // Twice as far each time, from the start.
+            let start = Instant::now();
+            multi_degree::driver::counted(&case, several, (0, 0.0), until_s, wanted, &|| true).map_err(refused)?;
+            if until_s >= end_s || start.elapsed() > TRIAL {
+                return Ok(times * start.elapsed().as_secs_f64() * end_s / until_s);
+            }
+            until_s = (2.0 * until_s).min(end_s);
+        }
     }
     let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial).map_err(refused)?;
     let mut response = Response::new(Wanted { cycle_s: Some(case.cycle_s()), ..Wanted::default() });

@@ -54,6 +54,10 @@ fn number(answer: &Value, path: &str) -> f64 {
     answer.pointer(path).and_then(Value::as_f64).unwrap_or_else(|| panic!("{path} of {answer}"))
 }
 
+fn mean_cycle_max_m(answer: &Value) -> f64 {
+    number(answer, "/summary/steady_mean_cycle_max_abs_x_m")
+}
+
 /// The amplitude of the upper and of the lower floor, m: (K − ω²M + iωC) x = (k₁ + iωc₁) Z e₁ by Cramer's rule.
 fn amplitudes_m(frequency_hz: f64) -> [f64; 2] {
     let omega = TAU * frequency_hz;
@@ -192,16 +196,20 @@ fn a_study_and_an_optimisation_have_the_numbers_of_single_simulations() {
         |name: &str, row: usize| table[0].column_by_name(name).unwrap().as_primitive::<Float64Type>().value(row);
     for (row, clearance) in ["0.005", "0.02"].into_iter().enumerate() {
         let single = answer(&case, &["--set", &format!("particle.1.clearance_m={clearance}")]);
-        for (metric, path) in [("mean_cycle_max_m", "/summary/steady_mean_cycle_max_abs_x_m")] {
-            let (found, wanted) = (column(metric, row), number(&single, path));
-            assert!((found / wanted - 1.0).abs() < 1e-12, "{metric}: {found} {wanted}");
-        }
+        let (found, wanted) = (column("mean_cycle_max_m", row), mean_cycle_max_m(&single));
+        assert!((found / wanted - 1.0).abs() < 1e-12, "{found} {wanted}");
         assert!(column("max_abs_x_m", row) <= number(&single, "/summary/max_abs_x_m"));
     }
     let output = damprig(&folder).args(["optimise", "search.toml", "--out", "best", "--json"]).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let best: Value = serde_json::from_slice(&output.stdout).unwrap();
-    println!("{best:#}");
+    let at_best = format!("particle.1.clearance_m={:?}", number(&best, "/variables/0/value"));
+    let single = mean_cycle_max_m(&answer(&case, &["--set", &at_best]));
+    assert!((number(&best, "/objective") / single - 1.0).abs() < 1e-12, "{best}");
+    assert!((number(&best, "/references/bare") / mean_cycle_max_m(&answer(FRAME, &[])) - 1.0).abs() < 1e-12);
+    let tmd = "[tmd]\nplace = \"floor 2\"\nmass_kg = 6\ntuning = \"warburton\"\n";
+    let with_tmd = mean_cycle_max_m(&answer(&format!("{FRAME}{tmd}"), &[]));
+    assert!((number(&best, "/references/tmd/objective") / with_tmd - 1.0).abs() < 1e-12);
 }
 
 /// The command must end with exit code 2 and say all of `words`.

@@ -1,6 +1,6 @@
 //! The course of a displacement over a piece of motion, and its largest magnitude.
 
-use crate::guard::Parabola;
+use crate::guard::{Here, Parabola};
 use crate::linear::C64;
 
 /// A displacement over a piece of motion: a parabola and a sum of exponentials whose amplitudes never grow.
@@ -9,13 +9,10 @@ pub struct Course {
     /// Each amplitude and its rate.
     terms: Vec<(C64, C64)>,
     parabola: Parabola,
-}
-
-/// A displacement and its derivatives at an instant.
-#[derive(Clone, Copy, Debug, Default)]
-struct Here {
-    value: f64,
-    rate: f64,
+    /// Length of the piece, s, and what the displacement is at its ends.
+    length_s: f64,
+    start: Here,
+    end: Here,
 }
 
 /// Least share of an interval that is still divided: an extremum closer to an end is the end.
@@ -25,26 +22,36 @@ const NARROW: f64 = 1e-9;
 const MAX_STEPS: u32 = 60;
 
 impl Course {
-    pub(crate) fn new(terms: impl Iterator<Item = (C64, C64)>, parabola: Parabola) -> Self {
-        Self { terms: terms.filter(|(amplitude, _)| *amplitude != C64::ZERO).collect(), parabola }
+    /// From amplitudes at the start and at the end of the piece with their rates.
+    pub(crate) fn new(terms: impl Iterator<Item = (C64, C64, C64)>, parabola: Parabola, length_s: f64) -> Self {
+        let (mut start, mut end) = (parabola.at(0.0), parabola.at(length_s));
+        let mut of_terms = Vec::with_capacity(terms.size_hint().1.unwrap_or(0));
+        for (at_start, at_end, rate) in terms {
+            if at_start != C64::ZERO {
+                start = start.plus(here_of(at_start, rate));
+                end = end.plus(here_of(at_end, rate));
+                of_terms.push((at_start, rate));
+            }
+        }
+        Self { terms: of_terms, parabola, length_s, start, end }
     }
 
     /// Displacement, m, and velocity, m/s, at `after_s` from the start of the piece.
     #[must_use]
     pub fn at(&self, after_s: f64) -> (f64, f64) {
         let here = self.here(after_s);
-        (here.value, here.rate)
+        (here.value, here.slope)
     }
 
     fn here(&self, after_s: f64) -> Here {
-        let parabola = self.parabola.at(after_s);
-        let mut here = Here { value: parabola.value, rate: parabola.slope };
-        for (amplitude, rate) in &self.terms {
-            let term = amplitude * (rate * after_s).exp();
-            here.value += term.re;
-            here.rate += rate.re * term.re - rate.im * term.im;
+        if after_s == 0.0 {
+            return self.start;
         }
-        here
+        if after_s == self.length_s {
+            return self.end;
+        }
+        let terms = self.terms.iter().map(|(amplitude, rate)| here_of(amplitude * (rate * after_s).exp(), *rate));
+        terms.fold(self.parabola.at(after_s), Here::plus)
     }
 
     /// Acceleration, m/s², at `after_s` from the start of the piece.
@@ -60,7 +67,14 @@ impl Course {
         let (a, b) = (&self.parabola, &other.parabola);
         let parabola = Parabola { value: a.value - b.value, slope: a.slope - b.slope, bend: a.bend - b.bend };
         let taken = other.terms.iter().map(|(amplitude, rate)| (-amplitude, *rate));
-        Self { terms: self.terms.iter().copied().chain(taken).collect(), parabola }
+        let less = |a: Here, b: Here| Here { value: a.value - b.value, slope: a.slope - b.slope };
+        Self {
+            terms: self.terms.iter().copied().chain(taken).collect(),
+            parabola,
+            length_s: self.length_s,
+            start: less(self.start, other.start),
+            end: less(self.end, other.end),
+        }
     }
 
     /// ∫x² dt over `length_s` from the start of the piece, m²·s, in closed form.
@@ -88,63 +102,114 @@ impl Course {
     /// The largest magnitude between two times, s, if above `least_m`, else `least_m`.
     ///
     /// An interval is left out when the cubic with the values and slopes of its ends, and Hermite's remainder `max|x⁗| h⁴/384` of it, stay
-    /// below what was found; it is searched for its turning point when x″ keeps its sign, which `|x″| > max|x‴| h/2` in its middle proves;
-    /// otherwise it is halved.
+    /// below what was found, or when its slope, which deviates from its chord by at most `max|x‴| h²/8`, keeps its sign. It is searched for its turning
+    /// point when x″ keeps its sign, which `|x″| > max|x‴| h/2` in its middle proves; otherwise it is halved.
     #[must_use]
     pub fn largest_abs(&self, (from_s, to_s): (f64, f64), least_m: f64) -> f64 {
         let (from, to) = (self.here(from_s), self.here(to_s));
         let mut largest = least_m.max(from.value.abs()).max(to.value.abs());
-        let mut open = vec![(from_s, from, to_s, to)];
-        while let Some((a_s, a, b_s, b)) = open.pop() {
-            let h = b_s - a_s;
-            // Bounds of the third and the fourth derivative from `a` on.
-            let [mut third, mut fourth] = [0.0, 0.0];
-            for (amplitude, rate) in &self.terms {
-                let size = rate.norm();
-                let most = amplitude.norm() * (rate.re * a_s).exp() * size.powi(3);
-                (third, fourth) = (third + most, fourth + most * size);
-            }
-            let corners = [a.value, a.value + a.rate * h / 3.0, b.value - b.rate * h / 3.0, b.value];
-            let cubic = corners.iter().fold(0.0, |most: f64, corner| most.max(corner.abs()));
-            if cubic + fourth * h.powi(4) / 384.0 <= largest || h <= NARROW * (to_s - from_s) {
-                continue;
-            }
-            let middle_s = 0.5 * (a_s + b_s);
-            let bends = self.acceleration_m_per_s2(middle_s).abs() > 0.5 * third * h;
-            if bends {
-                if a.rate * b.rate < 0.0 {
-                    largest = largest.max(self.turning_point((a_s, a.rate), (b_s, b.rate)));
+        let whole = Interval { start_s: from_s, start: from, end_s: to_s, end: to };
+        let mut open = Vec::new();
+        let mut next = Some(whole);
+        while let Some(interval) = next {
+            let Interval { start_s, start, end_s, end } = interval;
+            next = None;
+            let h = end_s - start_s;
+            let [third, fourth] = self.bounds(start_s);
+            let keeps_sign =
+                start.slope * end.slope > 0.0 && start.slope.abs().min(end.slope.abs()) > third * h * h / 8.0;
+            let is_below = interval.largest_of_cubic() + fourth * h.powi(4) / 384.0 <= largest;
+            if !(keeps_sign || is_below || h <= NARROW * (to_s - from_s)) {
+                let middle_s = 0.5 * (start_s + end_s);
+                if self.acceleration_m_per_s2(middle_s).abs() > 0.5 * third * h {
+                    if start.slope * end.slope < 0.0 {
+                        largest = largest.max(self.turning_point(&interval));
+                    }
+                } else {
+                    let middle = self.here(middle_s);
+                    largest = largest.max(middle.value.abs());
+                    open.push(Interval { start_s: middle_s, start: middle, end_s, end });
+                    next = Some(Interval { start_s, start, end_s: middle_s, end: middle });
                 }
-                continue;
             }
-            let middle = self.here(middle_s);
-            largest = largest.max(middle.value.abs());
-            open.push((a_s, a, middle_s, middle));
-            open.push((middle_s, middle, b_s, b));
+            next = next.or_else(|| open.pop());
         }
         largest
     }
 
-    /// The magnitude where the velocity is zero between two times with velocities of different sign: secant steps within a bracket.
-    fn turning_point(&self, mut low: (f64, f64), mut high: (f64, f64)) -> f64 {
+    /// Bounds of the third and the fourth derivative from `after_s` on.
+    fn bounds(&self, after_s: f64) -> [f64; 2] {
+        let mut bounds = [0.0, 0.0];
+        for (amplitude, rate) in &self.terms {
+            let size = rate.norm_sqr().sqrt();
+            let decay = if after_s == 0.0 { 1.0 } else { (rate.re * after_s).exp() };
+            let most = amplitude.norm_sqr().sqrt() * decay * size * size * size;
+            bounds = [bounds[0] + most, bounds[1] + most * size];
+        }
+        bounds
+    }
+
+    /// The magnitude where the velocity is zero in an interval whose ends have velocities of different sign: from where it is zero in the cubic,
+    /// Newton's steps within a bracket.
+    fn turning_point(&self, of: &Interval) -> f64 {
+        let (mut low, mut high) = (of.start_s, of.end_s);
+        let rises = of.end.slope > 0.0;
+        let mut at_s = of.turning_point_of_cubic_s();
         let mut largest = 0.0_f64;
         for _ in 0..MAX_STEPS {
-            let at_s = low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1);
             let here = self.here(at_s);
             largest = largest.max(here.value.abs());
+            let bend = self.acceleration_m_per_s2(at_s);
             // A further step would change the value by less than rounding.
-            if here.rate == 0.0 || (here.rate * (high.0 - low.0)).abs() <= f64::EPSILON * here.value.abs() {
+            if here.slope * here.slope <= 2.0 * bend.abs() * f64::EPSILON * here.value.abs() {
                 break;
             }
-            if here.rate * high.1 < 0.0 {
-                low = high;
+            if (here.slope > 0.0) == rises {
+                high = at_s;
             } else {
-                low.1 *= 0.5;
+                low = at_s;
             }
-            high = (at_s, here.rate);
+            let newton = at_s - here.slope / bend;
+            at_s = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
         }
         largest
     }
+}
+
+/// A part of a piece with what the displacement is at its ends.
+struct Interval {
+    start_s: f64,
+    start: Here,
+    end_s: f64,
+    end: Here,
+}
+
+impl Interval {
+    /// The largest magnitude of the cubic with the values and slopes of the ends: at most that of its Bézier points.
+    fn largest_of_cubic(&self) -> f64 {
+        let third_s = (self.end_s - self.start_s) / 3.0;
+        let inner = [self.start.value + self.start.slope * third_s, self.end.value - self.end.slope * third_s];
+        let ends = self.start.value.abs().max(self.end.value.abs());
+        ends.max(inner[0].abs()).max(inner[1].abs())
+    }
+
+    /// Where the slope of that cubic is zero, if it has different signs at the ends, s.
+    fn turning_point_of_cubic_s(&self) -> f64 {
+        let h = self.end_s - self.start_s;
+        let (m0, m1) = (self.start.slope * h, self.end.slope * h);
+        let rise = self.end.value - self.start.value;
+        // m0 + 2 b t + a t², by the root that does not cancel.
+        let (b, a) = (3.0 * rise - 2.0 * m0 - m1, 3.0 * (m0 + m1 - 2.0 * rise));
+        let root = (b * b - a * m0).max(0.0).sqrt();
+        let q = -(b + root.copysign(b));
+        let inside = [q / a, m0 / q].into_iter().find(|t| *t > 0.0 && *t < 1.0);
+        self.start_s + h * inside.unwrap_or(0.5)
+    }
+}
+
+/// Value and slope of a term.
+fn here_of(term: C64, rate: C64) -> Here {
+    Here { value: term.re, slope: rate.re * term.re - rate.im * term.im }
 }
 
 /// ∫ tⁿ e^{λt} dt from 0 to h for n = 0, 1, 2.
@@ -172,11 +237,15 @@ fn moments(rate: C64, h: f64) -> [C64; 3] {
 mod tests {
     use super::*;
 
-    /// 1 + Re Σ of terms with these amplitudes and frequencies.
+    const LENGTH_S: f64 = 2.5;
+
+    /// A parabola and Re Σ of terms with these amplitudes and frequencies.
     fn course(terms: &[(f64, f64, f64)]) -> Course {
-        let terms =
-            terms.iter().map(|(size, phase, turning)| (C64::from_polar(*size, *phase), C64::new(-0.01, *turning)));
-        Course::new(terms, Parabola { value: 0.1, slope: 0.02, bend: -0.05 })
+        let terms = terms.iter().map(|(size, phase, turning)| {
+            let (amplitude, rate) = (C64::from_polar(*size, *phase), C64::new(-0.01, *turning));
+            (amplitude, amplitude * (rate * LENGTH_S).exp(), rate)
+        });
+        Course::new(terms, Parabola { value: 0.1, slope: 0.02, bend: -0.05 }, LENGTH_S)
     }
 
     #[test]

@@ -340,6 +340,7 @@ impl Motion {
             system: &self.systems[self.system],
             rest: &self.rest,
             z: &self.z,
+            end: &self.ahead,
             free: &self.free,
             offset_m: self.mount.share * self.wave.offset,
         }

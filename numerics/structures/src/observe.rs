@@ -32,6 +32,8 @@ pub(crate) struct Parts<'a> {
     pub system: &'a System,
     pub rest: &'a Rest,
     pub z: &'a [C64],
+    /// The natural motions at the end of the piece.
+    pub end: &'a [C64],
     pub free: &'a [Flight],
     pub offset_m: f64,
 }
@@ -53,19 +55,20 @@ impl<'a> Piece<'a> {
     /// The absolute displacement of a place.
     #[must_use]
     pub fn place(&self, place: usize) -> Course {
-        let Parts { mount, system, rest, z, offset_m, .. } = self.parts;
-        let place = &mount.places[place];
-        let signal = system.place(&place.shape, place.influence);
-        self.course(&signal.coefficients, z, signal.constant(rest) + place.influence * offset_m)
+        let Parts { mount, system, rest, offset_m, .. } = self.parts;
+        let signal = &system.places[place];
+        self.course(&signal.coefficients, signal.constant(rest) + mount.places[place].influence * offset_m)
     }
 
     /// The displacement of the base; 0 where a force drives.
     #[must_use]
     pub fn base(&self) -> Course {
-        let Parts { mount, system, z, offset_m, .. } = self.parts;
+        let Parts { mount, system, z, end, offset_m, .. } = self.parts;
         let wave = system.linear.natural.wave;
-        let term = (C64::new(0.0, -mount.share) * z[wave], system.linear.natural.rates[wave]);
-        Course::new(std::iter::once(term), Parabola { value: mount.share * offset_m, ..Parabola::default() })
+        let share = C64::new(0.0, -mount.share);
+        let term = (share * z[wave], share * end[wave], system.linear.natural.rates[wave]);
+        let parabola = Parabola { value: mount.share * offset_m, ..Parabola::default() };
+        Course::new(std::iter::once(term), parabola, self.length_s)
     }
 
     /// The absolute displacement of the particle of an impact damper.
@@ -74,7 +77,8 @@ impl<'a> Piece<'a> {
         let Parts { mount, system, .. } = self.parts;
         if let Some(n) = system.free.iter().position(|free| *free == damper) {
             let Flight { y_m, u_m_per_s, acceleration } = self.parts.free[n];
-            return Course::new(std::iter::empty(), Parabola { value: y_m, slope: u_m_per_s, bend: acceleration });
+            let parabola = Parabola { value: y_m, slope: u_m_per_s, bend: acceleration };
+            return Course::new(std::iter::empty(), parabola, self.length_s);
         }
         self.body(mount.permanent + damper, mount.cavities[damper].influence)
     }
@@ -88,17 +92,18 @@ impl<'a> Piece<'a> {
 
     /// A body of the system, whose displacement relative to the base is a coordinate.
     fn body(&self, body: usize, influence: f64) -> Course {
-        let Parts { system, rest, z, offset_m, .. } = self.parts;
+        let Parts { system, rest, offset_m, .. } = self.parts;
         let row: Vec<f64> = system.members.iter().map(|member| f64::from(u8::from(*member == body))).collect();
         let mut signal = system.linear.displacement(&row);
         signal.coefficients[system.linear.natural.wave] -= C64::new(0.0, influence);
-        self.course(&signal.coefficients, z, signal.constant(rest) + influence * offset_m)
+        self.course(&signal.coefficients, signal.constant(rest) + influence * offset_m)
     }
 
-    fn course(&self, coefficients: &[C64], z: &[C64], value: f64) -> Course {
-        let rates = &self.parts.system.linear.natural.rates;
-        let terms = coefficients.iter().zip(z).zip(rates).map(|((c, z), rate)| (c * z, *rate));
-        Course::new(terms, Parabola { value, ..Parabola::default() })
+    fn course(&self, coefficients: &[C64], value: f64) -> Course {
+        let Parts { system, z, end, .. } = self.parts;
+        let ends = z.iter().zip(end).zip(&system.linear.natural.rates);
+        let terms = coefficients.iter().zip(ends).map(|(c, ((z, end), rate))| (c * z, c * end, *rate));
+        Course::new(terms, Parabola { value, ..Parabola::default() }, self.length_s)
     }
 
     /// Whether a friction damper sticks or slips, and in which direction.

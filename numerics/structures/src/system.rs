@@ -110,6 +110,8 @@ pub(crate) struct System {
     /// Particles in free flight.
     pub free: Vec<usize>,
     pub guards: Vec<Watched>,
+    /// Absolute displacement of every place, but for the influence times the base's constant part.
+    pub places: Vec<Signal>,
     pub steps: Vec<Step>,
     longest_s: f64,
 }
@@ -168,9 +170,11 @@ impl System {
             linear,
             free,
             guards: Vec::new(),
+            places: Vec::new(),
             steps: Vec::new(),
             longest_s: if slowest.is_finite() { 2.0 / slowest } else { LONGEST_S },
         };
+        system.places = mount.places.iter().map(|place| system.place(&place.shape, place.influence)).collect();
         system.watch_sliding(mount);
         system.watch_sticking(mount, &stuck, &force);
         for particle in 0..mount.cavities.len() {

@@ -165,36 +165,23 @@ pub fn read(root: &Section, name: String) -> Option<Case> {
     Some(case)
 }
 
-/// Refuses what goes only with a structure of one degree of freedom.
+/// Refuses a second structure, and what goes only with a structure of one degree of freedom.
 fn refuse_others(root: &Section) {
-    let given: Vec<&str> =
-        DESCRIPTIONS.iter().filter(|quantity| root.is_given(quantity)).map(|quantity| quantity.name()).collect();
-    let refuse = |name: &'static str, allowed: &str, help: String| {
-        root.source().report(Problem {
-            title: format!("`{}` and `{name}` are both given", given[0]),
-            span: root.span_of(name),
-            allowed: allowed.into(),
-            help: Some(help),
-        });
-    };
-    for other in &given[1..] {
-        let help = format!("leave out `{}` or `{other}`", given[0]);
-        refuse(
-            DESCRIPTIONS.iter().map(|it| it.name()).find(|name| name == other).unwrap_or_default(),
-            "a case has one structure",
-            help,
-        );
-    }
-    if root.is_given(&set_up_keys::STRUCTURE) {
-        refuse("structure", "a case has one structure", format!("leave out `structure` or `{}`", given[0]));
-    }
-    for (quantity, allowed) in [
+    let mut structures = DESCRIPTIONS.iter().chain([&&set_up_keys::STRUCTURE]).filter(|other| root.is_given(other));
+    let Some(first) = structures.next().map(|description| description.name()) else { return };
+    let others = structures.map(|other| (other.name(), "a case has one structure"));
+    let of_one_degree = [
         (&case::MANY_PARTICLES, "spheres in a box are on a structure of one degree of freedom"),
         (&case::SET_UP_FILE, "a set-up file has a structure of one degree of freedom"),
-    ] {
-        if root.is_given(quantity) {
-            refuse(quantity.name(), allowed, format!("leave out `{}`", quantity.name()));
-        }
+    ];
+    let of_one_degree = of_one_degree.into_iter().filter(|(other, _)| root.is_given(other));
+    for (name, allowed) in others.chain(of_one_degree.map(|(other, allowed)| (other.name(), allowed))) {
+        root.source().report(Problem {
+            title: format!("`{first}` and `{name}` are both given"),
+            span: root.span_of(name),
+            allowed: allowed.into(),
+            help: Some(format!("leave out `{first}` or `{name}`")),
+        });
     }
 }
 
@@ -252,6 +239,10 @@ fn read_storeys(root: &Section, modal_damping: Option<f64>) -> Option<(Described
         storeys.push(mass.zip(stiffness).zip(damping).map(|((mass_kg, stiffness_n_per_m), damping_n_s_per_m)| {
             Storey { mass_kg, stiffness_n_per_m, damping_n_s_per_m }
         }));
+    }
+    if storeys.is_empty() {
+        root.reject(case::STOREYS.name(), "a frame has at least one storey", None);
+        return None;
     }
     let storeys: Option<Vec<Storey>> = storeys.into_iter().collect();
     Some((Described::Storeys(storeys?, modal_damping), Places::Named(names)))
