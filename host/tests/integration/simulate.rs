@@ -74,7 +74,7 @@ fn every_shipped_case_has_a_summary_a_figure_and_a_time_history() {
             .unwrap();
         let told = String::from_utf8_lossy(&output.stdout);
         assert!(output.status.success(), "{}: {}", case.display(), String::from_utf8_lossy(&output.stderr));
-        for word in ["largest |x|", "RMS of x", "fn = 2.5 Hz", "motion.parquet", "motion.svg"] {
+        for word in ["structure  ", "largest |x|", "RMS of x", "motion.parquet", "motion.svg"] {
             assert!(told.contains(word), "no {word:?} for {}:\n{told}", case.display());
         }
         let svg = std::fs::read_to_string(folder.path().join("motion.svg")).unwrap();
