@@ -34,13 +34,16 @@ class Impacts:
     approach_speed : numpy.ndarray
         abs(x′ − y′) just before, m/s.
     y : numpy.ndarray
-        Displacement of the particle, m.
+        Displacement of the particle, m; not a number of a particle other than that of ``Simulation.y``.
+    damper : numpy.ndarray of uint32
+        Number of the impact damper, from 1.
     """
 
     time: np.ndarray
     side: np.ndarray
     approach_speed: np.ndarray
     y: np.ndarray
+    damper: np.ndarray
 
     def __len__(self) -> int:
         return len(self.time)
@@ -121,6 +124,10 @@ class Simulation:
         The chatters that ended on a wall.
     summary : dict
         Statistics of the whole run; each key ends with its unit.
+    places : list of dict
+        Of a structure with several places: ``place``, ``max_abs_x_m``, ``max_abs_x_minus_z_m`` and ``rms_x_m`` of each; empty otherwise.
+    impact_dampers : list of dict
+        Of a structure with several places: ``place``, ``impact_count`` and ``max_approach_speed_m_per_s`` of each; empty otherwise.
     parameters : dict
         The set-up in SI units as it was simulated; each key ends with its unit.
     units : dict of str to str
@@ -138,6 +145,8 @@ class Simulation:
     contacts: Contacts
     accumulations: Accumulations
     summary: dict[str, Any]
+    places: list[dict[str, Any]]
+    impact_dampers: list[dict[str, Any]]
     parameters: dict[str, Any]
     units: dict[str, str] = field(
         default_factory=lambda: {"time": "s", "x": "m", "v": "m/s", "y": "m", "u": "m/s", "z": "m"},
@@ -192,6 +201,8 @@ def simulate(
         warnings.warn(warning, UnusualValueWarning, stacklevel=2)
     done["summary"] = json.loads(done["summary"])
     done["parameters"] = json.loads(done["parameters"])
+    for name in ("places", "impact_dampers"):
+        done[name] = json.loads(done[name]) or []
     done["impacts"] = Impacts(**done["impacts"])
     done["contacts"] = Contacts(**done["contacts"])
     done["accumulations"] = Accumulations(**done["accumulations"])

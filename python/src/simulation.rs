@@ -148,6 +148,8 @@ pub fn simulate<'py>(
     dict.set_item("contacts", contacts(py, &done.result.contacts)?)?;
     dict.set_item("accumulations", accumulations(py, &done.result.accumulations)?)?;
     dict.set_item("summary", json(&done.result.summary)?)?;
+    dict.set_item("places", json(&done.result.multi_degree.as_ref().map(|several| &several.places))?)?;
+    dict.set_item("impact_dampers", json(&done.result.multi_degree.as_ref().map(|several| &several.impact_dampers))?)?;
     dict.set_item("parameters", parameters(&done.case)?)?;
     Ok(dict)
 }
@@ -159,6 +161,8 @@ fn impacts<'py>(py: Python<'py>, impacts: &[ImpactRecord]) -> PyResult<Bound<'py
     dict.set_item("side", impacts.iter().map(|impact| impact.side).collect::<Vec<i8>>().into_pyarray(py))?;
     dict.set_item("approach_speed", column(|impact| impact.approach_speed_m_per_s))?;
     dict.set_item("y", column(|impact| impact.y_m))?;
+    let dampers: Vec<u32> = impacts.iter().map(|impact| impact.damper.unwrap_or(1)).collect();
+    dict.set_item("damper", dampers.into_pyarray(py))?;
     Ok(dict)
 }
 

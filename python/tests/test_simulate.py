@@ -24,6 +24,33 @@ def test_an_undamped_free_vibration_is_a_cosine():
     assert np.array_equal(result.y, result.x) and not result.z.any()
 
 
+def test_a_beam_has_results_at_every_place_and_of_every_damper():
+    wall = {"kind": "restitution", "coefficient": 0.5}
+    case = {
+        "beam": {
+            "kind": "cantilever",
+            "length_m": 0.3,
+            "bending_stiffness_n_m2": 4000,
+            "mass_per_length_kg_per_m": 4,
+            "damping_ratio": 0.01,
+        },
+        "force": {"kind": "sine", "amplitude_n": 12, "frequency_ratio": 1},
+        "particle": [
+            {"position_m": 0.3, "mass_kg": 0.08, "clearance_m": 2e-4, "wall": wall},
+            {"position_m": 0.2, "mass_kg": 0.04, "clearance_m": 1e-4, "wall": wall},
+        ],
+        "run": {"duration_s": 0.2},
+    }
+    result = damprig.simulate(case)
+    tip, inner = (next(of for of in result.places if of["place"] == name) for name in ("0.3 m", "0.2 m"))
+    assert tip["max_abs_x_m"] == result.summary["max_abs_x_m"] > inner["max_abs_x_m"] > 0
+    assert np.abs(result.x).max() <= tip["max_abs_x_m"]
+    counts = [of["impact_count"] for of in result.impact_dampers]
+    assert counts == [int((result.impacts.damper == number).sum()) for number in (1, 2)]
+    assert np.isnan(result.impacts.y[result.impacts.damper == 2]).all()
+    assert np.abs(result.y - result.x).max() <= 2e-4 * (1 + 1e-9)
+
+
 def test_every_time_that_is_asked_for_has_its_row():
     random = np.random.default_rng(29)
     for _ in range(2000):

@@ -20,7 +20,7 @@ pub fn schema(file: FileKind) -> Value {
     let mut root = builder.table("");
     if file == FileKind::Case {
         // These have the structure in place of the set-up.
-        let others = ["set_up_file", "storey", "beam", "mode"].map(|key| json!({ "required": [key] }));
+        let others = ["set_up_file", "storey", "beam", "mode", "matrices"].map(|key| json!({ "required": [key] }));
         root["if"] = json!({ "not": { "anyOf": others } });
         root["then"] = builder.without_set_up_file();
     }

@@ -15,7 +15,8 @@ pub struct Simulated<'a> {
     name: &'a str,
     #[serde(skip_serializing_if = "str::is_empty")]
     set: &'a str,
-    set_up: &'a SetUp,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    set_up: Option<&'a SetUp>,
     #[serde(skip_serializing_if = "Option::is_none")]
     many_particles: Option<Spheres>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -52,9 +53,9 @@ struct SeveralPlaces<'a> {
     places: &'a [String],
     observed_place: &'a str,
     modes: Vec<NaturalMode<'a>>,
-    impact_dampers: Vec<(&'a str, Particle)>,
+    impact_dampers: Vec<Placed<'a, Particle>>,
     friction_dampers: Vec<Friction<'a>>,
-    tuned_masses: Vec<(&'a str, Tmd)>,
+    tuned_masses: Vec<Placed<'a, Tmd>>,
 }
 
 #[derive(Debug, Serialize)]
@@ -63,6 +64,14 @@ struct NaturalMode<'a> {
     damping_ratio: f64,
     shape_per_root_kg: &'a [f64],
     participation_root_kg: f64,
+}
+
+/// A damper with its place.
+#[derive(Debug, Serialize)]
+struct Placed<'a, D> {
+    place: &'a str,
+    #[serde(flatten)]
+    damper: D,
 }
 
 #[derive(Debug, Serialize)]
@@ -89,7 +98,11 @@ impl<'a> SeveralPlaces<'a> {
             places: &several.places,
             observed_place: place(several.observed),
             modes: set_up.structure.modes.iter().map(mode).collect(),
-            impact_dampers: set_up.impact_dampers.iter().map(|of| (place(of.place), of.particle)).collect(),
+            impact_dampers: set_up
+                .impact_dampers
+                .iter()
+                .map(|of| Placed { place: place(of.place), damper: of.particle })
+                .collect(),
             friction_dampers: (set_up.friction_dampers.iter())
                 .map(|of| Friction {
                     place: place(of.place),
@@ -97,7 +110,11 @@ impl<'a> SeveralPlaces<'a> {
                     force_n: of.damper.force_n,
                 })
                 .collect(),
-            tuned_masses: set_up.tuned_masses.iter().map(|of| (place(of.place), of.tmd)).collect(),
+            tuned_masses: set_up
+                .tuned_masses
+                .iter()
+                .map(|of| Placed { place: place(of.place), damper: of.tmd })
+                .collect(),
         }
     }
 }
@@ -160,7 +177,7 @@ impl<'a> Simulated<'a> {
         Self {
             name: &case.name,
             set,
-            set_up: &case.set_up,
+            set_up: case.multi_degree.is_none().then_some(&case.set_up),
             many_particles: case.many_particles.as_ref().map(Spheres::of),
             multi_degree: case.multi_degree.as_ref().map(SeveralPlaces::of),
             excitation: describe::excitation(case),

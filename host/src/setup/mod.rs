@@ -139,7 +139,7 @@ fn part<'a, T>(
 /// Refuses a place where the structure has only one.
 pub(crate) fn refuse_place(s: &Section, quantity: &Quantity) {
     if let Some(key) = s.written(quantity) {
-        let allowed = "is for a structure with several places: `storey`, `beam` or `mode` in a case";
+        let allowed = "is for a structure with several places: `storey`, `beam`, `mode` or `matrices` in a case";
         s.reject(key.name, allowed, Some("leave it out".into()));
     }
 }

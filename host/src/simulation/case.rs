@@ -270,7 +270,21 @@ fn read(source: &Source, name: &str, values: &SetValues) -> Option<Case> {
         });
         return None;
     }
-    source.read_changed_toml(&toml, title, |own| set_values::put(own, values, ""), |root| read_root(root, name))
+    source.read_changed_toml(
+        &toml,
+        title,
+        |own| {
+            for (span, allowed) in set_values::put(own, values, "") {
+                source.report(Problem {
+                    title: "a value is set of no table of a list".into(),
+                    span,
+                    allowed,
+                    help: None,
+                });
+            }
+        },
+        |root| read_root(root, name),
+    )
 }
 
 /// The text of a case as TOML, with the title of the problem that it is none; `None` after a problem has been reported.

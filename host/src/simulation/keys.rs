@@ -44,7 +44,10 @@ tables! {
         STOREYS: Optional, [key("storey", Kind::Tables, "a frame in place of `structure`: its storeys from the ground up; the places are its floors")];
         BEAM: Optional, [key("beam", Kind::Table, "a beam in place of `structure`; places are positions on it")];
         MODES: Optional, [key("mode", Kind::Tables, "natural modes in place of `structure`, at the places of `places`")];
-        PLACES: If(&MODES, "mode", &Required, &Forbidden), [key("places", Kind::Texts, "names of the places at which the shapes of the modes are given")];
+        MATRICES: Optional, [key("matrices", Kind::Table, "mass, stiffness and damping matrices in place of `structure`; a row for each of `places`")];
+        PLACES: If(&MATRICES, "matrices", &Required, &If(&MODES, "mode", &Required, &Forbidden)), [
+            key("places", Kind::Texts, "names of the places of modes or matrices, in their order"),
+        ];
         MODAL_DAMPING: If(&STOREYS, "storey", &Optional, &Forbidden), [
             number("modal_damping_ratio", NotNegative, "ζ of every mode, in place of the dampings of the storeys").usual(0.0, 0.2),
         ];
@@ -142,6 +145,23 @@ tables! {
         ];
         PARTICIPATION: Optional, [
             number("participation_root_kg", Any, "Γ = φᵀMι, the participation in a motion of the base; needed where the base moves"),
+        ];
+    }
+
+    "Matrices of a structure, M x″ + C x′ + K x with x relative to the base, from files of comma-separated numbers, a line for each row."
+    matrices("matrices") {
+        MASS: Required, [key("mass_file", Kind::Text, "file of M, kg, beside this one: symmetric, positive definite")];
+        STIFFNESS: Required, [key("stiffness_file", Kind::Text, "file of K, N/m: symmetric, positive definite")];
+        DAMPING: Required, [
+            number("damping_ratio", NotNegative, "ζ of every mode").usual(0.0, 0.2),
+            number("mass_damping_per_s", NotNegative, "a of C = aM + bK, with `stiffness_damping_s`"),
+            key("damping_file", Kind::Text, "file of C, N·s/m: symmetric, no negative eigenvalue"),
+        ];
+        STIFFNESS_DAMPING: If(&DAMPING, "mass_damping_per_s", &Required, &Forbidden), [
+            number("stiffness_damping_s", NotNegative, "b of C = aM + bK"),
+        ];
+        INFLUENCE: Optional, [
+            key("influence", Kind::Numbers(Any), "displacement of each place per displacement of the base; default: 1 for each"),
         ];
     }
 

@@ -4,8 +4,8 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::keys;
-use crate::input::Refusal;
 use crate::input::key::Quantity;
+use crate::input::{Refusal, Span};
 use crate::{motion_record, setup};
 
 /// Values in place of those of a case, as lines of TOML: `particle.wall.coefficient = 0.5`.
@@ -72,6 +72,10 @@ fn is_number(name: &str) -> bool {
     name.parse::<usize>().is_ok()
 }
 
+fn has_number(values: &DeTable) -> bool {
+    values.iter().any(|(key, _)| is_number(key.get_ref()))
+}
+
 /// Whether the keys are numbers, from 1, of the tables of a list of this length.
 fn are_of_list(values: &DeTable, length: usize) -> bool {
     let is_one = |key: &str| key.parse::<usize>().is_ok_and(|number| (1..=length).contains(&number));
@@ -80,7 +84,9 @@ fn are_of_list(values: &DeTable, length: usize) -> bool {
 
 /// Puts `values` into `own`, the table of a case at `path`; tables of a list have their numbers, from 1, as keys, which a list of one may leave out. A table with a `kind` replaces the case's own, others are put in key by
 /// key. The other keys of a quantity are removed: a `clearance_ratio` replaces a `clearance_m`.
-pub(super) fn put<'t>(own: &mut DeTable<'t>, values: &DeTable<'t>, path: &str) {
+/// Returns where a value is for no table of a list, and why.
+pub(super) fn put<'t>(own: &mut DeTable<'t>, values: &DeTable<'t>, path: &str) -> Vec<(Span, String)> {
+    let mut lost = Vec::new();
     for (key, value) in values {
         let name = key.get_ref().as_ref();
         for other in alternatives(path, name) {
@@ -89,11 +95,11 @@ pub(super) fn put<'t>(own: &mut DeTable<'t>, values: &DeTable<'t>, path: &str) {
         let inside = inside(path, name);
         match (own.get_mut(name).map(Spanned::get_mut), value.get_ref()) {
             (Some(DeValue::Table(own)), DeValue::Table(values)) if !values.contains_key("kind") => {
-                put(own, values, &inside)
+                lost.extend(put(own, values, &inside));
             }
-            (Some(DeValue::Array(list)), DeValue::Table(values)) if list.len() == 1 && !are_of_list(values, 1) => {
+            (Some(DeValue::Array(list)), DeValue::Table(values)) if list.len() == 1 && !has_number(values) => {
                 if let Some(DeValue::Table(own)) = list.first_mut().map(Spanned::get_mut) {
-                    put(own, values, &inside);
+                    lost.extend(put(own, values, &inside));
                 }
             }
             (Some(DeValue::Array(list)), DeValue::Table(values)) if are_of_list(values, list.len()) => {
@@ -102,15 +108,20 @@ pub(super) fn put<'t>(own: &mut DeTable<'t>, values: &DeTable<'t>, path: &str) {
                     if let (Some(DeValue::Table(own)), DeValue::Table(values)) =
                         (list.get_mut(place).map(Spanned::get_mut), values.get_ref())
                     {
-                        put(own, values, &inside);
+                        lost.extend(put(own, values, &inside));
                     }
                 }
+            }
+            (Some(DeValue::Array(list)), DeValue::Table(_)) if !list.is_empty() => {
+                let count = list.len();
+                lost.push((key.span(), format!("there are {count} of it: write {inside}.1 to {inside}.{count}")));
             }
             _ => {
                 own.insert(key.clone(), Spanned::clone(value));
             }
         }
     }
+    lost
 }
 
 /// Two of the values that are keys of one quantity, with the tables of both: the later one would replace the other.

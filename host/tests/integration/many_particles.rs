@@ -1,10 +1,8 @@
 //! Spheres in a box as the damper of a case: results, studies, refusals.
 
-use crate::common::{damprig, read_parquet};
+use crate::common::{damprig, folder, read_parquet, refused, simulated as answer};
 use arrow_array::cast::AsArray;
 use arrow_array::types::Float64Type;
-use serde_json::Value;
-use tempfile::TempDir;
 
 const STRUCTURE: &str = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }\n";
 const SINE: &str = "base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }\n";
@@ -24,32 +22,6 @@ height_m = 0.02
 
 fn case(spheres: &str) -> String {
     format!("{STRUCTURE}{SINE}{RUN}{spheres}")
-}
-
-fn folder(files: &[(&str, &str)]) -> TempDir {
-    let folder = TempDir::new().unwrap();
-    for (name, text) in files {
-        std::fs::write(folder.path().join(name), text).unwrap();
-    }
-    folder
-}
-
-fn answer(case: &str, more: &[&str]) -> Value {
-    let folder = folder(&[("case.toml", case)]);
-    let output = damprig(&folder).args(["simulate", "case.toml", "--json"]).args(more).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
-/// The command must end with exit code 2 and say all of `words`.
-fn refused(files: &[(&str, &str)], arguments: &[&str], words: &[&str]) {
-    let folder = folder(files);
-    let output = damprig(&folder).args(arguments).output().unwrap();
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}\n{told}");
-    for word in words {
-        assert!(told.contains(word), "no {word:?} in:\n{told}");
-    }
 }
 
 #[test]

@@ -5,9 +5,8 @@ use std::f64::consts::TAU;
 use arrow_array::cast::AsArray;
 use arrow_array::types::Float64Type;
 use serde_json::Value;
-use tempfile::TempDir;
 
-use crate::common::{damprig, read_parquet};
+use crate::common::{damprig, folder, read_parquet, refused, simulated as answer};
 
 const FRAME: &str = "\
 base = { kind = \"sine\", amplitude_m = 0.002, frequency_hz = 4.03 }
@@ -34,21 +33,6 @@ const BEAM: &str = "\
 beam = { kind = \"cantilever\", length_m = 0.3, bending_stiffness_n_m2 = 4000, mass_per_length_kg_per_m = 4, damping_ratio = 0.01 }
 run = { duration_s = 0.5 }
 ";
-
-fn folder(files: &[(&str, &str)]) -> TempDir {
-    let folder = TempDir::new().unwrap();
-    for (name, text) in files {
-        std::fs::write(folder.path().join(name), text).unwrap();
-    }
-    folder
-}
-
-fn answer(case: &str, more: &[&str]) -> Value {
-    let folder = folder(&[("case.toml", case)]);
-    let output = damprig(&folder).args(["simulate", "case.toml", "--json"]).args(more).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
 
 fn number(answer: &Value, path: &str) -> f64 {
     answer.pointer(path).and_then(Value::as_f64).unwrap_or_else(|| panic!("{path} of {answer}"))
@@ -150,6 +134,54 @@ run = { duration_s = 4, steady_from_cycle = 5, sample_times_s = [0.3, 1, 4] }
     }
 }
 
+/// M, K and C of [`FRAME`].
+const MATRICES: [(&str, &str); 3] =
+    [("m.csv", "100, 0\n0, 80\n"), ("k.csv", "9e4,-4e4\n-4e4,4e4\n"), ("c.csv", "180,-80\n-80,80\n")];
+
+fn of_matrices(damping: &str) -> String {
+    let (rest, _) = FRAME.split_once("[[storey]]").unwrap();
+    format!(
+        "places = [\"floor 1\", \"floor 2\"]\n{rest}[matrices]\nmass_file = \"m.csv\"\nstiffness_file = \"k.csv\"\n{damping}\n"
+    )
+}
+
+#[test]
+fn matrices_of_a_frame_move_like_its_storeys() {
+    let answer_of = |text: &str| {
+        let folder = folder(&MATRICES);
+        std::fs::write(folder.path().join("case.toml"), text).unwrap();
+        let output = damprig(&folder).args(["simulate", "case.toml", "--json"]).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice::<Value>(&output.stdout).unwrap()
+    };
+    let rms = |answer: &Value| number(answer, "/summary/rms_x_m");
+    let storeys = answer(FRAME, &[]);
+    let by_file = answer_of(&of_matrices("damping_file = \"c.csv\""));
+    assert!((rms(&by_file) / rms(&storeys) - 1.0).abs() < 1e-12, "{} {}", rms(&by_file), rms(&storeys));
+    // The storeys' damping is 0.002 s times their stiffness.
+    let rayleigh = answer_of(&of_matrices("mass_damping_per_s = 0\nstiffness_damping_s = 0.002"));
+    assert!((rms(&rayleigh) / rms(&storeys) - 1.0).abs() < 1e-12);
+    let still = answer_of(&of_matrices("damping_ratio = 0.01\ninfluence = [0, 0]"));
+    assert_eq!(number(&still, "/summary/max_abs_x_m"), 0.0);
+}
+
+#[test]
+fn a_matrix_that_is_none_is_refused_with_its_line() {
+    let case = of_matrices("damping_file = \"c.csv\"");
+    let refused = |name: &str, text: &str, words: &[&str]| {
+        let of = |(other, usual): (&'static str, &'static str)| (other, if other == name { text } else { usual });
+        let files: Vec<(&str, &str)> = MATRICES.into_iter().map(of).chain([("case.toml", &*case)]).collect();
+        refused(&files, &["simulate", "case.toml"], words);
+    };
+    refused("m.csv", "100,0\n0\n", &["matrices.mass_file", "line 2", "2 numbers", "has 1"]);
+    refused("m.csv", "100,0\n0,x\n", &["line 2, column 2", "\"x\""]);
+    refused("m.csv", "100,0\n", &["2 lines", "has 1"]);
+    refused("m.csv", "100,0\n0,0\n", &["the mass matrix", "positive definite", "no mass"]);
+    refused("k.csv", "9e4,-4e4\n-3e4,4e4\n", &["the stiffness matrix", "row 2, column 1", "symmetric"]);
+    refused("k.csv", "4e4,-4e4\n-4e4,4e4\n", &["not held by any spring"]);
+    refused("c.csv", "-180,80\n80,-80\n", &["damping has a negative part"]);
+}
+
 #[test]
 fn a_beam_swings_at_its_first_frequency_in_its_first_shape() {
     // β₁² √(EI/ρA)/l² with cos β cosh β = −1.
@@ -212,17 +244,6 @@ fn a_study_and_an_optimisation_have_the_numbers_of_single_simulations() {
     assert!((number(&best, "/references/tmd/objective") / with_tmd - 1.0).abs() < 1e-12);
 }
 
-/// The command must end with exit code 2 and say all of `words`.
-fn refused(case: &str, command: &[&str], words: &[&str]) {
-    let folder = folder(&[("case.toml", case)]);
-    let output = damprig(&folder).args(command).output().unwrap();
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{words:?}\n{told}");
-    for word in words {
-        assert!(told.contains(word), "no {word:?} in:\n{told}");
-    }
-}
-
 #[test]
 fn what_a_structure_with_several_places_does_not_have_is_refused_with_a_reason() {
     let frame = |more: &str| format!("{FRAME}{more}");
@@ -239,7 +260,7 @@ fn what_a_structure_with_several_places_does_not_have_is_refused_with_a_reason()
         (top("modal_damping_ratio = 0.01"), &["storey[1].damping_n_s_per_m", "`modal_damping_ratio` is given too"]),
         (top("places = [\"a\"]"), &["places", "goes with `mode`"]),
         (frame(&PARTICLE.replace("coefficient = 0.5", "coefficient = 0.5, contact_time_s = 1e-3")), &["particle[1].wall", "force of a hard wall"]),
-        (frame("[friction_damper]\nplace = \"floor 1\"\nother_place = \"floor 1\"\nforce_n = 2\n"), &["joins place", "with itself"]),
+        (frame("[friction_damper]\nplace = \"floor 1\"\nother_place = \"floor 1\"\nforce_n = 2\n"), &["friction_damper.other_place", "another place than that of the damper"]),
         (frame("[particle]\nplace = \"floor 1\"\nmass_kg = 1\nclearance_m = 0.01\nstart_m = 0.02\nwall = { kind = \"restitution\", coefficient = 0.5 }\n"), &["particle.start_m", "within the clearance"]),
         (format!("{BEAM}[particle]\nposition_m = 0.4\nmass_kg = 1\nclearance_m = 0.01\nwall = {{ kind = \"restitution\", coefficient = 0.5 }}\n"), &["particle.position_m", "at most 0.3 m"]),
         (format!("{BEAM}[tmd]\nposition_m = 0\nmass_kg = 1\ntuning = \"den_hartog\"\n"), &["no mode moves the place"]),
@@ -247,14 +268,22 @@ fn what_a_structure_with_several_places_does_not_have_is_refused_with_a_reason()
         ("run = { duration_s = 1 }\nplaces = [\"a\", \"b\"]\n[[mode]]\nfrequency_hz = 3\ndamping_ratio = 0.01\nshape_per_root_kg = [1]\n".into(), &["mode[1].shape_per_root_kg", "each of the 2 `places`"]),
         ("run = { duration_s = 1 }\nplaces = [\"a\"]\nbase = { kind = \"sine\", amplitude_m = 1e-3, frequency_hz = 1 }\n[[mode]]\nfrequency_hz = 3\ndamping_ratio = 0.01\nshape_per_root_kg = [1]\n".into(), &["`mode[1].participation_root_kg` is missing", "`force`"]),
     ] {
-        refused(&case, &simulate, words);
+        refused(&[("case.toml", &case)], &simulate, words);
     }
     let one = "structure = { mass_kg = 1, stiffness_n_per_m = 100, damping_ratio = 0 }\nrun = { duration_s = 1 }\n";
-    refused(&format!("{one}{PARTICLE}"), &simulate, &["`particle`", "must be one table here", "several are mounted"]);
-    let placed = PARTICLE.replace("[[particle]]", "[particle]");
-    refused(&format!("{one}{placed}"), &simulate, &["particle.place", "several places", "leave it out"]);
     refused(
-        &frame(PARTICLE),
+        &[("case.toml", &format!("{one}{PARTICLE}"))],
+        &simulate,
+        &["`particle`", "must be one table here", "several are mounted"],
+    );
+    let placed = PARTICLE.replace("[[particle]]", "[particle]");
+    refused(
+        &[("case.toml", &format!("{one}{placed}"))],
+        &simulate,
+        &["particle.place", "several places", "leave it out"],
+    );
+    refused(
+        &[("case.toml", &frame(PARTICLE))],
         &["simulate", "case.toml", "--analyse"],
         &["--analyse is not available for `storey`", "one degree of freedom"],
     );

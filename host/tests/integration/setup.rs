@@ -29,10 +29,11 @@ impl Edit {
 }
 
 /// Tables and quantities of a structure with several places, which `multi_degree.rs` tests, and the file that would have to exist.
-const SEVERAL_PLACES: [&str; 9] = [
+const SEVERAL_PLACES: [&str; 10] = [
     "storey",
     "beam",
     "mode",
+    "matrices",
     "places",
     "modal_damping_ratio",
     "observed_place",

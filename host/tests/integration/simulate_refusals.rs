@@ -3,7 +3,7 @@
 
 use std::process::Output;
 
-use crate::common::damprig;
+use crate::common::{damprig, folder};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -12,14 +12,6 @@ const RECORD: &str = "base = { kind = \"record\", file = \"shake.csv\", quantity
 const SHAKE: &str = "t,a\n0.0,0.1\n0.1,0.2\n0.2,-0.1\n";
 const PARTICLE: &str =
     "particle = { mass_ratio = 0.1, clearance_m = 0.03, wall = { kind = \"restitution\", coefficient = 0.5 } }\n";
-
-fn folder(files: &[(&str, &str)]) -> TempDir {
-    let folder = TempDir::new().unwrap();
-    for (name, text) in files {
-        std::fs::write(folder.path().join(name), text).unwrap();
-    }
-    folder
-}
 
 fn simulate(folder: &TempDir, arguments: &[&str]) -> Output {
     damprig(folder).arg("simulate").args(arguments).output().unwrap()

@@ -79,17 +79,17 @@ impl Modes {
         influence: &[f64],
     ) -> Result<Self, Refused> {
         let n = influence.len();
-        let mass = matrix("structure.mass_kg", mass, n)?;
-        let stiffness = matrix("structure.stiffness_n_per_m", stiffness, n)?;
-        let root = mass.clone().cholesky().ok_or(Refused::NotDefinite("structure.mass_kg"))?.l();
+        let mass = matrix("the mass matrix", mass, n)?;
+        let stiffness = matrix("the stiffness matrix", stiffness, n)?;
+        let root = mass.clone().cholesky().ok_or(Refused::NotDefinite("the mass matrix"))?.l();
         // L⁻¹ K L⁻ᵀ has the squares of the natural frequencies.
-        let left = root.solve_lower_triangular(&stiffness).ok_or(Refused::NotDefinite("structure.mass_kg"))?;
-        let both = root.solve_lower_triangular(&left.transpose()).ok_or(Refused::NotDefinite("structure.mass_kg"))?;
+        let left = root.solve_lower_triangular(&stiffness).ok_or(Refused::NotDefinite("the mass matrix"))?;
+        let both = root.solve_lower_triangular(&left.transpose()).ok_or(Refused::NotDefinite("the mass matrix"))?;
         let eigen = symmetric(&both).symmetric_eigen();
         let shapes = root
             .transpose()
             .solve_upper_triangular(&eigen.eigenvectors)
-            .ok_or(Refused::NotDefinite("structure.mass_kg"))?;
+            .ok_or(Refused::NotDefinite("the mass matrix"))?;
         let largest = eigen.eigenvalues.max();
         if eigen.eigenvalues.min() <= n as f64 * f64::EPSILON * largest {
             return Err(Refused::Unsupported);
@@ -107,7 +107,7 @@ impl Modes {
                 DMatrix::from_diagonal(&DVector::from_iterator(n, omega.iter().map(of)))
             }
             Damping::Matrix(rows) => {
-                let damping = matrix("structure.damping_n_s_per_m", rows, n)?;
+                let damping = matrix("the damping matrix", rows, n)?;
                 let modal = shapes.transpose() * damping * &shapes;
                 let modal = symmetric(&modal);
                 not_growing(&modal)?;

@@ -90,21 +90,38 @@ impl Linear {
         rest.eta.extend(basis.shapes.tr_mul(&load).iter().copied().zip(&self.square).map(at_rest));
     }
 
-    /// The natural motions of a state.
+    /// The natural motions of a state. What is only the rounding of larger terms counts as zero, so that what is at rest stays so.
     pub fn enter(&self, rest: &Rest, q: &[f64], v: &[f64], wave: C64, z: &mut Vec<C64>) {
-        let free = self.basis.as_ref().map(|basis| {
+        let projected = self.basis.as_ref().map(|basis| {
             let prescribed = basis.prescribed(&rest.kappa);
-            let eta = (0..q.len()).map(|i| q[i] - prescribed[i] - basis.moved[i] * wave.im);
-            let rate = (0..q.len()).map(|i| v[i] - basis.moved[i] * self.turning * wave.re);
-            let project = |x: DVector<f64>| &basis.project * x;
-            (project(DVector::from_iterator(q.len(), eta)), project(DVector::from_iterator(q.len(), rate)))
+            let project = |value: &dyn Fn(usize) -> [f64; 3]| {
+                let terms: Vec<[f64; 3]> = (0..q.len()).map(value).collect();
+                let of = |row: usize| {
+                    let along = basis.project.row(row);
+                    let mut sum = Sum::default();
+                    for (share, [a, b, c]) in along.iter().zip(&terms) {
+                        sum.add(share * (a - b - c), share.abs() * (a.abs() + b.abs() + c.abs()));
+                    }
+                    sum
+                };
+                (0..self.square.len()).map(of).collect::<Vec<Sum>>()
+            };
+            let eta = project(&|i| [q[i], prescribed[i], basis.moved[i] * wave.im]);
+            (eta, project(&|i| [v[i], 0.0, basis.moved[i] * self.turning * wave.re]))
         });
-        let (eta, rate) = free.as_ref().map_or((q, v), |(eta, rate)| (eta.as_slice(), rate.as_slice()));
         let of = |i: usize| {
+            let (mut eta, mut rate) = match &projected {
+                Some((eta, rate)) => (eta[i], rate[i]),
+                None => (Sum::of(q[i]), Sum::of(v[i])),
+            };
             let forced = self.forced[i] * wave;
-            (eta[i] - rest.eta[i] - forced.re, rate[i] - (I * self.turning * forced).re)
+            let forced_rate = (I * self.turning * forced).re;
+            eta.add(-rest.eta[i], rest.eta[i].abs());
+            eta.add(-forced.re, forced.re.abs());
+            rate.add(-forced_rate, forced_rate.abs());
+            (eta.value(), rate.value())
         };
-        self.natural.enter(eta.len(), of, wave, z);
+        self.natural.enter(self.square.len(), of, wave, z);
     }
 
     /// The state of natural motions.
@@ -177,6 +194,29 @@ impl Linear {
         let q = &basis.shapes * DVector::from_column_slice(&rest.eta) + basis.prescribed(&rest.kappa);
         let springs = bodies.springs(q.as_slice());
         basis.held.column(which).iter().zip(springs.iter().zip(force)).map(|(row, (k, f))| row * (k - f)).sum()
+    }
+}
+
+/// A sum with the size of its terms.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sum {
+    sum: f64,
+    size: f64,
+}
+
+impl Sum {
+    fn of(value: f64) -> Self {
+        Self { sum: value, size: value.abs() }
+    }
+
+    fn add(&mut self, value: f64, size: f64) {
+        self.sum += value;
+        self.size += size;
+    }
+
+    /// The sum; zero where it is no more than rounding.
+    fn value(self) -> f64 {
+        if self.sum.abs() <= 4.0 * f64::EPSILON * self.size { 0.0 } else { self.sum }
     }
 }
 

@@ -4,7 +4,7 @@ use damprig_core::integrator::exact::time::Time;
 
 use crate::Refused;
 use crate::contacts::Event;
-use crate::guard::{Here, Step, Verdict};
+use crate::guard::{Here, Parabola, Step, Verdict};
 use crate::linear::C64;
 use crate::motion::{Motion, ROUNDINGS};
 use crate::observe::{Observer, Piece};
@@ -113,7 +113,7 @@ impl Motion {
         for (guard, live) in system.guards.iter().zip(&mut self.guards).filter(|(_, live)| live.fresh == 0) {
             let parabola = guard.parabola(&self.free, live.constant);
             let here = guard.guard.at(&self.z, self.z.len(), parabola.at(0.0));
-            if here.value <= 0.0 {
+            if here.value <= 0.0 && !guard.is_constant(&self.amplitudes, &parabola) {
                 if here.slope <= 0.0 {
                     return Some(guard.event);
                 }
@@ -172,6 +172,9 @@ impl Motion {
             let parabola = guard.parabola(&self.free, live.constant);
             let of_end = guard.follow(&self.ahead, step.slow, self.here.of_end.last());
             self.here.of_end.push(of_end);
+            if guard.is_constant(&self.amplitudes, &parabola) {
+                continue;
+            }
             if live.fresh > 1 {
                 if guard.rises(&self.z, &system.linear.natural.rates, &parabola, live.fresh, h) {
                     continue;
@@ -337,9 +340,14 @@ impl crate::system::Watched {
         }
     }
 
+    /// Whether a guard does not change: it cannot fall then, even where it is zero, as at a wall that touches a particle at rest.
+    fn is_constant(&self, amplitudes: &[f64], parabola: &Parabola) -> bool {
+        parabola.slope == 0.0 && parabola.bend == 0.0 && self.guard.size(amplitudes) == 0.0
+    }
+
     /// Whether a guard whose first `order` derivatives (from the value on) are zero by definition stays positive for `h`: by the
     /// next one and the largest one after it (Taylor).
-    fn rises(&self, z: &[C64], rates: &[C64], parabola: &crate::guard::Parabola, order: usize, h: f64) -> bool {
+    fn rises(&self, z: &[C64], rates: &[C64], parabola: &Parabola, order: usize, h: f64) -> bool {
         let derivative = |order: usize| self.guard.derivative(z, rates, i32::try_from(order).unwrap_or(i32::MAX));
         let (mut value, mut size) = derivative(order);
         if order == 2 {

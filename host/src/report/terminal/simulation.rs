@@ -65,7 +65,9 @@ pub fn warnings(case: &Case, cost: &Cost, history: Option<(&TablePath, f64)>) ->
 fn set_up(case: &Case) -> Vec<(&'static str, String)> {
     if let Some(several) = &case.multi_degree {
         let mut lines = multi_degree::set_up(several);
-        lines.push(("excitation", describe::excitation(case)));
+        let driven =
+            several.set_up.driven_place.map_or(String::new(), |place| format!(" at {}", several.places[place]));
+        lines.push(("excitation", describe::excitation(case) + &driven));
         return lines;
     }
     let structure = &case.set_up.structure;

@@ -138,7 +138,8 @@ pub(in crate::simulation) fn run<V: Viewer>(
             steps: 0,
             is_stopped: false,
         };
-        if refused.is_ok() {
+        // The clock of an estimate starts after the set-up.
+        if refused.is_ok() && (motion.time_s() > 0.0 || (watch.go_on)(0.0)) {
             refused = motion.run(until_s, &mut watch);
         }
         motion.time_s()

@@ -1,5 +1,7 @@
 //! Reads a case with a structure of several degrees of freedom.
 
+use std::path::Path;
+
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::integrator::exact::time::Time;
 use damprig_core::model::{Initial, SetUp as OneDegree, Structure, Wall};
@@ -11,17 +13,21 @@ use damprig_structures::{
 use super::places::Places;
 use super::{MultiDegree, SecondMass, at_place};
 use crate::input::key::Quantity;
+use crate::input::section::Given;
 use crate::input::{Problem, Section, Text};
+use crate::motion_record::resolve;
 use crate::setup::{
     self, BASE_AMPLITUDE, BaseAmplitude, Damper, SetUpSpec, friction_damper_keys, particle_keys, set_up_keys,
 };
 use crate::simulation::Case;
 use crate::simulation::case::{base_amplitude, check_cycles, read_excitation, read_run};
 use crate::simulation::excitation::CaseExcitation;
-use crate::simulation::keys::{beam, beam_cantilever, beam_supported, case, force_sine, initial, mode, storey};
+use crate::simulation::keys::{
+    beam, beam_cantilever, beam_supported, case, force_sine, initial, matrices, mode, storey,
+};
 
 /// The keys that describe such a structure, one of which a case has in place of `structure`.
-const DESCRIPTIONS: [&Quantity; 3] = [&case::STOREYS, &case::BEAM, &case::MODES];
+const DESCRIPTIONS: [&Quantity; 4] = [&case::STOREYS, &case::BEAM, &case::MODES, &case::MATRICES];
 
 /// The key of the description of such a structure, if the case has one.
 pub fn description(root: &Section) -> Option<&'static str> {
@@ -33,6 +39,15 @@ enum Described {
     Storeys(Vec<Storey>, Option<f64>),
     Beam(Box<Beam>),
     Modes(Modes),
+    Matrices(Matrices),
+}
+
+/// Matrices by rows.
+struct Matrices {
+    mass_kg: Vec<f64>,
+    stiffness_n_per_m: Vec<f64>,
+    damping: Damping,
+    influence: Vec<f64>,
 }
 
 impl Described {
@@ -45,6 +60,9 @@ impl Described {
             }
             (Self::Beam(beam), Places::Named(_)) => Modes::beam(&beam),
             (Self::Modes(modes), _) => Ok(modes),
+            (Self::Matrices(of), _) => {
+                Modes::from_matrices(&of.mass_kg, &of.stiffness_n_per_m, &of.damping, &of.influence)
+            }
         }
     }
 
@@ -55,7 +73,8 @@ impl Described {
                 let held = if beam.support == Support::Cantilever { "cantilever" } else { "simply supported beam" };
                 format!("{held} of {} m", beam.length_m)
             }
-            Self::Modes(modes) => format!("{} measured modes", modes.modes.len()),
+            Self::Modes(modes) => format!("{} stated modes", modes.modes.len()),
+            Self::Matrices(of) => format!("matrices of {0} × {0}", of.influence.len()),
         }
     }
 }
@@ -71,6 +90,10 @@ struct Mounted<'a> {
 /// Reads the case; `None` after a problem has been reported.
 pub fn read(root: &Section, name: String) -> Option<Case> {
     refuse_others(root);
+    // A structure that cannot be read is told alone, not with what is mounted on it.
+    for quantity in [&case::OBSERVED, &set_up_keys::PARTICLE, &set_up_keys::FRICTION_DAMPER, &set_up_keys::TMD] {
+        root.leave(quantity);
+    }
     let stated_m = root.scalar(&BASE_AMPLITUDE);
     let excitation = read_excitation(root, stated_m);
     let force = root.table_of(&case::FORCE, None);
@@ -110,11 +133,6 @@ pub fn read(root: &Section, name: String) -> Option<Case> {
         );
         return None;
     }
-    let z_m = match base {
-        BaseAmplitude::Is(z_m) => z_m,
-        BaseAmplitude::Force(force_n) => force_n / structure.stiffness_n_per_m,
-        _ => 0.0,
-    };
     let lowest = modes.modes.iter().map(|mode| mode.angular_frequency_rad_per_s).fold(f64::INFINITY, f64::min);
     let excitation = match excitation.on(lowest) {
         CaseExcitation::ClosedForm(excitation) | CaseExcitation::FrequencyRatio(excitation) => excitation,
@@ -129,7 +147,7 @@ pub fn read(root: &Section, name: String) -> Option<Case> {
     };
     let mut is_sound = true;
     for mounted in mounted {
-        is_sound &= read.add(mounted, base, z_m, &places).is_some();
+        is_sound &= read.add(mounted, base, &places).is_some();
     }
     let (initial, run) = (initial?, run?);
     if !is_sound {
@@ -211,7 +229,8 @@ fn read_structure(root: &Section) -> Option<(Described, Places)> {
     match description(root)? {
         "storey" => read_storeys(root, modal_damping),
         "beam" => read_beam(root),
-        _ => read_modes(root, names?),
+        "mode" => read_modes(root, names?),
+        _ => read_matrices(root, names?),
     }
 }
 
@@ -302,19 +321,96 @@ fn read_modes(root: &Section, names: Vec<Text>) -> Option<(Described, Places)> {
         Some(Mode { angular_frequency_rad_per_s, damping_ratio: damping?, shape, participation })
     };
     let modes: Vec<Option<Mode>> = tables.iter().map(read).collect();
-    for (n, name) in names.iter().enumerate() {
-        if names[..n].iter().any(|other| other.value == name.value) {
-            root.refuse(case::PLACES.name(), &name.span, "must be the name of one place", None);
-        }
-    }
-    let names: Vec<String> = names.into_iter().map(|name| name.value).collect();
+    let names = names_of(root, names)?;
+    let modes: Option<Vec<Mode>> = modes.into_iter().collect();
+    let modes = Modes { modes: modes?, influence: vec![1.0; names.len()], coupling_per_s: Vec::new() };
+    Some((Described::Modes(modes), Places::Named(names)))
+}
+
+/// The names of places, each of one.
+fn names_of(root: &Section, names: Vec<Text>) -> Option<Vec<String>> {
     if names.is_empty() {
         root.reject(case::PLACES.name(), "must name at least one place", None);
         return None;
     }
-    let modes: Option<Vec<Mode>> = modes.into_iter().collect();
-    let modes = Modes { modes: modes?, influence: vec![1.0; names.len()], coupling_per_s: Vec::new() };
-    Some((Described::Modes(modes), Places::Named(names)))
+    for (n, name) in names.iter().enumerate() {
+        if names[..n].iter().any(|other| other.value == name.value) {
+            root.refuse(case::PLACES.name(), &name.span, "must be the name of one place", None);
+            return None;
+        }
+    }
+    Some(names.into_iter().map(|name| name.value).collect())
+}
+
+fn read_matrices(root: &Section, names: Vec<Text>) -> Option<(Described, Places)> {
+    let s = root.table_of(&case::MATRICES, None)?;
+    let count = names.len();
+    let file = |name: Text, key: &str| matrix_of(&s, key, &name, count);
+    let mass = s.text_of(&matrices::MASS).and_then(|name| file(name, matrices::MASS.name()));
+    let stiffness = s.text_of(&matrices::STIFFNESS).and_then(|name| file(name, matrices::STIFFNESS.name()));
+    let stiffness_s = s.scalar(&matrices::STIFFNESS_DAMPING);
+    let damping = match s.given(&matrices::DAMPING) {
+        Some((0, Given::Number(ratio))) => Some(Damping::Ratio(ratio)),
+        Some((_, Given::Number(mass_per_s))) => {
+            stiffness_s.map(|stiffness_s| Damping::Rayleigh { mass_per_s, stiffness_s })
+        }
+        Some((_, Given::Text(name))) => file(name, matrices::DAMPING.keys[2].name).map(Damping::Matrix),
+        _ => None,
+    };
+    let influence = match s.is_given(&matrices::INFLUENCE) {
+        true => s.numbers_of(&matrices::INFLUENCE).map(|list| list.iter().map(|iota| iota.value).collect::<Vec<f64>>()),
+        false => Some(vec![1.0; count]),
+    };
+    s.finish();
+    let influence = influence?;
+    if influence.len() != count {
+        let allowed = format!("must have a number for each of the {count} `places`; it has {}", influence.len());
+        s.reject(matrices::INFLUENCE.name(), allowed, None);
+        return None;
+    }
+    let read = Matrices { mass_kg: mass?, stiffness_n_per_m: stiffness?, damping: damping?, influence };
+    Some((Described::Matrices(read), Places::Named(names_of(root, names)?)))
+}
+
+/// A square matrix by rows from a file of comma-separated numbers; `None` after a problem has been reported.
+fn matrix_of(s: &Section, key: &str, name: &Text, count: usize) -> Option<Vec<f64>> {
+    let refuse = |allowed: String| {
+        s.refuse(key, &name.span, allowed, None);
+        None
+    };
+    let path = resolve(Path::new(s.source().name()), &name.value);
+    let text = match s.source().read_named(&path) {
+        Ok(file) => file.text().to_string(),
+        Err(refusal) => return refuse(refusal.to_string().replace('\n', ";")),
+    };
+    let mut reader =
+        csv::ReaderBuilder::new().has_headers(false).flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
+    let mut rows = Vec::new();
+    let mut lines = 0;
+    for (line, record) in (1..).zip(reader.records()) {
+        let Ok(record) = record else { return refuse(format!("line {line} of the file is no list of numbers")) };
+        lines = line;
+        if record.len() != count {
+            return refuse(format!(
+                "line {line} of the file must have {count} numbers, one for each of `places`; it has {}",
+                record.len()
+            ));
+        }
+        for (column, field) in (1..).zip(&record) {
+            match field.parse::<f64>() {
+                Ok(number) if number.is_finite() => rows.push(number),
+                _ => {
+                    return refuse(format!(
+                        "line {line}, column {column} of the file is {field:?}, which is no finite number"
+                    ));
+                }
+            }
+        }
+    }
+    if lines != count {
+        return refuse(format!("the file must have {count} lines, one for each of `places`; it has {lines}"));
+    }
+    Some(rows)
 }
 
 /// The participation of every mode is needed where the base moves.
@@ -354,8 +450,10 @@ fn read_places<'a>(root: &Section<'a>, places: &mut Places) -> Option<Vec<Mounte
                 });
             }
             let place = places.named(&table, &particle_keys::PLACE);
-            let other = match (damper, table.is_given(&friction_damper_keys::OTHER_PLACE)) {
-                (Damper::Friction, true) => Some(places.named(&table, &friction_damper_keys::OTHER_PLACE)),
+            let other = match damper {
+                Damper::Friction if table.is_given(&friction_damper_keys::OTHER_PLACE) => {
+                    Some(other_place(&table, places, place))
+                }
                 _ => None,
             };
             match (place, other) {
@@ -368,6 +466,17 @@ fn read_places<'a>(root: &Section<'a>, places: &mut Places) -> Option<Vec<Mounte
     is_sound.then_some(mounted)
 }
 
+/// The place of a friction damper's other end; `None` after a problem has been reported.
+fn other_place(s: &Section, places: &mut Places, place: Option<usize>) -> Option<usize> {
+    let other = places.named(s, &friction_damper_keys::OTHER_PLACE)?;
+    if place == Some(other) {
+        let key = s.written(&friction_damper_keys::OTHER_PLACE)?.name;
+        s.reject(key, "must be another place than that of the damper", Some("leave it out for the base".into()));
+        return None;
+    }
+    Some(other)
+}
+
 /// A set-up whose dampers are being read, with y − x of each particle at the start.
 struct Dampers {
     set_up: SetUp,
@@ -376,12 +485,18 @@ struct Dampers {
 
 impl Dampers {
     /// Reads a damper and mounts it; `None` after a problem has been reported.
-    fn add(&mut self, mounted: Mounted, base: BaseAmplitude, z_m: f64, places: &Places) -> Option<()> {
+    fn add(&mut self, mounted: Mounted, base: BaseAmplitude, places: &Places) -> Option<()> {
         let Mounted { table: s, damper, place, other } = mounted;
         let Some(structure) = at_place(&self.set_up.structure, place) else {
             refuse_place(&s, &places.names()[place]);
             return None;
         };
+        // Of a force, P/k with the k at the damper's place.
+        let base = match base {
+            BaseAmplitude::Force(force_n) => BaseAmplitude::Is(force_n / structure.stiffness_n_per_m),
+            other => other,
+        };
+        let z_m = if let BaseAmplitude::Is(z_m) = base { z_m } else { 0.0 };
         let spec = setup::read_damper(&s, damper, structure, base)?;
         if spec.is_start_unknown() {
             let help = "take one of the walls, or \"centre\"";

@@ -343,3 +343,31 @@ pub fn cut_off_at(campaign: &str, point: usize) -> (tempfile::TempDir, String) {
         .stderr(predicates::str::contains("continue with `damprig run --resume out`"));
     (folder, rig)
 }
+
+/// A folder with these files.
+pub fn folder(files: &[(&str, &str)]) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    for (name, text) in files {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    folder
+}
+
+/// What `damprig simulate --json` says of a case.
+pub fn simulated(case: &str, more: &[&str]) -> serde_json::Value {
+    let folder = folder(&[("case.toml", case)]);
+    let output = damprig(&folder).args(["simulate", "case.toml", "--json"]).args(more).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// A command beside these files must end with exit code 2 and say all of `words`.
+pub fn refused(files: &[(&str, &str)], arguments: &[&str], words: &[&str]) {
+    let folder = folder(files);
+    let output = damprig(&folder).args(arguments).output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}\n{told}");
+    for word in words {
+        assert!(told.contains(word), "no {word:?} in:\n{told}");
+    }
+}

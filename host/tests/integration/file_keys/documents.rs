@@ -114,6 +114,7 @@ pub fn is_parsed(kind: &str, document: &Value) -> bool {
     .unwrap();
     std::fs::write(folder.path().join("record.csv"), "t,z_mm\n0,0\n0.01,0.4\n0.02,0\n").unwrap();
     std::fs::write(folder.path().join("voltage.csv"), "t_s,ch1\n0,0\n0.01,0.4\n0.02,0\n").unwrap();
+    std::fs::write(folder.path().join("one.csv"), "1\n").unwrap();
     std::fs::create_dir(folder.path().join("records")).unwrap();
     for (from, to) in [("campaigns/records/synthetic.csv", "records/synthetic.csv"), ("cases/shake.csv", "shake.csv")] {
         std::fs::copy(own(from), folder.path().join(to)).unwrap();

@@ -145,7 +145,22 @@ measure_s = 2
 cycles = 4
 "#;
 
-pub const MORE_CASES: [&str; 20] = [
+pub const MORE_CASES: [&str; 23] = [
+    r#"
+places = ["a"]
+run = { duration_s = 1 }
+matrices = { mass_file = "one.csv", stiffness_file = "one.csv", damping_file = "one.csv", influence = [1] }
+"#,
+    r#"
+places = ["a"]
+run = { duration_s = 1 }
+matrices = { mass_file = "one.csv", stiffness_file = "one.csv", mass_damping_per_s = 0.1, stiffness_damping_s = 0.1 }
+"#,
+    r#"
+places = ["a"]
+run = { duration_s = 1 }
+matrices = { mass_file = "one.csv", stiffness_file = "one.csv", damping_ratio = 0.1 }
+"#,
     r#"
 modal_damping_ratio = 0.02
 observed_place = "floor 1"

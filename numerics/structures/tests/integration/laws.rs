@@ -95,6 +95,31 @@ fn pieces_join_up_and_the_observer_ends_the_run() {
     }
 }
 
+/// Nothing moves while particles touch their walls, and no step is given up.
+#[test]
+fn what_is_at_rest_at_a_wall_stays_so() {
+    let wall = Wall::Restitution { coefficient: 0.8 };
+    let joint = FrictionJoint { place: 1, other: Some(0), damper: FrictionDamper { force_n: 0.5 } };
+    for (side, friction) in [(1.0, 0.0), (-1.0, 0.0), (1.0, 0.2)] {
+        let mut of = particle(0.5, 1e-3, wall);
+        of.friction_coefficient = friction;
+        let set_up = SetUp {
+            impact_dampers: vec![ImpactDamper { place: 1, particle: of }, ImpactDamper { place: 0, particle: of }],
+            friction_dampers: vec![joint],
+            ..SetUp::bare(frame(2, 0.5))
+        };
+        let mut start = set_up.at_rest(&Excitation::Fixed);
+        start.particles[0].y_m = side * 1e-3;
+        let mut motion = Motion::new(&set_up, &Excitation::Fixed, &start).unwrap();
+        let mut times = Times::default();
+        motion.run(10.0, &mut times).unwrap();
+        assert_eq!((motion.unresolved(), times.0.len()), (0, 0));
+        let end = motion.state();
+        assert_eq!(end.particles, start.particles);
+        assert!(end.modal.iter().chain(&end.modal_rate).all(|q| q.abs() < 1e-18), "{end:?}");
+    }
+}
+
 /// Random frames with particles of equal and different kinds, friction joints and a tuned mass, released from a random state.
 #[test]
 fn no_free_motion_gains_energy() {
