@@ -6,13 +6,21 @@ use crate::linear::C64;
 /// A displacement over a piece of motion: a parabola and a sum of exponentials whose amplitudes never grow.
 #[derive(Clone, Debug, Default)]
 pub struct Course {
-    /// Each amplitude and its rate.
-    terms: Vec<(C64, C64)>,
+    terms: Vec<Term>,
     parabola: Parabola,
     /// Length of the piece, s, and what the displacement is at its ends.
     length_s: f64,
     start: Here,
     end: Here,
+}
+
+/// An exponential over a piece.
+#[derive(Clone, Copy, Debug)]
+struct Term {
+    /// At the start and at the end of the piece.
+    start: C64,
+    end: C64,
+    rate: C64,
 }
 
 /// Least share of an interval that is still divided: an extremum closer to an end is the end.
@@ -30,7 +38,7 @@ impl Course {
             if at_start != C64::ZERO {
                 start = start.plus(here_of(at_start, rate));
                 end = end.plus(here_of(at_end, rate));
-                of_terms.push((at_start, rate));
+                of_terms.push(Term { start: at_start, end: at_end, rate });
             }
         }
         Self { terms: of_terms, parabola, length_s, start, end }
@@ -50,14 +58,14 @@ impl Course {
         if after_s == self.length_s {
             return self.end;
         }
-        let terms = self.terms.iter().map(|(amplitude, rate)| here_of(amplitude * (rate * after_s).exp(), *rate));
+        let terms = self.terms.iter().map(|term| here_of(term.start * (term.rate * after_s).exp(), term.rate));
         terms.fold(self.parabola.at(after_s), Here::plus)
     }
 
     /// Acceleration, m/s², at `after_s` from the start of the piece.
     #[must_use]
     pub fn acceleration_m_per_s2(&self, after_s: f64) -> f64 {
-        let terms = self.terms.iter().map(|(amplitude, rate)| (rate * rate * amplitude * (rate * after_s).exp()).re);
+        let terms = self.terms.iter().map(|Term { start, rate, .. }| (rate * rate * start * (rate * after_s).exp()).re);
         self.parabola.bend + terms.sum::<f64>()
     }
 
@@ -66,7 +74,7 @@ impl Course {
     pub fn minus(&self, other: &Self) -> Self {
         let (a, b) = (&self.parabola, &other.parabola);
         let parabola = Parabola { value: a.value - b.value, slope: a.slope - b.slope, bend: a.bend - b.bend };
-        let taken = other.terms.iter().map(|(amplitude, rate)| (-amplitude, *rate));
+        let taken = other.terms.iter().map(|term| Term { start: -term.start, end: -term.end, ..*term });
         let less = |a: Here, b: Here| Here { value: a.value - b.value, slope: a.slope - b.slope };
         Self {
             terms: self.terms.iter().copied().chain(taken).collect(),
@@ -77,24 +85,23 @@ impl Course {
         }
     }
 
-    /// ∫x² dt over `length_s` from the start of the piece, m²·s, in closed form.
+    /// ∫x² dt over the piece, m²·s, in closed form.
     #[must_use]
-    pub fn square_m2_s(&self, length_s: f64) -> f64 {
-        let h = length_s;
+    pub fn square_m2_s(&self) -> f64 {
+        let h = self.length_s;
         let Parabola { value, slope, bend } = self.parabola;
         let (b, c) = (slope * h, 0.5 * bend * h * h);
         let mut square = h * (value * (value + b + 2.0 * c / 3.0) + b * (b / 3.0 + 0.5 * c) + 0.2 * c * c);
-        for (n, (a, rate)) in self.terms.iter().enumerate() {
-            // ∫ tⁿ e^{λt} dt for n = 0, 1, 2.
-            let [zeroth, first, second] = moments(*rate, h);
-            square += 2.0 * (a * (zeroth * value + first * slope + second * (0.5 * bend))).re;
-            square += 0.5 * (a * a * moments(2.0 * rate, h)[0]).re;
-            square += 0.5 * a.norm_sqr() * moments(C64::new(2.0 * rate.re, 0.0), h)[0].re;
-            for (other, other_rate) in &self.terms[..n] {
-                let sum = a * other * moments(rate + other_rate, h)[0];
-                let difference = a * other.conj() * moments(rate + other_rate.conj(), h)[0];
-                square += sum.re + difference.re;
+        for (n, term) in self.terms.iter().enumerate() {
+            let Term { start, end, rate } = *term;
+            square += 2.0 * value * integral(start, end, rate, h).re;
+            if slope != 0.0 || bend != 0.0 {
+                let [first, second] = moments(rate, h);
+                square += 2.0 * (start * (first * slope + second * (0.5 * bend))).re;
             }
+            // Re a · Re b = ½ Re(ab + ab̄), of a term with itself once and of two terms twice.
+            square += 0.5 * pair(term, term, h);
+            square += self.terms[..n].iter().map(|other| pair(term, other, h)).sum::<f64>();
         }
         square
     }
@@ -140,10 +147,10 @@ impl Course {
     /// Bounds of the third and the fourth derivative from `after_s` on.
     fn bounds(&self, after_s: f64) -> [f64; 2] {
         let mut bounds = [0.0, 0.0];
-        for (amplitude, rate) in &self.terms {
+        for Term { start, rate, .. } in &self.terms {
             let size = rate.norm_sqr().sqrt();
             let decay = if after_s == 0.0 { 1.0 } else { (rate.re * after_s).exp() };
-            let most = amplitude.norm_sqr().sqrt() * decay * size * size * size;
+            let most = start.norm_sqr().sqrt() * decay * size * size * size;
             bounds = [bounds[0] + most, bounds[1] + most * size];
         }
         bounds
@@ -212,25 +219,42 @@ fn here_of(term: C64, rate: C64) -> Here {
     Here { value: term.re, slope: rate.re * term.re - rate.im * term.im }
 }
 
-/// ∫ tⁿ e^{λt} dt from 0 to h for n = 0, 1, 2.
-fn moments(rate: C64, h: f64) -> [C64; 3] {
+/// ∫ of an exponential from `start` to `end` over h: their difference over the rate, or for a slow one its series.
+fn integral(start: C64, end: C64, rate: C64, h: f64) -> C64 {
+    let turn = rate * h;
+    if turn.norm_sqr() > 1e-4 {
+        return (end - start) / rate;
+    }
+    // Σ (λh)^k/(k + 1)!: the next term is below 10⁻¹⁴/5040.
+    let series = 1.0 + turn * (0.5 + turn * (1.0 / 6.0 + turn * (1.0 / 24.0 + turn * (1.0 / 120.0 + turn / 720.0))));
+    start * series * h
+}
+
+/// Re ∫ (ab + ab̄) dt of two terms.
+fn pair(a: &Term, b: &Term, h: f64) -> f64 {
+    let sum = integral(a.start * b.start, a.end * b.end, a.rate + b.rate, h);
+    let difference = integral(a.start * b.start.conj(), a.end * b.end.conj(), a.rate + b.rate.conj(), h);
+    sum.re + difference.re
+}
+
+/// ∫ tⁿ e^{λt} dt from 0 to h for n = 1, 2.
+fn moments(rate: C64, h: f64) -> [C64; 2] {
     let turn = rate * h;
     if turn.norm_sqr() < 1.0 {
         // Σ (λh)^k / (k! (k + n + 1)): the terms left out are below 1/20!.
-        let mut sums = [C64::ZERO; 3];
+        let mut sums = [C64::ZERO; 2];
         let mut term = C64::ONE;
         for k in 0..20_u8 {
-            for (n, sum) in (1_u8..).zip(&mut sums) {
+            for (n, sum) in (2_u8..).zip(&mut sums) {
                 *sum += term / f64::from(k + n);
             }
             term *= turn / f64::from(k + 1);
         }
-        return [sums[0] * h, sums[1] * (h * h), sums[2] * (h * h * h)];
+        return [sums[0] * (h * h), sums[1] * (h * h * h)];
     }
     let end = turn.exp();
-    let zeroth = (end - 1.0) / rate;
-    let first = (end * h - zeroth) / rate;
-    [zeroth, first, (end * (h * h) - first * 2.0) / rate]
+    let first = (end * h - (end - 1.0) / rate) / rate;
+    [first, (end * (h * h) - first * 2.0) / rate]
 }
 
 #[cfg(test)]
@@ -239,13 +263,17 @@ mod tests {
 
     const LENGTH_S: f64 = 2.5;
 
-    /// A parabola and Re Σ of terms with these amplitudes and frequencies.
     fn course(terms: &[(f64, f64, f64)]) -> Course {
+        course_of(terms, LENGTH_S)
+    }
+
+    /// A parabola and Re Σ of terms with these amplitudes and frequencies.
+    fn course_of(terms: &[(f64, f64, f64)], length_s: f64) -> Course {
         let terms = terms.iter().map(|(size, phase, turning)| {
             let (amplitude, rate) = (C64::from_polar(*size, *phase), C64::new(-0.01, *turning));
-            (amplitude, amplitude * (rate * LENGTH_S).exp(), rate)
+            (amplitude, amplitude * (rate * length_s).exp(), rate)
         });
-        Course::new(terms, Parabola { value: 0.1, slope: 0.02, bend: -0.05 }, LENGTH_S)
+        Course::new(terms, Parabola { value: 0.1, slope: 0.02, bend: -0.05 }, length_s)
     }
 
     #[test]
@@ -276,15 +304,15 @@ mod tests {
         for terms in
             [vec![(1.0, 0.3, 3.0)], vec![(1.0, 0.3, 0.2), (0.4, 1.0, 17.0), (0.01, 2.0, 90.0), (0.1, 0.2, 0.0)]]
         {
-            let course = course(&terms);
-            for length_s in [0.01, 0.7, 2.5] {
+            for length_s in [1e-5, 0.01, 0.7, 2.5] {
+                let course = course_of(&terms, length_s);
                 // Simpson's rule: its error is below 90⁴ h⁴/180 with h = 1e-4.
                 let count = 20_000;
                 let square = |n: i32| course.at(length_s * f64::from(n) / f64::from(count)).0.powi(2);
                 let weight = |n: i32| if n == 0 || n == count { 1.0 } else { f64::from(2 + 2 * (n % 2)) };
                 let sum: f64 = (0..=count).map(|n| weight(n) * square(n)).sum();
                 let expected = sum * length_s / f64::from(count) / 3.0;
-                let found = course.square_m2_s(length_s);
+                let found = course.square_m2_s();
                 assert!((found / expected - 1.0).abs() < 1e-9, "{length_s} s: {found} {expected}");
             }
         }

@@ -87,7 +87,7 @@ impl Piece for PieceAtPlace<'_> {
     }
 
     fn square_m2_s(&self, of: Displacement) -> f64 {
-        self.course(of).square_m2_s(self.piece.length_s)
+        self.course(of).square_m2_s()
     }
 
     fn largest_abs_m(&self, of: Displacement, window_s: (f64, f64), _: u32, least_m: f64) -> f64 {

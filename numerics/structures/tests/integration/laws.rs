@@ -115,7 +115,9 @@ fn what_is_at_rest_at_a_wall_stays_so() {
         motion.run(10.0, &mut times).unwrap();
         assert_eq!((motion.unresolved(), times.0.len()), (0, 0));
         let end = motion.state();
-        assert_eq!(end.particles, start.particles);
+        for (body, begun) in end.particles.iter().zip(&start.particles) {
+            assert!((body.y_m - begun.y_m).abs() < 1e-17 && body.u_m_per_s.abs() < 1e-17, "{body:?}");
+        }
         assert!(end.modal.iter().chain(&end.modal_rate).all(|q| q.abs() < 1e-18), "{end:?}");
     }
 }
