@@ -309,8 +309,14 @@ impl Motion {
         self.here.slow = None;
         self.guards.clear();
         for guard in &system.guards {
-            let fresh = self.zeros.iter().find(|(event, _)| *event == guard.event).map_or(0, |(_, order)| *order);
-            self.guards.push(Live { constant: guard.constant(system, &self.rest, base_offset_m), fresh });
+            let constant = guard.constant(system, &self.rest, base_offset_m);
+            let hint = self.zeros.iter().find(|(event, _)| *event == guard.event).map_or(0, |(_, order)| *order);
+            // More derivatives than those by definition may be zero: at a wall that a particle touches without speed.
+            let parabola = guard.parabola(&self.free, constant);
+            let found = guard.leading(&self.z, &system.linear.natural.rates, &parabola, hint.max(1));
+            let fresh =
+                if hint == 0 { 0 } else { found.map_or(hint, |(order, value)| if value > 0.0 { order } else { hint }) };
+            self.guards.push(Live { constant, fresh });
         }
         self.take_amplitudes();
         Ok(())

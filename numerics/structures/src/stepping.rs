@@ -24,6 +24,12 @@ const PATIENCE: u32 = 2;
 /// Steps after which amplitudes and excitation are taken anew.
 const STEPS_PER_ANCHOR: u32 = 16;
 
+/// The highest derivative that is looked at where a guard begins at zero.
+const HIGHEST: usize = 6;
+
+/// Steps without guards after which a motion is given up.
+const MOST_UNRESOLVED: u32 = 50_000;
+
 /// Newton steps after which a bracket is halved only.
 const MAX_NEWTON_STEPS: u32 = 60;
 
@@ -63,6 +69,9 @@ impl Motion {
             };
             let blind = self.events_at_once >= MAX_EVENTS_AT_ONCE || self.level >= LAST_LEVEL;
             self.unresolved += u32::from(blind);
+            if self.unresolved > MOST_UNRESOLVED {
+                return Err(Refused::Stalled { time_s: self.time.seconds() });
+            }
             match self.judge(length, blind) {
                 Judged::Undecided => {
                     if let Some(event) = self.immediate() {
@@ -114,10 +123,13 @@ impl Motion {
             let parabola = guard.parabola(&self.free, live.constant);
             let here = guard.guard.at(&self.z, self.z.len(), parabola.at(0.0));
             if here.value <= 0.0 && !guard.is_constant(&self.amplitudes, &parabola) {
-                if here.slope <= 0.0 {
-                    return Some(guard.event);
+                // What it does next: a particle at a wall may only touch it, or follow it.
+                match guard.leading(&self.z, &system.linear.natural.rates, &parabola, 1) {
+                    Some((order, value)) if value > 0.0 => live.fresh = order,
+                    Some(_) => return Some(guard.event),
+                    None if here.slope <= 0.0 => return Some(guard.event),
+                    None => live.fresh = 1,
                 }
-                live.fresh = 1;
                 // Rounding has put a particle behind its wall, or its velocity behind zero.
                 guard.lift(&mut self.free, -here.value);
             }
@@ -345,16 +357,30 @@ impl crate::system::Watched {
         parabola.slope == 0.0 && parabola.bend == 0.0 && self.guard.size(amplitudes) == 0.0
     }
 
+    /// The first of its derivatives, from `order` on, that is more than rounding: its order and value. `None` if none is up to [`HIGHEST`].
+    pub(crate) fn leading(&self, z: &[C64], rates: &[C64], parabola: &Parabola, order: usize) -> Option<(usize, f64)> {
+        (order..=HIGHEST).find_map(|order| {
+            let (value, size) = self.derivative(z, rates, parabola, order);
+            (value.abs() > ROUNDINGS * size).then_some((order, value))
+        })
+    }
+
+    /// A derivative by time with the parabola's part, and the size of its terms.
+    fn derivative(&self, z: &[C64], rates: &[C64], parabola: &Parabola, order: usize) -> (f64, f64) {
+        let (value, size) = self.guard.derivative(z, rates, i32::try_from(order).unwrap_or(i32::MAX));
+        let flight = match order {
+            1 => parabola.slope,
+            2 => parabola.bend,
+            _ => 0.0,
+        };
+        (value + flight, size + flight.abs())
+    }
+
     /// Whether a guard whose first `order` derivatives (from the value on) are zero by definition stays positive for `h`: by the
     /// next one and the largest one after it (Taylor).
     fn rises(&self, z: &[C64], rates: &[C64], parabola: &Parabola, order: usize, h: f64) -> bool {
-        let derivative = |order: usize| self.guard.derivative(z, rates, i32::try_from(order).unwrap_or(i32::MAX));
-        let (mut value, mut size) = derivative(order);
-        if order == 2 {
-            value += parabola.bend;
-            size += parabola.bend.abs();
-        }
-        let (_, next) = derivative(order + 1);
+        let (value, size) = self.derivative(z, rates, parabola, order);
+        let (_, next) = self.derivative(z, rates, parabola, order + 1);
         value > ROUNDINGS * size && next * h < (order + 1) as f64 * value
     }
 }

@@ -102,6 +102,12 @@ impl Observer for Watch<'_, '_> {
 fn invalid(refused: Refused) -> Invalid {
     match refused {
         Refused::Invalid(invalid) => invalid,
+        Refused::Stalled { time_s } => Invalid {
+            parameter: "the time in s from which events follow each other at once",
+            value: time_s,
+            allowed: "later than the end of the run: contacts that touch without speed are not told apart; change a clearance, a wall or the start \
+                      by one part in a thousand",
+        },
         _ => Invalid {
             parameter: "the structure with its dampers",
             value: f64::NAN,
