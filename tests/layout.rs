@@ -25,6 +25,7 @@ const DIRECTIONS: [(&str, &[&str]); 15] = [
             "damprig-core",
             "damprig-motion",
             "damprig-particles",
+            "damprig-structures",
             "damprig-protocol",
             "damprig-device",
             "damprig-simulator",

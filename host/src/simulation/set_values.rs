@@ -242,8 +242,8 @@ mod tests {
                 .as_table()
                 .map(|table| table.iter().map(|(key, _)| key.get_ref().to_string()).collect::<Vec<_>>())
         };
-        assert_eq!(keys(0), Some(vec!["clearance_m".into(), "mass_kg".into()]));
-        assert_eq!(keys(1), Some(vec!["clearance_ratio".into(), "mass_kg".into()]));
+        assert_eq!(keys(0), Some(vec!["mass_kg".into(), "clearance_m".into()]));
+        assert_eq!(keys(1), Some(vec!["mass_kg".into(), "clearance_ratio".into()]));
         let twice = DeTable::parse("particle.2 = {clearance_ratio = 9, clearance_m = 1}").expect("it is TOML");
         assert!(both_of_one(twice.get_ref(), "").is_some());
         let fixed = fixed_parameters(case, &["particle.2.clearance_ratio"]);
