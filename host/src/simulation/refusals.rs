@@ -1,8 +1,8 @@
 //! What a case cannot have together, and what commands cannot do with a case.
 
 use super::Case;
-use super::case::toml_of;
 use super::keys::{case, initial};
+use super::read_case::toml_of;
 use super::set_values::SetValues;
 use crate::input::locate::Step::Key;
 use crate::input::locate::locate_in;

@@ -169,7 +169,9 @@ impl Motion {
                 if self.mount.cavities[particle].is_soft(side) {
                     self.contacts.touches[particle] = Touch::Pressing(side);
                     let approach_speed_m_per_s = signed(side, self.offset(particle).1);
-                    observer.impact(&self.impact(particle, side, approach_speed_m_per_s));
+                    if signed(side, self.slip_beyond_rounding(self.mount.joint_of(particle))) > 0.0 {
+                        observer.impact(&self.impact(particle, side, approach_speed_m_per_s));
+                    }
                     return self.resolve(&zero, &[(Event::Releases(particle, side), 1)]);
                 }
                 self.contacts.touches[particle] = Touch::Wall(side);

@@ -123,12 +123,13 @@ impl Guard {
     /// Value and slope by the first `count` natural motions, with the parabola.
     #[inline]
     pub fn at(&self, z: &[C64], count: usize, parabola: Here) -> Here {
-        let mut here = parabola;
+        let mut here = Here::default();
         for ((z, c), slope) in z[..count].iter().zip(&self.coefficients).zip(&self.slopes) {
             here.value += c.re * z.re - c.im * z.im;
             here.slope += slope.re * z.re - slope.im * z.im;
         }
-        here
+        // In this order wherever a guard is evaluated: a value that rounding makes zero is zero everywhere.
+        here.plus(parabola)
     }
 
     /// Its second derivative at z, without that of the parabola.

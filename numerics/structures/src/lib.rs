@@ -42,6 +42,7 @@ mod refused;
 mod set_up;
 mod state;
 mod stepping;
+mod sum;
 mod system;
 
 pub use course::Course;
@@ -49,5 +50,5 @@ pub use describe::{Beam, Damping, Storey, Support};
 pub use motion::Motion;
 pub use observe::{Impact, Observer, Piece};
 pub use refused::Refused;
-pub use set_up::{FrictionJoint, ImpactDamper, Mode, Modes, SetUp, TunedMass};
+pub use set_up::{FrictionJoint, ImpactDamper, Mode, Modes, SetUp, TunedMass, base_at_start};
 pub use state::{Body, State};

@@ -10,6 +10,7 @@ use crate::Refused;
 use crate::basis::{Basis, Constraint};
 use crate::bodies::{Bodies, dot};
 use crate::natural_motions::NaturalMotions;
+use crate::sum::Sum;
 
 /// A complex number.
 pub(crate) type C64 = Complex<f64>;
@@ -90,8 +91,9 @@ impl Linear {
         rest.eta.extend(basis.shapes.tr_mul(&load).iter().copied().zip(&self.square).map(at_rest));
     }
 
-    /// The natural motions of a state. What is only the rounding of larger terms counts as zero, so that what is at rest stays so.
-    pub fn enter(&self, rest: &Rest, q: &[f64], v: &[f64], wave: C64, z: &mut Vec<C64>) {
+    /// The natural motions of a state, with their roundings. What is only the rounding of larger terms counts as zero, so that what is at rest
+    /// stays so.
+    pub fn enter(&self, rest: &Rest, q: &[f64], v: &[f64], wave: C64, to: (&mut Vec<C64>, &mut Vec<f64>)) {
         let projected = self.basis.as_ref().map(|basis| {
             let prescribed = basis.prescribed(&rest.kappa);
             let project = |value: &dyn Fn(usize) -> [f64; 3]| {
@@ -119,9 +121,9 @@ impl Linear {
             eta.add(-rest.eta[i], rest.eta[i].abs());
             eta.add(-forced.re, forced.re.abs());
             rate.add(-forced_rate, forced_rate.abs());
-            (eta.value(), rate.value())
+            (eta, rate)
         };
-        self.natural.enter(self.square.len(), of, wave, z);
+        self.natural.enter(self.square.len(), of, wave, to);
     }
 
     /// The state of natural motions.
@@ -194,29 +196,6 @@ impl Linear {
         let q = &basis.shapes * DVector::from_column_slice(&rest.eta) + basis.prescribed(&rest.kappa);
         let springs = bodies.springs(q.as_slice());
         basis.held.column(which).iter().zip(springs.iter().zip(force)).map(|(row, (k, f))| row * (k - f)).sum()
-    }
-}
-
-/// A sum with the size of its terms.
-#[derive(Clone, Copy, Debug, Default)]
-struct Sum {
-    sum: f64,
-    size: f64,
-}
-
-impl Sum {
-    fn of(value: f64) -> Self {
-        Self { sum: value, size: value.abs() }
-    }
-
-    fn add(&mut self, value: f64, size: f64) {
-        self.sum += value;
-        self.size += size;
-    }
-
-    /// The sum; zero where it is no more than rounding.
-    fn value(self) -> f64 {
-        if self.sum.abs() <= 4.0 * f64::EPSILON * self.size { 0.0 } else { self.sum }
     }
 }
 

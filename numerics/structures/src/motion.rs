@@ -14,7 +14,7 @@ use crate::guard::Bounds;
 use crate::linear::{C64, Rest};
 use crate::mount::Mount;
 use crate::observe::{Observer, Parts};
-use crate::stepping::AtEnds;
+use crate::stepping::{AtEnds, FIRST_BLIND_LEVEL, Now};
 use crate::system::System;
 use crate::{Body, Refused, SetUp, State};
 
@@ -42,6 +42,8 @@ pub struct Motion {
     /// The natural motions, now and at the end of a step that is being judged.
     pub(crate) z: Vec<C64>,
     pub(crate) ahead: Vec<C64>,
+    /// Rounding of each natural motion at the start of the phase.
+    pub(crate) roundings: Vec<f64>,
     pub(crate) amplitudes: Vec<f64>,
     pub(crate) steps_since_amplitudes: u32,
     pub(crate) guards: Vec<Live>,
@@ -57,6 +59,8 @@ pub struct Motion {
     /// Steps until a longer one is tried.
     pub(crate) patience: u32,
     pub(crate) events_at_once: u32,
+    /// Level of the next step without guards.
+    pub(crate) blind_level: usize,
     pub(crate) unresolved: u32,
     /// Speed of the fastest impact, m/s.
     pub(crate) fastest_m_per_s: f64,
@@ -99,6 +103,7 @@ impl Motion {
             rest: Rest::default(),
             z: Vec::new(),
             ahead: Vec::new(),
+            roundings: Vec::new(),
             amplitudes: Vec::new(),
             steps_since_amplitudes: 0,
             guards: Vec::new(),
@@ -110,6 +115,7 @@ impl Motion {
             level: 4,
             patience: 0,
             events_at_once: 0,
+            blind_level: FIRST_BLIND_LEVEL,
             unresolved: 0,
             fastest_m_per_s: 0.0,
             mount,
@@ -293,7 +299,7 @@ impl Motion {
             (&more_q[..], &more_v[..])
         };
         system.linear.rest(&system.bodies, q, &system.force, self.mount.share * self.wave.sine, &mut self.rest);
-        system.linear.enter(&self.rest, q, v, wave, &mut self.z);
+        system.linear.enter(&self.rest, q, v, wave, (&mut self.z, &mut self.roundings));
         let (base, base_rate) = self.base();
         self.free.clear();
         for &i in &system.free {
@@ -313,7 +319,8 @@ impl Motion {
             let hint = self.zeros.iter().find(|(event, _)| *event == guard.event).map_or(0, |(_, order)| *order);
             // More derivatives than those by definition may be zero: at a wall that a particle touches without speed.
             let parabola = guard.parabola(&self.free, constant);
-            let found = guard.leading(&self.z, &system.linear.natural.rates, &parabola, hint.max(1));
+            let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
+            let found = guard.leading(&now, &parabola, hint.max(1));
             let fresh =
                 if hint == 0 { 0 } else { found.map_or(hint, |(order, value)| if value > 0.0 { order } else { hint }) };
             self.guards.push(Live { constant, fresh });

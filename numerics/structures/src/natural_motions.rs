@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::Refused;
 use crate::linear::C64;
+use crate::sum::Sum;
 
 /// Largest relative coupling by damping that counts as rounding.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
@@ -68,28 +69,43 @@ impl NaturalMotions {
         Ok(Self { rates, wave, kind })
     }
 
-    /// z of coordinates and their rates, which `of` gives by number, with the excitation `wave`.
-    pub fn enter(&self, count: usize, of: impl Fn(usize) -> (f64, f64), wave: C64, z: &mut Vec<C64>) {
+    /// z of coordinates and their rates, which `of` gives by number, with the excitation `wave`; and the rounding of each z.
+    pub fn enter(
+        &self,
+        count: usize,
+        of: impl Fn(usize) -> (Sum, Sum),
+        wave: C64,
+        (z, roundings): (&mut Vec<C64>, &mut Vec<f64>),
+    ) {
         z.clear();
+        z.resize(self.rates.len(), C64::ZERO);
+        roundings.clear();
+        roundings.resize(self.rates.len(), 0.0);
+        let mut add = |n: usize, (share, eta): (C64, Sum), (share_of_rate, rate): (C64, Sum)| {
+            z[n] += share * eta.value() + share_of_rate * rate.value();
+            let size = share.norm_sqr().sqrt() * eta.size + share_of_rate.norm_sqr().sqrt() * rate.size;
+            roundings[n] += f64::EPSILON * size;
+        };
         match &self.kind {
-            Kind::Uncoupled(parts) => z.extend(parts.iter().map(|part| match part {
-                Some(part) => {
-                    let (eta, rate) = of(part.coordinate);
-                    part.of * eta + part.of_rate * rate
-                }
-                None => wave,
-            })),
-            Kind::Coupled { left, left_rate, .. } => {
-                z.resize(self.rates.len(), C64::ZERO);
-                for i in 0..count {
-                    let (eta, rate) = of(i);
-                    for (z, (of, of_rate)) in z.iter_mut().zip(left.column(i).iter().zip(left_rate.column(i).iter())) {
-                        *z += of * eta + of_rate * rate;
+            Kind::Uncoupled(parts) => {
+                for (n, part) in parts.iter().enumerate() {
+                    if let Some(Part { coordinate, of: share, of_rate }) = *part {
+                        let (eta, rate) = of(coordinate);
+                        add(n, (share, eta), (of_rate, rate));
                     }
                 }
-                z[self.wave] = wave;
+            }
+            Kind::Coupled { left, left_rate, .. } => {
+                for i in 0..count {
+                    let (eta, rate) = of(i);
+                    for n in 0..self.rates.len() {
+                        add(n, (left[(n, i)], eta), (left_rate[(n, i)], rate));
+                    }
+                }
             }
         }
+        z[self.wave] = wave;
+        roundings[self.wave] = f64::EPSILON * wave.norm();
     }
 
     /// Adds the natural motions to the coordinates and their rates.

@@ -92,14 +92,6 @@ pub enum Refused {
     /// Damping with a negative part.
     #[error("structure: the damping has a negative part, so that a motion would grow by itself")]
     NegativeDamping,
-    /// Events follow each other without end.
-    #[error(
-        "from {time_s} s on, events follow each other at once: contacts that touch without speed are not told apart; change a clearance, a wall or the start by one part in a thousand"
-    )]
-    Stalled {
-        /// Time, s.
-        time_s: f64,
-    },
     /// Joints that stick together depend on each other.
     #[error(
         "joints that stick together have no unique forces: two friction dampers between the same places are one with the sum of their forces"

@@ -192,18 +192,27 @@ impl SetUp {
     /// Displacement of a place relative to the base, m, in the modal coordinates of `state`.
     #[must_use]
     pub fn displacement_m(&self, state: &State, place: usize) -> f64 {
-        self.structure.modes.iter().zip(&state.modal).map(|(mode, q)| mode.shape[place] * q).sum()
+        self.place(state, place, (0.0, 0.0)).y_m
+    }
+
+    /// Absolute displacement and velocity of a place in `state`, while the base has this displacement z, m, and velocity z′, m/s; both 0 where a
+    /// force drives.
+    #[must_use]
+    pub fn place(&self, state: &State, place: usize, base: (f64, f64)) -> Body {
+        let modes = &self.structure.modes;
+        let sum =
+            |coordinates: &[f64]| modes.iter().zip(coordinates).map(|(mode, q)| mode.shape[place] * q).sum::<f64>();
+        let influence = self.structure.influence[place];
+        Body { y_m: sum(&state.modal) + influence * base.0, u_m_per_s: sum(&state.modal_rate) + influence * base.1 }
     }
 
     /// Everything at rest and at 0 in the laboratory at t = 0, while the base may be elsewhere and moving; the particles in the middle of
     /// their cavities.
     #[must_use]
     pub fn at_rest(&self, excitation: &Excitation) -> State {
-        let wave = excitation.wave(Time::default());
-        let share = if excitation.moves_base() { 1.0 } else { 0.0 };
-        let (z, rate) = (wave.offset + wave.sine, excitation.angular_frequency_rad_per_s() * wave.cosine);
+        let (z, rate) = base_at_start(excitation);
         let modes = &self.structure.modes;
-        let against = |base: f64| modes.iter().map(|mode| -mode.participation * share * base).collect();
+        let against = |base: f64| modes.iter().map(|mode| -mode.participation * base).collect();
         let middle = |damper: &ImpactDamper| Body { y_m: damper.particle.cavity.offset_m, u_m_per_s: 0.0 };
         State {
             modal: against(z),
@@ -212,6 +221,14 @@ impl SetUp {
             tuned_masses: vec![Body::default(); self.tuned_masses.len()],
         }
     }
+}
+
+/// z, m, and z′, m/s, of an excitation at t = 0; 0 where a force drives.
+#[must_use]
+pub fn base_at_start(excitation: &Excitation) -> (f64, f64) {
+    let wave = excitation.wave(Time::default());
+    let share = if excitation.moves_base() { 1.0 } else { 0.0 };
+    (share * (wave.offset + wave.sine), share * excitation.angular_frequency_rad_per_s() * wave.cosine)
 }
 
 fn count(what: &'static str, found: usize, expected: usize) -> Result<(), Refused> {

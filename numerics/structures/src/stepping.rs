@@ -9,14 +9,14 @@ use crate::linear::C64;
 use crate::motion::{Motion, ROUNDINGS};
 use crate::observe::{Observer, Piece};
 
-/// Events at one instant after which a small step is taken without guards.
+/// Events at one instant after which a step is taken without guards.
 const MAX_EVENTS_AT_ONCE: u32 = 64;
 
-/// Steps are the longest one divided by powers of two; this one is taken without guards.
-const LAST_LEVEL: usize = 48;
+/// Steps are the longest one divided by powers of two (levels). The first step without guards has this one.
+pub(crate) const FIRST_BLIND_LEVEL: usize = 48;
 
-/// The level of the step that is taken without guards after too many events at one instant.
-const BLIND_LEVEL: usize = 20;
+/// By so many levels the next step without guards is longer, until the guards tell contacts apart; a step with guards takes back one.
+const LONGER_BLIND: usize = 2;
 
 /// Steps of a length after a longer one was not decided.
 const PATIENCE: u32 = 2;
@@ -24,11 +24,11 @@ const PATIENCE: u32 = 2;
 /// Steps after which amplitudes and excitation are taken anew.
 const STEPS_PER_ANCHOR: u32 = 16;
 
+/// Roundings that a coordinate may have when a phase begins: it is a sum of the natural motions of the phase before.
+const STORED: f64 = 8.0;
+
 /// The highest derivative that is looked at where a guard begins at zero.
 const HIGHEST: usize = 6;
-
-/// Steps without guards after which a motion is given up.
-const MOST_UNRESOLVED: u32 = 50_000;
 
 /// Newton steps after which a bracket is halved only.
 const MAX_NEWTON_STEPS: u32 = 60;
@@ -60,6 +60,10 @@ impl Motion {
     pub(crate) fn advance<O: Observer>(&mut self, limit_s: f64, observer: &mut O) -> Result<(), Refused> {
         let rest_s = self.time.until(limit_s);
         loop {
+            if self.events_at_once >= MAX_EVENTS_AT_ONCE {
+                self.level = self.level.max(self.blind_level);
+            }
+            let blind = self.level >= self.blind_level;
             let system = &mut self.systems[self.system];
             let length = if system.length_s(self.level) < rest_s {
                 system.make_steps(self.level);
@@ -67,19 +71,12 @@ impl Motion {
             } else {
                 Length::ToLimit(rest_s)
             };
-            let blind = self.events_at_once >= MAX_EVENTS_AT_ONCE || self.level >= LAST_LEVEL;
             self.unresolved += u32::from(blind);
-            if self.unresolved > MOST_UNRESOLVED {
-                return Err(Refused::Stalled { time_s: self.time.seconds() });
-            }
             match self.judge(length, blind) {
                 Judged::Undecided => {
                     if let Some(event) = self.immediate() {
                         self.events_at_once += 1;
-                        if self.events_at_once < MAX_EVENTS_AT_ONCE {
-                            return self.handle(event, observer);
-                        }
-                        self.level = self.level.max(BLIND_LEVEL);
+                        return self.handle(event, observer);
                     }
                     self.level += 1;
                     self.patience = PATIENCE;
@@ -92,7 +89,13 @@ impl Motion {
                     let end = if let Length::ToLimit(_) = length { Time::at(limit_s) } else { self.after(length) };
                     let slow = self.here.slow;
                     self.take(length.seconds(&self.systems[self.system]), end, observer);
-                    if !blind && self.steps_since_amplitudes > 1 {
+                    if blind {
+                        self.blind_level = self.blind_level.saturating_sub(LONGER_BLIND).max(1);
+                        self.level = self.blind_level - 1;
+                        return Ok(());
+                    }
+                    self.blind_level = (self.blind_level + 1).min(FIRST_BLIND_LEVEL);
+                    if self.steps_since_amplitudes > 1 {
                         std::mem::swap(&mut self.here.of_start, &mut self.here.of_end);
                         self.here.slow = slow;
                     }
@@ -119,19 +122,26 @@ impl Motion {
     /// A guard that fails at once: its value is not above zero, and it falls. One that rises is zero by definition.
     fn immediate(&mut self) -> Option<Event> {
         let system = &self.systems[self.system];
+        let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
         for (guard, live) in system.guards.iter().zip(&mut self.guards).filter(|(_, live)| live.fresh == 0) {
             let parabola = guard.parabola(&self.free, live.constant);
             let here = guard.guard.at(&self.z, self.z.len(), parabola.at(0.0));
-            if here.value <= 0.0 && !guard.is_constant(&self.amplitudes, &parabola) {
-                // What it does next: a particle at a wall may only touch it, or follow it.
-                match guard.leading(&self.z, &system.linear.natural.rates, &parabola, 1) {
-                    Some((order, value)) if value > 0.0 => live.fresh = order,
-                    Some(_) => return Some(guard.event),
-                    None if here.slope <= 0.0 => return Some(guard.event),
-                    None => live.fresh = 1,
-                }
+            let rounding = guard.derivative(&now, &parabola, 0).rounding + ROUNDINGS * guard.scale(&self.free);
+            if here.value > rounding || guard.is_constant(&self.amplitudes, &parabola) {
+                continue;
+            }
+            // Only the force of a dashpot jumps, with the velocities at an impact; all else below zero is rounding.
+            if matches!(guard.event, Event::Releases(..)) && here.value < -rounding {
+                return Some(guard.event);
+            }
+            // What it does next: a particle at a wall may only touch it, or follow it.
+            let (order, next) = guard.leading(&now, &parabola, 1).unwrap_or((1, here.slope));
+            if next > 0.0 {
+                live.fresh = order;
                 // Rounding has put a particle behind its wall, or its velocity behind zero.
-                guard.lift(&mut self.free, -here.value);
+                guard.lift(&mut self.free, (-here.value).max(0.0));
+            } else if here.value <= 0.0 {
+                return Some(guard.event);
             }
         }
         None
@@ -180,6 +190,7 @@ impl Motion {
         }
         self.here.of_end.clear();
         self.falls.clear();
+        let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
         for (n, ((guard, live), bounds)) in system.guards.iter().zip(&self.guards).zip(bounds).enumerate() {
             let parabola = guard.parabola(&self.free, live.constant);
             let of_end = guard.follow(&self.ahead, step.slow, self.here.of_end.last());
@@ -188,7 +199,7 @@ impl Motion {
                 continue;
             }
             if live.fresh > 1 {
-                if guard.rises(&self.z, &system.linear.natural.rates, &parabola, live.fresh, h) {
+                if guard.rises(&now, &parabola, live.fresh, h) {
                     continue;
                 }
                 return Judged::Undecided;
@@ -358,29 +369,56 @@ impl crate::system::Watched {
     }
 
     /// The first of its derivatives, from `order` on, that is more than rounding: its order and value. `None` if none is up to [`HIGHEST`].
-    pub(crate) fn leading(&self, z: &[C64], rates: &[C64], parabola: &Parabola, order: usize) -> Option<(usize, f64)> {
+    pub(crate) fn leading(&self, now: &Now, parabola: &Parabola, order: usize) -> Option<(usize, f64)> {
         (order..=HIGHEST).find_map(|order| {
-            let (value, size) = self.derivative(z, rates, parabola, order);
-            (value.abs() > ROUNDINGS * size).then_some((order, value))
+            let Derivative { value, rounding, .. } = self.derivative(now, parabola, order);
+            (value.abs() > rounding).then_some((order, value))
         })
     }
 
-    /// A derivative by time with the parabola's part, and the size of its terms.
-    fn derivative(&self, z: &[C64], rates: &[C64], parabola: &Parabola, order: usize) -> (f64, f64) {
-        let (value, size) = self.guard.derivative(z, rates, i32::try_from(order).unwrap_or(i32::MAX));
-        let flight = match order {
+    /// A derivative by time with the parabola's part.
+    fn derivative(&self, now: &Now, parabola: &Parabola, order: usize) -> Derivative {
+        let of_flight = match order {
+            0 => parabola.value,
             1 => parabola.slope,
             2 => parabola.bend,
             _ => 0.0,
         };
-        (value + flight, size + flight.abs())
+        let mut of = Derivative { value: of_flight, most: of_flight.abs(), rounding: 0.0 };
+        let power = i32::try_from(order).unwrap_or(i32::MAX);
+        let roundings = now.roundings.iter().zip(now.rates);
+        for ((z, c), (rounding, rate)) in now.z.iter().zip(&self.guard.coefficients).zip(roundings) {
+            let factor = c * rate.powi(power);
+            of.value += (factor * z).re;
+            of.most += factor.norm() * z.norm();
+            of.rounding += factor.norm() * rounding;
+        }
+        of.rounding = ROUNDINGS * of.most + STORED * of.rounding;
+        of
     }
 
     /// Whether a guard whose first `order` derivatives (from the value on) are zero by definition stays positive for `h`: by the
     /// next one and the largest one after it (Taylor).
-    fn rises(&self, z: &[C64], rates: &[C64], parabola: &Parabola, order: usize, h: f64) -> bool {
-        let (value, size) = self.derivative(z, rates, parabola, order);
-        let (_, next) = self.derivative(z, rates, parabola, order + 1);
-        value > ROUNDINGS * size && next * h < (order + 1) as f64 * value
+    fn rises(&self, now: &Now, parabola: &Parabola, order: usize, h: f64) -> bool {
+        let first = self.derivative(now, parabola, order);
+        let next = self.derivative(now, parabola, order + 1);
+        first.value > first.rounding && next.most * h < (order + 1) as f64 * first.value
     }
+}
+
+/// The natural motions now, with the rounding that they began the phase with.
+#[derive(Clone, Copy)]
+pub(crate) struct Now<'a> {
+    pub z: &'a [C64],
+    pub rates: &'a [C64],
+    pub roundings: &'a [f64],
+}
+
+/// A derivative of a guard.
+struct Derivative {
+    value: f64,
+    /// The largest magnitude that it can have from now on.
+    most: f64,
+    /// What of it may be rounding.
+    rounding: f64,
 }

@@ -72,6 +72,15 @@ impl Watched {
         self.constant + of_motion + self.offset * base_offset_m
     }
 
+    /// The size of what cancels in its parabola where it is zero.
+    pub fn scale(&self, free: &[Flight]) -> f64 {
+        match self.flight {
+            Flying::Nothing => self.constant.abs(),
+            Flying::Displacement(n, factor) => (factor * free[n].y_m).abs(),
+            Flying::Velocity(n, factor) => (factor * free[n].u_m_per_s).abs(),
+        }
+    }
+
     /// Raises a guard of a particle in free flight by moving the particle, or by changing its velocity.
     pub fn lift(&self, free: &mut [Flight], by: f64) {
         match self.flight {

@@ -7,7 +7,7 @@ use damprig_structures::{Impact, Motion, Observer, Piece, Refused};
 use serde::Serialize;
 
 use super::piece::PieceAtPlace;
-use super::{MultiDegree, SecondMass};
+use super::{MultiDegree, Shown};
 use crate::simulation::Case;
 use crate::simulation::collector::{Collector, RunOptions, run_in_parts};
 use crate::simulation::motion::{ImpactRecord, Viewer};
@@ -52,6 +52,7 @@ pub struct DamperResult {
 /// Shows the motion at the observed place to a viewer and measures all places.
 struct Watch<'a, 'v> {
     of: &'a MultiDegree,
+    shown: Shown,
     viewer: &'a mut (dyn Viewer + 'v),
     /// The response of every place; none if only the viewer is to see the motion.
     places: &'a mut [Response],
@@ -67,10 +68,10 @@ impl Observer for Watch<'_, '_> {
 
     fn piece(&mut self, piece: &Piece) {
         if piece.start_s + piece.length_s >= self.viewer.pieces_from_s() {
-            self.viewer.piece(&PieceAtPlace::new(piece, self.of, self.of.observed));
+            self.viewer.piece(&PieceAtPlace::new(piece, self.of.observed, self.shown));
         }
         for (place, response) in self.places.iter_mut().enumerate() {
-            response.piece(&PieceAtPlace::new(piece, self.of, place));
+            response.piece(&PieceAtPlace::new(piece, place, Shown::NOTHING));
         }
     }
 
@@ -78,7 +79,7 @@ impl Observer for Watch<'_, '_> {
         let Impact { time_s, damper, side, approach_speed_m_per_s, y_m } = *impact;
         let (count, fastest_m_per_s) = &mut self.dampers[damper];
         (*count, *fastest_m_per_s) = (*count + 1, fastest_m_per_s.max(approach_speed_m_per_s));
-        let is_shown = damper == 0 && self.of.second_mass() == Some(SecondMass::Particle);
+        let is_shown = self.shown.particle == Some(damper);
         self.viewer.impact(&ImpactRecord {
             t_s: time_s,
             side,
@@ -102,12 +103,6 @@ impl Observer for Watch<'_, '_> {
 fn invalid(refused: Refused) -> Invalid {
     match refused {
         Refused::Invalid(invalid) => invalid,
-        Refused::Stalled { time_s } => Invalid {
-            parameter: "the time in s from which events follow each other at once",
-            value: time_s,
-            allowed: "later than the end of the run: contacts that touch without speed are not told apart; change a clearance, a wall or the start \
-                      by one part in a thousand",
-        },
         _ => Invalid {
             parameter: "the structure with its dampers",
             value: f64::NAN,
@@ -133,10 +128,12 @@ pub(in crate::simulation) fn run<V: Viewer>(
     let mut places = vec![Response::new(Wanted { whole_run: true, ..Wanted::default() }); of.places.len()];
     let mut dampers = vec![(0, 0.0); of.set_up.impact_dampers.len()];
     let mut refused = Ok(());
+    let shown = of.shown();
     run_in_parts(case.run.duration_s, options, collector, |until_s, collector, go_on| {
         let mut viewer = (&mut response, collector.all());
         let mut watch = Watch {
             of,
+            shown,
             viewer: &mut viewer,
             places: &mut places,
             dampers: &mut dampers,
@@ -191,11 +188,19 @@ pub fn counted(
     let mut dampers = vec![(0, 0.0); of.set_up.impact_dampers.len()];
     let mut response = Response::new(wanted);
     response.skip_to(first_cycle);
-    let (mut nothing, mut is_stopped) = ((), false);
+    let (mut nothing, mut is_stopped, shown) = ((), false, of.shown());
     for (until_s, is_counted) in [(from_s, false), (end_s, true)] {
         let viewer: &mut dyn Viewer = if is_counted { &mut response } else { &mut nothing };
-        let mut watch =
-            Watch { of, viewer, places: &mut [], dampers: &mut dampers, go_on: &mut go_on, steps: 0, is_stopped };
+        let mut watch = Watch {
+            of,
+            shown,
+            viewer,
+            places: &mut [],
+            dampers: &mut dampers,
+            go_on: &mut go_on,
+            steps: 0,
+            is_stopped,
+        };
         motion.run(until_s, &mut watch).map_err(invalid)?;
         is_stopped = watch.is_stopped;
     }
@@ -205,18 +210,13 @@ pub fn counted(
 
 /// The state at the observed place at the end of a run.
 fn end(of: &MultiDegree, motion: &Motion) -> ExactState {
-    let (state, (z_m, base_velocity_m_per_s)) = (motion.state(), motion.base());
-    let modes = &of.set_up.structure;
-    let iota = modes.influence[of.observed];
-    let sum = |coordinates: &[f64]| -> f64 {
-        modes.modes.iter().zip(coordinates).map(|(mode, q)| mode.shape[of.observed] * q).sum()
-    };
-    let (x_m, v_m_per_s) = (sum(&state.modal) + iota * z_m, sum(&state.modal_rate) + iota * base_velocity_m_per_s);
-    let second = match of.second_mass() {
-        Some(SecondMass::Particle) => state.particles.first(),
-        Some(SecondMass::Tuned) => state.tuned_masses.first(),
-        None => None,
-    };
-    let (y_m, u_m_per_s) = second.map_or((x_m, v_m_per_s), |body| (body.y_m, body.u_m_per_s));
-    ExactState { x_m, v_m_per_s, offset_m: y_m - x_m, slide_m_per_s: u_m_per_s - v_m_per_s }
+    let state = motion.state();
+    let here = of.set_up.place(&state, of.observed, motion.base());
+    let second = of.second_mass(&state).unwrap_or(here);
+    ExactState {
+        x_m: here.y_m,
+        v_m_per_s: here.u_m_per_s,
+        offset_m: second.y_m - here.y_m,
+        slide_m_per_s: second.u_m_per_s - here.u_m_per_s,
+    }
 }

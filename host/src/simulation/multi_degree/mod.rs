@@ -5,8 +5,8 @@ mod piece;
 mod places;
 pub mod read;
 
-use damprig_core::model::{Structure, Tmd};
-use damprig_structures::{Body, Modes, SetUp, State, TunedMass};
+use damprig_core::model::{Initial, SetUp as OneDegree, Structure, Tmd};
+use damprig_structures::{Body, FrictionJoint, Modes, SetUp, State, TunedMass};
 
 /// A structure of several degrees of freedom with its dampers, as simulated.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,12 +28,46 @@ pub struct MultiDegree {
 }
 
 impl MultiDegree {
-    /// What the second mass of tables and figures is: the first particle, or the first tuned mass without one.
+    /// What tables and figures of one degree of freedom show beside the observed place: the first damper of each kind that is there.
     #[must_use]
-    pub fn second_mass(&self) -> Option<SecondMass> {
-        let particle = self.set_up.impact_dampers.first().map(|damper| (damper.place, SecondMass::Particle));
-        let tuned = self.set_up.tuned_masses.first().map(|damper| (damper.place, SecondMass::Tuned));
-        particle.or(tuned).filter(|(place, _)| *place == self.observed).map(|(_, mass)| mass)
+    pub fn shown(&self) -> Shown {
+        let set_up = &self.set_up;
+        let particle = set_up.impact_dampers.iter().position(|damper| damper.place == self.observed);
+        let tuned_mass = set_up.tuned_masses.iter().position(|damper| damper.place == self.observed);
+        let to_base = |joint: &FrictionJoint| joint.place == self.observed && joint.other.is_none();
+        Shown {
+            particle,
+            tuned_mass: tuned_mass.filter(|_| particle.is_none()),
+            friction_damper: set_up.friction_dampers.iter().position(to_base),
+        }
+    }
+
+    /// The second mass that is shown, in a state.
+    #[must_use]
+    pub fn second_mass(&self, state: &State) -> Option<Body> {
+        let Shown { particle, tuned_mass, .. } = self.shown();
+        particle.map(|n| state.particles[n]).or(tuned_mass.map(|n| state.tuned_masses[n]))
+    }
+
+    /// What is shown, as a set-up of one degree of freedom: `structure` is the lowest mode at the observed place.
+    #[must_use]
+    pub fn as_one_degree(&self, structure: Structure) -> OneDegree {
+        let (set_up, shown) = (&self.set_up, self.shown());
+        OneDegree {
+            particle: shown.particle.map(|n| set_up.impact_dampers[n].particle),
+            friction_damper: shown.friction_damper.map(|n| set_up.friction_dampers[n].damper),
+            tmd: shown.tuned_mass.map(|n| set_up.tuned_masses[n].tmd),
+            gravity_m_per_s2: set_up.gravity_m_per_s2,
+            ..OneDegree::bare(structure)
+        }
+    }
+
+    /// Its start.
+    #[must_use]
+    pub fn initial(&self) -> Initial {
+        let Body { y_m: x_m, u_m_per_s: v_m_per_s } = self.place_starts[self.observed];
+        let Body { y_m, u_m_per_s } = self.second_mass(&self.start).unwrap_or(self.place_starts[self.observed]);
+        Initial { x_m, v_m_per_s, y_m, u_m_per_s }
     }
 
     /// A radian of the fastest mode, s: steps are hardly shorter but for events.
@@ -77,13 +111,20 @@ impl MultiDegree {
     }
 }
 
-/// The mass besides the structure that tables and figures show.
+/// Numbers of the dampers that tables and figures show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SecondMass {
-    /// The particle of the first impact damper.
-    Particle,
-    /// The first tuned mass.
-    Tuned,
+pub struct Shown {
+    /// Of the impact damper.
+    pub particle: Option<usize>,
+    /// Of the tuned mass damper, if no particle is shown.
+    pub tuned_mass: Option<usize>,
+    /// Of the friction damper, between the observed place and the base.
+    pub friction_damper: Option<usize>,
+}
+
+impl Shown {
+    /// Of a place that is not the observed one.
+    pub const NOTHING: Self = Self { particle: None, tuned_mass: None, friction_damper: None };
 }
 
 /// The lowest mode that moves a place, as the structure of one degree of freedom that it is there: M = 1/φ², k = ω²M, c = 2ζωM.

@@ -6,14 +6,13 @@ use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::modes::{Contact, Grip, Mode};
 use damprig_structures::{Course, Piece as StructurePiece};
 
-use super::{MultiDegree, SecondMass};
+use super::Shown;
 use crate::simulation::motion::{Displacement, MotionState, Phase, Piece};
 
 /// A piece at a place. What a viewer does not ask for is not computed.
 pub struct PieceAtPlace<'a> {
     piece: &'a StructurePiece<'a>,
-    of: &'a MultiDegree,
-    place: usize,
+    shown: Shown,
     x: Course,
     z: OnceCell<Course>,
     x_minus_z: OnceCell<Course>,
@@ -21,12 +20,11 @@ pub struct PieceAtPlace<'a> {
 }
 
 impl<'a> PieceAtPlace<'a> {
-    /// A piece at a place.
-    pub fn new(piece: &'a StructurePiece<'a>, of: &'a MultiDegree, place: usize) -> Self {
+    /// A piece at a place, with the dampers that are shown beside it.
+    pub fn new(piece: &'a StructurePiece<'a>, place: usize, shown: Shown) -> Self {
         Self {
             piece,
-            of,
-            place,
+            shown,
             x: piece.place(place),
             z: OnceCell::new(),
             x_minus_z: OnceCell::new(),
@@ -39,12 +37,10 @@ impl<'a> PieceAtPlace<'a> {
     }
 
     fn second(&self) -> Option<&Course> {
-        let is_observed = self.place == self.of.observed;
-        let course = |second| match second {
-            SecondMass::Particle => self.piece.particle(0),
-            SecondMass::Tuned => self.piece.tuned_mass(0),
-        };
-        self.second.get_or_init(|| self.of.second_mass().filter(|_| is_observed).map(course)).as_ref()
+        let Shown { particle, tuned_mass, .. } = self.shown;
+        let course =
+            || particle.map(|n| self.piece.particle(n)).or_else(|| tuned_mass.map(|n| self.piece.tuned_mass(n)));
+        self.second.get_or_init(course).as_ref()
     }
 
     fn course(&self, of: Displacement) -> &Course {
@@ -77,12 +73,8 @@ impl Piece for PieceAtPlace<'_> {
     }
 
     fn phase(&self) -> Phase {
-        let set_up = &self.of.set_up;
-        let grip = if set_up.friction_dampers.is_empty() { Grip::Absent } else { self.piece.grip(0) };
-        let (contact, pressing) = match set_up.impact_dampers.is_empty() {
-            true => (Contact::Absent, false),
-            false => self.piece.contact(0),
-        };
+        let grip = self.shown.friction_damper.map_or(Grip::Absent, |n| self.piece.grip(n));
+        let (contact, pressing) = self.shown.particle.map_or((Contact::Absent, false), |n| self.piece.contact(n));
         Phase { mode: Mode { grip, contact }, pressing }
     }
 

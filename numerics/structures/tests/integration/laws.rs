@@ -122,6 +122,53 @@ fn what_is_at_rest_at_a_wall_stays_so() {
     }
 }
 
+/// An impact of one particle changes the velocity of the structure, and with it the force of the dashpot that another presses: below zero the soft
+/// wall lets go at once.
+#[test]
+fn an_impact_may_end_the_contact_of_another_particle_with_a_dashpot() {
+    let soft = Wall::Voigt { stiffness_n_per_m: 1000.0, damping_n_s_per_m: 50.0, release: Release::ZeroForce };
+    let dampers = [particle(0.5, 4e-3, Wall::Restitution { coefficient: 0.5 }), particle(0.5, 1e-3, soft)];
+    let storey = Storey { mass_kg: 10.0, stiffness_n_per_m: 4000.0, damping_n_s_per_m: 4.0 };
+    let set_up = SetUp {
+        impact_dampers: dampers.map(|particle| ImpactDamper { place: 0, particle }).to_vec(),
+        ..SetUp::bare(Modes::storeys(&[storey]).unwrap())
+    };
+    let pulse = Excitation::HalfSine { amplitude_m: 0.01, duration_s: 0.5 };
+    let mut motion = Motion::new(&set_up, &pulse, &set_up.at_rest(&pulse)).unwrap();
+    let mut times = Times::default();
+    motion.run(2.0, &mut times).unwrap();
+    let of_each = [0, 1].map(|damper| times.0.iter().filter(|(_, of)| *of == damper).count());
+    assert!(motion.unresolved() == 0 && of_each.iter().all(|count| *count > 5), "{of_each:?}");
+}
+
+/// A particle that touches a soft wall at rest follows it from the first derivative that is not zero.
+#[test]
+fn a_start_at_a_soft_wall_has_no_steps_without_guards() {
+    let storey = Storey { mass_kg: 10.0, stiffness_n_per_m: 4000.0, damping_n_s_per_m: 0.0 };
+    let force = Excitation::ForceHalfSine { amplitude_n: -50.0, duration_s: 0.5 };
+    for (stiffness_n_per_m, damping_n_s_per_m) in [(1e6, 0.0), (1e4, 0.0), (1e6, 30.0), (2e3, 50.0)] {
+        let wall = Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release: Release::ZeroForce };
+        for side in [-1.0, 1.0] {
+            let set_up = SetUp {
+                impact_dampers: vec![ImpactDamper { place: 0, particle: particle(1.0, 1e-3, wall) }],
+                driven_place: Some(0),
+                ..SetUp::bare(Modes::storeys(&[storey]).unwrap())
+            };
+            let mut start = set_up.at_rest(&force);
+            start.particles[0].y_m = side * 1e-3;
+            let mut motion = Motion::new(&set_up, &force, &start).unwrap();
+            let mut times = Times::default();
+            motion.run(2.0, &mut times).unwrap();
+            assert!(
+                motion.unresolved() == 0 && !times.0.is_empty(),
+                "{stiffness_n_per_m} {side}: {}",
+                motion.unresolved()
+            );
+            assert!(times.0.iter().all(|(time_s, _)| *time_s > 0.01), "an impact at the start: {:?}", times.0[0]);
+        }
+    }
+}
+
 /// Random frames with particles of equal and different kinds, friction joints and a tuned mass, released from a random state.
 #[test]
 fn no_free_motion_gains_energy() {

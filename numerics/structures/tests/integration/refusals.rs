@@ -1,7 +1,7 @@
 //! What is no structure, no set-up or no start is refused by name.
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{Cavity, Dissipation, FrictionDamper, Hertz, Particle, Release, Structure, Wall};
+use damprig_core::model::{Cavity, Dissipation, FrictionDamper, Hertz, Particle, Structure, Wall};
 use damprig_structures::{Beam, Damping, FrictionJoint, ImpactDamper, Modes, Motion, Refused, SetUp, Storey, Support};
 
 const SINE: Excitation = Excitation::Sine { amplitude_m: 1e-3, angular_frequency_rad_per_s: 10.0, phase_rad: 0.0 };
@@ -103,26 +103,4 @@ fn motions_without_a_closed_form_are_refused() {
     assert!(matches!(refused(&coupled, &SINE), Refused::NotSymmetric { .. }));
     coupled.structure.coupling_per_s = vec![0.0, 5.0, 5.0, 0.0];
     assert_eq!(refused(&coupled, &SINE), Refused::NegativeDamping);
-}
-
-/// Two particles at one place press and release a soft wall without speed: the motion goes on or ends with the reason, in finite time.
-#[test]
-fn a_motion_whose_events_do_not_end_is_given_up() {
-    let storey = Storey { mass_kg: 10.0, stiffness_n_per_m: 4000.0, damping_n_s_per_m: 4.0 };
-    let of = |clearance_m: f64, wall: Wall| {
-        let particle =
-            Particle { mass_kg: 0.5, clearance_m, friction_coefficient: 0.0, wall, cavity: Cavity::default() };
-        ImpactDamper { place: 0, particle }
-    };
-    let soft = Wall::Voigt { stiffness_n_per_m: 1000.0, damping_n_s_per_m: 50.0, release: Release::ZeroForce };
-    let set_up = SetUp {
-        impact_dampers: vec![of(4e-3, Wall::Restitution { coefficient: 0.5 }), of(1e-3, soft)],
-        ..SetUp::bare(Modes::storeys(&[storey]).unwrap())
-    };
-    let pulse = Excitation::HalfSine { amplitude_m: 0.01, duration_s: 0.5 };
-    let mut motion = Motion::new(&set_up, &pulse, &set_up.at_rest(&pulse)).unwrap();
-    match motion.run(2.0, &mut ()) {
-        Ok(()) => assert_eq!(motion.time_s(), 2.0),
-        Err(refused) => assert!(matches!(refused, Refused::Stalled { time_s } if time_s < 2.0), "{refused}"),
-    }
 }
