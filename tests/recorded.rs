@@ -187,7 +187,7 @@ fn the_shipped_campaigns_and_cases_give_the_recorded_numbers() {
                 let changed: Vec<_> = new.split(' ').filter(|part| !old.contains(part)).collect();
                 changes.push(format!("{name}: now {}", changed.join(" ")));
             }
-            (None, _) => changes.push(format!("{name}: is new")),
+            (None, new) => changes.push(format!("{name}: is new: {}", new.map_or("", String::as_str))),
             (_, None) => changes.push(format!("{name}: is missing")),
         }
     }

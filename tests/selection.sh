@@ -1,4 +1,4 @@
-# Packages and features of the checks. Sourced by tests/run and tests/firmware.
+# Packages and features of the checks. Sourced by tests/run, tests/firmware and python/tests/run.
 # shellcheck shell=bash disable=SC2034
 # What is built and tested: the command as users build it, without the debug probe.
 everything=(--locked --quiet --workspace --features damprig-core/fixed-point)

@@ -31,6 +31,7 @@ pub static FILES: &[(&str, &str)] = files![
     "cases/hertz-wall.toml",
     "cases/hybrid.toml",
     "cases/many-particles.toml",
+    "cases/modal-test.toml",
     "cases/record.toml",
     "cases/shake.csv",
     "cases/soft-wall.toml",

@@ -1,6 +1,7 @@
 //! Declares the keys of a case other than those of its set-up: excitation, initial state and run.
 
 use damprig_particles::{MAX_SPHERES, MIN_RESTITUTION, MIN_STEPS};
+use damprig_structures::MAX_MODES;
 
 use crate::input::key::DefaultValue::Number;
 use crate::input::key::Need::{Default, Forbidden, If, Optional, Required, RequiredUnless};
@@ -21,7 +22,7 @@ const MAX_SIDE_M: f64 = 100.0;
 const UNLESS_STATED: Need = RequiredUnless("`base_amplitude_m` at the top gives it");
 
 const ANGULAR: Key = number("angular_frequency_rad_per_s", Positive, "Ω, the angular frequency").usual(0.6, 630.0);
-const HERTZ: Key = number("frequency_hz", Positive, "Ω/2π, the frequency").usual(0.1, 100.0);
+const HERTZ: Key = number("frequency_hz", Positive, "Ω/2π, the frequency").usual(0.1, 2000.0);
 const FREQUENCY_RATIO: Key =
     number("frequency_ratio", Positive, "Ω/ωn, the frequency over the structure's natural one").usual(0.05, 20.0);
 
@@ -121,7 +122,7 @@ tables! {
         AREA: If(&MASS, "density_kg_per_m3", &Required, &Forbidden), [
             number("area_m2", Positive, "A, the area of the cross-section, with `density_kg_per_m3`"),
         ];
-        MODES: Default(Number(5.0)), [number("modes", Whole(1.0, 200.0), "number of modes, the lowest ones")];
+        MODES: Default(Number(5.0)), [number("modes", Whole(1.0, MAX_MODES as f64), "number of modes, the lowest ones")];
         DAMPING: Required, [number("damping_ratio", NotNegative, "ζ of each mode").usual(0.0, 0.2)];
     }
 
@@ -210,7 +211,7 @@ tables! {
         Y: Optional, [number("y_m", Any, "y of particle or tuned mass; default: x, for a particle plus its `start`").usual(-1.0, 1.0)];
         U: Optional, [number("u_m_per_s", Any, "y′; default: x′").usual(-10.0, 10.0)];
         MODE: Optional, [
-            number("mode", Whole(1.0, 200.0), "on a structure with several modes: the mode in whose shape x and x′ are given; default: the first"),
+            number("mode", Whole(1.0, MAX_MODES as f64), "on a structure with several modes: the mode in whose shape x and x′ are given; default: the first"),
         ];
     }
 

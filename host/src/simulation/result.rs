@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::Case;
 use super::many_particles::SpheresResult;
 use super::motion::{AccumulationRecord, ContactRecord, ImpactRecord};
-use super::multi_degree::driver::PlacesResult;
+use super::multi_degree::measure::PlacesResult;
 use super::statistics::LastCycles;
 use super::wall_force;
 

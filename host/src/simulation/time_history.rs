@@ -10,6 +10,7 @@ use damprig_core::integrator::exact::ExactState;
 
 use super::case::Case;
 use super::motion::{AccumulationRecord, ContactRecord, ImpactRecord, Phase, Piece, Viewer};
+use super::multi_degree::MultiDegree;
 use crate::quantity::Quantity;
 use crate::run_folder::StorageError;
 use crate::table::file::{TableFile, TableFormat};
@@ -78,14 +79,18 @@ struct MotionRow {
     state: ExactState,
     z_m: f64,
     phase: Phase,
+    /// What a structure with several places has besides, in the order of [`MultiDegree::columns`].
+    ///
+    /// [`MultiDegree::columns`]: super::multi_degree::MultiDegree::columns
+    places: Vec<f64>,
 }
 
 impl MotionRow {
-    fn columns(rows: &[Self]) -> TableBuilder<'_, Self> {
+    fn columns<'r>(rows: &'r [Self], of_places: &[Column]) -> TableBuilder<'r, Self> {
         let second = |what: &str| format!("{what} of the particle or tuned mass; that of the structure without one");
         let (displacement, velocity) = (second("displacement"), second("velocity"));
         let particle = "between the walls, held by friction, resting on a wall, in the wall";
-        TableBuilder::new(rows)
+        let table = TableBuilder::new(rows)
             .column(Column::new("t_s", "s", "time"), |row| row.t_s)
             .column(Column::new("x_m", "m", "displacement of the structure"), |row| row.state.x_m)
             .column(Column::new("v_m_per_s", "m/s", "velocity of the structure"), |row| row.state.v_m_per_s)
@@ -95,7 +100,9 @@ impl MotionRow {
             .column(Column::new("structure", "", "free, or slipping or stuck on the friction damper"), |row| {
                 Word(row.phase.structure())
             })
-            .column(Column::new("particle", "", particle), |row| Word(row.phase.particle()))
+            .column(Column::new("particle", "", particle), |row| Word(row.phase.particle()));
+        let of_places = of_places.iter().cloned().enumerate();
+        of_places.fold(table, |table, (n, column)| table.column(column, move |row| row.places[n]))
     }
 }
 
@@ -153,7 +160,9 @@ impl TimeHistory {
         let about = |rows: &str| case.description().with(DESCRIPTION, rows);
         let format = to.format;
         let motion = about("the motion at a constant rate");
-        let motion = TableFile::create(&to.path, format, "motion", MotionRow::columns, motion)?;
+        let of_places = case.multi_degree.as_ref().map(MultiDegree::columns).unwrap_or_default();
+        let motion =
+            TableFile::create(&to.path, format, "motion", move |rows| MotionRow::columns(rows, &of_places), motion)?;
         let impacts = || {
             let about = about("a row for each impact");
             let columns = if case.multi_degree.is_some() { damper_columns } else { impact_columns };
@@ -213,7 +222,9 @@ impl Viewer for TimeHistory {
             }
             let phase = *phase.get_or_insert_with(|| piece.phase());
             let at = piece.at(after_s.clamp(0.0, length_s));
-            let written = self.motion.push(MotionRow { t_s, state: at.state, z_m: at.z_m, phase });
+            let mut places = Vec::new();
+            piece.places_at(after_s.clamp(0.0, length_s), &mut places);
+            let written = self.motion.push(MotionRow { t_s, state: at.state, z_m: at.z_m, phase, places });
             self.keep_failure(written);
             self.next += 1;
         }

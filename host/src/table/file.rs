@@ -56,7 +56,7 @@ impl TableFormat {
 }
 
 /// The columns of a table of such rows.
-type Columns<R> = for<'r> fn(&'r [R]) -> TableBuilder<'r, R>;
+type Columns<R> = Box<dyn for<'r> Fn(&'r [R]) -> TableBuilder<'r, R> + Send>;
 
 /// A table being written. The file gets its name in [`TableFile::finish`]; without it, it leaves nothing.
 pub struct TableFile<R> {
@@ -83,7 +83,7 @@ impl<R> TableFile<R> {
         path: &Path,
         format: TableFormat,
         name: &'static str,
-        columns: Columns<R>,
+        columns: impl for<'r> Fn(&'r [R]) -> TableBuilder<'r, R> + Send + 'static,
         about: Metadata,
     ) -> Result<Self, StorageError> {
         let file = WholeFile::create(path).map_err(|e| StorageError::new("create", path, e))?;
@@ -100,7 +100,7 @@ impl<R> TableFile<R> {
                 Sink::Mat(name, file, gathered)
             }
         };
-        Ok(Self { path: path.to_path_buf(), columns, about, rows: Vec::new(), to })
+        Ok(Self { path: path.to_path_buf(), columns: Box::new(columns), about, rows: Vec::new(), to })
     }
 
     /// Adds a row.

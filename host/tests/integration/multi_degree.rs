@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use arrow_array::RecordBatch;
 use arrow_array::cast::AsArray;
 use arrow_array::types::Float64Type;
 use serde_json::Value;
@@ -213,6 +214,68 @@ fn dampers_of_a_list_are_told_apart_and_set_by_their_numbers() {
     assert!(number(&far, "/impact_dampers/0/impact_count") > 0.0);
 }
 
+/// A column of a time history.
+fn column(table: &[RecordBatch], name: &str) -> Vec<f64> {
+    let of = |batch: &RecordBatch| {
+        let column = batch.column_by_name(name).unwrap_or_else(|| panic!("{name}: {:?}", batch.schema()));
+        column.as_primitive::<Float64Type>().values().to_vec()
+    };
+    table.iter().flat_map(of).collect()
+}
+
+fn largest(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(0.0, |most: f64, value| most.max(value.abs()))
+}
+
+#[test]
+fn a_time_history_has_every_place_and_damper_and_between_its_rows_nothing_is_much_larger_than_the_largest_values() {
+    const H_S: f64 = 1e-3;
+    let lower = PARTICLE.replace("floor 2", "floor 1");
+    for dampers in [String::new(), format!("{PARTICLE}{lower}")] {
+        let case =
+            format!("{FRAME}{dampers}").replace("4.03", "2.3").replace("clearance_m = 0.01", "clearance_m = 0.003");
+        let folder = folder(&[("case.toml", &case)]);
+        let mut command = damprig(&folder);
+        command.args(["simulate", "case.toml", "--json", "--out", "motion.parquet", "--rate", "1000"]);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let table = read_parquet(folder.path().join("motion.parquet"));
+        let [z, seen, one, two, a_one, a_two] =
+            ["z_m", "x_m", "x_1_m", "x_2_m", "acceleration_1_m_per_s2", "acceleration_2_m_per_s2"]
+                .map(|name| column(&table, name));
+        assert_eq!(seen, two);
+        let drift = |upper: &[f64], lower: &[f64]| largest(upper.iter().zip(lower).map(|(a, b)| a - b));
+        for (n, (x, below, a)) in [(&one, &z, &a_one), (&two, &one, &a_two)].into_iter().enumerate() {
+            let of = |what: &str| number(&answer, &format!("/places/{n}/{what}"));
+            let acceleration = of("max_abs_acceleration_m_per_s2");
+            // Between two rows a displacement is larger than at them by at most x″ h²/8; of a difference both count.
+            let between = H_S * H_S / 8.0 * (acceleration + number(&answer, "/places/0/max_abs_acceleration_m_per_s2"));
+            let (most, drift) = (largest(x.iter().copied()), drift(x, below));
+            let (max_abs_x_m, max_abs_drift_m) = (of("max_abs_x_m"), of("max_abs_drift_m"));
+            assert!(most <= max_abs_x_m && max_abs_x_m <= most + between, "{most} {max_abs_x_m}");
+            assert!(drift <= max_abs_drift_m && max_abs_drift_m <= drift + 2.0 * between, "{drift} {max_abs_drift_m}");
+            assert!(largest(a.iter().copied()) <= acceleration);
+            if dampers.is_empty() {
+                // Its own change of slope bounds what the second difference of x is off, and what is between two rows.
+                let bend =
+                    |values: &[f64], row: usize| (values[row - 1] - 2.0 * values[row] + values[row + 1]) / (H_S * H_S);
+                let rows = 1..a.len() - 1;
+                let fourth = largest(rows.clone().map(|row| bend(a, row)));
+                let off = largest(rows.map(|row| bend(x, row) - a[row]));
+                assert!(off <= 1.1 * fourth * H_S * H_S / 12.0 + 1e-9, "{off} {fourth}");
+                assert!(acceleration <= largest(a.iter().copied()) + 1.1 * fourth * H_S * H_S / 8.0);
+            } else {
+                let y = column(&table, &format!("y_{}_m", 2 - n));
+                let apart = largest(y.iter().zip(x).map(|(y, x)| y - x));
+                let count = number(&answer, &format!("/impact_dampers/{}/impact_count", 1 - n));
+                // Between two rows a particle may touch a wall and leave it.
+                assert!(apart <= 0.003 * (1.0 + 1e-9) && (count < 100.0 || apart > 0.002), "{apart}, {count} impacts");
+            }
+        }
+    }
+}
+
 #[test]
 fn a_study_and_an_optimisation_have_the_numbers_of_single_simulations() {
     let study = "case = \"case.toml\"\nmetrics = [\"mean_cycle_max_m\", \"max_abs_x_m\", \"impacts_per_cycle\"]\n\
@@ -262,6 +325,7 @@ fn what_a_structure_with_several_places_does_not_have_is_refused_with_a_reason()
         (frame(&PARTICLE.replace("coefficient = 0.5", "coefficient = 0.5, contact_time_s = 1e-3")), &["particle[1].wall", "force of a hard wall"]),
         (frame("[friction_damper]\nplace = \"floor 1\"\nother_place = \"floor 1\"\nforce_n = 2\n"), &["friction_damper.other_place", "another place than that of the damper"]),
         (frame("[particle]\nplace = \"floor 1\"\nmass_kg = 1\nclearance_m = 0.01\nstart_m = 0.02\nwall = { kind = \"restitution\", coefficient = 0.5 }\n"), &["particle.start_m", "within the clearance"]),
+        ("[[storey]]\nmass_kg = 1\nstiffness_n_per_m = 1e3\n".repeat(201) + "[run]\nduration_s = 1\n", &["storey", "there are 201", "at most 200"]),
         (format!("{BEAM}[particle]\nposition_m = 0.4\nmass_kg = 1\nclearance_m = 0.01\nwall = {{ kind = \"restitution\", coefficient = 0.5 }}\n"), &["particle.position_m", "at most 0.3 m"]),
         (format!("{BEAM}[tmd]\nposition_m = 0\nmass_kg = 1\ntuning = \"den_hartog\"\n"), &["no mode moves the place"]),
         (format!("{BEAM}[tmd]\nplace = \"tip\"\nmass_kg = 1\ntuning = \"den_hartog\"\n"), &["tmd.place", "`position_m = …`"]),

@@ -42,7 +42,10 @@ pub const CAMPAIGNS: [&str; 4] = [SINE, SPRING, SHAKER, TRANSIENTS];
 
 const RECORD: &str = "t,z_mm\n0,0\n0.01,0.4\n0.02,1.0\n0.03,-0.8\n0.04,0.3\n0.05,0\n";
 
-const CASES: [&str; 7] = [
+const CASES: [&str; 10] = [
+    include_str!("../../cases/boring-bar.toml"),
+    include_str!("../../cases/frame.toml"),
+    include_str!("../../cases/modal-test.toml"),
     include_str!("../../cases/friction-damper.toml"),
     include_str!("../../cases/hybrid.toml"),
     include_str!("../../cases/record.toml"),

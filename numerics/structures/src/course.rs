@@ -69,6 +69,17 @@ impl Course {
         self.parabola.bend + terms.sum::<f64>()
     }
 
+    /// The course of the acceleration, m/s².
+    #[must_use]
+    pub fn acceleration(&self) -> Self {
+        let terms = self.terms.iter().map(|Term { start, end, rate }| {
+            let square = rate * rate;
+            (square * start, square * end, *rate)
+        });
+        let parabola = Parabola { value: self.parabola.bend, ..Parabola::default() };
+        Self::new(terms, parabola, self.length_s)
+    }
+
     /// The difference of two courses of one piece.
     #[must_use]
     pub fn minus(&self, other: &Self) -> Self {
@@ -325,6 +336,11 @@ mod tests {
         let [before, here, after] = [0.7 - h, 0.7, 0.7 + h].map(|at_s| course.at(at_s));
         assert!(((after.0 - before.0) / (2.0 * h) - here.1).abs() < 1e-4);
         assert!(((after.1 - before.1) / (2.0 * h) - course.acceleration_m_per_s2(0.7)).abs() < 1e-2);
+        let acceleration = course.acceleration();
+        for after_s in [0.0, 0.7, LENGTH_S] {
+            let (expected, found) = (course.acceleration_m_per_s2(after_s), acceleration.at(after_s).0);
+            assert!((found - expected).abs() < 1e-12 * 4.0 * 17.0_f64.powi(2), "{after_s}: {found} {expected}");
+        }
         let none = course.minus(&course);
         assert!(none.at(0.4).0.abs() < 1e-15 && none.largest_abs((0.0, 1.0), 0.0) < 1e-14);
     }

@@ -63,8 +63,8 @@ pub struct Beam {
     pub places_m: Vec<f64>,
 }
 
-/// Largest number of modes of a beam.
-const MAX_BEAM_MODES: usize = 200;
+/// Largest number of modes: computing an event costs its square, coupled damping at the start its cube.
+pub const MAX_MODES: usize = 200;
 
 impl Modes {
     /// The natural modes of `M x″ + C x′ + K x`, x relative to the base: every row is a place. `mass` and `stiffness` are square, by rows, in
@@ -172,7 +172,7 @@ impl Modes {
         not_negative("structure.beam.tip_mass_kg", beam.tip_mass_kg)?;
         not_negative("structure.beam.damping_ratio", beam.damping_ratio)?;
         let count = beam.modes as f64;
-        require((1..=MAX_BEAM_MODES).contains(&beam.modes), "structure.beam.modes", count, "from 1 to 200")?;
+        require((1..=MAX_MODES).contains(&beam.modes), "structure.beam.modes", count, "from 1 to 200")?;
         let is_free = beam.support == Support::Cantilever;
         let tip = "0 for a beam that is supported at both ends";
         require(is_free || beam.tip_mass_kg == 0.0, "structure.beam.tip_mass_kg", beam.tip_mass_kg, tip)?;

@@ -46,7 +46,7 @@ mod sum;
 mod system;
 
 pub use course::Course;
-pub use describe::{Beam, Damping, Storey, Support};
+pub use describe::{Beam, Damping, MAX_MODES, Storey, Support};
 pub use motion::Motion;
 pub use observe::{Impact, Observer, Piece};
 pub use refused::Refused;

@@ -52,6 +52,24 @@ impl<'a> Piece<'a> {
         Self { parts, start_s, length_s }
     }
 
+    /// Number of places.
+    #[must_use]
+    pub fn place_count(&self) -> usize {
+        self.parts.mount.places.len()
+    }
+
+    /// Number of impact dampers.
+    #[must_use]
+    pub fn particle_count(&self) -> usize {
+        self.parts.mount.cavities.len()
+    }
+
+    /// Number of tuned masses.
+    #[must_use]
+    pub fn tuned_mass_count(&self) -> usize {
+        self.parts.mount.tuned_influence.len()
+    }
+
     /// The absolute displacement of a place.
     #[must_use]
     pub fn place(&self, place: usize) -> Course {

@@ -2,6 +2,7 @@
 
 mod ask;
 mod of_case;
+mod structure;
 mod values;
 
 use std::io::{IsTerminal, Write, stdin};
@@ -9,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args as ClapArgs, ValueEnum};
 
+use self::structure::StructureArg;
 use self::values::{DamperArg, ExperimentArg, ValueArgs};
 use super::arguments::ForceArg;
 use super::outcome::{Failure, Outcome};
@@ -34,8 +36,12 @@ pub struct Args {
     #[arg(long)]
     case: bool,
 
+    /// Write a case of a structure with several places, with dampers: the shipped example of its kind
+    #[arg(long, value_name = "KIND", conflicts_with_all = ["damper", "experiment", "record", "ValueArgs"])]
+    structure: Option<StructureArg>,
+
     /// Write a study of this case, for damprig study run
-    #[arg(long, value_name = "CASE", conflicts_with_all = ["case", "damper", "experiment", "record", "ValueArgs"])]
+    #[arg(long, value_name = "CASE", conflicts_with_all = ["case", "structure", "damper", "experiment", "record", "ValueArgs"])]
     study: Option<PathBuf>,
 
     /// An axis of the study, may be repeated [default: what the case's damper is designed by]
@@ -43,7 +49,7 @@ pub struct Args {
     axis: Vec<SweepAxis>,
 
     /// Write an optimisation of this case, for damprig optimise
-    #[arg(long, value_name = "CASE", conflicts_with_all = ["case", "study", "damper", "experiment", "record", "ValueArgs"])]
+    #[arg(long, value_name = "CASE", conflicts_with_all = ["case", "structure", "study", "damper", "experiment", "record", "ValueArgs"])]
     optimise: Option<PathBuf>,
 
     /// A variable of the optimisation, may be repeated [default: what the case's damper is designed by]
@@ -85,6 +91,7 @@ Examples:
   damprig init soft.toml --damper bare,hybrid --wall pu-foam --friction-spring --experiment noise
   damprig init quake.toml --record quake.AT2
   damprig init steel.toml --damper spid --wall steel --clearance-m 0.0075 --sensors data-sheet
+  damprig init bar.toml --structure beam
   damprig init --study case.toml --axis particle.clearance_ratio=4:24:41
   damprig init --optimise case.toml --variable particle.clearance_ratio=4:24
   damprig run my.toml --dry-run
@@ -111,6 +118,9 @@ struct Wanted {
 /// # Errors
 /// The file exists or cannot be written; values that a campaign or a case may not have.
 pub fn run(args: &Args) -> Outcome {
+    if let Some(structure) = args.structure {
+        return structure.write(args);
+    }
     if let Some(case) = &args.study {
         return of_case::study(case, args);
     }

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use crate::report::describe;
 use crate::report::numbers::{millimetres, significant};
 use crate::simulation::multi_degree::MultiDegree;
-use crate::simulation::multi_degree::driver::{DamperResult, PlaceResult, PlacesResult};
+use crate::simulation::multi_degree::measure::{DamperResult, PlaceResult, PlacesResult};
 
 /// Most modes that are listed.
 const LISTED: usize = 5;
@@ -72,7 +72,10 @@ pub fn results(result: &PlacesResult) -> Vec<(&'static str, String)> {
     let place = |of: &PlaceResult| {
         let (x, relative, rms) =
             (millimetres(of.max_abs_x_m), millimetres(of.max_abs_x_minus_z_m), millimetres(of.rms_x_m));
-        ("place", format!("{}: largest |x| {x}, |x − z| {relative}, RMS of x {rms}", of.place))
+        let drift = of.max_abs_drift_m.map_or(String::new(), |drift| format!(", drift {}", millimetres(drift)));
+        let acceleration = significant(of.max_abs_acceleration_m_per_s2, 4);
+        let text = format!("largest |x| {x}, |x − z| {relative}{drift}, |x″| {acceleration} m/s², RMS of x {rms}");
+        ("place", format!("{}: {text}", of.place))
     };
     let damper = |of: &DamperResult| {
         let speed = significant(of.max_approach_speed_m_per_s, 4);

@@ -4,8 +4,8 @@ use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::io::Invalid;
 use damprig_structures::{Impact, Motion, Observer, Piece, Refused};
-use serde::Serialize;
 
+use super::measure::{DamperResult, PlaceMeter, PlacesResult};
 use super::piece::PieceAtPlace;
 use super::{MultiDegree, Shown};
 use crate::simulation::Case;
@@ -16,46 +16,13 @@ use crate::simulation::result::Summary;
 /// Steps between two questions whether to go on: about a millisecond.
 const STEPS_PER_QUESTION: u32 = 256;
 
-/// What happened at each place and to each impact damper.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PlacesResult {
-    /// The places.
-    pub places: Vec<PlaceResult>,
-    /// The impact dampers.
-    pub impact_dampers: Vec<DamperResult>,
-}
-
-/// The motion of a place.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PlaceResult {
-    /// Its name.
-    pub place: String,
-    /// Largest |x|, m.
-    pub max_abs_x_m: f64,
-    /// Largest |x − z|, m.
-    pub max_abs_x_minus_z_m: f64,
-    /// √(1/T ∫x² dt), m.
-    pub rms_x_m: f64,
-}
-
-/// The impacts of an impact damper.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct DamperResult {
-    /// Name of its place.
-    pub place: String,
-    /// Impacts.
-    pub impact_count: u64,
-    /// Largest approach speed, m/s; 0 without an impact.
-    pub max_approach_speed_m_per_s: f64,
-}
-
 /// Shows the motion at the observed place to a viewer and measures all places.
 struct Watch<'a, 'v> {
     of: &'a MultiDegree,
     shown: Shown,
     viewer: &'a mut (dyn Viewer + 'v),
-    /// The response of every place; none if only the viewer is to see the motion.
-    places: &'a mut [Response],
+    /// Of every place; none if only the viewer is to see the motion.
+    places: &'a mut [PlaceMeter],
     /// Impacts and the largest approach speed of every impact damper.
     dampers: &'a mut [(u64, f64)],
     go_on: &'a mut dyn FnMut(f64) -> bool,
@@ -70,8 +37,8 @@ impl Observer for Watch<'_, '_> {
         if piece.start_s + piece.length_s >= self.viewer.pieces_from_s() {
             self.viewer.piece(&PieceAtPlace::new(piece, self.of.observed, self.shown));
         }
-        for (place, response) in self.places.iter_mut().enumerate() {
-            response.piece(&PieceAtPlace::new(piece, place, Shown::NOTHING));
+        for meter in &mut *self.places {
+            meter.piece(piece);
         }
     }
 
@@ -125,7 +92,7 @@ pub(in crate::simulation) fn run<V: Viewer>(
 ) -> Result<(Summary, ExactState, PlacesResult), Invalid> {
     let mut motion = Motion::new(&of.set_up, &case.excitation, &of.start).map_err(invalid)?;
     let mut response = Response::new(wanted);
-    let mut places = vec![Response::new(Wanted { whole_run: true, ..Wanted::default() }); of.places.len()];
+    let mut places: Vec<_> = (0..of.places.len()).map(|place| PlaceMeter::new(place, of.is_frame())).collect();
     let mut dampers = vec![(0, 0.0); of.set_up.impact_dampers.len()];
     let mut refused = Ok(());
     let shown = of.shown();
@@ -150,15 +117,9 @@ pub(in crate::simulation) fn run<V: Viewer>(
     refused.map_err(invalid)?;
     response.finish(motion.time_s());
     let summary = Summary::of(case, &response, motion.time_s(), motion.unresolved());
-    let place = |(name, response): (&String, &Response)| PlaceResult {
-        place: name.clone(),
-        max_abs_x_m: response.max_abs_x_m(),
-        max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
-        rms_x_m: response.rms_x_m(),
-    };
     let impact_dampers = of.set_up.impact_dampers.iter().zip(dampers);
     let result = PlacesResult {
-        places: of.places.iter().zip(&places).map(place).collect(),
+        places: of.places.iter().zip(&places).map(|(name, meter)| meter.result(name)).collect(),
         impact_dampers: impact_dampers
             .map(|(damper, (impact_count, max_approach_speed_m_per_s))| DamperResult {
                 place: of.places[damper.place].clone(),

@@ -1,6 +1,7 @@
 //! Cases with a structure of several degrees of freedom: places where dampers are mounted, a force acts and the motion is observed.
 
 pub mod driver;
+pub mod measure;
 mod piece;
 mod places;
 pub mod read;
@@ -28,6 +29,12 @@ pub struct MultiDegree {
 }
 
 impl MultiDegree {
+    /// Whether it is a frame: its places are floors, from below.
+    #[must_use]
+    pub fn is_frame(&self) -> bool {
+        self.key == "storey"
+    }
+
     /// What tables and figures of one degree of freedom show beside the observed place: the first damper of each kind that is there.
     #[must_use]
     pub fn shown(&self) -> Shown {

@@ -32,6 +32,11 @@ impl<'a> PieceAtPlace<'a> {
         }
     }
 
+    /// Displacement of the place.
+    pub fn x(&self) -> &Course {
+        &self.x
+    }
+
     fn z(&self) -> &Course {
         self.z.get_or_init(|| self.piece.base())
     }
@@ -76,6 +81,16 @@ impl Piece for PieceAtPlace<'_> {
         let grip = self.shown.friction_damper.map_or(Grip::Absent, |n| self.piece.grip(n));
         let (contact, pressing) = self.shown.particle.map_or((Contact::Absent, false), |n| self.piece.contact(n));
         Phase { mode: Mode { grip, contact }, pressing }
+    }
+
+    fn places_at(&self, after_s: f64, values: &mut Vec<f64>) {
+        let piece = self.piece;
+        for place in 0..piece.place_count() {
+            let course = piece.place(place);
+            values.extend([course.at(after_s).0, course.acceleration_m_per_s2(after_s)]);
+        }
+        values.extend((0..piece.particle_count()).map(|n| piece.particle(n).at(after_s).0));
+        values.extend((0..piece.tuned_mass_count()).map(|n| piece.tuned_mass(n).at(after_s).0));
     }
 
     fn square_m2_s(&self, of: Displacement) -> f64 {

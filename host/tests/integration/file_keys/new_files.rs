@@ -84,6 +84,20 @@ fn every_new_campaign_passes_its_dry_run_and_every_new_case_is_simulated() {
     }
 }
 
+#[test]
+fn a_new_case_with_several_places_names_its_own_file_and_is_simulated() {
+    let folder = TempDir::new().unwrap();
+    for structure in ["beam", "storeys", "modes"] {
+        damprig(&folder).args(["init", "mine.toml", "--force", "--structure", structure]).assert().success();
+        let text = std::fs::read_to_string(folder.path().join("mine.toml")).unwrap();
+        assert!(text.contains("#   damprig simulate mine.toml --plot"), "{text}");
+        let simulated = damprig(&folder).args(["simulate", "mine.toml"]).output().unwrap();
+        assert!(is_quiet(&simulated), "{structure}: {simulated:?}");
+    }
+    let refused = damprig(&folder).args(["init", "other.toml", "--structure", "beam", "--damper", "tmd"]).assert();
+    refused.code(2).stderr(contains("--structure").and(contains("--damper")));
+}
+
 /// The record is in another folder than the new file, and then in its own.
 #[test]
 fn a_new_campaign_with_a_record_soft_walls_and_a_spring_passes_its_dry_run() {

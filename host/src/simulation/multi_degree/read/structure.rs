@@ -1,6 +1,6 @@
 //! Reads what describes the structure, and its places: storeys, a beam, modes or matrices.
 
-use damprig_structures::{Beam, Damping, Mode, Modes, Refused, Storey, Support};
+use damprig_structures::{Beam, Damping, MAX_MODES, Mode, Modes, Refused, Storey, Support};
 
 use super::matrix_file::matrix_of;
 use crate::input::section::Given;
@@ -103,6 +103,7 @@ fn read_storeys(root: &Section, modal_damping: Option<f64>) -> Option<(Described
         root.reject(case::STOREYS.name(), "a frame has at least one storey", None);
         return None;
     }
+    few_enough(root, case::STOREYS.name(), storeys.len())?;
     let storeys: Option<Vec<Storey>> = storeys.into_iter().collect();
     Some((Described::Storeys(storeys?, modal_damping), Places::Named(names)))
 }
@@ -141,6 +142,7 @@ fn read_beam(root: &Section) -> Option<(Described, Places)> {
 
 fn read_modes(root: &Section, names: Vec<Text>) -> Option<(Described, Places)> {
     let tables = root.tables_of(&case::MODES);
+    few_enough(root, case::MODES.name(), tables.len())?;
     let count = names.len();
     let read = |s: &Section| {
         let frequency = s.one_of(&mode::FREQUENCY);
@@ -167,6 +169,16 @@ fn read_modes(root: &Section, names: Vec<Text>) -> Option<(Described, Places)> {
     Some((Described::Modes(modes), Places::Named(names)))
 }
 
+/// Refuses more than [`MAX_MODES`].
+fn few_enough(root: &Section, key: &'static str, count: usize) -> Option<()> {
+    if count > MAX_MODES {
+        let help = Some("take the lowest modes only, as `[[mode]]`".into());
+        root.reject(key, format!("there are {count}; at most {MAX_MODES} are followed"), help);
+        return None;
+    }
+    Some(())
+}
+
 /// The names of places, each of one.
 fn names_of(root: &Section, names: Vec<Text>) -> Option<Vec<String>> {
     if names.is_empty() {
@@ -185,6 +197,7 @@ fn names_of(root: &Section, names: Vec<Text>) -> Option<Vec<String>> {
 fn read_matrices(root: &Section, names: Vec<Text>) -> Option<(Described, Places)> {
     let s = root.table_of(&case::MATRICES, None)?;
     let count = names.len();
+    few_enough(root, case::PLACES.name(), count)?;
     let file = |name: Text, key: &str| matrix_of(&s, key, &name, count);
     let mass = s.text_of(&matrices::MASS).and_then(|name| file(name, matrices::MASS.name()));
     let stiffness = s.text_of(&matrices::STIFFNESS).and_then(|name| file(name, matrices::STIFFNESS.name()));
