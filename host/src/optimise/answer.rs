@@ -174,7 +174,7 @@ impl Answer {
             objective: best.objective,
             worst_within_tolerance: worst.map(|worst| worst.objective),
             is_feasible_within_tolerance: worst.map(Evaluated::is_feasible),
-            unit: optimisation.objective.unit(),
+            unit: optimisation.objective.suffix(),
             variables: optimisation.variables().iter().enumerate().map(variable).collect(),
             band: place_in_band(optimisation, best),
             constraints: optimisation.constraints.iter().zip(&best.constraints).map(kept).collect(),

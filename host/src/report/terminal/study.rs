@@ -30,7 +30,7 @@ pub fn best(study: &Study, row: u64, value: f64) -> String {
     };
     let places: String = study.points.kept().iter().map(place).collect();
     let what = if study.is_maximum { "largest" } else { "smallest" };
-    let unit = study.objective.unit();
+    let unit = study.objective.suffix();
     format!("{what} {}: {} {unit}", main_column(study, study.objective), significant(value, 6)).trim_end().to_string()
         + " at"
         + &places

@@ -47,7 +47,7 @@ pub struct DamperResult {
     pub max_approach_speed_m_per_s: f64,
 }
 
-/// Columns that a time history has besides: in the order of the values of [`PieceAtPlace`].
+/// Columns that a time history has besides, in the order in which a piece gives their values.
 impl MultiDegree {
     /// Of every place displacement and acceleration, of every particle and tuned mass the displacement.
     #[must_use]
