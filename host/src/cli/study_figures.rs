@@ -23,6 +23,13 @@ pub(super) fn say_result(study: &Study, data_set: &DataSet, progress: &Progress)
         let column = evaluate::main_column(study, study.objective);
         warn!("warning: no point has a value of {column}");
     }
+    if progress.unresolved > 0 {
+        let points = if progress.unresolved == 1 { "point has" } else { "points have" };
+        warn!(
+            "warning: {} {points} instants with too many events, which were not resolved (column unresolved)",
+            progress.unresolved
+        );
+    }
     let best = progress.best.map(|(row, _)| row);
     let parts = progress.without_digest;
     if parts > 0 {

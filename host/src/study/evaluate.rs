@@ -56,12 +56,15 @@ pub fn columns(study: &Study) -> Vec<Column> {
         }
     }
     columns.push(Column {
-        name: "unresolved".into(),
+        name: UNRESOLVED.into(),
         unit: "",
         doc: "how often too many events fell on one instant and the motion went on without resolving them".into(),
     });
     columns
 }
+
+/// Name of the column that counts instants with too many events.
+pub const UNRESOLVED: &str = "unresolved";
 
 /// Name of a quantile's column: `x_over_z_q05`.
 fn quantile_name(metric: &str, quantile: f64) -> String {

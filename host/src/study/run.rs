@@ -6,7 +6,7 @@ use arrow_array::Float64Array;
 use rayon::prelude::*;
 
 use super::data_set::DataSet;
-use super::evaluate::{columns, cycles_per_row, main_column, rows, trial_s};
+use super::evaluate::{UNRESOLVED, columns, cycles_per_row, main_column, rows, trial_s};
 use super::failure::StudyFailure;
 use super::file::Study;
 use super::part::Part;
@@ -25,6 +25,8 @@ pub struct Progress {
     pub done: u64,
     /// The best row so far and its value of the objective.
     pub best: Option<(u64, f64)>,
+    /// Rows with an instant of too many events.
+    pub unresolved: u64,
     /// Parts without a digest: an older version has written them.
     pub without_digest: u64,
 }
@@ -71,7 +73,8 @@ pub fn run(
 ) -> Result<(Ending, Progress), StudyFailure> {
     let manifest = data_set.manifest();
     let mut progress = Progress::none(manifest.rows);
-    let objective = place_of_objective(study);
+    let objective = place_of(study, &main_column(study, study.objective));
+    let unresolved = place_of(study, UNRESOLVED);
     let mut missing = Vec::new();
     for part in 0..manifest.parts() {
         match data_set.part(study, part)? {
@@ -90,6 +93,7 @@ pub fn run(
         data_set.write_part(study, part, &rows)?;
         for (number, values) in numbers.zip(&rows) {
             progress.meet(study, number, values[objective]);
+            progress.unresolved += u64::from(values[unresolved] > 0.0);
         }
         progress.done += rows.len() as u64;
     }
@@ -120,17 +124,18 @@ impl Progress {
     /// Before the first part.
     #[must_use]
     pub fn none(rows: u64) -> Self {
-        Self { rows, done: 0, best: None, without_digest: 0 }
+        Self { rows, done: 0, best: None, unresolved: 0, without_digest: 0 }
     }
 
     /// Counts the rows of a part that is there.
     pub fn meet_part(&mut self, study: &Study, first: u64, Part { batch, has_digest }: &Part) {
         self.without_digest += u64::from(!has_digest);
-        let column = batch.column_by_name(&main_column(study, study.objective));
-        let values = column.and_then(|column| column.as_any().downcast_ref::<Float64Array>());
-        for (row, value) in (first..).zip(values.into_iter().flatten()) {
+        let values_of = |name: &str| batch.column_by_name(name)?.as_any().downcast_ref::<Float64Array>();
+        for (row, value) in (first..).zip(values_of(&main_column(study, study.objective)).into_iter().flatten()) {
             self.meet(study, row, value.unwrap_or(f64::NAN));
         }
+        let unresolved = values_of(UNRESOLVED).into_iter().flatten();
+        self.unresolved += unresolved.filter(|count| count.is_some_and(|count| count > 0.0)).count() as u64;
         self.done += batch.num_rows() as u64;
     }
 
@@ -142,8 +147,7 @@ impl Progress {
     }
 }
 
-/// Place of the objective among the computed columns.
-fn place_of_objective(study: &Study) -> usize {
-    let name = main_column(study, study.objective);
+/// Place of a column among the computed ones.
+fn place_of(study: &Study, name: &str) -> usize {
     columns(study).iter().position(|column| column.name == name).unwrap_or(0)
 }
