@@ -207,7 +207,7 @@ impl Motion {
             let Event::Breaks(other, direction) = guard.event else { continue };
             let here = guard.guard.at(&self.z, self.z.len(), guard.parabola(&self.free, live.constant).at(0.0));
             // The size of what cancels in the guard: forces may be limited to 0.
-            let (_, size) = guard.guard.derivative(&self.z, &self.systems[self.system].linear.natural.rates, 0);
+            let size = guard.guard.size(&self.amplitudes);
             if other != joint && here.value <= ONE_INSTANT * size && here.slope < 0.0 {
                 all.push((other, direction));
             }

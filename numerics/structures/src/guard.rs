@@ -143,16 +143,6 @@ impl Guard {
         self.sizes.iter().zip(amplitudes).map(|(size, amplitude)| size * amplitude).sum()
     }
 
-    /// The derivative of order `order` at z, without that of the parabola, and the largest size that it can have from now on.
-    pub fn derivative(&self, z: &[C64], rates: &[C64], order: i32) -> (f64, f64) {
-        let mut sum = (0.0, 0.0);
-        for ((z, c), rate) in z.iter().zip(&self.coefficients).zip(rates) {
-            sum.0 += (c * rate.powi(order) * z).re;
-            sum.1 += c.norm() * rate.norm().powi(order) * z.norm();
-        }
-        sum
-    }
-
     /// Bounds over steps like `step` with these amplitudes.
     pub fn bounds(&self, step: &Step, amplitudes: &[f64]) -> Bounds {
         let mut bounds = Bounds::default();

@@ -317,12 +317,14 @@ impl Motion {
         for guard in &system.guards {
             let constant = guard.constant(system, &self.rest, base_offset_m);
             let hint = self.zeros.iter().find(|(event, _)| *event == guard.event).map_or(0, |(_, order)| *order);
-            // More derivatives than those by definition may be zero: at a wall that a particle touches without speed.
-            let parabola = guard.parabola(&self.free, constant);
-            let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
-            let found = guard.leading(&now, &parabola, hint.max(1));
-            let fresh =
-                if hint == 0 { 0 } else { found.map_or(hint, |(order, value)| if value > 0.0 { order } else { hint }) };
+            let mut fresh = hint;
+            if hint > 0 {
+                // More derivatives than those by definition may be zero: at a wall that a particle touches without speed.
+                let parabola = guard.parabola(&self.free, constant);
+                let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
+                let rising = guard.leading(&now, &parabola, hint).filter(|(_, value)| *value > 0.0);
+                fresh = rising.map_or(hint, |(order, _)| order);
+            }
             self.guards.push(Live { constant, fresh });
         }
         self.take_amplitudes();

@@ -105,7 +105,7 @@ impl NaturalMotions {
             }
         }
         z[self.wave] = wave;
-        roundings[self.wave] = f64::EPSILON * wave.norm();
+        roundings[self.wave] = f64::EPSILON * wave.norm_sqr().sqrt();
     }
 
     /// Adds the natural motions to the coordinates and their rates.

@@ -389,9 +389,10 @@ impl crate::system::Watched {
         let roundings = now.roundings.iter().zip(now.rates);
         for ((z, c), (rounding, rate)) in now.z.iter().zip(&self.guard.coefficients).zip(roundings) {
             let factor = c * rate.powi(power);
+            let size = factor.norm_sqr().sqrt();
             of.value += (factor * z).re;
-            of.most += factor.norm() * z.norm();
-            of.rounding += factor.norm() * rounding;
+            of.most += size * z.norm_sqr().sqrt();
+            of.rounding += size * rounding;
         }
         of.rounding = ROUNDINGS * of.most + STORED * of.rounding;
         of
