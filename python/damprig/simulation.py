@@ -125,7 +125,9 @@ class Simulation:
     summary : dict
         Statistics of the whole run; each key ends with its unit.
     places : list of dict
-        Of a structure with several places: ``place``, ``max_abs_x_m``, ``max_abs_x_minus_z_m`` and ``rms_x_m`` of each; empty otherwise.
+        Of a structure with several places: ``place``, ``max_abs_x_m``, ``max_abs_x_minus_z_m``, ``rms_x_m`` and
+        ``max_abs_acceleration_m_per_s2`` (absolute, between impacts) of each, of a frame ``max_abs_drift_m`` (relative to the floor below, or
+        to the base) too; empty otherwise.
     impact_dampers : list of dict
         Of a structure with several places: ``place``, ``impact_count`` and ``max_approach_speed_m_per_s`` of each; empty otherwise.
     parameters : dict

@@ -79,9 +79,9 @@ struct MotionRow {
     state: ExactState,
     z_m: f64,
     phase: Phase,
-    /// What a structure with several places has besides, in the order of [`MultiDegree::columns`].
+    /// What a structure with several places has besides, in the order of [`MultiDegree::place_columns`].
     ///
-    /// [`MultiDegree::columns`]: super::multi_degree::MultiDegree::columns
+    /// [`MultiDegree::place_columns`]: super::multi_degree::MultiDegree::place_columns
     places: Vec<f64>,
 }
 
@@ -160,7 +160,7 @@ impl TimeHistory {
         let about = |rows: &str| case.description().with(DESCRIPTION, rows);
         let format = to.format;
         let motion = about("the motion at a constant rate");
-        let of_places = case.multi_degree.as_ref().map(MultiDegree::columns).unwrap_or_default();
+        let of_places = case.multi_degree.as_ref().map(MultiDegree::place_columns).unwrap_or_default();
         let motion =
             TableFile::create(&to.path, format, "motion", move |rows| MotionRow::columns(rows, &of_places), motion)?;
         let impacts = || {

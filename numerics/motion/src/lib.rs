@@ -60,7 +60,8 @@ pub trait Piece {
     fn at(&self, after_s: f64) -> MotionState;
     /// Stick, slip and contact along it.
     fn phase(&self) -> Phase;
-    /// Adds what a structure with several places has besides at `after_s` from its start.
+    /// Adds what a structure with several places has besides at `after_s` from its start: x, m, and x″, m/s², of every place, then y, m, of
+    /// every particle and of every tuned mass.
     fn places_at(&self, _after_s: f64, _values: &mut Vec<f64>) {}
     /// ∫ of a displacement's square over it, m²·s: by a quadrature that is exact for pieces without fast parts, unless the piece knows better.
     fn square_m2_s(&self, of: Displacement) -> f64 {

@@ -47,11 +47,11 @@ pub struct DamperResult {
     pub max_approach_speed_m_per_s: f64,
 }
 
-/// Columns that a time history has besides, in the order in which a piece gives their values.
 impl MultiDegree {
-    /// Of every place displacement and acceleration, of every particle and tuned mass the displacement.
+    /// The columns that a time history has besides: of every place displacement and acceleration, of every particle and tuned mass the
+    /// displacement. In the order of [`Piece::places_at`](crate::simulation::motion::Piece::places_at).
     #[must_use]
-    pub fn columns(&self) -> Vec<Column> {
+    pub fn place_columns(&self) -> Vec<Column> {
         let mut columns = Vec::new();
         for (number, place) in (1..).zip(&self.places) {
             columns.push(Column::new(format!("x_{number}_m"), "m", format!("displacement of {place}")));

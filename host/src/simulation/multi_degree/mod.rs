@@ -9,6 +9,8 @@ pub mod read;
 use damprig_core::model::{Initial, SetUp as OneDegree, Structure, Tmd};
 use damprig_structures::{Body, FrictionJoint, Modes, SetUp, State, TunedMass};
 
+use crate::simulation::keys::case::STOREYS;
+
 /// A structure of several degrees of freedom with its dampers, as simulated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MultiDegree {
@@ -32,7 +34,7 @@ impl MultiDegree {
     /// Whether it is a frame: its places are floors, from below.
     #[must_use]
     pub fn is_frame(&self) -> bool {
-        self.key == "storey"
+        self.key == STOREYS.name()
     }
 
     /// What tables and figures of one degree of freedom show beside the observed place: the first damper of each kind that is there.
