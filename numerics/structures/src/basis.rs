@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::Refused;
 use crate::bodies::{Bodies, dot};
+use crate::cubic::Cubic;
 use crate::linear::C64;
 
 /// A joint that sticks: `row · q + influence · z` is constant.
@@ -59,14 +60,17 @@ impl Basis {
         symmetric(&(self.shapes.transpose() * bodies.matrix(Bodies::dashpots) * &self.shapes))
     }
 
-    /// κ of a state, less Δι times the constant part of z; `sine` is its rest.
-    pub fn kappa(&self, q: &[f64], sine: f64) -> impl Iterator<Item = f64> {
-        self.constraints.iter().map(move |joint| dot(&joint.row, q) + joint.influence * sine)
+    /// κ of a state, less Δι times the cubic `base` of z; `sine` is the rest of z.
+    pub fn kappa(&self, q: &[f64], sine: f64, base: Cubic) -> impl Iterator<Item = Cubic> {
+        let rise = Cubic { value: 0.0, ..base };
+        let now = move |joint: &Constraint| dot(&joint.row, q) + joint.influence * sine;
+        self.constraints.iter().map(move |joint| Cubic::constant(now(joint)) + -joint.influence * rise)
     }
 
-    /// D κ.
-    pub fn prescribed(&self, kappa: &[f64]) -> DVector<f64> {
-        &self.held * DVector::from_column_slice(kappa)
+    /// D κ, or a derivative.
+    pub fn prescribed(&self, kappa: &[Cubic], order: usize) -> DVector<f64> {
+        let of = |cubic: &Cubic| cubic.derivatives().get(order).copied().unwrap_or(0.0);
+        &self.held * DVector::from_iterator(kappa.len(), kappa.iter().map(of))
     }
 
     /// Ψᵀ x.

@@ -1,13 +1,14 @@
 //! The course of a displacement over a piece of motion, and its largest magnitude.
 
-use crate::guard::{Here, Parabola};
+use crate::cubic::Cubic;
+use crate::guard::Here;
 use crate::linear::C64;
 
-/// A displacement over a piece of motion: a parabola and a sum of exponentials whose amplitudes never grow.
+/// A displacement over a piece of motion: a cubic and a sum of exponentials whose amplitudes never grow.
 #[derive(Clone, Debug, Default)]
 pub struct Course {
     terms: Vec<Term>,
-    parabola: Parabola,
+    cubic: Cubic,
     /// Length of the piece, s, and what the displacement is at its ends.
     length_s: f64,
     start: Here,
@@ -31,8 +32,8 @@ const MAX_STEPS: u32 = 60;
 
 impl Course {
     /// From amplitudes at the start and at the end of the piece with their rates.
-    pub(crate) fn new(terms: impl Iterator<Item = (C64, C64, C64)>, parabola: Parabola, length_s: f64) -> Self {
-        let (mut start, mut end) = (parabola.at(0.0), parabola.at(length_s));
+    pub(crate) fn new(terms: impl Iterator<Item = (C64, C64, C64)>, cubic: Cubic, length_s: f64) -> Self {
+        let (mut start, mut end) = (cubic.at(0.0), cubic.at(length_s));
         let mut of_terms = Vec::with_capacity(terms.size_hint().1.unwrap_or(0));
         for (at_start, at_end, rate) in terms {
             if at_start != C64::ZERO {
@@ -41,7 +42,7 @@ impl Course {
                 of_terms.push(Term { start: at_start, end: at_end, rate });
             }
         }
-        Self { terms: of_terms, parabola, length_s, start, end }
+        Self { terms: of_terms, cubic, length_s, start, end }
     }
 
     /// Displacement, m, and velocity, m/s, at `after_s` from the start of the piece.
@@ -59,14 +60,14 @@ impl Course {
             return self.end;
         }
         let terms = self.terms.iter().map(|term| here_of(term.start * (term.rate * after_s).exp(), term.rate));
-        terms.fold(self.parabola.at(after_s), Here::plus)
+        terms.fold(self.cubic.at(after_s), Here::plus)
     }
 
     /// Acceleration, m/s², at `after_s` from the start of the piece.
     #[must_use]
     pub fn acceleration_m_per_s2(&self, after_s: f64) -> f64 {
         let terms = self.terms.iter().map(|Term { start, rate, .. }| (rate * rate * start * (rate * after_s).exp()).re);
-        self.parabola.bend + terms.sum::<f64>()
+        self.cubic.bend_at(after_s) + terms.sum::<f64>()
     }
 
     /// The course of the acceleration, m/s².
@@ -76,20 +77,17 @@ impl Course {
             let square = rate * rate;
             (square * start, square * end, *rate)
         });
-        let parabola = Parabola { value: self.parabola.bend, ..Parabola::default() };
-        Self::new(terms, parabola, self.length_s)
+        Self::new(terms, self.cubic.rate().rate(), self.length_s)
     }
 
     /// The difference of two courses of one piece.
     #[must_use]
     pub fn minus(&self, other: &Self) -> Self {
-        let (a, b) = (&self.parabola, &other.parabola);
-        let parabola = Parabola { value: a.value - b.value, slope: a.slope - b.slope, bend: a.bend - b.bend };
         let taken = other.terms.iter().map(|term| Term { start: -term.start, end: -term.end, ..*term });
         let less = |a: Here, b: Here| Here { value: a.value - b.value, slope: a.slope - b.slope };
         Self {
             terms: self.terms.iter().copied().chain(taken).collect(),
-            parabola,
+            cubic: self.cubic + -1.0 * other.cubic,
             length_s: self.length_s,
             start: less(self.start, other.start),
             end: less(self.end, other.end),
@@ -100,15 +98,16 @@ impl Course {
     #[must_use]
     pub fn square_m2_s(&self) -> f64 {
         let h = self.length_s;
-        let Parabola { value, slope, bend } = self.parabola;
-        let (b, c) = (slope * h, 0.5 * bend * h * h);
+        let Cubic { value, slope, bend, jerk } = self.cubic;
+        let (b, c, d) = (slope * h, 0.5 * bend * h * h, jerk * h * h * h / 6.0);
         let mut square = h * (value * (value + b + 2.0 * c / 3.0) + b * (b / 3.0 + 0.5 * c) + 0.2 * c * c);
+        square += h * d * (0.5 * value + 0.4 * b + c / 3.0 + d / 7.0);
         for (n, term) in self.terms.iter().enumerate() {
             let Term { start, end, rate } = *term;
             square += 2.0 * value * integral(start, end, rate, h).re;
-            if slope != 0.0 || bend != 0.0 {
-                let [first, second] = moments(rate, h);
-                square += 2.0 * (start * (first * slope + second * (0.5 * bend))).re;
+            if !self.cubic.is_constant() {
+                let [first, second, third] = moments(rate, h);
+                square += 2.0 * (start * (first * slope + second * (0.5 * bend) + third * (jerk / 6.0))).re;
             }
             // Re a · Re b = ½ Re(ab + ab̄), of a term with itself once and of two terms twice.
             square += 0.5 * pair(term, term, h);
@@ -157,7 +156,7 @@ impl Course {
 
     /// Bounds of the third and the fourth derivative from `after_s` on.
     fn bounds(&self, after_s: f64) -> [f64; 2] {
-        let mut bounds = [0.0, 0.0];
+        let mut bounds = [self.cubic.jerk.abs(), 0.0];
         for Term { start, rate, .. } in &self.terms {
             let size = rate.norm_sqr().sqrt();
             let decay = if after_s == 0.0 { 1.0 } else { (rate.re * after_s).exp() };
@@ -248,12 +247,12 @@ fn pair(a: &Term, b: &Term, h: f64) -> f64 {
     sum.re + difference.re
 }
 
-/// ∫ tⁿ e^{λt} dt from 0 to h for n = 1, 2.
-fn moments(rate: C64, h: f64) -> [C64; 2] {
+/// ∫ tⁿ e^{λt} dt from 0 to h for n = 1, 2, 3.
+fn moments(rate: C64, h: f64) -> [C64; 3] {
     let turn = rate * h;
     if turn.norm_sqr() < 1.0 {
         // Σ (λh)^k / (k! (k + n + 1)): the terms left out are below 1/20!.
-        let mut sums = [C64::ZERO; 2];
+        let mut sums = [C64::ZERO; 3];
         let mut term = C64::ONE;
         for k in 0..20_u8 {
             for (n, sum) in (2_u8..).zip(&mut sums) {
@@ -261,11 +260,12 @@ fn moments(rate: C64, h: f64) -> [C64; 2] {
             }
             term *= turn / f64::from(k + 1);
         }
-        return [sums[0] * (h * h), sums[1] * (h * h * h)];
+        return [sums[0] * (h * h), sums[1] * (h * h * h), sums[2] * (h * h * h * h)];
     }
     let end = turn.exp();
     let first = (end * h - (end - 1.0) / rate) / rate;
-    [first, (end * (h * h) - first * 2.0) / rate]
+    let second = (end * (h * h) - first * 2.0) / rate;
+    [first, second, (end * (h * h * h) - second * 3.0) / rate]
 }
 
 #[cfg(test)]
@@ -278,13 +278,13 @@ mod tests {
         course_of(terms, LENGTH_S)
     }
 
-    /// A parabola and Re Σ of terms with these amplitudes and frequencies.
+    /// A cubic and Re Σ of terms with these amplitudes and frequencies.
     fn course_of(terms: &[(f64, f64, f64)], length_s: f64) -> Course {
         let terms = terms.iter().map(|(size, phase, turning)| {
             let (amplitude, rate) = (C64::from_polar(*size, *phase), C64::new(-0.01, *turning));
             (amplitude, amplitude * (rate * length_s).exp(), rate)
         });
-        Course::new(terms, Parabola { value: 0.1, slope: 0.02, bend: -0.05 }, length_s)
+        Course::new(terms, Cubic { value: 0.1, slope: 0.02, bend: -0.05, jerk: 0.13 }, length_s)
     }
 
     #[test]

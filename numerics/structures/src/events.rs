@@ -94,6 +94,7 @@ impl Motion {
         let wave = C64::new(self.wave.cosine, self.wave.sine);
         let driven: Vec<f64> = mount.force.iter().map(|f| (f * wave).re).collect();
         push(1.0, &driven);
+        push(-self.base_cubic.bend, &bodies.inertia);
         for (i, cavity) in mount.cavities.iter().enumerate() {
             let mut unit = vec![0.0; bodies.len()];
             unit[mount.permanent + i] = 1.0;
@@ -117,7 +118,7 @@ impl Motion {
     fn sticking(&self, candidates: &[usize], without: &[usize]) -> Result<Sticking, Refused> {
         let (acceleration, size) = self.accelerations(&[candidates, without].concat());
         let w = self.compliance(candidates, |_| 1.0);
-        let base = -self.mount.share * self.turning * self.turning * self.wave.sine;
+        let base = self.base_cubic.bend - self.mount.share * self.turning * self.turning * self.wave.sine;
         let mut a0 = Vec::new();
         let mut tolerance = Vec::new();
         for &joint in candidates {
@@ -205,7 +206,7 @@ impl Motion {
         let mut all = vec![(joint, direction)];
         for (guard, live) in self.systems[self.system].guards.iter().zip(&self.guards) {
             let Event::Breaks(other, direction) = guard.event else { continue };
-            let here = guard.guard.at(&self.z, self.z.len(), guard.parabola(&self.free, live.constant).at(0.0));
+            let here = guard.guard.at(&self.z, self.z.len(), guard.with_flight(&self.free, live.cubic).at(0.0));
             // The size of what cancels in the guard: forces may be limited to 0.
             let size = guard.guard.size(&self.amplitudes);
             if other != joint && here.value <= ONE_INSTANT * size && here.slope < 0.0 {

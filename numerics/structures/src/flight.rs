@@ -1,5 +1,7 @@
 //! Free flight of a particle.
 
+use crate::cubic::Cubic;
+
 /// A particle in free flight, from the start of the present step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Flight {
@@ -12,6 +14,11 @@ pub(crate) struct Flight {
 }
 
 impl Flight {
+    /// y.
+    pub fn cubic(&self) -> Cubic {
+        Cubic { value: self.y_m, slope: self.u_m_per_s, bend: self.acceleration, jerk: 0.0 }
+    }
+
     /// The flight from time `t` on.
     pub fn after(&self, t: f64) -> Self {
         Self {

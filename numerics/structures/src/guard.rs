@@ -1,8 +1,8 @@
 //! Guards: linear functions of the motion that stay positive until an event, and the certified first root of one.
 //!
-//! Over a step of length h a guard is `constant + Re Σ cⱼ zⱼ` (and a parabola of a free particle). With rates |λⱼ| and amplitudes
-//! |zⱼ|, which never grow, its fourth derivative is at most `Σ |cⱼ||λⱼ|⁴|zⱼ|`: it lies within that times h⁴/384 of the cubic with the
-//! values and slopes of both ends (Hermite's remainder), and its slope within `Σ |cⱼ||λⱼ|³|zⱼ| h²/8` of its chord. Natural motions that turn
+//! Over a step of length h a guard is a cubic in time (of a free particle, of a recorded base) and `Re Σ cⱼ zⱼ`. With rates |λⱼ| and
+//! amplitudes |zⱼ|, which never grow, its fourth derivative is at most `Σ |cⱼ||λⱼ|⁴|zⱼ|`: it lies within that times h⁴/384 of the cubic with the
+//! values and slopes of both ends (Hermite's remainder), and its slope within `(Σ |cⱼ||λⱼ|³|zⱼ| + |jerk of the cubic|) h²/8` of its chord. Natural motions that turn
 //! by more than [`FAST_RAD`] in a step are left out of cubic and chord; they add at most their amplitude. So a
 //! fast but small natural motion does not shorten the steps.
 
@@ -70,25 +70,6 @@ impl Here {
     }
 }
 
-/// The part of a guard that is a parabola: `value + slope t + bend t²/2`, with the magnitude of its terms.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Parabola {
-    pub value: f64,
-    pub slope: f64,
-    pub bend: f64,
-}
-
-impl Parabola {
-    pub fn at(&self, t: f64) -> Here {
-        Here { value: self.value + t * (self.slope + 0.5 * t * self.bend), slope: self.slope + t * self.bend }
-    }
-
-    /// The size of its terms up to time `t`.
-    pub fn size(&self, t: f64) -> f64 {
-        self.value.abs() + t * (self.slope.abs() + 0.5 * t * self.bend.abs())
-    }
-}
-
 /// Bounds of a guard over any step of one length while the amplitudes last.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Bounds {
@@ -120,19 +101,19 @@ impl Guard {
         }
     }
 
-    /// Value and slope by the first `count` natural motions, with the parabola.
+    /// Value and slope by the first `count` natural motions, with the cubic.
     #[inline]
-    pub fn at(&self, z: &[C64], count: usize, parabola: Here) -> Here {
+    pub fn at(&self, z: &[C64], count: usize, cubic: Here) -> Here {
         let mut here = Here::default();
         for ((z, c), slope) in z[..count].iter().zip(&self.coefficients).zip(&self.slopes) {
             here.value += c.re * z.re - c.im * z.im;
             here.slope += slope.re * z.re - slope.im * z.im;
         }
         // In this order wherever a guard is evaluated: a value that rounding makes zero is zero everywhere.
-        here.plus(parabola)
+        here.plus(cubic)
     }
 
-    /// Its second derivative at z, without that of the parabola.
+    /// Its second derivative at z, without that of the cubic.
     pub fn bend(&self, z: &[C64], rates: &[C64]) -> f64 {
         let terms = z.iter().zip(&self.slopes).zip(rates).map(|((z, slope), rate)| (slope * rate * z).re);
         terms.sum()
@@ -160,10 +141,10 @@ impl Guard {
 }
 
 impl Bounds {
-    /// Decides about a step of length h from what the slow motions are at both ends. `is_zero`: the guard is zero at the start by
-    /// definition.
+    /// Decides about a step of length h from what the slow motions with the cubic are at both ends. `jerk`: the cubic's. `is_zero`: the guard is zero
+    /// at the start by definition.
     #[inline]
-    pub fn judge(&self, h: f64, start: Here, end: Here, is_zero: bool) -> Verdict {
+    pub fn judge(&self, h: f64, start: Here, end: Here, jerk: f64, is_zero: bool) -> Verdict {
         let (first, second) = (start.value + start.slope * h / 3.0, end.value - end.slope * h / 3.0);
         let inner = first.min(second);
         let off = self.smooth + self.ripple;
@@ -175,10 +156,11 @@ impl Bounds {
             return Verdict::Clear;
         }
         let (low, high) = (start.slope.min(end.slope), start.slope.max(end.slope));
-        if low > self.slope && (is_zero || start.value >= self.ripple) {
+        let off_chord = self.slope + jerk.abs() * h * h / 8.0;
+        if low > off_chord && (is_zero || start.value >= self.ripple) {
             return Verdict::Clear;
         }
-        if high < -self.slope {
+        if high < -off_chord {
             if end.value > self.ripple {
                 return Verdict::Clear;
             }

@@ -1,7 +1,8 @@
 //! Linear structures of several degrees of freedom with impact, friction and tuned mass dampers: exact motion from event to event.
 //!
 //! Every state of the contacts (each particle free, held or in a soft wall, each friction damper sticking or slipping in a
-//! direction) is a linear system with constant coefficients. Its motion is a sum of exponentials (`linear`); events are
+//! direction) is a linear system with constant coefficients. Its motion is a sum of exponentials and, on a base that follows samples, of cubics
+//! in time (`linear`); events are
 //! the first roots of linear functions of the motion (`guard`); forces at rest and impulses follow from convex problems
 //! (`complementarity`).
 //!
@@ -29,6 +30,7 @@ mod bodies;
 mod complementarity;
 mod contacts;
 mod course;
+mod cubic;
 mod describe;
 mod events;
 mod flight;

@@ -2,13 +2,16 @@
 //!
 //! `M q″ + C q′ + K q = f + Re(F̂ W)` with `W = e^{iΩt}` and with the joints that stick. In the coordinates η that these leave ([`Basis`])
 //! the motion is a sum of exponentials, one for each natural motion and one for the excitation ([`NaturalMotions`]): every displacement,
-//! velocity and joint force is `constant + Re Σ cⱼ zⱼ`, with `zⱼ′ = λⱼ zⱼ`.
+//! velocity and joint force is `c(t) + Re Σ cⱼ zⱼ`, with `zⱼ′ = λⱼ zⱼ` and a cubic `c(t)`, which is constant unless the base follows samples ([`Rest`]).
+
+use std::ops::Range;
 
 use nalgebra::{Complex, DMatrix, DVector};
 
 use crate::Refused;
 use crate::basis::{Basis, Constraint};
 use crate::bodies::{Bodies, dot};
+use crate::cubic::Cubic;
 use crate::natural_motions::NaturalMotions;
 use crate::sum::Sum;
 
@@ -26,6 +29,8 @@ pub(crate) struct Linear {
     pub natural: NaturalMotions,
     /// ω² of each coordinate.
     square: Vec<f64>,
+    /// C on the coordinates.
+    damping: DMatrix<f64>,
     /// `None`: the bodies' displacements are the coordinates.
     basis: Option<Basis>,
     /// η of the forced motion per W.
@@ -35,7 +40,7 @@ pub(crate) struct Linear {
     turning: f64,
 }
 
-/// A linear function of the motion: `on · η + held · κ` with its coefficients on the natural motions.
+/// A linear function of the displacements: `on · η + held · κ` with its coefficients on the natural motions.
 #[derive(Clone, Debug)]
 pub(crate) struct Signal {
     on: Vec<f64>,
@@ -44,13 +49,25 @@ pub(crate) struct Signal {
     pub coefficients: Vec<C64>,
 }
 
-/// Constant parts of a motion.
+/// What is no exponential of a motion: cubics from the present instant on.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Rest {
-    /// η at rest under the constant forces.
-    eta: Vec<f64>,
-    /// κ less Δι times the constant part of z.
-    kappa: Vec<f64>,
+    /// η under the constant forces and the base's cubic.
+    eta: Vec<Cubic>,
+    /// κ less Δι times the base's cubic.
+    kappa: Vec<Cubic>,
+}
+
+impl Rest {
+    /// Moves the origin of time to `t`.
+    pub fn advance(&mut self, t: f64) {
+        self.eta.iter_mut().chain(&mut self.kappa).for_each(|cubic| *cubic = cubic.after(t));
+    }
+}
+
+/// The value or a derivative of each of some cubics.
+fn derivative(of: &[Cubic], order: usize) -> Vec<f64> {
+    of.iter().map(|cubic| cubic.derivatives().get(order).copied().unwrap_or(0.0)).collect()
 }
 
 impl Linear {
@@ -73,29 +90,51 @@ impl Linear {
                 .map(|(row, moved)| row.iter().zip(&forced).map(|(shape, eta)| eta * *shape).sum::<C64>() - I * *moved)
                 .collect(),
         };
-        Ok(Self { natural, square, basis, forced, forced_q, turning })
+        Ok(Self { natural, square, damping, basis, forced, forced_q, turning })
     }
 
-    /// The constant part of a motion that starts from q, under the constant force. `sine` is z less its constant part.
-    pub fn rest(&self, bodies: &Bodies, q: &[f64], force: &[f64], sine: f64, rest: &mut Rest) {
-        rest.eta.clear();
+    /// The part of a motion from q on that is no exponential, under the constant force and the base's cubic. `sine` is z less the cubic.
+    pub fn rest(&self, bodies: &Bodies, q: &[f64], force: &[f64], (base, sine): (Cubic, f64), rest: &mut Rest) {
         rest.kappa.clear();
-        let at_rest = |(force, square): (f64, &f64)| force / square;
-        let Some(basis) = &self.basis else {
-            rest.eta.extend(force.iter().copied().zip(&self.square).map(at_rest));
-            return;
-        };
-        rest.kappa.extend(basis.kappa(q, sine));
-        let springs = bodies.springs(basis.prescribed(&rest.kappa).as_slice());
-        let load = DVector::from_iterator(force.len(), force.iter().zip(&springs).map(|(f, k)| f - k));
-        rest.eta.extend(basis.shapes.tr_mul(&load).iter().copied().zip(&self.square).map(at_rest));
+        if let Some(basis) = &self.basis {
+            rest.kappa.extend(basis.kappa(q, sine, base));
+        }
+        rest.eta.clear();
+        rest.eta.resize(self.square.len(), Cubic::default());
+        // ω² η⁽ᵏ⁾ = load⁽ᵏ⁾ − C η⁽ᵏ⁺¹⁾ − η⁽ᵏ⁺²⁾, from the highest derivative down.
+        let mut higher = [(); 2].map(|()| vec![0.0; self.square.len()]);
+        let orders = orders(base);
+        for order in (0..orders).rev() {
+            let force = external(bodies, force, base, order);
+            let mut eta = match &self.basis {
+                None => force,
+                Some(basis) => {
+                    let reaction = reaction(bodies, order..orders, |order| basis.prescribed(&rest.kappa, order));
+                    let load = DVector::from_iterator(force.len(), force.iter().zip(reaction).map(|(f, r)| f - r));
+                    basis.shapes.tr_mul(&load).as_slice().to_vec()
+                }
+            };
+            if higher.iter().flatten().any(|eta| *eta != 0.0) {
+                let damped = &self.damping * DVector::from_column_slice(&higher[0]);
+                let more = damped.iter().zip(&higher[1]).map(|(damped, inertia)| damped + inertia);
+                eta.iter_mut().zip(more).for_each(|(eta, more)| *eta -= more);
+            }
+            eta.iter_mut().zip(&self.square).for_each(|(eta, square)| *eta /= square);
+            for (cubic, eta) in rest.eta.iter_mut().zip(&eta) {
+                let mut derivatives = cubic.derivatives();
+                derivatives[order] = *eta;
+                *cubic = Cubic::of(derivatives);
+            }
+            let [next, _] = higher;
+            higher = [eta, next];
+        }
     }
 
     /// The natural motions of a state, with their roundings. What is only the rounding of larger terms counts as zero, so that what is at rest
     /// stays so.
     pub fn enter(&self, rest: &Rest, q: &[f64], v: &[f64], wave: C64, to: (&mut Vec<C64>, &mut Vec<f64>)) {
         let projected = self.basis.as_ref().map(|basis| {
-            let prescribed = basis.prescribed(&rest.kappa);
+            let [prescribed, prescribed_rate] = [0, 1].map(|order| basis.prescribed(&rest.kappa, order));
             let project = |value: &dyn Fn(usize) -> [f64; 3]| {
                 let terms: Vec<[f64; 3]> = (0..q.len()).map(value).collect();
                 let of = |row: usize| {
@@ -109,7 +148,7 @@ impl Linear {
                 (0..self.square.len()).map(of).collect::<Vec<Sum>>()
             };
             let eta = project(&|i| [q[i], prescribed[i], basis.moved[i] * wave.im]);
-            (eta, project(&|i| [v[i], 0.0, basis.moved[i] * self.turning * wave.re]))
+            (eta, project(&|i| [v[i], prescribed_rate[i], basis.moved[i] * self.turning * wave.re]))
         });
         let of = |i: usize| {
             let (mut eta, mut rate) = match &projected {
@@ -118,7 +157,9 @@ impl Linear {
             };
             let forced = self.forced[i] * wave;
             let forced_rate = (I * self.turning * forced).re;
-            eta.add(-rest.eta[i], rest.eta[i].abs());
+            let Cubic { value, slope, .. } = rest.eta[i];
+            eta.add(-value, value.abs());
+            rate.add(-slope, slope.abs());
             eta.add(-forced.re, forced.re.abs());
             rate.add(-forced_rate, forced_rate.abs());
             (eta, rate)
@@ -133,11 +174,11 @@ impl Linear {
         let (mut eta, mut rate) = (DVector::zeros(n), DVector::zeros(n));
         self.coordinates(rest, z, eta.as_mut_slice(), rate.as_mut_slice());
         let wave = z[self.natural.wave];
-        let prescribed = basis.prescribed(&rest.kappa);
+        let [prescribed, prescribed_rate] = [0, 1].map(|order| basis.prescribed(&rest.kappa, order));
         let (free, free_rate) = (&basis.shapes * eta, &basis.shapes * rate);
         for i in 0..q.len() {
             q[i] = free[i] + prescribed[i] + basis.moved[i] * wave.im;
-            v[i] = free_rate[i] + basis.moved[i] * self.turning * wave.re;
+            v[i] = free_rate[i] + prescribed_rate[i] + basis.moved[i] * self.turning * wave.re;
         }
     }
 
@@ -146,7 +187,8 @@ impl Linear {
         let wave = z[self.natural.wave];
         for (i, (eta, rate)) in eta.iter_mut().zip(rate.iter_mut()).enumerate() {
             let forced = self.forced[i] * wave;
-            (*eta, *rate) = (rest.eta[i] + forced.re, (I * self.turning * forced).re);
+            let Cubic { value, slope, .. } = rest.eta[i];
+            (*eta, *rate) = (value + forced.re, slope + (I * self.turning * forced).re);
         }
         self.natural.leave(z, eta, rate);
     }
@@ -165,15 +207,7 @@ impl Linear {
         Signal { on, held, coefficients }
     }
 
-    /// The velocity `row · q′`.
-    pub fn velocity(&self, row: &[f64]) -> Signal {
-        let displacement = self.displacement(row);
-        let coefficients =
-            displacement.coefficients.iter().zip(&self.natural.rates).map(|(c, rate)| c * rate).collect();
-        Signal { on: Vec::new(), held: Vec::new(), coefficients }
-    }
-
-    /// The force of the `which`-th constraint along its row: `Dᵀ (M q″ + C q′ + K q − f)`; its constant part is
+    /// The force of the `which`-th constraint along its row: `Dᵀ (M q″ + C q′ + K q − f)`; its cubic is
     /// [`Linear::holding_rest`].
     pub fn holding(&self, bodies: &Bodies, which: usize, force: &[C64]) -> Vec<C64> {
         let Some(basis) = &self.basis else { return Vec::new() };
@@ -190,20 +224,62 @@ impl Linear {
         coefficients
     }
 
-    /// The constant part of that force under the constant `force`.
-    pub fn holding_rest(&self, bodies: &Bodies, which: usize, rest: &Rest, force: &[f64]) -> f64 {
-        let Some(basis) = &self.basis else { return 0.0 };
-        let q = &basis.shapes * DVector::from_column_slice(&rest.eta) + basis.prescribed(&rest.kappa);
-        let springs = bodies.springs(q.as_slice());
-        basis.held.column(which).iter().zip(springs.iter().zip(force)).map(|(row, (k, f))| row * (k - f)).sum()
+    /// The cubic of that force under the constant `force` and the base's cubic.
+    pub fn holding_rest(&self, bodies: &Bodies, which: usize, rest: &Rest, (force, base): (&[f64], Cubic)) -> Cubic {
+        let Some(basis) = &self.basis else { return Cubic::default() };
+        let q = |order| {
+            let free = &basis.shapes * DVector::from_vec(derivative(&rest.eta, order));
+            free + basis.prescribed(&rest.kappa, order)
+        };
+        let row = basis.held.column(which);
+        let mut derivatives = [0.0; 4];
+        let orders = orders(base);
+        for (order, of) in derivatives.iter_mut().enumerate().take(orders) {
+            let forces = reaction(bodies, order..orders, q).into_iter().zip(external(bodies, force, base, order));
+            *of = row.iter().zip(forces).map(|(row, (reaction, external))| row * (reaction - external)).sum();
+        }
+        Cubic::of(derivatives)
     }
 }
 
 impl Signal {
-    /// The constant part.
-    pub fn constant(&self, rest: &Rest) -> f64 {
-        dot(&self.on, &rest.eta) + dot(&self.held, &rest.kappa)
+    /// The cubic.
+    pub fn cubic(&self, rest: &Rest) -> Cubic {
+        let of = |order: fn(&Cubic) -> f64| {
+            let on = |row: &[f64], cubics: &[Cubic]| row.iter().zip(cubics).map(|(row, c)| row * order(c)).sum::<f64>();
+            on(&self.on, &rest.eta) + on(&self.held, &rest.kappa)
+        };
+        Cubic { value: of(|c| c.value), slope: of(|c| c.slope), bend: of(|c| c.bend), jerk: of(|c| c.jerk) }
     }
+}
+
+/// A derivative of the forces on the bodies, N per sᵏ: `force` is constant, and the base's cubic accelerates them.
+fn external(bodies: &Bodies, force: &[f64], base: Cubic, order: usize) -> Vec<f64> {
+    let (share, acceleration) = match order {
+        0 => (1.0, base.bend),
+        1 => (0.0, base.jerk),
+        _ => (0.0, 0.0),
+    };
+    force.iter().zip(&bodies.inertia).map(|(force, inertia)| share * force - inertia * acceleration).collect()
+}
+
+/// A derivative of M q″ + C q′ + K q: that of the first of these orders; those after the last are zero. `q` gives a derivative of q.
+fn reaction(bodies: &Bodies, mut orders: Range<usize>, q: impl Fn(usize) -> DVector<f64>) -> Vec<f64> {
+    let mut next = || orders.next().map(&q);
+    let mut forces = next().map_or_else(Vec::new, |q| bodies.springs(q.as_slice()));
+    let mut add = |more: &mut dyn Iterator<Item = f64>| forces.iter_mut().zip(more).for_each(|(f, more)| *f += more);
+    if let Some(rate) = next() {
+        add(&mut bodies.dashpots(rate.as_slice()).into_iter());
+    }
+    if let Some(acceleration) = next() {
+        add(&mut acceleration.iter().zip(&bodies.mass).map(|(a, mass)| a * mass));
+    }
+    forces
+}
+
+/// How many derivatives of a motion are not zero while the base follows a cubic, with the value.
+fn orders(base: Cubic) -> usize {
+    if base.is_constant() { 1 } else { 4 }
 }
 
 /// F̂ on the coordinates, with the reaction of what the constraints move.

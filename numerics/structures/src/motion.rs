@@ -9,6 +9,7 @@ use damprig_core::integrator::modes::{Sign, signed};
 
 use crate::bodies::dot;
 use crate::contacts::{Contacts, Event, Slide, Touch};
+use crate::cubic::Cubic;
 use crate::flight::Flight;
 use crate::guard::Bounds;
 use crate::linear::{C64, Rest};
@@ -21,7 +22,7 @@ use crate::{Body, Refused, SetUp, State};
 /// Roundings that may remain in a sum of cancelling terms.
 pub(crate) const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
 
-/// A set-up in motion under an excitation in closed form.
+/// A set-up in motion under an excitation in closed form, or on a base that follows cubics.
 #[derive(Clone, Debug)]
 pub struct Motion {
     pub(crate) mount: Mount,
@@ -29,7 +30,9 @@ pub struct Motion {
     pub(crate) turning: f64,
     pub(crate) time: Time,
     pub(crate) wave: Wave,
-    next_break_s: f64,
+    /// The base's displacement from the present instant on, but for the wave's sine; 0 where a force drives.
+    pub(crate) base_cubic: Cubic,
+    pub(crate) next_break_s: f64,
     /// Displacements and velocities of all bodies relative to the base; valid between phases.
     pub(crate) q: Vec<f64>,
     pub(crate) v: Vec<f64>,
@@ -69,7 +72,8 @@ pub struct Motion {
 /// A guard during a phase.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Live {
-    pub constant: f64,
+    /// Its cubic from the present instant on, but for a free particle.
+    pub cubic: Cubic,
     /// Derivatives at the start that are zero by definition.
     pub fresh: usize,
 }
@@ -81,6 +85,18 @@ impl Motion {
     /// A value out of range, a particle outside its cavity, a motion that has no closed form here, or a damper that the engine does
     /// not have.
     pub fn new(set_up: &SetUp, excitation: &Excitation, start: &State) -> Result<Self, Refused> {
+        Self::start(set_up, excitation, [0.0; 4], start)
+    }
+
+    /// Starts at t = 0 from `start` on a base that follows the cubic z = Σ cₖ tᵏ, m, with the coefficients `base`, up to [`Motion::follow`].
+    ///
+    /// # Errors
+    /// As [`Motion::new`].
+    pub fn on_base(set_up: &SetUp, base: [f64; 4], start: &State) -> Result<Self, Refused> {
+        Self::start(set_up, &Excitation::Fixed, base, start)
+    }
+
+    fn start(set_up: &SetUp, excitation: &Excitation, base: [f64; 4], start: &State) -> Result<Self, Refused> {
         let mount = Mount::new(set_up, excitation)?;
         set_up.validate_state(start)?;
         let count = mount.bodies.len();
@@ -93,6 +109,7 @@ impl Motion {
             excitation: *excitation,
             time: Time::default(),
             wave: excitation.wave(Time::default()),
+            base_cubic: Cubic::default(),
             next_break_s: excitation.next_break_s(0.0),
             q: vec![0.0; count],
             v: vec![0.0; count],
@@ -120,6 +137,7 @@ impl Motion {
             fastest_m_per_s: 0.0,
             mount,
         };
+        motion.base_cubic = Cubic::constant(motion.mount.share * motion.wave.offset) + Cubic::of_powers(base);
         motion.put(start);
         motion.begin()?;
         Ok(motion)
@@ -160,7 +178,19 @@ impl Motion {
     #[must_use]
     pub fn base(&self) -> (f64, f64) {
         let share = self.mount.share;
-        (share * (self.wave.offset + self.wave.sine), share * self.turning * self.wave.cosine)
+        let Cubic { value, slope, .. } = self.base_cubic;
+        (value + share * self.wave.sine, slope + share * self.turning * self.wave.cosine)
+    }
+
+    /// The base follows z = Σ cₖ tᵏ, m, from the present instant on, counted from there. z and z′ are to go on as before; z″ may jump. Only for a
+    /// motion that began [`Motion::on_base`].
+    ///
+    /// # Errors
+    /// As [`Motion::run`].
+    pub fn follow(&mut self, base: [f64; 4]) -> Result<(), Refused> {
+        self.leave();
+        self.base_cubic = Cubic::of_powers(base);
+        self.resolve(&self.stuck(), &[])
     }
 
     /// Advances to `until_s`, or to where the observer ends the run.
@@ -298,7 +328,8 @@ impl Motion {
             (more_q, more_v) = (of(&self.q), of(&self.v));
             (&more_q[..], &more_v[..])
         };
-        system.linear.rest(&system.bodies, q, &system.force, self.mount.share * self.wave.sine, &mut self.rest);
+        let base_motion = (self.base_cubic, self.mount.share * self.wave.sine);
+        system.linear.rest(&system.bodies, q, &system.force, base_motion, &mut self.rest);
         system.linear.enter(&self.rest, q, v, wave, (&mut self.z, &mut self.roundings));
         let (base, base_rate) = self.base();
         self.free.clear();
@@ -311,21 +342,20 @@ impl Motion {
                 acceleration: (friction - cavity.weight_n) / cavity.mass,
             });
         }
-        let base_offset_m = self.mount.share * self.wave.offset;
         self.here.slow = None;
         self.guards.clear();
         for guard in &system.guards {
-            let constant = guard.constant(system, &self.rest, base_offset_m);
+            let cubic = guard.cubic(system, &self.rest, self.base_cubic);
             let hint = self.zeros.iter().find(|(event, _)| *event == guard.event).map_or(0, |(_, order)| *order);
             let mut fresh = hint;
             if hint > 0 {
                 // More derivatives than those by definition may be zero: at a wall that a particle touches without speed.
-                let parabola = guard.parabola(&self.free, constant);
+                let whole = guard.with_flight(&self.free, cubic);
                 let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
-                let rising = guard.leading(&now, &parabola, hint).filter(|(_, value)| *value > 0.0);
+                let rising = guard.leading(&now, &whole, hint).filter(|(_, value)| *value > 0.0);
                 fresh = rising.map_or(hint, |(order, _)| order);
             }
-            self.guards.push(Live { constant, fresh });
+            self.guards.push(Live { cubic, fresh });
         }
         self.take_amplitudes();
         Ok(())
@@ -357,7 +387,7 @@ impl Motion {
             z: &self.z,
             end: &self.ahead,
             free: &self.free,
-            offset_m: self.mount.share * self.wave.offset,
+            base: self.base_cubic,
         }
     }
 
@@ -367,6 +397,7 @@ impl Motion {
         let before = self.base().1;
         self.next_break_s = self.excitation.next_break_s(self.time.seconds());
         self.wave = self.excitation.wave(self.time);
+        self.base_cubic = Cubic::constant(self.mount.share * self.wave.offset);
         let jump = self.base().1 - before;
         let mut zero = self.stuck();
         if jump != 0.0 {

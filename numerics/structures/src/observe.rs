@@ -4,8 +4,8 @@ use damprig_core::integrator::modes::{Contact, Grip, Sign};
 
 use crate::contacts::{Slide, Touch};
 use crate::course::Course;
+use crate::cubic::Cubic;
 use crate::flight::Flight;
-use crate::guard::Parabola;
 use crate::linear::{C64, Rest};
 use crate::mount::Mount;
 use crate::system::System;
@@ -35,7 +35,8 @@ pub(crate) struct Parts<'a> {
     /// The natural motions at the end of the piece.
     pub end: &'a [C64],
     pub free: &'a [Flight],
-    pub offset_m: f64,
+    /// The base's displacement but for the wave's sine.
+    pub base: Cubic,
 }
 
 /// A piece of motion without an event inside.
@@ -73,20 +74,19 @@ impl<'a> Piece<'a> {
     /// The absolute displacement of a place.
     #[must_use]
     pub fn place(&self, place: usize) -> Course {
-        let Parts { mount, system, rest, offset_m, .. } = self.parts;
+        let Parts { mount, system, rest, base, .. } = self.parts;
         let signal = &system.places[place];
-        self.course(&signal.coefficients, signal.constant(rest) + mount.places[place].influence * offset_m)
+        self.course(&signal.coefficients, signal.cubic(rest) + mount.places[place].influence * base)
     }
 
     /// The displacement of the base; 0 where a force drives.
     #[must_use]
     pub fn base(&self) -> Course {
-        let Parts { mount, system, z, end, offset_m, .. } = self.parts;
+        let Parts { mount, system, z, end, base, .. } = self.parts;
         let wave = system.linear.natural.wave;
         let share = C64::new(0.0, -mount.share);
         let term = (share * z[wave], share * end[wave], system.linear.natural.rates[wave]);
-        let parabola = Parabola { value: mount.share * offset_m, ..Parabola::default() };
-        Course::new(std::iter::once(term), parabola, self.length_s)
+        Course::new(std::iter::once(term), base, self.length_s)
     }
 
     /// The absolute displacement of the particle of an impact damper.
@@ -94,9 +94,7 @@ impl<'a> Piece<'a> {
     pub fn particle(&self, damper: usize) -> Course {
         let Parts { mount, system, .. } = self.parts;
         if let Some(n) = system.free.iter().position(|free| *free == damper) {
-            let Flight { y_m, u_m_per_s, acceleration } = self.parts.free[n];
-            let parabola = Parabola { value: y_m, slope: u_m_per_s, bend: acceleration };
-            return Course::new(std::iter::empty(), parabola, self.length_s);
+            return Course::new(std::iter::empty(), self.parts.free[n].cubic(), self.length_s);
         }
         self.body(mount.permanent + damper, mount.cavities[damper].influence)
     }
@@ -110,18 +108,18 @@ impl<'a> Piece<'a> {
 
     /// A body of the system, whose displacement relative to the base is a coordinate.
     fn body(&self, body: usize, influence: f64) -> Course {
-        let Parts { system, rest, offset_m, .. } = self.parts;
+        let Parts { system, rest, base, .. } = self.parts;
         let row: Vec<f64> = system.members.iter().map(|member| f64::from(u8::from(*member == body))).collect();
         let mut signal = system.linear.displacement(&row);
         signal.coefficients[system.linear.natural.wave] -= C64::new(0.0, influence);
-        self.course(&signal.coefficients, signal.constant(rest) + influence * offset_m)
+        self.course(&signal.coefficients, signal.cubic(rest) + influence * base)
     }
 
-    fn course(&self, coefficients: &[C64], value: f64) -> Course {
+    fn course(&self, coefficients: &[C64], cubic: Cubic) -> Course {
         let Parts { system, z, end, .. } = self.parts;
         let ends = z.iter().zip(end).zip(&system.linear.natural.rates);
         let terms = coefficients.iter().zip(ends).map(|(c, ((z, end), rate))| (c * z, c * end, *rate));
-        Course::new(terms, Parabola { value, ..Parabola::default() }, self.length_s)
+        Course::new(terms, cubic, self.length_s)
     }
 
     /// Whether a friction damper sticks or slips, and in which direction.

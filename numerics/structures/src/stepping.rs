@@ -4,7 +4,8 @@ use damprig_core::integrator::exact::time::Time;
 
 use crate::Refused;
 use crate::contacts::Event;
-use crate::guard::{Here, Parabola, Step, Verdict};
+use crate::cubic::Cubic;
+use crate::guard::{Here, Step, Verdict};
 use crate::linear::C64;
 use crate::motion::{Motion, ROUNDINGS};
 use crate::observe::{Observer, Piece};
@@ -124,10 +125,10 @@ impl Motion {
         let system = &self.systems[self.system];
         let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
         for (guard, live) in system.guards.iter().zip(&mut self.guards).filter(|(_, live)| live.fresh == 0) {
-            let parabola = guard.parabola(&self.free, live.constant);
-            let here = guard.guard.at(&self.z, self.z.len(), parabola.at(0.0));
-            let rounding = guard.derivative(&now, &parabola, 0).rounding + ROUNDINGS * guard.scale(&self.free);
-            if here.value > rounding || guard.is_constant(&self.amplitudes, &parabola) {
+            let cubic = guard.with_flight(&self.free, live.cubic);
+            let here = guard.guard.at(&self.z, self.z.len(), cubic.at(0.0));
+            let rounding = guard.derivative(&now, &cubic, 0).rounding + ROUNDINGS * guard.scale(&self.free);
+            if here.value > rounding || guard.is_constant(&self.amplitudes, &cubic) {
                 continue;
             }
             // Only the force of a dashpot jumps, with the velocities at an impact; all else below zero is rounding.
@@ -135,7 +136,7 @@ impl Motion {
                 return Some(guard.event);
             }
             // What it does next: a particle at a wall may only touch it, or follow it.
-            let (order, next) = guard.leading(&now, &parabola, 1).unwrap_or((1, here.slope));
+            let (order, next) = guard.leading(&now, &cubic, 1).unwrap_or((1, here.slope));
             if next > 0.0 {
                 live.fresh = order;
                 // Rounding has put a particle behind its wall, or its velocity behind zero.
@@ -192,25 +193,25 @@ impl Motion {
         self.falls.clear();
         let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
         for (n, ((guard, live), bounds)) in system.guards.iter().zip(&self.guards).zip(bounds).enumerate() {
-            let parabola = guard.parabola(&self.free, live.constant);
+            let cubic = guard.with_flight(&self.free, live.cubic);
             let of_end = guard.follow(&self.ahead, step.slow, self.here.of_end.last());
             self.here.of_end.push(of_end);
-            if guard.is_constant(&self.amplitudes, &parabola) {
+            if guard.is_constant(&self.amplitudes, &cubic) {
                 continue;
             }
             if live.fresh > 1 {
-                if guard.rises(&now, &parabola, live.fresh, h) {
+                if guard.rises(&now, &cubic, live.fresh, h) {
                     continue;
                 }
                 return Judged::Undecided;
             }
-            let mut start = self.here.of_start[n].plus(parabola.at(0.0));
+            let mut start = self.here.of_start[n].plus(cubic.at(0.0));
             let is_zero = live.fresh == 1;
             if is_zero && step.slow == self.z.len() {
                 start.value = 0.0;
             }
-            let end = of_end.plus(parabola.at(h));
-            match bounds.judge(h, start, end, is_zero) {
+            let end = of_end.plus(cubic.at(h));
+            match bounds.judge(h, start, end, cubic.jerk, is_zero) {
                 Verdict::Clear => {}
                 Verdict::Falls => self.falls.push(n),
                 Verdict::Unsure => return Judged::Undecided,
@@ -229,21 +230,21 @@ impl Motion {
     fn root(&mut self, which: usize, length_s: f64, limit_s: f64) -> Option<First> {
         let system = &self.systems[self.system];
         let guard = &system.guards[which];
-        let parabola = guard.parabola(&self.free, self.guards[which].constant);
+        let cubic = guard.with_flight(&self.free, self.guards[which].cubic);
         let rates = &system.linear.natural.rates;
         // At the end of the step, or at the first event found so far.
         let end_s = limit_s.min(length_s);
-        let start = guard.guard.at(&self.z, self.z.len(), parabola.at(0.0));
-        let end = guard.guard.at(&self.ahead, self.z.len(), parabola.at(end_s));
+        let start = guard.guard.at(&self.z, self.z.len(), cubic.at(0.0));
+        let end = guard.guard.at(&self.ahead, self.z.len(), cubic.at(end_s));
         if end.value > 0.0 {
             return None;
         }
-        let noise = 4.0 * f64::EPSILON * (guard.guard.size(&self.amplitudes) + parabola.size(end_s));
+        let noise = 4.0 * f64::EPSILON * (guard.guard.size(&self.amplitudes) + cubic.size(end_s));
         let (mut low, mut high) = (0.0, end_s);
         let mut t = root_of_cubic(start, end, end_s);
         let mut z: Vec<C64> = self.z.iter().zip(rates).map(|(z, rate)| z * (rate * t).exp()).collect();
         for _ in 0..MAX_NEWTON_STEPS {
-            let here = guard.guard.at(&z, z.len(), parabola.at(t));
+            let here = guard.guard.at(&z, z.len(), cubic.at(t));
             if here.value > 0.0 {
                 low = t;
             } else {
@@ -253,7 +254,7 @@ impl Motion {
                 break;
             }
             // Halley's step: Newton's with the change of the slope.
-            let bend = guard.guard.bend(&z, rates) + parabola.bend;
+            let bend = guard.guard.bend(&z, rates) + cubic.bend_at(t);
             let newton = here.value / here.slope;
             let next = t - newton / (1.0 - 0.5 * newton * bend / here.slope);
             let next = if next > low && next < high { next } else { 0.5 * (low + high) };
@@ -284,6 +285,11 @@ impl Motion {
         std::mem::swap(&mut self.z, &mut self.ahead);
         self.here.slow = None;
         self.free.iter_mut().for_each(|flight| *flight = flight.after(length_s));
+        if !self.base_cubic.is_constant() {
+            self.base_cubic = self.base_cubic.after(length_s);
+            self.rest.advance(length_s);
+            self.guards.iter_mut().for_each(|live| live.cubic = live.cubic.after(length_s));
+        }
         self.time = end;
         let wave = self.z[self.systems[self.system].linear.natural.wave];
         (self.wave.sine, self.wave.cosine) = (wave.im, wave.re);
@@ -302,6 +308,10 @@ impl Motion {
 
     /// Computes the excitation from the time, so that rounding does not accumulate.
     fn anchor(&mut self) {
+        if self.time.until(self.next_break_s) <= 0.0 {
+            // The wave before the break, up to it.
+            return;
+        }
         self.wave = self.excitation.wave(self.time);
         let wave = self.systems[self.system].linear.natural.wave;
         self.z[wave] = C64::new(self.wave.cosine, self.wave.sine);
@@ -364,27 +374,22 @@ impl crate::system::Watched {
     }
 
     /// Whether a guard does not change: it cannot fall then, even where it is zero, as at a wall that touches a particle at rest.
-    fn is_constant(&self, amplitudes: &[f64], parabola: &Parabola) -> bool {
-        parabola.slope == 0.0 && parabola.bend == 0.0 && self.guard.size(amplitudes) == 0.0
+    fn is_constant(&self, amplitudes: &[f64], cubic: &Cubic) -> bool {
+        cubic.is_constant() && self.guard.size(amplitudes) == 0.0
     }
 
     /// The first of its derivatives, from `order` on, that is more than rounding: its order and value. `None` if none is up to [`HIGHEST`].
-    pub(crate) fn leading(&self, now: &Now, parabola: &Parabola, order: usize) -> Option<(usize, f64)> {
+    pub(crate) fn leading(&self, now: &Now, cubic: &Cubic, order: usize) -> Option<(usize, f64)> {
         (order..=HIGHEST).find_map(|order| {
-            let Derivative { value, rounding, .. } = self.derivative(now, parabola, order);
+            let Derivative { value, rounding, .. } = self.derivative(now, cubic, order);
             (value.abs() > rounding).then_some((order, value))
         })
     }
 
-    /// A derivative by time with the parabola's part.
-    fn derivative(&self, now: &Now, parabola: &Parabola, order: usize) -> Derivative {
-        let of_flight = match order {
-            0 => parabola.value,
-            1 => parabola.slope,
-            2 => parabola.bend,
-            _ => 0.0,
-        };
-        let mut of = Derivative { value: of_flight, most: of_flight.abs(), rounding: 0.0 };
+    /// A derivative by time with the cubic's part.
+    fn derivative(&self, now: &Now, cubic: &Cubic, order: usize) -> Derivative {
+        let of_cubic = cubic.derivatives().get(order).copied().unwrap_or(0.0);
+        let mut of = Derivative { value: of_cubic, most: of_cubic.abs(), rounding: 0.0 };
         let power = i32::try_from(order).unwrap_or(i32::MAX);
         let roundings = now.roundings.iter().zip(now.rates);
         for ((z, c), (rounding, rate)) in now.z.iter().zip(&self.guard.coefficients).zip(roundings) {
@@ -400,10 +405,11 @@ impl crate::system::Watched {
 
     /// Whether a guard whose first `order` derivatives (from the value on) are zero by definition stays positive for `h`: by the
     /// next one and the largest one after it (Taylor).
-    fn rises(&self, now: &Now, parabola: &Parabola, order: usize, h: f64) -> bool {
-        let first = self.derivative(now, parabola, order);
-        let next = self.derivative(now, parabola, order + 1);
-        first.value > first.rounding && next.most * h < (order + 1) as f64 * first.value
+    fn rises(&self, now: &Now, cubic: &Cubic, order: usize, h: f64) -> bool {
+        let first = self.derivative(now, cubic, order);
+        let next = self.derivative(now, cubic, order + 1);
+        let most = next.most + if order == 1 { h * cubic.jerk.abs() } else { 0.0 };
+        first.value > first.rounding && most * h < (order + 1) as f64 * first.value
     }
 }
 

@@ -1,13 +1,15 @@
 //! The system of one state of the contacts: its natural motions and its guards.
 
+use damprig_core::integrator::modes::signed;
 use damprig_core::model::Release;
 
 use crate::Refused;
 use crate::basis::Constraint;
 use crate::bodies::{Bodies, Link, add};
 use crate::contacts::{Contacts, Event, Slide, Touch};
+use crate::cubic::Cubic;
 use crate::flight::Flight;
-use crate::guard::{Guard, Parabola, Step};
+use crate::guard::{Guard, Step};
 use crate::linear::{C64, Linear, Rest, Signal};
 use crate::mount::{Mount, WallLaw};
 
@@ -22,18 +24,18 @@ pub(crate) struct Watched {
     /// Its natural motions are those of the guard before it with the opposite sign: the two walls of a particle.
     pub is_mirrored: bool,
     source: Source,
-    /// Constant part that is the same in every phase.
+    /// Part that is the same in every phase.
     constant: f64,
-    /// Per constant part of the base's displacement.
-    offset: f64,
+    /// Per cubic of the base's displacement, and of its velocity.
+    of_base: [f64; 2],
     flight: Flying,
 }
 
-/// Where the constant part of a guard comes from.
+/// Where the cubic of a guard comes from.
 #[derive(Clone, Debug)]
 enum Source {
-    /// A displacement or velocity times a factor.
-    Signal(Signal, f64),
+    /// A displacement and its velocity, each times a factor.
+    Signal(Signal, [f64; 2]),
     /// The force of the constraint with this number, times a factor.
     Holding(usize, f64),
 }
@@ -47,32 +49,37 @@ enum Flying {
 }
 
 impl Watched {
-    /// A guard `factor · signal` without other parts.
-    fn of(event: Event, signal: Signal, factor: f64, rates: &[C64]) -> Self {
-        let guard = Guard::new(signal.coefficients.iter().map(|c| c * factor).collect(), rates);
+    /// A guard of a displacement and its velocity, each times a factor, without other parts.
+    fn of(event: Event, signal: Signal, factors: [f64; 2], rates: &[C64]) -> Self {
+        let [of, of_rate] = factors;
+        let coefficients = signal.coefficients.iter().zip(rates).map(|(c, rate)| c * of + c * rate * of_rate).collect();
         Self {
             event,
-            guard,
+            guard: Guard::new(coefficients, rates),
             is_mirrored: false,
-            source: Source::Signal(signal, factor),
+            source: Source::Signal(signal, factors),
             constant: 0.0,
-            offset: 0.0,
+            of_base: [0.0; 2],
             flight: Flying::Nothing,
         }
     }
 
-    /// The constant part in a phase.
-    pub fn constant(&self, system: &System, rest: &Rest, base_offset_m: f64) -> f64 {
+    /// The cubic in a phase, but for a free particle: `base` is the base's.
+    pub fn cubic(&self, system: &System, rest: &Rest, base: Cubic) -> Cubic {
         let of_motion = match &self.source {
-            Source::Signal(signal, factor) => factor * signal.constant(rest),
+            Source::Signal(signal, [of, of_rate]) => {
+                let cubic = signal.cubic(rest);
+                *of * cubic + *of_rate * cubic.rate()
+            }
             Source::Holding(which, factor) => {
-                factor * system.linear.holding_rest(&system.bodies, *which, rest, &system.force)
+                *factor * system.linear.holding_rest(&system.bodies, *which, rest, (&system.force, base))
             }
         };
-        self.constant + of_motion + self.offset * base_offset_m
+        let [of, of_rate] = self.of_base;
+        Cubic::constant(self.constant) + of_motion + of * base + of_rate * base.rate()
     }
 
-    /// The size of what cancels in its parabola where it is zero.
+    /// The size of what cancels in its cubic where it is zero.
     pub fn scale(&self, free: &[Flight]) -> f64 {
         match self.flight {
             Flying::Nothing => self.constant.abs(),
@@ -90,18 +97,12 @@ impl Watched {
         }
     }
 
-    /// The part that is a parabola from now on.
-    pub fn parabola(&self, free: &[Flight], constant: f64) -> Parabola {
+    /// The cubic from now on with that of a free particle; `own`: without it.
+    pub fn with_flight(&self, free: &[Flight], own: Cubic) -> Cubic {
         match self.flight {
-            Flying::Nothing => Parabola { value: constant, ..Parabola::default() },
-            Flying::Displacement(n, factor) => {
-                let Flight { y_m, u_m_per_s, acceleration } = free[n];
-                Parabola { value: constant + factor * y_m, slope: factor * u_m_per_s, bend: factor * acceleration }
-            }
-            Flying::Velocity(n, factor) => {
-                let Flight { u_m_per_s, acceleration, .. } = free[n];
-                Parabola { value: constant + factor * u_m_per_s, slope: factor * acceleration, bend: 0.0 }
-            }
+            Flying::Nothing => own,
+            Flying::Displacement(n, factor) => own + factor * free[n].cubic(),
+            Flying::Velocity(n, factor) => own + factor * free[n].cubic().rate(),
         }
     }
 }
@@ -119,7 +120,7 @@ pub(crate) struct System {
     /// Particles in free flight.
     pub free: Vec<usize>,
     pub guards: Vec<Watched>,
-    /// Absolute displacement of every place, but for the influence times the base's constant part.
+    /// Absolute displacement of every place, but for the influence times the base's cubic.
     pub places: Vec<Signal>,
     pub steps: Vec<Step>,
     longest_s: f64,
@@ -205,7 +206,7 @@ impl System {
         }
     }
 
-    /// Absolute displacement of a place from its shape and its influence, but for the influence times the base's constant part.
+    /// Absolute displacement of a place from its shape and its influence, but for the influence times the base's cubic.
     pub fn place(&self, shape: &[f64], influence: f64) -> Signal {
         let mut row = shape.to_vec();
         row.resize(self.members.len(), 0.0);
@@ -231,12 +232,11 @@ impl System {
             let along = f64::from(direction);
             // y′ − x′ with the absolute velocity x′ of the place.
             let base = if flying.is_some() { -mount.influence_of(number) } else { joint.influence };
-            let mut signal = self.linear.velocity(&self.own(&joint.row));
-            let wave = self.linear.natural.wave;
-            signal.coefficients[wave] += base * self.linear.natural.rates[wave].im;
-            let guard = Watched::of(Event::Stops(number), signal, along, &self.linear.natural.rates);
+            let mut signal = self.linear.displacement(&self.own(&joint.row));
+            signal.coefficients[self.linear.natural.wave] -= C64::new(0.0, base);
+            let guard = Watched::of(Event::Stops(number), signal, [0.0, along], &self.linear.natural.rates);
             let flight = flying.map_or(Flying::Nothing, |n| Flying::Velocity(n, along));
-            self.guards.push(Watched { flight, ..guard });
+            self.guards.push(Watched { flight, of_base: [0.0, along * base], ..guard });
         }
     }
 
@@ -256,7 +256,7 @@ impl System {
                     guard: Guard::new(holding.iter().map(|c| c * factor).collect(), &self.linear.natural.rates),
                     source: Source::Holding(which, factor),
                     constant: -factor * limit,
-                    offset: 0.0,
+                    of_base: [0.0; 2],
                     flight: Flying::Nothing,
                 });
             }
@@ -280,9 +280,9 @@ impl System {
                 self.guards.push(Watched {
                     is_mirrored,
                     constant: sign * cavity.end(side),
-                    offset: factor * cavity.influence,
+                    of_base: [factor * cavity.influence, 0.0],
                     flight: Flying::Displacement(n, -factor),
-                    ..Watched::of(event, place.clone(), factor, &self.linear.natural.rates)
+                    ..Watched::of(event, place.clone(), [factor, 0.0], &self.linear.natural.rates)
                 });
             }
         }
@@ -296,18 +296,11 @@ impl System {
                 Release::ZeroPenetration => (1.0, 0.0),
                 Release::ZeroForce => (stiffness, damping),
             };
-            let (displacement, velocity) = (self.linear.displacement(&row), self.linear.velocity(&row));
-            let both = displacement.coefficients.iter().zip(&velocity.coefficients);
-            let coefficients = both.map(|(x, v)| (x * of + v * of_rate) * f64::from(side)).collect();
-            let factor = of * f64::from(side);
+            let factors = [of, of_rate].map(|of| signed(side, of));
+            let displacement = self.linear.displacement(&row);
             self.guards.push(Watched {
-                event: Event::Releases(particle, side),
-                guard: Guard::new(coefficients, &self.linear.natural.rates),
-                is_mirrored: false,
-                source: Source::Signal(displacement, factor),
                 constant: -of * cavity.end(side),
-                offset: 0.0,
-                flight: Flying::Nothing,
+                ..Watched::of(Event::Releases(particle, side), displacement, factors, &self.linear.natural.rates)
             });
         }
     }

@@ -5,7 +5,8 @@ use std::f64::consts::{PI, TAU};
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{FrictionDamper, Particle, Release, Structure, Tmd, Wall};
 use damprig_structures::{
-    Beam, Damping, FrictionJoint, Impact, ImpactDamper, Modes, Motion, Observer, SetUp, Storey, Support, TunedMass,
+    Beam, Damping, FrictionJoint, Impact, ImpactDamper, Modes, Motion, Observer, SetUp, State, Storey, Support,
+    TunedMass,
 };
 
 const STOREY: Storey = Storey { mass_kg: 2.0, stiffness_n_per_m: 1500.0, damping_n_s_per_m: 0.8 };
@@ -245,4 +246,28 @@ fn a_second_mode_of_great_stiffness_changes_nothing() {
         last = off;
     }
     assert!(last < 1e-5);
+}
+
+/// A mode on a base whose acceleration is a + bt, from rest: its response to a ramp, z included.
+#[test]
+fn a_mode_follows_a_linear_acceleration_of_the_base() {
+    let (omega, zeta, a, b) = (15.7, 0.03, 2.0, -7.0);
+    let structure = Structure { mass_kg: 1.0, stiffness_n_per_m: omega * omega, damping_n_s_per_m: 2.0 * zeta * omega };
+    let set_up = SetUp::bare(structure);
+    let start = State { modal: vec![0.0], modal_rate: vec![0.0], ..State::default() };
+    let mut motion = Motion::on_base(&set_up, [0.0, 0.0, a / 2.0, b / 6.0], &start).expect("it starts");
+    for n in 1..=20 {
+        let t = 0.1 * f64::from(n);
+        motion.run(t, &mut ()).expect("it goes on");
+        // u″ + 2ζω u′ + ω² u = −(a + bt): u = A + Bt and the free motion that starts from its opposite.
+        let slope = -b / (omega * omega);
+        let value = (-a - 2.0 * zeta * omega * slope) / (omega * omega);
+        let turning = omega * (1.0 - zeta * zeta).sqrt();
+        let (sine, cosine) = (turning * t).sin_cos();
+        let free = -value * cosine + (-slope - zeta * omega * value) / turning * sine;
+        let expected = value + slope * t + (-zeta * omega * t).exp() * free;
+        let (z, rate) = motion.base();
+        assert!((motion.state().modal[0] - expected).abs() < 1e-14, "{t} s");
+        assert!((z - t * t * (a / 2.0 + b * t / 6.0)).abs() < 1e-13 && (rate - t * (a + b * t / 2.0)).abs() < 1e-12);
+    }
 }

@@ -159,3 +159,22 @@ fn pulses_move_as_with_one_degree() {
         agrees(&format!("{excitation:?}"), &one, &excitation, 8);
     }
 }
+
+/// However many steps a pulse takes: its closed form is taken anew every 16 steps.
+#[test]
+fn a_pulse_in_any_number_of_parts_moves_as_with_one_degree() {
+    let one = One::bare(structure());
+    let excitation = Excitation::HalfSine { amplitude_m: 20e-3, duration_s: 0.3 };
+    let mut exact = Exact::new(&one, &excitation, &one.neutral()).unwrap();
+    exact.run(0.4, &mut ());
+    for parts in 1..=40 {
+        let start = state(&one, &one.neutral(), &excitation);
+        let mut motion = Motion::new(&set_up(&one, &excitation), &excitation, &start).unwrap();
+        for part in 1..=parts {
+            motion.run(0.3 * f64::from(part) / f64::from(parts), &mut ()).unwrap();
+        }
+        motion.run(0.4, &mut ()).unwrap();
+        let x_m = motion.state().modal[0] / one.structure.mass_kg.sqrt();
+        assert!((x_m - exact.state().x_m).abs() < PER_CYCLE * 20e-3, "{parts} parts: {x_m} {}", exact.state().x_m);
+    }
+}

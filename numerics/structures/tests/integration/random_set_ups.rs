@@ -343,3 +343,76 @@ fn motions_of_random_set_ups_agree_with_the_second_method() {
     assert!(2 * compared >= count, "only {compared} of {count} compared");
     assert!(4 * sticking >= count && 10 * struck >= count, "{sticking} stick twice, {struck} are struck twice");
 }
+
+/// Intervals of a cycle in which the base follows cubics. Within one, their velocity deviates by √3/216 (2π/2000)³ = 2.5e-10 of the sine's, and so
+/// does that of each event.
+const CUBICS: u32 = 2000;
+
+/// The cubic with the values and slopes of a sine at both ends of an interval of length h, as powers of the time in it.
+fn cubic(excitation: &Excitation, from_s: f64, h: f64) -> [f64; 4] {
+    let Excitation::Sine { amplitude_m, angular_frequency_rad_per_s: turning, phase_rad } = *excitation else {
+        panic!("a sine");
+    };
+    let at = |t: f64| {
+        let (sine, cosine) = (turning * t + phase_rad).sin_cos();
+        (amplitude_m * sine, amplitude_m * turning * cosine)
+    };
+    let ((z0, v0), (z1, v1)) = (at(from_s), at(from_s + h));
+    let rise = (z1 - z0) / h;
+    [z0, v0, (3.0 * rise - 2.0 * v0 - v1) / h, (v0 + v1 - 2.0 * rise) / (h * h)]
+}
+
+/// The base as a sine and as cubics, on structures whose places the base moves differently.
+#[test]
+fn a_base_of_cubics_moves_random_set_ups_as_the_sine_through_their_ends() {
+    let count = if std::env::var_os("DAMPRIG_FULL").is_some() { 200 } else { 60 };
+    // Of a few events of a cycle, which later ones carry on.
+    let allowed = 4.0 * ALLOWED;
+    let (mut compared, mut worst) = (0, 0.0_f64);
+    for number in 0..count {
+        let case = Draw(Rng::with_seed(number as u64)).case(number);
+        if !matches!(case.excitation, Excitation::Sine { .. }) {
+            continue;
+        }
+        let mut motion = Motion::new(&case.set_up, &case.excitation, &case.start).expect("it starts");
+        let mut beside = Motion::new(&case.set_up, &case.excitation, &case.nudged().start).expect("it starts");
+        let h = case.cycle_s / f64::from(CUBICS);
+        let part = |n: u32| cubic(&case.excitation, f64::from(n) * h, h);
+        let mut on_cubics = Motion::on_base(&case.set_up, part(0), &case.start).expect("it starts");
+        let (mut growth, mut unit) = (1.0_f64, case.scale_m);
+        for n in 0..5 * CUBICS {
+            if n > 0 {
+                on_cubics.follow(part(n)).expect("it goes on");
+            }
+            on_cubics.run(f64::from(n + 1) * h, &mut ()).expect("it goes on");
+            if (n + 1) % CUBICS > 0 {
+                continue;
+            }
+            let until_s = f64::from(n + 1) * h;
+            motion.run(until_s, &mut ()).expect("it goes on");
+            beside.run(until_s, &mut ()).expect("it goes on");
+            let state = motion.state();
+            unit = state.modal.iter().fold(unit, |most, q| most.max(q.abs()));
+            growth = growth.max(apart_m(&state, &beside.state()) / (NUDGE * case.scale_m));
+            if growth > MOST_GROWTH {
+                break;
+            }
+            let apart = apart_m(&state, &on_cubics.state()) / (unit * growth);
+            assert!(apart < allowed, "{number}, cycle {}: {apart:.1e} apart at a growth of {growth:.1}", n / CUBICS);
+            worst = worst.max(apart);
+            compared += 1;
+        }
+        assert_eq!(on_cubics.unresolved(), motion.unresolved(), "{number}");
+    }
+    println!("{compared} cycles compared, {worst:.1e} apart");
+    assert!(compared > count, "only {compared} cycles");
+}
+
+/// The largest difference of two states.
+fn apart_m(a: &State, b: &State) -> f64 {
+    let bodies = |state: &State| -> Vec<f64> {
+        let others = state.particles.iter().chain(&state.tuned_masses).map(|body| body.y_m);
+        state.modal.iter().copied().chain(others).collect()
+    };
+    bodies(a).iter().zip(bodies(b)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
