@@ -225,7 +225,8 @@ impl Case {
     }
 
     /// The period of a sine, s.
-    pub(super) fn drive_period_s(&self) -> Option<f64> {
+    #[must_use]
+    pub fn drive_period_s(&self) -> Option<f64> {
         match self.excitation {
             Excitation::Sine { angular_frequency_rad_per_s, .. }
             | Excitation::ForceSine { angular_frequency_rad_per_s, .. } => Some(TAU / angular_frequency_rad_per_s),

@@ -33,7 +33,7 @@ impl Case {
             (None, Some(several)) if !several_places => (
                 several.key,
                 "it follows a structure of one degree of freedom",
-                "`damprig simulate`, `study` and `optimise` follow a structure with several places; or take a `structure`",
+                "`damprig simulate`, `study` (with `bifurcation`) and `optimise` follow a structure with several places; or take a `structure`",
             ),
             _ => return Ok(()),
         };

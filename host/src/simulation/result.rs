@@ -9,6 +9,7 @@ use super::motion::{AccumulationRecord, ContactRecord, ImpactRecord};
 use super::multi_degree::measure::PlacesResult;
 use super::statistics::LastCycles;
 use super::wall_force;
+use crate::motion_record::Record;
 
 /// The result of a case.
 #[derive(Clone, Debug, Serialize)]
@@ -129,7 +130,7 @@ impl Summary {
         Self {
             simulated_s,
             rms_x_m: response.rms_x_m(),
-            rms_x_minus_z_m: None,
+            rms_x_minus_z_m: case.record.as_ref().map(|_| response.rms_x_minus_z_m()),
             max_abs_x_m: response.max_abs_x_m(),
             max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
             impact_count: response.impact_count(),
@@ -137,7 +138,7 @@ impl Summary {
             steady_max_abs_x_m: steady.map(|s| s.0),
             steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
             unresolved,
-            record_start_jump_m_per_s: None,
+            record_start_jump_m_per_s: case.record.as_ref().and_then(Record::start_jump_m_per_s),
             peak_contact_force_n: wall_force::largest_n(case, response),
             first_contact_duration_s: contact.map(|c| c.0),
             first_contact_restitution: contact.map(|c| c.1),

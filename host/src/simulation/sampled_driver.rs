@@ -48,12 +48,7 @@ pub(super) fn run<V: Viewer>(
     });
     let (reached_s, end, unresolved) = (run.reached_s(), run.state(), run.unresolved());
     let response = run.into_response();
-    let summary = Summary {
-        rms_x_minus_z_m: Some(response.rms_x_minus_z_m()),
-        record_start_jump_m_per_s: record.start_jump_m_per_s(),
-        ..Summary::of(case, &response, reached_s, unresolved)
-    };
-    Ok((summary, end))
+    Ok((Summary::of(case, &response, reached_s, unresolved), end))
 }
 
 #[cfg(test)]

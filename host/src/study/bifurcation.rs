@@ -6,11 +6,13 @@
 use std::str::FromStr;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use damprig_core::integrator::exact::response::{Response, Wanted};
-use damprig_core::integrator::exact::{Exact, Excitation};
+use damprig_core::integrator::exact::{Exact, ExactState, Excitation};
+use damprig_core::io::Invalid;
 use damprig_core::model::Initial;
+use damprig_structures::State;
 
 use crate::input::{Refusal, Source};
+use crate::simulation::multi_degree::driver::{cycles, response_of_cycle};
 use crate::simulation::{Case, SetValues};
 
 /// What is swept.
@@ -111,7 +113,7 @@ pub fn cases(source_name: &str, text: &str, name: &str, sweep: &Sweep, set: &Set
         let lines = format!("{}{} = {value:?}\n", set.lines, sweep.key);
         let values = SetValues { origin: "--axis and --set".into(), lines };
         let case = Case::parse_changed(&Source::new(source_name, text), name, &values)?;
-        case.refuse_other_engines((source_name, text), &values, "a bifurcation diagram", false)?;
+        case.refuse_other_engines((source_name, text), &values, "a bifurcation diagram", true)?;
         match case.excitation {
             Excitation::Sine { .. } | Excitation::ForceSine { .. } if case.record.is_none() => Ok(case),
             _ => Err(Refusal(format!(
@@ -119,7 +121,23 @@ pub fn cases(source_name: &str, text: &str, name: &str, sweep: &Sweep, set: &Set
             ))),
         }
     };
-    sweep.values.iter().map(case).collect()
+    let cases: Vec<Case> = sweep.values.iter().map(case).collect::<Result<_, _>>()?;
+    let modes = |case: &Case| case.multi_degree.as_ref().map(|several| several.set_up.structure.clone());
+    if cases.windows(2).any(|pair| modes(&pair[0]) != modes(&pair[1])) {
+        return Err(Refusal(format!(
+            "{source_name}: `{}` changes the natural modes, and the motion goes on in them from value to value\n  sweep a key of a damper or of the \
+             excitation",
+            sweep.key
+        )));
+    }
+    Ok(cases)
+}
+
+/// Where a sweep goes on.
+#[derive(Clone, Debug)]
+enum Start {
+    Initial(Initial),
+    Several(State),
 }
 
 /// Sweeps in one direction. `go_on` sees the number of values done; its `false` stops the sweep there.
@@ -137,45 +155,57 @@ pub fn run(
         order.reverse();
     }
     let mut samples = Vec::new();
-    let mut start: Option<Initial> = None;
+    let mut start: Option<Start> = None;
     for (done, place) in order.into_iter().enumerate() {
         if !go_on(done) {
             break;
         }
-        let case = &cases[place];
-        let initial = start.map_or(case.initial, |start| inside(start, case));
-        let mut motion = Exact::new(&case.set_up, &case.excitation, &initial)
-            .map_err(|invalid| Refusal(format!("{} = {}: {invalid}", sweep.key, sweep.values[place])))?;
-        let cycle_s = std::f64::consts::TAU / case.excitation.angular_frequency_rad_per_s();
-        let settled = f64::from(sweep.settle_cycles);
-        motion.run(settled * cycle_s, &mut ());
-        for cycle in 0..sweep.cycles {
-            let first = u64::from(sweep.settle_cycles + cycle);
-            let mut response =
-                Response::new(Wanted { cycle_s: Some(cycle_s), steady_from_cycle: Some(first), whole_run: false });
-            response.skip_to(first);
-            motion.run((settled + f64::from(cycle) + 1.0) * cycle_s, &mut response);
-            response.finish(motion.time_s());
-            let state = motion.state();
-            samples.push(Sample {
-                direction,
-                value: sweep.values[place],
-                x_m: state.x_m,
-                v_m_per_s: state.v_m_per_s,
-                offset_m: state.offset_m,
-                slide_m_per_s: state.slide_m_per_s,
-                cycle_max_m: response.last_cycle_max_m().unwrap_or(f64::NAN),
-            });
-        }
-        let state = motion.state();
-        start = Some(Initial {
+        let (case, value) = (&cases[place], sweep.values[place]);
+        let sample = |state: &ExactState, cycle_max_m: f64| Sample {
+            direction,
+            value,
             x_m: state.x_m,
             v_m_per_s: state.v_m_per_s,
-            y_m: state.y_m(),
-            u_m_per_s: state.u_m_per_s(),
-        });
+            offset_m: state.offset_m,
+            slide_m_per_s: state.slide_m_per_s,
+            cycle_max_m,
+        };
+        let counts = (sweep.settle_cycles, sweep.cycles);
+        let mut keep = |state: &ExactState, cycle_max_m| samples.push(sample(state, cycle_max_m));
+        let end = match (&case.multi_degree, start.take()) {
+            (Some(several), Some(Start::Several(state))) => {
+                cycles(case, several, &several.inside(state, &case.excitation), counts, &mut keep).map(Start::Several)
+            }
+            (Some(several), _) => cycles(case, several, &several.start, counts, &mut keep).map(Start::Several),
+            (None, Some(Start::Initial(state))) => {
+                exact_cycles(case, &inside(state, case), counts, &mut keep).map(Start::Initial)
+            }
+            (None, _) => exact_cycles(case, &case.initial, counts, &mut keep).map(Start::Initial),
+        };
+        start = Some(end.map_err(|invalid| Refusal(format!("{} = {value}: {invalid}", sweep.key)))?);
     }
     Ok(samples)
+}
+
+/// Simulates cycles of a case with one degree of freedom from a state: after those of a transient it passes the state at the end of each and its
+/// largest |x| to `keep`. Returns the last state.
+fn exact_cycles(
+    case: &Case,
+    initial: &Initial,
+    (settle, count): (u32, u32),
+    keep: &mut dyn FnMut(&ExactState, f64),
+) -> Result<Initial, Invalid> {
+    let mut motion = Exact::new(&case.set_up, &case.excitation, initial)?;
+    let cycle_s = case.drive_period_s().unwrap_or_else(|| case.cycle_s());
+    motion.run(f64::from(settle) * cycle_s, &mut ());
+    for cycle in settle..settle + count {
+        let mut response = response_of_cycle(cycle, cycle_s);
+        motion.run(f64::from(cycle + 1) * cycle_s, &mut response);
+        response.finish(motion.time_s());
+        keep(motion.state(), response.last_cycle_max_m().unwrap_or(f64::NAN));
+    }
+    let state = motion.state();
+    Ok(Initial { x_m: state.x_m, v_m_per_s: state.v_m_per_s, y_m: state.y_m(), u_m_per_s: state.u_m_per_s() })
 }
 
 /// Sweeps in one or both directions, both at once. `go_on` sees the number of values begun in all directions; its `false` stops the

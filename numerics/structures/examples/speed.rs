@@ -6,7 +6,9 @@ use std::time::Instant;
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Cavity, FrictionDamper, Particle, Wall};
-use damprig_structures::{FrictionJoint, Impact, ImpactDamper, Modes, Motion, Observer, Refused, SetUp, Storey};
+use damprig_structures::{
+    FrictionJoint, Impact, ImpactDamper, Modes, Motion, Observer, Refused, SetUp, Storey, base_at_start,
+};
 
 /// Cycles before the time is taken, and cycles of the measurement.
 const CYCLES: (f64, f64) = (500.0, 2_000.0);
@@ -39,7 +41,7 @@ fn main() -> Result<(), Refused> {
             }
             let omega = set_up.structure.modes[0].angular_frequency_rad_per_s;
             let excitation = Excitation::Sine { amplitude_m: 3e-3, angular_frequency_rad_per_s: omega, phase_rad: 0.0 };
-            let mut motion = Motion::new(&set_up, &excitation, &set_up.at_rest(&excitation))?;
+            let mut motion = Motion::new(&set_up, &excitation, &set_up.at_rest(base_at_start(&excitation)))?;
             motion.run(CYCLES.0 * TAU / omega, &mut ())?;
             let mut count = Count(0);
             let begun = Instant::now();

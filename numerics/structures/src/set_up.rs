@@ -206,11 +206,10 @@ impl SetUp {
         Body { y_m: sum(&state.modal) + influence * base.0, u_m_per_s: sum(&state.modal_rate) + influence * base.1 }
     }
 
-    /// Everything at rest and at 0 in the laboratory at t = 0, while the base may be elsewhere and moving; the particles in the middle of
-    /// their cavities.
+    /// Everything at rest and at 0 in the laboratory while the base is at z and has z′, m and m/s ([`base_at_start`] of an excitation); the particles in
+    /// the middle of their cavities.
     #[must_use]
-    pub fn at_rest(&self, excitation: &Excitation) -> State {
-        let (z, rate) = base_at_start(excitation);
+    pub fn at_rest(&self, (z, rate): (f64, f64)) -> State {
         let modes = &self.structure.modes;
         let against = |base: f64| modes.iter().map(|mode| -mode.participation * base).collect();
         let middle = |damper: &ImpactDamper| Body { y_m: damper.particle.cavity.offset_m, u_m_per_s: 0.0 };

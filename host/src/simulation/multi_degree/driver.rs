@@ -1,13 +1,15 @@
 //! Runs a case with a structure of several degrees of freedom: every event at its instant.
 
+use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::io::Invalid;
-use damprig_structures::{Impact, Motion, Observer, Piece, Refused};
+use damprig_structures::{Impact, Motion, Observer, Piece, Refused, State};
 
 use super::measure::{DamperResult, PlaceMeter, PlacesResult};
 use super::piece::PieceAtPlace;
 use super::{MultiDegree, Shown};
+use crate::motion_record::{Play, Record};
 use crate::simulation::Case;
 use crate::simulation::collector::{Collector, RunOptions, run_in_parts};
 use crate::simulation::motion::{ImpactRecord, Viewer};
@@ -66,6 +68,52 @@ impl Observer for Watch<'_, '_> {
     }
 }
 
+/// The motion of a case: under its excitation, or on its record, sample interval after sample interval.
+struct CaseMotion<'a> {
+    motion: Motion,
+    on_record: Option<OnRecord<'a>>,
+}
+
+/// Where a record is being played.
+struct OnRecord<'a> {
+    record: &'a Record,
+    play: Play<'a>,
+    /// Intervals that have begun.
+    begun: u64,
+}
+
+impl<'a> CaseMotion<'a> {
+    fn new(case: &'a Case, of: &MultiDegree) -> Result<Self, Refused> {
+        let Some(record) = &case.record else {
+            return Ok(Self { motion: Motion::new(&of.set_up, &case.excitation, &of.start)?, on_record: None });
+        };
+        let mut play = record.play();
+        let first = powers(play.next_segment(), record.step_s);
+        let motion = Motion::on_base(&of.set_up, first, &of.start)?;
+        Ok(Self { motion, on_record: Some(OnRecord { record, play, begun: 1 }) })
+    }
+
+    /// Advances to `until_s`, or to where the observer ends the run.
+    fn run(&mut self, until_s: f64, observer: &mut impl Observer) -> Result<(), Refused> {
+        let Some(on_record) = &mut self.on_record else { return self.motion.run(until_s, observer) };
+        loop {
+            let end_s = on_record.begun as f64 * on_record.record.step_s;
+            self.motion.run(until_s.min(end_s), observer)?;
+            if end_s >= until_s || self.motion.time_s() < end_s {
+                return Ok(());
+            }
+            self.motion.follow(powers(on_record.play.next_segment(), on_record.record.step_s))?;
+            on_record.begun += 1;
+        }
+    }
+}
+
+/// A segment over `step_s` as coefficients of the powers of time, m/sᵏ.
+pub(super) fn powers(segment: BaseSegment<f64>, step_s: f64) -> [f64; 4] {
+    let [c0, c1, c2, c3] = segment.0;
+    [c0, c1 / step_s, c2 / (step_s * step_s), c3 / (step_s * step_s * step_s)]
+}
+
 /// What a motion in progress is refused for, in the words of a simulation.
 fn invalid(refused: Refused) -> Invalid {
     match refused {
@@ -79,6 +127,11 @@ fn invalid(refused: Refused) -> Invalid {
     }
 }
 
+/// Whether a case can be simulated.
+pub(super) fn check(case: &Case, of: &MultiDegree) -> Result<(), Refused> {
+    CaseMotion::new(case, of).map(drop)
+}
+
 /// Runs the case.
 ///
 /// # Errors
@@ -90,7 +143,7 @@ pub(in crate::simulation) fn run<V: Viewer>(
     collector: &mut Collector<'_, V>,
     options: RunOptions,
 ) -> Result<(Summary, ExactState, PlacesResult), Invalid> {
-    let mut motion = Motion::new(&of.set_up, &case.excitation, &of.start).map_err(invalid)?;
+    let mut running = CaseMotion::new(case, of).map_err(invalid)?;
     let mut response = Response::new(wanted);
     let mut places: Vec<_> = (0..of.places.len()).map(|place| PlaceMeter::new(place, of.is_frame())).collect();
     let mut dampers = vec![(0, 0.0); of.set_up.impact_dampers.len()];
@@ -109,12 +162,13 @@ pub(in crate::simulation) fn run<V: Viewer>(
             is_stopped: false,
         };
         // The clock of an estimate starts after the set-up.
-        if refused.is_ok() && (motion.time_s() > 0.0 || (watch.go_on)(0.0)) {
-            refused = motion.run(until_s, &mut watch);
+        if refused.is_ok() && (running.motion.time_s() > 0.0 || (watch.go_on)(0.0)) {
+            refused = running.run(until_s, &mut watch);
         }
-        motion.time_s()
+        running.motion.time_s()
     });
     refused.map_err(invalid)?;
+    let motion = running.motion;
     response.finish(motion.time_s());
     let summary = Summary::of(case, &response, motion.time_s(), motion.unresolved());
     let impact_dampers = of.set_up.impact_dampers.iter().zip(dampers);
@@ -144,7 +198,7 @@ pub fn counted(
     wanted: Wanted,
     go_on: &dyn Fn() -> bool,
 ) -> Result<Option<(Response, u32)>, Invalid> {
-    let mut motion = Motion::new(&of.set_up, &case.excitation, &of.start).map_err(invalid)?;
+    let mut running = CaseMotion::new(case, of).map_err(invalid)?;
     let mut go_on = |_: f64| go_on();
     let mut dampers = vec![(0, 0.0); of.set_up.impact_dampers.len()];
     let mut response = Response::new(wanted);
@@ -162,11 +216,55 @@ pub fn counted(
             steps: 0,
             is_stopped,
         };
-        motion.run(until_s, &mut watch).map_err(invalid)?;
+        running.run(until_s, &mut watch).map_err(invalid)?;
         is_stopped = watch.is_stopped;
     }
-    response.finish(motion.time_s());
-    Ok((!is_stopped).then(|| (response, motion.unresolved())))
+    response.finish(running.motion.time_s());
+    Ok((!is_stopped).then(|| (response, running.motion.unresolved())))
+}
+
+/// Simulates cycles of the excitation from a state: after those of a transient it passes the state at the observed place at the end of each and the
+/// largest |x| of the cycle to `keep`. Returns the last state.
+///
+/// # Errors
+/// Names a value that is not physical.
+pub fn cycles(
+    case: &Case,
+    of: &MultiDegree,
+    start: &State,
+    (settle, count): (u32, u32),
+    keep: &mut dyn FnMut(&ExactState, f64),
+) -> Result<State, Invalid> {
+    let mut motion = Motion::new(&of.set_up, &case.excitation, start).map_err(invalid)?;
+    let cycle_s = case.drive_period_s().unwrap_or_else(|| case.cycle_s());
+    motion.run(f64::from(settle) * cycle_s, &mut ()).map_err(invalid)?;
+    let mut dampers = vec![(0, 0.0); of.set_up.impact_dampers.len()];
+    for cycle in settle..settle + count {
+        let mut response = response_of_cycle(cycle, cycle_s);
+        let mut watch = Watch {
+            of,
+            shown: of.shown(),
+            viewer: &mut response,
+            places: &mut [],
+            dampers: &mut dampers,
+            go_on: &mut |_| true,
+            steps: 0,
+            is_stopped: false,
+        };
+        motion.run(f64::from(cycle + 1) * cycle_s, &mut watch).map_err(invalid)?;
+        response.finish(motion.time_s());
+        keep(&end(of, &motion), response.last_cycle_max_m().unwrap_or(f64::NAN));
+    }
+    Ok(motion.state())
+}
+
+/// Measures the cycle of this number alone.
+pub fn response_of_cycle(cycle: u32, cycle_s: f64) -> Response {
+    let first = u64::from(cycle);
+    let mut response =
+        Response::new(Wanted { cycle_s: Some(cycle_s), steady_from_cycle: Some(first), whole_run: false });
+    response.skip_to(first);
+    response
 }
 
 /// The state at the observed place at the end of a run.

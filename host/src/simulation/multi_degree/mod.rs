@@ -6,8 +6,9 @@ mod piece;
 mod places;
 pub mod read;
 
+use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Initial, SetUp as OneDegree, Structure, Tmd};
-use damprig_structures::{Body, FrictionJoint, Modes, SetUp, State, TunedMass};
+use damprig_structures::{Body, FrictionJoint, Modes, SetUp, State, TunedMass, base_at_start};
 
 use crate::simulation::keys::case::STOREYS;
 
@@ -107,6 +108,20 @@ impl MultiDegree {
         self.start.particles.clear();
         self.start.tuned_masses = tmd.map(|_| self.place_starts[place]).into_iter().collect();
         self
+    }
+
+    /// A state at t = 0 whose particles that have no room in their cavities between hard walls are put at their walls.
+    #[must_use]
+    pub fn inside(&self, mut state: State, excitation: &Excitation) -> State {
+        let base = base_at_start(excitation);
+        let places: Vec<f64> = (0..self.places.len()).map(|place| self.set_up.place(&state, place, base).y_m).collect();
+        for (damper, body) in self.set_up.impact_dampers.iter().zip(&mut state.particles) {
+            if !damper.particle.walls().iter().any(|wall| wall.is_soft()) {
+                let ([low_m, high_m], x_m) = (damper.particle.ends_m(), places[damper.place]);
+                body.y_m = body.y_m.clamp(x_m + low_m, x_m + high_m);
+            }
+        }
+        state
     }
 
     /// The same with each particle at this share of its clearance from the middle of its cavity, −1 to 1.

@@ -6,9 +6,9 @@ mod start;
 mod structure;
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_structures::{Motion, Refused, SetUp};
+use damprig_structures::{Refused, SetUp};
 
-use super::{MultiDegree, at_place};
+use super::{MultiDegree, at_place, driver};
 use crate::input::key::Quantity;
 use crate::input::{Problem, Section};
 use crate::setup::{BASE_AMPLITUDE, BaseAmplitude, set_up_keys};
@@ -17,7 +17,7 @@ use crate::simulation::excitation::CaseExcitation;
 use crate::simulation::keys::{case, force_sine};
 use crate::simulation::read_case::{base_amplitude, check_cycles, read_excitation, read_run};
 use dampers::{Dampers, read_places};
-use start::{Start, read_initial, start};
+use start::{BaseStart, Start, read_initial, start};
 use structure::{check_participation, read_structure};
 
 /// The keys that describe such a structure, one of which a case has in place of `structure`.
@@ -39,10 +39,14 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
     let excitation = read_excitation(root, stated_m);
     let force = root.table_of(&case::FORCE, None);
     let run_section = root.table_of(&case::RUN, None);
-    let run = run_section.as_ref().and_then(|s| read_run(s, None));
+    let record_s = match &excitation {
+        Some(CaseExcitation::Recorded(record)) => Some(record.duration_s()),
+        _ => None,
+    };
+    let run = run_section.as_ref().and_then(|s| read_run(s, record_s));
     let initial_section = root.table_of(&case::INITIAL, None);
     let initial = initial_section.as_ref().map_or(Some(Start::default()), read_initial);
-    let x0_m = initial.map(|initial| initial.x_m).filter(|x0_m| *x0_m != 0.0);
+    let x0_m = initial.and_then(|initial| initial.x_m).filter(|x0_m| *x0_m != 0.0);
     let base = excitation.as_ref().map_or(BaseAmplitude::Unread, |it| base_amplitude(it, stated_m, x0_m));
     let gravity = root.scalar(&set_up_keys::GRAVITY);
     let (described, mut places) = read_structure(root, key)?;
@@ -66,20 +70,12 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
         refuse_place(root, &names[observed]);
         None
     })?;
-    if matches!(excitation, CaseExcitation::Recorded(_)) {
-        root.reject(
-            case::BASE.name(),
-            "a structure with several places needs a base or a force in closed form",
-            Some("take a sine or a pulse".into()),
-        );
-        return None;
-    }
     let lowest = modes.modes.iter().map(|mode| mode.angular_frequency_rad_per_s).fold(f64::INFINITY, f64::min);
-    let excitation = match excitation.on(lowest) {
-        CaseExcitation::ClosedForm(excitation) | CaseExcitation::FrequencyRatio(excitation) => excitation,
-        CaseExcitation::Recorded(_) => return None,
+    let (excitation, record) = match excitation.on(lowest) {
+        CaseExcitation::ClosedForm(excitation) | CaseExcitation::FrequencyRatio(excitation) => (excitation, None),
+        CaseExcitation::Recorded(record) => (Excitation::Fixed, Some(record)),
     };
-    if excitation.moves_base() && excitation != Excitation::Fixed {
+    if record.is_some() || (excitation.moves_base() && excitation != Excitation::Fixed) {
         check_participation(root)?;
     }
     let mut read = Dampers {
@@ -94,10 +90,8 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
     if !is_sound {
         return None;
     }
-    let (start, place_starts) = start(&read, &excitation, initial, observed, initial_section.as_ref())?;
-    if let Err(refused) = Motion::new(&read.set_up, &excitation, &start) {
-        return refuse(root, key, &refused);
-    }
+    let base = BaseStart::of(&excitation, record.as_ref());
+    let (start, place_starts) = start(&read, base, initial, observed, initial_section.as_ref())?;
     let multi_degree =
         MultiDegree { key, kind, set_up: read.set_up, places: places.names(), observed, start, place_starts };
     let case = Case {
@@ -106,11 +100,14 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
         contacts: [None; 2],
         many_particles: None,
         excitation,
-        record: None,
+        record,
         initial: multi_degree.initial(),
         run,
         multi_degree: Some(multi_degree),
     };
+    if let Err(refused) = case.multi_degree.as_ref().map_or(Ok(()), |several| driver::check(&case, several)) {
+        return refuse(root, key, &refused);
+    }
     if let Some(section) = &run_section {
         check_cycles(section, &case);
     }

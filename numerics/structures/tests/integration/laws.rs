@@ -4,6 +4,7 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Cavity, FrictionDamper, Particle, Release, Tmd, Wall};
 use damprig_structures::{
     Body, FrictionJoint, Impact, ImpactDamper, Modes, Motion, Observer, Piece, SetUp, State, Storey, TunedMass,
+    base_at_start,
 };
 
 fn frame(storeys: usize, damping_n_s_per_m: f64) -> Modes {
@@ -80,7 +81,7 @@ fn pieces_join_up_and_the_observer_ends_the_run() {
         ..SetUp::bare(frame(3, 0.5))
     };
     let excitation = Excitation::Sine { amplitude_m: 2e-3, angular_frequency_rad_per_s: 13.0, phase_rad: 0.7 };
-    let mut motion = Motion::new(&set_up, &excitation, &set_up.at_rest(&excitation)).unwrap();
+    let mut motion = Motion::new(&set_up, &excitation, &set_up.at_rest(base_at_start(&excitation))).unwrap();
     let mut pieces = Pieces::default();
     motion.run(100.0, &mut pieces).unwrap();
     assert!(pieces.count > 100 && (5.0..5.2).contains(&motion.time_s()), "{} {}", pieces.count, motion.time_s());
@@ -108,7 +109,7 @@ fn what_is_at_rest_at_a_wall_stays_so() {
             friction_dampers: vec![joint],
             ..SetUp::bare(frame(2, 0.5))
         };
-        let mut start = set_up.at_rest(&Excitation::Fixed);
+        let mut start = set_up.at_rest(base_at_start(&Excitation::Fixed));
         start.particles[0].y_m = side * 1e-3;
         let mut motion = Motion::new(&set_up, &Excitation::Fixed, &start).unwrap();
         let mut times = Times::default();
@@ -134,7 +135,7 @@ fn an_impact_may_end_the_contact_of_another_particle_with_a_dashpot() {
         ..SetUp::bare(Modes::storeys(&[storey]).unwrap())
     };
     let pulse = Excitation::HalfSine { amplitude_m: 0.01, duration_s: 0.5 };
-    let mut motion = Motion::new(&set_up, &pulse, &set_up.at_rest(&pulse)).unwrap();
+    let mut motion = Motion::new(&set_up, &pulse, &set_up.at_rest(base_at_start(&pulse))).unwrap();
     let mut times = Times::default();
     motion.run(2.0, &mut times).unwrap();
     let of_each = [0, 1].map(|damper| times.0.iter().filter(|(_, of)| *of == damper).count());
@@ -154,7 +155,7 @@ fn a_start_at_a_soft_wall_has_no_steps_without_guards() {
                 driven_place: Some(0),
                 ..SetUp::bare(Modes::storeys(&[storey]).unwrap())
             };
-            let mut start = set_up.at_rest(&force);
+            let mut start = set_up.at_rest(base_at_start(&force));
             start.particles[0].y_m = side * 1e-3;
             let mut motion = Motion::new(&set_up, &force, &start).unwrap();
             let mut times = Times::default();
@@ -196,7 +197,7 @@ fn no_free_motion_gains_energy() {
             let tmd = Tmd { mass_kg: 0.2, stiffness_n_per_m: 40.0, damping_n_s_per_m: 0.1 };
             set_up.tuned_masses.push(TunedMass { place: 0, tmd });
         }
-        let mut start = set_up.at_rest(&Excitation::Fixed);
+        let mut start = set_up.at_rest(base_at_start(&Excitation::Fixed));
         start.modal_rate.iter_mut().for_each(|v| *v = rng.f64() - 0.5);
         let begun = energy_j(&set_up, &start);
         let mut motion = Motion::new(&set_up, &Excitation::Fixed, &start).unwrap();
@@ -222,7 +223,7 @@ fn elastic_impacts_keep_the_energy() {
     let dampers =
         [(2, 0.4), (0, 0.3)].map(|(place, mass)| ImpactDamper { place, particle: particle(mass, 8e-3, wall) });
     let set_up = SetUp { impact_dampers: dampers.to_vec(), ..SetUp::bare(frame(3, 0.0)) };
-    let mut start = set_up.at_rest(&Excitation::Fixed);
+    let mut start = set_up.at_rest(base_at_start(&Excitation::Fixed));
     start.modal_rate = vec![0.4, -0.2, 0.1];
     let begun = energy_j(&set_up, &start);
     let mut motion = Motion::new(&set_up, &Excitation::Fixed, &start).unwrap();
@@ -256,8 +257,8 @@ fn two_halves_of_a_particle_move_as_one() {
         let one = SetUp { impact_dampers: whole, ..base.clone() };
         let two = SetUp { impact_dampers: halves, ..base };
         let excitation = Excitation::Sine { amplitude_m: 2e-3, angular_frequency_rad_per_s: 17.0, phase_rad: 0.0 };
-        let mut whole = Motion::new(&one, &excitation, &one.at_rest(&excitation)).unwrap();
-        let mut halves = Motion::new(&two, &excitation, &two.at_rest(&excitation)).unwrap();
+        let mut whole = Motion::new(&one, &excitation, &one.at_rest(base_at_start(&excitation))).unwrap();
+        let mut halves = Motion::new(&two, &excitation, &two.at_rest(base_at_start(&excitation))).unwrap();
         whole.run(3.0, &mut ()).unwrap();
         halves.run(3.0, &mut ()).unwrap();
         let (whole, halves) = (whole.state(), halves.state());
@@ -309,11 +310,11 @@ fn a_particle_that_rests_on_its_wall_adds_its_mass() {
         modes.map(|mode| -(mode.shape[0] * mass[0] * static_m[0] + mode.shape[1] * mass[1] * static_m[1])).collect()
     };
     let excitation = Excitation::Sine { amplitude_m: 1e-3, angular_frequency_rad_per_s: 12.0, phase_rad: 0.0 };
-    let mut start = set_up.at_rest(&Excitation::Fixed);
+    let mut start = set_up.at_rest(base_at_start(&Excitation::Fixed));
     start.modal = modal(&set_up, [2.0, 2.0]);
     start.particles = vec![Body { y_m: set_up.displacement_m(&start, 1) - 0.1, u_m_per_s: 1e-3 * 12.0 }];
     let mut one = Motion::new(&set_up, &excitation, &start).unwrap();
-    let mut other = Motion::new(&heavier, &excitation, &heavier.at_rest(&Excitation::Fixed)).unwrap();
+    let mut other = Motion::new(&heavier, &excitation, &heavier.at_rest(base_at_start(&Excitation::Fixed))).unwrap();
     one.run(7.0, &mut ()).unwrap();
     other.run(7.0, &mut ()).unwrap();
     let (one, other) = (one.state(), other.state());

@@ -2,7 +2,7 @@
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Initial, SetUp as One};
-use damprig_structures::{Body, FrictionJoint, ImpactDamper, SetUp, State, TunedMass};
+use damprig_structures::{Body, FrictionJoint, ImpactDamper, SetUp, State, TunedMass, base_at_start};
 
 /// The same set-up; a force drives its only place.
 pub fn set_up(one: &One, excitation: &Excitation) -> SetUp {
@@ -19,7 +19,7 @@ pub fn set_up(one: &One, excitation: &Excitation) -> SetUp {
 
 /// The same state at t = 0.
 pub fn state(one: &One, initial: &Initial, excitation: &Excitation) -> State {
-    let at_rest = set_up(one, excitation).at_rest(excitation);
+    let at_rest = set_up(one, excitation).at_rest(base_at_start(excitation));
     let root = one.structure.mass_kg.sqrt();
     let body = Body { y_m: initial.y_m, u_m_per_s: initial.u_m_per_s };
     State {

@@ -2,7 +2,9 @@
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Cavity, Dissipation, FrictionDamper, Hertz, Particle, Structure, Wall};
-use damprig_structures::{Beam, Damping, FrictionJoint, ImpactDamper, Modes, Motion, Refused, SetUp, Storey, Support};
+use damprig_structures::{
+    Beam, Damping, FrictionJoint, ImpactDamper, Modes, Motion, Refused, SetUp, Storey, Support, base_at_start,
+};
 
 const SINE: Excitation = Excitation::Sine { amplitude_m: 1e-3, angular_frequency_rad_per_s: 10.0, phase_rad: 0.0 };
 const FORCE: Excitation = Excitation::ForceSine { amplitude_n: 1.0, angular_frequency_rad_per_s: 10.0, phase_rad: 0.0 };
@@ -58,7 +60,7 @@ fn with_wall(wall: Wall) -> SetUp {
 }
 
 fn refused(set_up: &SetUp, excitation: &Excitation) -> Refused {
-    Motion::new(set_up, excitation, &set_up.at_rest(excitation)).unwrap_err()
+    Motion::new(set_up, excitation, &set_up.at_rest(base_at_start(excitation))).unwrap_err()
 }
 
 #[test]
@@ -80,7 +82,7 @@ fn dampers_and_forces_at_no_place_are_refused() {
 #[test]
 fn a_start_outside_the_cavity_or_of_a_wrong_size_is_refused() {
     let set_up = with_wall(Wall::Restitution { coefficient: 0.5 });
-    let mut start = set_up.at_rest(&SINE);
+    let mut start = set_up.at_rest(base_at_start(&SINE));
     start.particles[0].y_m = 0.02;
     let outside = Motion::new(&set_up, &SINE, &start).unwrap_err();
     assert_eq!(outside, Refused::Outside { damper: 0, offset_m: 0.02, from_m: -0.01, to_m: 0.01 });
