@@ -37,7 +37,7 @@ impl Cubic {
     #[inline]
     pub fn at(&self, t: f64) -> Here {
         Here {
-            value: self.value + t * (self.slope + 0.5 * t * (self.bend + t * self.jerk / 3.0)),
+            value: self.value + t * (self.slope + 0.5 * t * (self.bend + t * self.jerk * (1.0 / 3.0))),
             slope: self.slope + t * (self.bend + 0.5 * t * self.jerk),
         }
     }
@@ -66,7 +66,7 @@ impl Cubic {
     /// The size of its terms up to time `t`.
     pub fn size(&self, t: f64) -> f64 {
         let [value, slope, bend, jerk] = self.derivatives().map(f64::abs);
-        value + t * (slope + 0.5 * t * (bend + t * jerk / 3.0))
+        value + t * (slope + 0.5 * t * (bend + t * jerk * (1.0 / 3.0)))
     }
 }
 

@@ -56,6 +56,8 @@ pub(crate) struct Rest {
     eta: Vec<Cubic>,
     /// κ less Δι times the base's cubic.
     kappa: Vec<Cubic>,
+    /// Whether the base's cubic changes.
+    drifts: bool,
 }
 
 impl Rest {
@@ -100,6 +102,12 @@ impl Linear {
             rest.kappa.extend(basis.kappa(q, sine, base));
         }
         rest.eta.clear();
+        rest.drifts = !base.is_constant();
+        if !rest.drifts && self.basis.is_none() {
+            let at_rest = |(force, square)| Cubic::constant(force / square);
+            rest.eta.extend(force.iter().zip(&self.square).map(at_rest));
+            return;
+        }
         rest.eta.resize(self.square.len(), Cubic::default());
         // ω² η⁽ᵏ⁾ = load⁽ᵏ⁾ − C η⁽ᵏ⁺¹⁾ − η⁽ᵏ⁺²⁾, from the highest derivative down.
         let mut higher = [(); 2].map(|()| vec![0.0; self.square.len()]);
@@ -249,6 +257,9 @@ impl Signal {
             let on = |row: &[f64], cubics: &[Cubic]| row.iter().zip(cubics).map(|(row, c)| row * order(c)).sum::<f64>();
             on(&self.on, &rest.eta) + on(&self.held, &rest.kappa)
         };
+        if !rest.drifts {
+            return Cubic::constant(of(|c| c.value));
+        }
         Cubic { value: of(|c| c.value), slope: of(|c| c.slope), bend: of(|c| c.bend), jerk: of(|c| c.jerk) }
     }
 }

@@ -101,8 +101,16 @@ impl Watched {
     pub fn with_flight(&self, free: &[Flight], own: Cubic) -> Cubic {
         match self.flight {
             Flying::Nothing => own,
-            Flying::Displacement(n, factor) => own + factor * free[n].cubic(),
-            Flying::Velocity(n, factor) => own + factor * free[n].cubic().rate(),
+            Flying::Displacement(n, factor) => {
+                let Flight { y_m, u_m_per_s, acceleration } = free[n];
+                let Cubic { value, slope, bend, jerk } = own;
+                let (value, slope) = (value + factor * y_m, slope + factor * u_m_per_s);
+                Cubic { value, slope, bend: bend + factor * acceleration, jerk }
+            }
+            Flying::Velocity(n, factor) => {
+                let Flight { u_m_per_s, acceleration, .. } = free[n];
+                Cubic { value: own.value + factor * u_m_per_s, slope: own.slope + factor * acceleration, ..own }
+            }
         }
     }
 }
