@@ -108,6 +108,17 @@ fn one_storey_moves_like_a_structure_of_one_degree_of_freedom_on_a_record() {
     }
 }
 
+/// A case with one degree of freedom, and the same with one storey; `dampers` has them at a place.
+fn one_and_storey(rest: &str, dampers: &dyn Fn(&str) -> String) -> [String; 2] {
+    let (mass_kg, natural_rad_per_s) = (1.6, TAU * 2.5);
+    let (stiffness, damping) =
+        (mass_kg * natural_rad_per_s * natural_rad_per_s, 2.0 * 0.0038 * mass_kg * natural_rad_per_s);
+    let structure = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }";
+    let storey =
+        format!("[[storey]]\nmass_kg = 1.6\nstiffness_n_per_m = {stiffness:?}\ndamping_n_s_per_m = {damping:?}\n");
+    [format!("{structure}\n{rest}{}", dampers("")), format!("{rest}{}{storey}", dampers("place = \"floor 1\"\n"))]
+}
+
 /// A hybrid damper on a storey, and on a mode, compared with the same structure of one degree of freedom.
 fn moves_like_one_degree(base: &str, run: &str, clearance: &str, friction: &str) {
     let rest = format!(
@@ -120,17 +131,8 @@ fn moves_like_one_degree(base: &str, run: &str, clearance: &str, friction: &str)
              wall = {{ kind = \"restitution\", coefficient = 0.6 }}\n[friction_damper]\n{place}{friction}\n"
         )
     };
-    let (mass_kg, natural_rad_per_s) = (1.6, TAU * 2.5);
-    let (stiffness, damping) =
-        (mass_kg * natural_rad_per_s * natural_rad_per_s, 2.0 * 0.0038 * mass_kg * natural_rad_per_s);
-    let one = format!(
-        "structure = {{ mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }}\n{rest}{}",
-        dampers("")
-    );
-    let storey = format!(
-        "{rest}{}[[storey]]\nmass_kg = 1.6\nstiffness_n_per_m = {stiffness:?}\ndamping_n_s_per_m = {damping:?}\n",
-        dampers("place = \"floor 1\"\n")
-    );
+    let [one, storey] = one_and_storey(&rest, &dampers);
+    let mass_kg = 1.6_f64;
     let mode = format!(
         "places = [\"top\"]\n{rest}{}[[mode]]\nfrequency_hz = 2.5\ndamping_ratio = 0.0038\nshape_per_root_kg = [{:?}]\nparticipation_root_kg = {:?}\n",
         dampers("place = \"top\"\n"),
@@ -361,23 +363,12 @@ force_n = 0.5
 
 #[test]
 fn a_bifurcation_diagram_of_one_storey_is_that_of_one_degree_of_freedom() {
-    let (mass_kg, natural_rad_per_s) = (1.6, TAU * 2.5);
-    let (stiffness, damping) =
-        (mass_kg * natural_rad_per_s * natural_rad_per_s, 2.0 * 0.0038 * mass_kg * natural_rad_per_s);
     let rest = "base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }\nrun = { duration_s = 4 }\n";
-    let particle = |place: &str| {
+    let [one, storey] = one_and_storey(rest, &|place| {
         format!(
             "[particle]\n{place}mass_kg = 0.16\nclearance_m = 0.03\nwall = {{ kind = \"restitution\", coefficient = 0.5 }}\n"
         )
-    };
-    let one = format!(
-        "structure = {{ mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }}\n{rest}{}",
-        particle("")
-    );
-    let storey = format!(
-        "{rest}{}[[storey]]\nmass_kg = 1.6\nstiffness_n_per_m = {stiffness:?}\ndamping_n_s_per_m = {damping:?}\n",
-        particle("place = \"floor 1\"\n")
-    );
+    });
     let folder = folder(&[("one.toml", &one), ("storey.toml", &storey)]);
     let swept = |case: &str| {
         damprig(&folder)

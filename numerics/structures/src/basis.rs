@@ -69,8 +69,7 @@ impl Basis {
 
     /// D κ, or a derivative.
     pub fn prescribed(&self, kappa: &[Cubic], order: usize) -> DVector<f64> {
-        let of = |cubic: &Cubic| cubic.derivatives().get(order).copied().unwrap_or(0.0);
-        &self.held * DVector::from_iterator(kappa.len(), kappa.iter().map(of))
+        &self.held * DVector::from_iterator(kappa.len(), kappa.iter().map(|kappa| kappa.derivative(order)))
     }
 
     /// Ψᵀ x.

@@ -33,6 +33,11 @@ impl Cubic {
         [self.value, self.slope, self.bend, self.jerk]
     }
 
+    /// Its derivative of this order at zero; of order 0 its value.
+    pub fn derivative(&self, order: usize) -> f64 {
+        self.derivatives().get(order).copied().unwrap_or(0.0)
+    }
+
     /// Value and slope at t.
     #[inline]
     pub fn at(&self, t: f64) -> Here {

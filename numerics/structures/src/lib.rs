@@ -2,8 +2,7 @@
 //!
 //! Every state of the contacts (each particle free, held or in a soft wall, each friction damper sticking or slipping in a
 //! direction) is a linear system with constant coefficients. Its motion is a sum of exponentials and, on a base that follows samples, of cubics
-//! in time (`linear`); events are
-//! the first roots of linear functions of the motion (`guard`); forces at rest and impulses follow from convex problems
+//! in time (`linear`); events are the first roots of linear functions of the motion (`guard`); forces at rest and impulses follow from convex problems
 //! (`complementarity`).
 //!
 //! # No event is missed

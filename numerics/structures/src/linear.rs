@@ -67,11 +67,6 @@ impl Rest {
     }
 }
 
-/// The value or a derivative of each of some cubics.
-fn derivative(of: &[Cubic], order: usize) -> Vec<f64> {
-    of.iter().map(|cubic| cubic.derivatives().get(order).copied().unwrap_or(0.0)).collect()
-}
-
 impl Linear {
     /// Solves the system once. `force` is F̂ on each body; `turning` is Ω, 0 without an excitation.
     pub fn new(bodies: &Bodies, stuck: &[Constraint], turning: f64, force: &[C64]) -> Result<Self, Refused> {
@@ -236,7 +231,8 @@ impl Linear {
     pub fn holding_rest(&self, bodies: &Bodies, which: usize, rest: &Rest, (force, base): (&[f64], Cubic)) -> Cubic {
         let Some(basis) = &self.basis else { return Cubic::default() };
         let q = |order| {
-            let free = &basis.shapes * DVector::from_vec(derivative(&rest.eta, order));
+            let free = &basis.shapes
+                * DVector::from_iterator(rest.eta.len(), rest.eta.iter().map(|eta| eta.derivative(order)));
             free + basis.prescribed(&rest.kappa, order)
         };
         let row = basis.held.column(which);

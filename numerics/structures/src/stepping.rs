@@ -388,7 +388,7 @@ impl crate::system::Watched {
 
     /// A derivative by time with the cubic's part.
     fn derivative(&self, now: &Now, cubic: &Cubic, order: usize) -> Derivative {
-        let of_cubic = cubic.derivatives().get(order).copied().unwrap_or(0.0);
+        let of_cubic = cubic.derivative(order);
         let mut of = Derivative { value: of_cubic, most: of_cubic.abs(), rounding: 0.0 };
         let power = i32::try_from(order).unwrap_or(i32::MAX);
         let roundings = now.roundings.iter().zip(now.rates);
