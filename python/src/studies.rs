@@ -4,9 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use damprig::continuation::Continuation;
-use damprig::optimise::answer::Answer;
 use damprig::optimise::file::Optimisation;
-use damprig::optimise::search;
 use damprig::run_folder::read::parquet_file;
 use damprig::study::Study;
 use damprig::study::axis::Value;
@@ -142,16 +140,13 @@ pub fn optimise(py: Python<'_>, optimisation: &Bound<'_, PyAny>) -> PyResult<Str
     work(py, || {
         let optimisation = design.read(Optimisation::read, Optimisation::parse)?;
         let watch = Watch::new();
-        let found = search::run(&optimisation, &|_: &search::Progress| watch.goes_on());
-        let found = match found {
-            Ok(found) if !found.is_stopped => found,
-            Ok(_) => return Err(watch.stopped()),
+        let answer = match damprig::optimise::run::run(&optimisation, &|_| watch.goes_on()) {
+            Ok((_, answer)) => answer,
             Err(refusal) => {
                 watch.0.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).check()?;
                 return Err(refusal.into());
             }
         };
-        let answer = Answer::of(&optimisation, &found, &|_| watch.goes_on())?;
         if answer.is_stopped { Err(watch.stopped()) } else { json(&answer) }
     })
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use clap::Args as ClapArgs;
@@ -12,11 +12,11 @@ use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
 use crate::file_keys::FileKind;
-use crate::optimise::search::{self, Progress};
-use crate::optimise::size::{self, Size};
-use crate::optimise::{Answer, Optimisation, table};
+use crate::optimise::evaluate::Evaluated;
+use crate::optimise::run::{self, Reached};
+use crate::optimise::{Optimisation, size, table};
 use crate::report::numbers::{about, duration, significant};
-use crate::report::terminal;
+use crate::report::{optimum_files, terminal};
 
 /// Looks for the values of a case's keys at which a metric is best over a band, and says how sure they are.
 #[derive(Debug, ClapArgs)]
@@ -29,7 +29,7 @@ pub struct Args {
     #[command(flatten)]
     json: JsonArg,
 
-    /// Write the answer (JSON), all evaluated points and the neighbourhood of the optimum (Parquet) to a new folder
+    /// Write the page, the answer (JSON), all evaluated points and the neighbourhood of the optimum (Parquet) to a new folder
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
 
@@ -45,10 +45,11 @@ const AFTER_HELP: &str = "\
 Examples:
   damprig optimise spid-band
   damprig optimise hybrid-band --out optimum
+  damprig optimise boring-bar --out boring-bar      # tolerances, uncertain restitution, other dampers
   damprig optimise my-optimisation.toml --json
 
-The values of the answer are rounded to what the tolerances of the variables allow (`tolerance`, by default 0.1 % of the value), and the
-objective is what the printed values give. The answer does not depend on the number of threads. Ctrl-C ends the search, or what follows it; the best point so far is kept.
+The values of the answer can be made: steps, listed values, or digits that the tolerances leave (by default 0.1 % of the value). With a
+stated tolerance or an uncertain key the objective counts over all of them, by default the worst. The answer does not depend on the number of threads. Ctrl-C ends the search, or what follows it; the best point so far is kept.
 
 Exit codes:
   0    success
@@ -67,7 +68,10 @@ pub fn run(args: &Args) -> Outcome {
         table::check_folder(folder).map_err(Failure::input)?;
     }
     let cores = rayon::current_num_threads();
-    let estimate_s = size::estimate_s(&optimisation).map_err(Failure::input)? / cores as f64;
+    let mut estimate_s = 0.0;
+    for optimisation in std::iter::once(&optimisation).chain(&optimisation.alternatives) {
+        estimate_s += size::estimate_s(optimisation).map_err(Failure::input)? / cores as f64;
+    }
     let scope = format!("{}; {} on {cores} cores", terminal::optimise::scope(&optimisation), about(estimate_s));
     if args.dry_run {
         say!("{scope}");
@@ -76,29 +80,20 @@ pub fn run(args: &Args) -> Outcome {
     if !args.json.is_given() {
         say!("{scope}");
     }
-    let size = Size::of(&optimisation);
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    let (start, bar) = (Instant::now(), StudyBar::new(&optimisation.name, size.about()));
-    let report = |progress: &Progress| {
-        let best = progress.best.as_ref().filter(|best| best.is_feasible());
-        let best = best.map(|best| format!("{} {}", optimisation.objective.name(), significant(best.objective, 5)));
-        bar.reach(progress.simulations, best.as_deref());
+    let (start, bar) = (Instant::now(), StudyBar::new(&optimisation.name, run::about(&optimisation)));
+    let report = |reached: Reached| {
+        let objective =
+            |best: &Evaluated| format!("{} {}", optimisation.objective.name(), significant(best.objective, 5));
+        bar.set_length(reached.about);
+        bar.reach(reached.simulations, reached.best.map(objective).as_deref());
         !stop.load(Ordering::Relaxed)
     };
-    let found = search::run(&optimisation, &report);
-    let found = match found {
+    let (found, answer) = match run::run(&optimisation, &report) {
         Err(refusal) if stop.load(Ordering::Relaxed) => return Err(Failure::Interrupted(refusal.to_string())),
-        found => found.map_err(Failure::input)?,
+        run => run.map_err(Failure::input)?,
     };
-    let is_search_stopped = found.is_stopped;
-    bar.set_length(found.simulations + size.after);
-    let simulations = AtomicU64::new(found.simulations);
-    let go_on = |ended: u64| {
-        bar.reach(simulations.fetch_add(ended, Ordering::Relaxed) + ended, None);
-        !stop.load(Ordering::Relaxed)
-    };
-    let answer = Answer::of(&optimisation, &found, &go_on).map_err(Failure::input)?;
     bar.end();
     if args.json.is_given() {
         say!("{}", serde_json::to_string(&answer).map_err(Failure::failed)?);
@@ -109,12 +104,14 @@ pub fn run(args: &Args) -> Outcome {
     }
     if let Some(folder) = &args.out {
         table::write(&optimisation, &found, &answer, folder).map_err(Failure::failed)?;
+        optimum_files::write(&optimisation, &answer, &scope, folder).map_err(Failure::failed)?;
         if !args.json.is_given() {
-            say!("Written to {}", folder.display());
+            say!("Page:  {}", folder.join(optimum_files::PAGE).display());
         }
     }
-    if answer.is_stopped && !is_search_stopped {
-        let message = "stopped after the search: the optimum is above, what is around it is not complete";
+    if answer.is_stopped && !found.is_stopped {
+        let message =
+            "stopped after the search: the optimum is above, what is around it, or an alternative, is not complete";
         return Err(Failure::Interrupted(message.into()));
     }
     if answer.is_stopped {

@@ -125,6 +125,7 @@ fn type_of(key: &Key) -> String {
         Kind::Text => "text".into(),
         Kind::Texts => "list of texts".into(),
         Kind::TextOrPlace => "text, or place from 1".into(),
+        Kind::TextOrCase => "text, or tables of a case".into(),
         Kind::Table => "table".into(),
         Kind::OneOrMoreTables => "table, or list of tables".into(),
         Kind::Tables => "list of tables".into(),

@@ -129,6 +129,7 @@ impl Builder {
             Kind::Text => json!({ "type": "string" }),
             Kind::Texts => json!({ "type": "array", "items": { "type": "string" } }),
             Kind::TextOrPlace => json!({ "type": ["string", "integer"], "minimum": 1 }),
+            Kind::TextOrCase => json!({ "type": ["string", "object"] }),
             Kind::Table => json!({ "$ref": self.definition(&inner) }),
             // Several dampers are for a case with several places.
             Kind::OneOrMoreTables if self.file != FileKind::Case => json!({ "$ref": self.definition(&inner) }),

@@ -47,6 +47,8 @@ pub enum Kind {
     Texts,
     /// A text, or a place counted from 1.
     TextOrPlace,
+    /// A text, or the tables of a case.
+    TextOrCase,
     /// A table.
     Table,
     /// A table, or a list of them.

@@ -40,6 +40,7 @@ pub static FILES: &[(&str, &str)] = files![
     "continuations/clearance.toml",
     "continuations/grazing-curve.toml",
     "optimisations/cases/hybrid.toml",
+    "optimisations/boring-bar.toml",
     "optimisations/hybrid-band.toml",
     "optimisations/spid-band.toml",
     "optimisations/worst-start.toml",

@@ -9,8 +9,12 @@ use super::evaluate::{Evaluated, GoOn, from_starts};
 use super::file::Optimisation;
 use super::mount;
 use super::neighbourhood::{self, Sensitivity};
+use super::over::Over;
+use super::over_band::{self, OverBand};
 use super::references::References;
 use super::search::Found;
+use super::stuck;
+use super::variable::Choice;
 use crate::input::Refusal;
 use crate::study::axis::{Axis, Reduction, Value};
 use crate::study::band::Effort;
@@ -36,8 +40,8 @@ pub struct Named {
 pub struct Variable {
     /// Key.
     pub key: String,
-    /// Value: rounded to the power of ten at or below the tolerance, or as the search had it if it was stopped or no point keeps the
-    /// constraints.
+    /// Value: one that can be made (without `step` and `values` rounded to the power of ten at or below the tolerance), or as the search
+    /// had it if it was stopped or no point keeps the constraints.
     pub value: f64,
     /// How far from it the mounted value may be, to either side.
     pub tolerance: f64,
@@ -98,16 +102,26 @@ pub struct Answer {
     pub evaluations: usize,
     /// Simulations of the search and of what follows it.
     pub simulations: u64,
-    /// The objective at the values of the variables.
+    /// The objective at the values of the variables; over stated tolerances and uncertain values where there are some.
     pub objective: f64,
-    /// The worst objective at the ends of the tolerances; `None` if the values are not rounded.
+    /// What counts of starts, stated tolerances and uncertain values: `worst`, `q95`, `median` or `mean`.
+    pub over: &'static str,
+    /// Simulated scenarios of tolerances and uncertain values behind the objective; 1 without any.
+    pub scenarios: usize,
+    /// The objective exactly at the values of the variables, with the middle values of what is uncertain.
+    pub as_wanted: f64,
+    /// The worst objective of the scenarios, or at the ends of the tolerances where none is stated; `None` if the values are not those
+    /// that can be made.
     pub worst_within_tolerance: Option<f64>,
-    /// Whether all constraints are kept there; `None` if the values are not rounded.
+    /// Whether all constraints are kept there; `None` if the values are not those that can be made.
     pub is_feasible_within_tolerance: Option<bool>,
     /// Symbol of its unit.
     pub unit: &'static str,
     /// The variables at the optimum.
     pub variables: Vec<Variable>,
+    /// Variables and uncertain keys where the objective is, if it counts over tolerances or uncertain values (for a mean or a quantile:
+    /// where a scenario is nearest to it).
+    pub there: Vec<Named>,
     /// Where in the band the objective is.
     pub band: Vec<Named>,
     /// The constraints at the optimum.
@@ -123,6 +137,14 @@ pub struct Answer {
     pub neighbourhood: Vec<Evaluated>,
     /// Other dampers.
     pub references: References,
+    /// The objective's metric over a band of one axis.
+    pub over_band: Vec<OverBand>,
+    /// The share of the time in which the friction damper holds the structure on its base, over the band's grid at the optimum.
+    pub stuck_share: Option<f64>,
+    /// Mass of the particle or of the tuned mass, kg.
+    pub damper_mass_kg: Option<f64>,
+    /// The answers of the alternatives.
+    pub alternatives: Vec<Answer>,
 }
 
 impl Answer {
@@ -143,16 +165,25 @@ impl Answer {
         } else {
             Halt::unless_stopped(mount::best(optimisation, found, go_on))?.flatten()
         };
-        let best = setting.as_ref().map_or(best, |setting| &setting.at);
+        let is_robust = optimisation.is_robust();
+        let wanted = setting.as_ref().map_or(best, |setting| &setting.at);
+        let over = setting.as_ref().map(|setting| &setting.over);
+        let best = if is_robust { over.unwrap_or(best) } else { wanted };
         let is_stopped = found.is_stopped || (setting.is_none() && best.is_feasible());
-        let around = Around::of(optimisation, best, is_stopped, go_on)?;
-        let worst = setting.as_ref().map(|setting| &setting.worst);
+        let around = Around::of(optimisation, wanted, is_stopped, go_on)?;
         let variable = |(place, axis): (usize, &Axis)| {
-            let (value, (from, to)) = (best.values[place], optimisation.range(place));
-            let tolerance = optimisation.tolerance(place, value);
-            let is_at_edge = value - from <= tolerance || to - value <= tolerance;
+            let (value, made) = (best.values[place], &optimisation.variables[place]);
+            let (tolerance, (from, to)) = (made.tolerance(value), made.range);
+            let is_at_edge = match &made.choice {
+                Choice::Digits => value - from <= tolerance || to - value <= tolerance,
+                Choice::Steps(step) => value - from < 0.5 * step || to - value < step * (1.0 - 1e-9),
+                Choice::Listed(_) => false,
+            };
             Variable { key: axis.key.clone(), value, tolerance, unit: axis.unit(), is_at_edge }
         };
+        let named = |(axis, value): (&Axis, &f64)| Named { key: axis.key.clone(), value: *value, unit: axis.unit() };
+        let there = optimisation.axes.iter().zip(&best.there).map(named).collect();
+        let starts = optimisation.starts.as_ref().map_or(1, Vec::len);
         let kept = |(constraint, value): (&super::file::Constraint, &f64)| Kept {
             metric: constraint.metric.name(),
             limit: constraint
@@ -172,10 +203,14 @@ impl Answer {
             evaluations: found.points.len(),
             simulations: simulations.load(Ordering::Relaxed),
             objective: best.objective,
-            worst_within_tolerance: worst.map(|worst| worst.objective),
-            is_feasible_within_tolerance: worst.map(Evaluated::is_feasible),
+            over: optimisation.over.name(),
+            scenarios: if is_robust { best.all.len() / starts } else { 1 },
+            as_wanted: wanted.objective,
+            worst_within_tolerance: over.map(|over| if is_robust { worst(optimisation, over) } else { over.objective }),
+            is_feasible_within_tolerance: over.map(Evaluated::is_feasible),
             unit: optimisation.objective.suffix(),
-            variables: optimisation.variables().iter().enumerate().map(variable).collect(),
+            variables: optimisation.variable_axes().iter().enumerate().map(variable).collect(),
+            there: if is_robust { there } else { Vec::new() },
             band: place_in_band(optimisation, best),
             constraints: optimisation.constraints.iter().zip(&best.constraints).map(kept).collect(),
             unresolved: best.unresolved,
@@ -183,8 +218,17 @@ impl Answer {
             sensitivity: around.sensitivity,
             neighbourhood: around.neighbourhood,
             references: around.references,
+            over_band: around.over_band,
+            stuck_share: around.stuck_share,
+            damper_mass_kg: damper_mass_kg(optimisation, wanted)?,
+            alternatives: Vec::new(),
         })
     }
+}
+
+/// The worst of all scenarios and starts.
+fn worst(optimisation: &Optimisation, over: &Evaluated) -> f64 {
+    Over::Worst.of(&over.all, optimisation.is_maximum)
 }
 
 /// What is computed around an optimum.
@@ -194,6 +238,8 @@ struct Around {
     sensitivity: Vec<Sensitivity>,
     neighbourhood: Vec<Evaluated>,
     references: References,
+    over_band: Vec<OverBand>,
+    stuck_share: Option<f64>,
 }
 
 impl Around {
@@ -205,6 +251,8 @@ impl Around {
             sensitivity: Vec::new(),
             neighbourhood: Vec::new(),
             references: References { bare: None, tmd: None },
+            over_band: Vec::new(),
+            stuck_share: None,
         };
         if !is_stopped {
             around.is_stopped = Halt::unless_stopped(around.fill(optimisation, best, go_on))?.is_none();
@@ -219,8 +267,15 @@ impl Around {
         }
         self.starts = starts(optimisation, best, go_on)?;
         self.references = References::at(optimisation, best, go_on)?;
+        self.stuck_share = stuck::share(optimisation, best, go_on)?;
+        self.over_band = over_band::curve(optimisation, best, go_on)?;
         Ok(())
     }
+}
+
+fn damper_mass_kg(optimisation: &Optimisation, best: &Evaluated) -> Result<Option<f64>, Refusal> {
+    let case = Cases::at(optimisation, &best.values)?.case(&optimisation.band_values(0))?;
+    Ok(case.damper_mass().map(|(mass_kg, _)| mass_kg))
 }
 
 /// Values of the band's axes where the objective is; none of axes with a mean, and of those after one.

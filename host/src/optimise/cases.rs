@@ -94,7 +94,7 @@ impl Direct {
     /// For an optimisation whose corners are sound. All its axes are read if a corner differs otherwise.
     pub(super) fn of(optimisation: &Optimisation) -> Self {
         let numbers: Vec<Option<Number>> = optimisation.axes.iter().map(|axis| Number::of(&axis.key)).collect();
-        if numbers[optimisation.variables..].iter().any(Option::is_none) {
+        if numbers[optimisation.set()..].iter().any(Option::is_none) {
             return Self::default();
         }
         let corners = corners(&optimisation.axes);
@@ -133,20 +133,20 @@ impl Direct {
 #[derive(Debug)]
 pub struct Cases<'a> {
     optimisation: &'a Optimisation,
-    variables: Vec<Value>,
+    set: Vec<Value>,
     template: Option<Case>,
 }
 
 impl<'a> Cases<'a> {
-    /// With these values of the variables.
+    /// With these values of the variables and of what is uncertain.
     ///
     /// # Errors
     /// The refusal of a case that the values make.
     pub fn at(optimisation: &'a Optimisation, values: &[f64]) -> Result<Self, Refusal> {
-        let variables: Vec<Value> = values.iter().copied().map(Value::Number).collect();
-        let first: Vec<Value> = variables.iter().cloned().chain(optimisation.band_values(0)).collect();
+        let set: Vec<Value> = values.iter().copied().map(Value::Number).collect();
+        let first: Vec<Value> = set.iter().cloned().chain(optimisation.band_values(0)).collect();
         let template = optimisation.direct.template_at(optimisation, &first)?;
-        Ok(Self { optimisation, variables, template })
+        Ok(Self { optimisation, set, template })
     }
 
     /// The case with values of the band's axes.
@@ -154,7 +154,7 @@ impl<'a> Cases<'a> {
     /// # Errors
     /// The refusal of a case that the values make.
     pub fn case(&self, at: &[Value]) -> Result<Case, Refusal> {
-        let mut all = self.variables.clone();
+        let mut all = self.set.clone();
         all.extend(at.iter().cloned());
         let made = self.template.as_ref().and_then(|template| self.optimisation.direct.set(template, &all));
         made.map_or_else(|| self.optimisation.case_with(&all), Ok)
@@ -198,7 +198,7 @@ mod tests {
     fn is_equal_to_read(optimisation: &Optimisation) -> bool {
         (0..40).all(|n| {
             let share = |axis: usize| (0.618_033_988_749_895 * f64::from(n + 1) * (axis + 1) as f64).fract();
-            let values: Vec<f64> = (0..optimisation.variables).map(|axis| 0.3 + 0.6 * share(axis)).collect();
+            let values: Vec<f64> = (0..optimisation.variables.len()).map(|axis| 0.3 + 0.6 * share(axis)).collect();
             let cases = Cases::at(optimisation, &values).expect("it is sound");
             (0..optimisation.band_points()).all(|point| {
                 let mut all: Vec<Value> = values.iter().copied().map(Value::Number).collect();

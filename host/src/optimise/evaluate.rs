@@ -1,14 +1,19 @@
 //! The objective and the constraints at a point: the metrics of a study over the band, between the values of its grid too, and over the
 //! starts.
 
+use std::collections::{HashMap, HashSet};
+
+use rayon::prelude::*;
+
 use super::cases::Cases;
 use super::file::{Constraint, Optimisation};
+use super::over::Over;
+use super::scenarios::{self, Scenario};
 use crate::input::Refusal;
 use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::study::axis::{Axis, Value};
 use crate::study::band::{Band, Effort, Reduced};
-use crate::study::evaluate::quantile;
 use crate::study::simulate::{Halt, metrics_of_all};
 
 /// What an evaluated point gives.
@@ -16,10 +21,14 @@ use crate::study::simulate::{Halt, metrics_of_all};
 pub struct Evaluated {
     /// Place of each variable in its range, 0 to 1.
     pub shares: Vec<f64>,
-    /// Value of each variable.
+    /// Value of each variable and of what is uncertain, as wanted.
     pub values: Vec<f64>,
+    /// Those where the objective is: others where it counts over tolerances or uncertain values.
+    pub there: Vec<f64>,
     /// The objective; not a number if it does not exist.
     pub objective: f64,
+    /// That of each start (and scenario), sorted.
+    pub all: Vec<f64>,
     /// Values of the band's axes where the objective is; the first ones for a mean.
     pub band: Vec<Value>,
     /// For each constraint its metric where it is kept least.
@@ -73,29 +82,21 @@ impl Care {
     }
 }
 
-/// Evaluates the point at these shares of the variables' ranges.
-///
-/// # Errors
-/// The refusal of a case that the values make, or that `go_on` said no.
-pub fn at(optimisation: &Optimisation, shares: &[f64], care: Care, go_on: GoOn) -> Result<Evaluated, Halt> {
-    let values = values(optimisation, shares);
-    Ok(Evaluated { shares: shares.to_vec(), ..at_values(optimisation, values, care, go_on)? })
-}
-
-/// The values of the variables at these shares of their ranges.
+/// The values of the variables at these shares of their ranges, and the middle ones of what is uncertain.
 #[must_use]
 pub fn values(optimisation: &Optimisation, shares: &[f64]) -> Vec<f64> {
     let number = |(axis, share): (&Axis, &f64)| match axis.value(0, *share) {
         Value::Number(number) => number,
         Value::Word(_) => f64::NAN,
     };
-    optimisation.variables().iter().zip(shares).map(number).collect()
+    let wanted: Vec<f64> = optimisation.variable_axes().iter().zip(shares).map(number).collect();
+    scenarios::values(optimisation, &wanted, &scenarios::wanted(optimisation))
 }
 
-/// Evaluates the point with these values of the variables; it has no shares.
+/// Evaluates the point with these values of the variables and of what is uncertain; it has no shares.
 ///
 /// # Errors
-/// As [`at`].
+/// The refusal of a case that the values make, or that `go_on` said no.
 pub fn at_values(optimisation: &Optimisation, values: Vec<f64>, care: Care, go_on: GoOn) -> Result<Evaluated, Halt> {
     let metrics: Vec<Quantity> =
         [optimisation.objective].into_iter().chain(optimisation.constraints.iter().map(|c| c.metric)).collect();
@@ -103,19 +104,118 @@ pub fn at_values(optimisation: &Optimisation, values: Vec<f64>, care: Care, go_o
     let cases = Cases::at(optimisation, &values)?;
     let case = |at: &[Value]| cases.case(at);
     let mut point = Simulations { optimisation, case: &case, go_on, unresolved: 0.0 };
-    let simulated = point.grid(&metrics, starts.map(|starts| starts.shares.as_slice()))?;
+    let simulated = point.grid(&metrics, starts.map(Vec::as_slice))?;
     let mut evaluated = point.evaluated(&simulated, Effort::Grid)?;
     let can_improve = optimisation.can_improve_between();
     if care.effort != Effort::Grid && (can_improve || evaluated.cost(optimisation.is_maximum) <= care.up_to_cost) {
         evaluated = point.evaluated(&simulated, care.effort)?;
     }
-    Ok(Evaluated { values, ..evaluated })
+    Ok(Evaluated { there: values.clone(), values, ..evaluated })
+}
+
+/// Evaluates wanted values in some scenarios; as they are wanted alone where that costs more already than `care` allows, since the worst
+/// is no better.
+///
+/// # Errors
+/// As [`at_values`].
+pub fn in_scenarios(
+    optimisation: &Optimisation,
+    wanted: Vec<f64>,
+    scenarios: &[Scenario],
+    care: Care,
+    go_on: GoOn,
+) -> Result<Evaluated, Halt> {
+    let is_worst = optimisation.over == Over::Worst;
+    let mut all = Vec::new();
+    if is_worst || scenarios.is_empty() {
+        let alone = at_values(optimisation, wanted.clone(), care, go_on)?;
+        if scenarios.is_empty() || alone.cost(optimisation.is_maximum) > care.up_to_cost {
+            return Ok(alone);
+        }
+        all.push(alone);
+    }
+    for scenario in scenarios {
+        let values = scenarios::values(optimisation, &wanted, scenario);
+        all.push(at_values(optimisation, values, Care::of(care.effort), go_on)?);
+    }
+    Ok(together(optimisation, wanted, &all.iter().collect::<Vec<_>>()))
+}
+
+/// What some scenarios of the same wanted values give together.
+#[must_use]
+pub fn together(optimisation: &Optimisation, wanted: Vec<f64>, scenarios: &[&Evaluated]) -> Evaluated {
+    let mut all: Vec<f64> = scenarios.iter().flat_map(|point| point.all.iter().copied()).collect();
+    all.sort_by(f64::total_cmp);
+    let objective = optimisation.over.of(&all, optimisation.is_maximum);
+    // The worst scenario, or the one nearest to the value that counts.
+    let distance = |point: &Evaluated| match optimisation.over {
+        Over::Worst => -point.cost(optimisation.is_maximum),
+        _ => (point.objective - objective).abs(),
+    };
+    let nearest = scenarios.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let (there, band) = nearest.map_or_else(Default::default, |point| (point.there.clone(), point.band.clone()));
+    let least_kept = |(place, constraint): (usize, &Constraint)| {
+        let values = scenarios.iter().map(|point| point.constraints[place]);
+        let worse = |a: f64, b: f64| if constraint.limit.excess(b) > constraint.limit.excess(a) { b } else { a };
+        values.reduce(worse).unwrap_or(f64::NAN)
+    };
+    let constraints: Vec<f64> = optimisation.constraints.iter().enumerate().map(least_kept).collect();
+    Evaluated {
+        shares: Vec::new(),
+        values: wanted,
+        there,
+        objective,
+        all,
+        band,
+        violation: violation(optimisation, &constraints),
+        constraints,
+        unresolved: scenarios.iter().map(|point| point.unresolved).sum(),
+    }
+}
+
+fn violation(optimisation: &Optimisation, constraints: &[f64]) -> f64 {
+    optimisation.constraints.iter().zip(constraints).map(|(c, value)| c.limit.violation(*value)).sum()
+}
+
+/// Points that are evaluated, each once.
+pub struct Known<'a> {
+    optimisation: &'a Optimisation,
+    effort: Effort,
+    go_on: GoOn<'a>,
+    points: HashMap<Vec<u64>, Evaluated>,
+}
+
+impl<'a> Known<'a> {
+    /// None yet.
+    #[must_use]
+    pub fn none(optimisation: &'a Optimisation, effort: Effort, go_on: GoOn<'a>) -> Self {
+        Self { optimisation, effort, go_on, points: HashMap::new() }
+    }
+
+    /// Evaluates those of some points that are not known yet, and gives all.
+    ///
+    /// # Errors
+    /// As [`at_values`].
+    pub fn at(&mut self, points: &[Vec<f64>]) -> Result<Vec<&Evaluated>, Halt> {
+        let mut new: Vec<&Vec<f64>> = points.iter().filter(|point| !self.points.contains_key(&bits(point))).collect();
+        let mut seen = HashSet::new();
+        new.retain(|point| seen.insert(bits(point)));
+        let care = Care::of(self.effort);
+        let evaluate = |point: &&Vec<f64>| at_values(self.optimisation, (*point).clone(), care, self.go_on);
+        let found: Vec<Evaluated> = new.par_iter().map(evaluate).collect::<Result<_, Halt>>()?;
+        self.points.extend(new.iter().map(|point| bits(point)).zip(found));
+        Ok(points.iter().filter_map(|point| self.points.get(&bits(point))).collect())
+    }
+}
+
+fn bits(point: &[f64]) -> Vec<u64> {
+    point.iter().map(|value| value.to_bits()).collect()
 }
 
 /// The objective from each of some starts, at these values of the variables.
 ///
 /// # Errors
-/// As [`at`].
+/// As [`at_values`].
 pub fn from_starts(
     optimisation: &Optimisation,
     values: &[f64],
@@ -131,6 +231,26 @@ pub fn from_starts(
         Ok(point.reduced(&optimisation.reduced_band, over_band, Some(*share), effort)?.value)
     };
     starts.iter().zip(&simulated[0]).map(of_start).collect()
+}
+
+/// The objective's metric at some points of the band, from each start: of the case with these values, or of its bare structure.
+///
+/// # Errors
+/// As [`at_values`].
+pub fn on_axis(
+    optimisation: &Optimisation,
+    values: &[f64],
+    points: &[Vec<Value>],
+    is_bare: bool,
+    go_on: GoOn,
+) -> Result<Vec<Vec<f64>>, Halt> {
+    let cases = Cases::at(optimisation, values)?;
+    let case = |at: &[Value]| Ok(if is_bare { cases.case(at)?.with_dampers(None) } else { cases.case(at)? });
+    let mut point = Simulations { optimisation, case: &case, go_on, unresolved: 0.0 };
+    match optimisation.starts.as_ref().filter(|_| !is_bare) {
+        None => Ok(vec![point.at(points, None, optimisation.objective)?]),
+        Some(starts) => starts.iter().map(|share| point.at(points, Some(*share), optimisation.objective)).collect(),
+    }
 }
 
 /// The objective of cases that are not the optimisation's own, from their own starts, over the band: `case` makes one from values of the
@@ -228,7 +348,7 @@ impl Simulations<'_> {
     fn evaluated(&mut self, simulated: &Simulated, effort: Effort) -> Result<Evaluated, Halt> {
         let optimisation = self.optimisation;
         let starts = optimisation.starts.as_ref();
-        let share_of = |place: usize| starts.map(|starts| starts.shares[place]);
+        let share_of = |place: usize| starts.map(|starts| starts[place]);
         let mut of_starts: Vec<Reduced> = Vec::new();
         for (place, grid) in simulated[0].iter().enumerate() {
             of_starts.push(self.reduced(&optimisation.reduced_band, grid, share_of(place), effort)?);
@@ -236,8 +356,8 @@ impl Simulations<'_> {
         // The objective over the starts, with the place in the band of the start nearest to it.
         of_starts.sort_by(|a, b| a.value.total_cmp(&b.value));
         let sorted: Vec<f64> = of_starts.iter().map(|reduced| reduced.value).collect();
-        let quantile_share = starts.map_or(1.0, |starts| starts.quantile);
-        let nearest = (quantile_share * (sorted.len() - 1) as f64).round() as usize;
+        let share = optimisation.over.quantile(optimisation.is_maximum).unwrap_or(0.0);
+        let nearest = (share * (sorted.len() - 1) as f64).round() as usize;
         let mut constraints = Vec::new();
         for (constraint, of_metric) in optimisation.constraints.iter().zip(&simulated[1..]) {
             let mut worst = f64::NEG_INFINITY;
@@ -250,15 +370,15 @@ impl Simulations<'_> {
             }
             constraints.push(value);
         }
-        let violation =
-            optimisation.constraints.iter().zip(&constraints).map(|(c, value)| c.limit.violation(*value)).sum();
         Ok(Evaluated {
             shares: Vec::new(),
             values: Vec::new(),
-            objective: quantile(&sorted, quantile_share),
+            there: Vec::new(),
+            objective: optimisation.over.of(&sorted, optimisation.is_maximum),
+            all: sorted,
             band: of_starts[nearest].at.clone(),
+            violation: violation(optimisation, &constraints),
             constraints,
-            violation,
             unresolved: self.unresolved,
         })
     }

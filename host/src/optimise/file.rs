@@ -4,14 +4,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::cases::Direct;
-use super::keys::{constraint, ensemble, optimisation as keys, variable};
-use crate::input::{Files, Problem, Refusal, Section, Source, Span};
+use super::keys::{alternative, constraint, ensemble, optimisation as keys};
+use super::over::Over;
+use super::variable::{self, Uncertain, Variable};
+use crate::input::section::Given;
+use crate::input::{self, Files, Problem, Refusal, Section, Source, Span};
 use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::simulation::case::default_name;
-use crate::study::axis::{self, Axis, Reduction, Value, Values};
+use crate::study::axis::{self, Axis, Reduction, Value};
 use crate::study::band::{self, Band};
-use crate::study::file::{corners, read_case, read_record};
+use crate::study::file::{corners, read_record};
 use crate::study::metric::{self, METRICS};
 use crate::study::simulate::Record;
 use crate::study::varied_case::VariedCase;
@@ -19,20 +22,11 @@ use crate::study::varied_case::VariedCase;
 /// Evaluations for each variable, unless the file states their number.
 const EVALUATIONS_PER_VARIABLE: u64 = 2_000;
 
-/// Tolerance of a variable as a share of its value, unless the file states one.
-pub const TOLERANCE: f64 = 1e-3;
+/// Evaluations for each variable where each is one of several cases, unless the file states their number.
+const EVALUATIONS_OF_SEVERAL: u64 = 500;
 
-/// Most variables.
+/// Most variables, and most uncertain keys.
 const MAX_VARIABLES: usize = 12;
-
-/// Several starts of the particle at each point.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Starts {
-    /// Places of the particle at the start as shares of the clearance from the centre, −1 to 1.
-    pub shares: Vec<f64>,
-    /// The quantile over them that is optimised: 0 is the smallest value, 1 the largest.
-    pub quantile: f64,
-}
 
 /// What a constraint asks of its metric.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,20 +60,22 @@ pub struct Optimisation {
     pub case_path: PathBuf,
     /// Text of the case.
     pub case_text: String,
-    /// The variables, then the axes of the band, each in the order of the file.
+    /// The variables, then what is uncertain, then the axes of the band, each in the order of the file.
     pub axes: Vec<Axis>,
-    /// Number of variables.
-    pub variables: usize,
-    /// How closely each variable can be set, in the key's unit, where the file says so.
-    pub tolerances: Vec<Option<f64>>,
+    /// What the variables can be made as.
+    pub variables: Vec<Variable>,
+    /// What is uncertain.
+    pub uncertain: Vec<Uncertain>,
     /// The band as the objective is reduced over it,
     pub reduced_band: Band,
     /// and as a constraint is judged over it.
     pub constraint_band: Band,
     /// What is counted; as the case's `run` says without one.
     pub record: Option<Record>,
-    /// Several starts, if any.
-    pub starts: Option<Starts>,
+    /// Places of the particle at the start as shares of the clearance from the centre, −1 to 1; none for the case's own start.
+    pub starts: Option<Vec<f64>>,
+    /// What counts of starts, tolerances and uncertain values.
+    pub over: Over,
     /// The objective.
     pub objective: Quantity,
     /// The largest value is the best.
@@ -90,6 +86,8 @@ pub struct Optimisation {
     pub evaluations: u64,
     /// Of the random numbers.
     pub seed: u64,
+    /// Other dampers under the same rules.
+    pub alternatives: Vec<Self>,
     /// The files that the case names, each read once.
     files: Arc<Files>,
     pub(super) direct: Direct,
@@ -146,19 +144,42 @@ impl Optimisation {
             read.ok_or_else(|| Refusal(format!("{}: the optimisation could not be read", path.display())))?;
         read.check(source)?;
         read.direct = Direct::of(&read);
+        for alternative in &mut read.alternatives {
+            alternative.adapt();
+            alternative.check(source)?;
+            alternative.direct = Direct::of(alternative);
+        }
         Ok(read)
     }
 
-    /// The variables.
+    /// The axes of the variables.
     #[must_use]
-    pub fn variables(&self) -> &[Axis] {
-        &self.axes[..self.variables]
+    pub fn variable_axes(&self) -> &[Axis] {
+        &self.axes[..self.variables.len()]
+    }
+
+    /// The axes of what is uncertain.
+    #[must_use]
+    pub fn uncertain_axes(&self) -> &[Axis] {
+        &self.axes[self.variables.len()..self.set()]
+    }
+
+    /// Number of the variables and of what is uncertain.
+    #[must_use]
+    pub fn set(&self) -> usize {
+        self.variables.len() + self.uncertain.len()
     }
 
     /// The axes of the band.
     #[must_use]
     pub fn band(&self) -> &[Axis] {
-        &self.axes[self.variables..]
+        &self.axes[self.set()..]
+    }
+
+    /// Whether the objective counts over tolerances or uncertain values.
+    #[must_use]
+    pub fn is_robust(&self) -> bool {
+        !self.uncertain.is_empty() || self.variables.iter().any(|variable| variable.stated.is_some())
     }
 
     /// Points of the band.
@@ -176,7 +197,7 @@ impl Optimisation {
     /// Simulations of a point.
     #[must_use]
     pub fn simulations_per_point(&self) -> usize {
-        self.band_points() * self.starts.as_ref().map_or(1, |starts| starts.shares.len())
+        self.band_points() * self.starts.as_ref().map_or(1, Vec::len)
     }
 
     /// The case with values of the variables and of the band's axes.
@@ -204,26 +225,23 @@ impl Optimisation {
         refined.is_some_and(|reduction| self.is_maximum == (reduction != Reduction::Minimum))
     }
 
-    /// The least and the largest value of a variable.
-    #[must_use]
-    pub fn range(&self, variable: usize) -> (f64, f64) {
-        match self.axes[variable].values {
-            Values::Drawn { from, to, .. } => (from, to),
-            _ => (f64::NEG_INFINITY, f64::INFINITY),
-        }
-    }
-
-    /// How far from this value a variable may be mounted, to either side, in the key's unit.
-    #[must_use]
-    pub fn tolerance(&self, variable: usize, value: f64) -> f64 {
-        let (from, to) = self.range(variable);
-        self.tolerances[variable].unwrap_or(TOLERANCE * if value == 0.0 { to - from } else { value.abs() })
-    }
-
     /// Whether `new` is a better value of the objective than `old`.
     #[must_use]
     pub fn is_better(&self, new: f64, old: f64) -> bool {
         if self.is_maximum { new > old } else { new < old }
+    }
+
+    /// Leaves out what a damper without a particle has not: starts, and constraints on impacts and the forces of contacts, which it
+    /// keeps.
+    fn adapt(&mut self) {
+        let first: Vec<Value> = self.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
+        let Ok(case) = self.varied_case().with(&first) else { return };
+        if !case.has_impacts() {
+            self.constraints.retain(|constraint| !metric::needs_impacts(constraint.metric));
+        }
+        if !case.has_particle() {
+            self.starts = None;
+        }
     }
 
     fn check(&self, source: &Source) -> Result<(), Refusal> {
@@ -232,6 +250,7 @@ impl Optimisation {
             self.check_case(&case, &corner)?;
             self.check_metrics(source, &case)?;
         }
+        self.check_tolerances(source)?;
         // The values of an axis between its ends, with the variables at their first ends.
         let first: Vec<Value> = self.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
         for (place, axis) in self.axes.iter().enumerate() {
@@ -244,12 +263,37 @@ impl Optimisation {
         Ok(())
     }
 
+    /// Checks the case at the ends of the tolerances that the file states, which may lie outside the ranges.
+    fn check_tolerances(&self, source: &Source) -> Result<(), Refusal> {
+        let first: Vec<Value> = self.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
+        for (place, variable) in self.variables.iter().enumerate().filter(|(_, variable)| variable.stated.is_some()) {
+            for (end, side) in [(variable.range.0, -1.0), (variable.range.1, 1.0)] {
+                let made = end + side * variable.tolerance(end);
+                let mut values = first.clone();
+                values[place] = Value::Number(made);
+                let Err(refusal) = self.varied_case().with(&values) else { continue };
+                let key = &self.axes[place].key;
+                let why = refusal.to_string();
+                let why = why.lines().next().unwrap_or_default();
+                source.report(Problem {
+                    title: format!("the tolerance of `{key}` reaches {made}"),
+                    span: self.axes[place].value_spans[usize::from(side > 0.0)].clone(),
+                    allowed: format!("the case refuses that: {why}"),
+                    help: Some("narrow the range, or the tolerance".into()),
+                });
+            }
+        }
+        source.verdict()
+    }
+
     fn check_case(&self, case: &Case, values: &[Value]) -> Result<(), Refusal> {
         let path = self.case_path.display();
         let text = (&*path.to_string(), self.case_text.as_str());
         case.refuse_other_engines(text, &self.varied_case().set_values(values), "an optimisation", true)?;
         if self.starts.is_some() && !case.has_particle() {
-            return Err(Refusal(format!("[ensemble] is for a particle, and {path} has none\n  leave it out")));
+            return Err(Refusal(format!(
+                "`starts` of [ensemble] are those of a particle, and {path} has none\n  leave it out"
+            )));
         }
         if self.record.is_some() && case.record.is_some() {
             let why = format!("[record] counts cycles, and the base of {path} follows a record");
@@ -277,68 +321,123 @@ impl Optimisation {
 
 fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Optimisation> {
     let name = root.text_of(&keys::NAME).map_or_else(|| default_name(path), |text| text.value);
-    let case = root.text_of(&keys::CASE).and_then(|case| read_case(root, path, &case, given));
+    let case = read_case(root, &keys::CASE, path, given, None);
     let objective = root.word(&keys::OBJECTIVE).map(|place| METRICS[place]);
     let goal = root.word(&keys::GOAL);
     let (evaluations, seed) = (root.scalar(&keys::EVALUATIONS), root.scalar(&keys::SEED));
-    let variables: Vec<Option<(Axis, Option<f64>)>> =
-        root.tables_of(&keys::VARIABLE).iter().map(read_variable).collect();
+    let set = read_set(root, &keys::VARIABLE, &keys::UNCERTAIN);
     let band: Vec<Option<Axis>> = root.tables_of(&keys::AXIS).iter().map(read_axis).collect();
     let constraints: Vec<_> = root.tables_of(&keys::CONSTRAINT).iter().map(read_constraint).collect();
     let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
-    let is_maximum = goal? == 1;
-    let starts = root.table_of(&keys::ENSEMBLE, None).map(|s| read_starts(&s, is_maximum));
-    let (mut axes, tolerances): (Vec<Axis>, Vec<_>) =
-        variables.into_iter().collect::<Option<Vec<_>>>()?.into_iter().unzip();
-    let variables = axes.len();
+    let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| read_ensemble(&s));
+    let alternatives: Vec<_> = root
+        .tables_of(&keys::ALTERNATIVE)
+        .iter()
+        .map(|s| read_alternative(s, path, case.as_ref().map(|(_, text)| text.as_str())))
+        .collect();
     let band = band.into_iter().collect::<Option<Vec<Axis>>>()?;
-    axes.extend(band.iter().cloned());
-    check_axes(root, &axes, variables)?;
+    let set = set?;
+    check_variables(root, &set)?;
+    let (starts, over) = ensemble.unwrap_or(Some((None, Over::Worst)))?;
+    let (record, objective, goal, seed) = (record.unwrap_or(Some(None))?, objective?, goal?, seed?);
+    let constraints = constraints.into_iter().collect::<Option<Vec<Constraint>>>()?;
     let (case_path, case_text) = case?;
-    Some(Optimisation {
-        name,
-        text: root.source().text().to_string(),
-        case_path,
-        case_text,
-        axes,
-        variables,
-        tolerances,
-        constraint_band: Band::of_largest(&band),
-        reduced_band: Band::of(band),
-        record: record.unwrap_or(Some(None))?,
-        starts: starts.unwrap_or(Some(None))?,
-        objective: objective?,
-        is_maximum,
-        constraints: constraints.into_iter().collect::<Option<Vec<_>>>()?,
-        evaluations: evaluations.map_or(EVALUATIONS_PER_VARIABLE * variables as u64, |count| count as u64),
-        seed: seed? as u64,
-        files: Arc::default(),
-        direct: Direct::default(),
+    let optimisation = |section: &Section, name: String, case_path, case_text, set: Set| {
+        let (mut axes, variables): (Vec<Axis>, Vec<_>) = set.variables.into_iter().unzip();
+        let (uncertain_axes, uncertain): (Vec<Axis>, Vec<_>) = set.uncertain.into_iter().unzip();
+        axes.extend(uncertain_axes);
+        axes.extend(band.iter().cloned());
+        check_axes(section, &axes, variables.len() + uncertain.len())?;
+        let is_robust = !uncertain.is_empty() || variables.iter().any(|variable| variable.stated.is_some());
+        let each = if is_robust { EVALUATIONS_OF_SEVERAL } else { EVALUATIONS_PER_VARIABLE };
+        Some(Optimisation {
+            name,
+            text: root.source().text().to_string(),
+            case_path,
+            case_text,
+            axes,
+            evaluations: evaluations.map_or(each * variables.len().max(1) as u64, |count| count as u64),
+            variables,
+            uncertain,
+            constraint_band: Band::of_largest(&band),
+            reduced_band: Band::of(band.clone()),
+            record,
+            starts: starts.clone(),
+            over,
+            objective,
+            is_maximum: goal == 1,
+            constraints: constraints.clone(),
+            seed: seed as u64,
+            alternatives: Vec::new(),
+            files: Arc::default(),
+            direct: Direct::default(),
+        })
+    };
+    let mut read = optimisation(root, name, case_path, case_text, set)?;
+    for alternative in alternatives {
+        let Alternative { name, case: (path, text), set } = alternative?;
+        read.alternatives.push(optimisation(root, name, path, text, set)?);
+    }
+    Some(read)
+}
+
+/// What is set: variables and uncertain keys with their axes.
+struct Set {
+    variables: Vec<(Axis, Variable)>,
+    uncertain: Vec<(Axis, Uncertain)>,
+}
+
+fn read_set(s: &Section, variables: &input::key::Quantity, uncertain: &input::key::Quantity) -> Option<Set> {
+    let variables: Vec<_> = s.tables_of(variables).iter().map(variable::read).collect();
+    let uncertain: Vec<_> = s.tables_of(uncertain).iter().map(variable::read_uncertain).collect();
+    Some(Set {
+        variables: variables.into_iter().collect::<Option<_>>()?,
+        uncertain: uncertain.into_iter().collect::<Option<_>>()?,
     })
 }
 
-/// A variable and its tolerance.
-fn read_variable(s: &Section) -> Option<(Axis, Option<f64>)> {
-    let key = s.text_of(&variable::KEY);
-    let tolerance = s.is_given(&variable::TOLERANCE).then(|| s.scalar(&variable::TOLERANCE));
-    let (from, to) = (s.placed(&variable::FROM), s.placed(&variable::TO));
-    let is_log = s.word(&variable::SCALE) == Some(1);
+/// A path and a text of a case.
+type CaseText = (PathBuf, String);
+
+/// Another damper.
+struct Alternative {
+    name: String,
+    case: CaseText,
+    set: Set,
+}
+
+/// An alternative to a case of this text.
+fn read_alternative(s: &Section, path: &Path, own: Option<&str>) -> Option<Alternative> {
+    let name = s.text_of(&alternative::NAME);
+    let case = read_case(s, &alternative::CASE, path, None, own);
+    let set = read_set(s, &alternative::VARIABLE, &alternative::UNCERTAIN);
     s.finish();
-    let key = axis::checked_key(s, key?)?;
-    let (from, to) = (from?, to?);
-    axis::checked_range(s, &from, &to, is_log, "leave the variable out, and state it in the case")?;
-    let values = Values::Drawn { from: from.value, to: to.value, is_log };
-    let tolerance = match tolerance {
-        Some(tolerance) => Some(tolerance?),
-        None => None,
-    };
-    if tolerance.is_some_and(|tolerance| tolerance >= to.value - from.value) {
-        let allowed = format!("must be below the range, {}", to.value - from.value);
-        s.reject(variable::TOLERANCE.name(), allowed, Some("it is in the unit of the key, not in %".into()));
-        return None;
+    Some(Alternative { name: name?.value, case: case?, set: set? })
+}
+
+/// The tables of a case that are dampers.
+const DAMPERS: [&str; 4] = ["particle", "friction_damper", "tmd", "many_particles"];
+
+/// The case: `given`, the file that is named, or the tables under the key; these take the place of those of `own` and of its dampers.
+fn read_case(
+    s: &Section,
+    key: &input::key::Quantity,
+    path: &Path,
+    given: Option<&Source>,
+    own: Option<&str>,
+) -> Option<CaseText> {
+    match s.given(key)?.1 {
+        Given::Text(text) => crate::study::file::read_case(s, path, &text, given),
+        Given::Table(section) => {
+            let mut case: toml::Table = own.and_then(|own| toml::from_str(own).ok()).unwrap_or_default();
+            DAMPERS.iter().for_each(|damper| drop(case.remove(*damper)));
+            case.extend(section.as_toml());
+            // Beside the file, as the files that the case names are.
+            let name = format!("{} [{}]", path.file_name().unwrap_or_default().display(), s.full(key.name()));
+            Some((path.with_file_name(name), case.to_string()))
+        }
+        _ => None,
     }
-    let value_spans = vec![from.span, to.span];
-    Some((Axis { key: key.value, values, is_log, reduce: None, span: key.span, value_spans }, tolerance))
 }
 
 fn read_axis(s: &Section) -> Option<Axis> {
@@ -360,21 +459,23 @@ fn read_constraint(s: &Section) -> Option<Constraint> {
     Some(Constraint { metric: METRICS[metric?], limit, span: s.span_of(constraint::METRIC.name()) })
 }
 
-fn read_starts(s: &Section, is_maximum: bool) -> Option<Option<Starts>> {
-    let count = s.scalar(&ensemble::STARTS);
-    let quantile = match s.written(&ensemble::OVER).map(|key| key.name) {
-        None => Some(if is_maximum { 0.0 } else { 1.0 }),
-        Some("over_starts") => s.word(&ensemble::OVER).map(|place| [1.0, 0.5, 0.0][place]),
-        Some(_) => s.scalar(&ensemble::OVER),
-    };
+/// The starts and what counts.
+fn read_ensemble(s: &Section) -> Option<(Option<Vec<f64>>, Over)> {
+    let count = s.is_given(&ensemble::STARTS).then(|| s.scalar(&ensemble::STARTS));
+    let over = s.word(&ensemble::OVER).map(|place| Over::ALL[place]);
     s.finish();
-    let last = count? - 1.0;
-    let shares = (0..=last as usize).map(|n| 2.0 * (n as f64 / last) - 1.0).collect();
-    Some(Some(Starts { shares, quantile: quantile? }))
+    let starts = match count {
+        Some(count) => {
+            let last = count? - 1.0;
+            Some((0..=last as usize).map(|n| 2.0 * (n as f64 / last) - 1.0).collect())
+        }
+        None => None,
+    };
+    Some((starts, over?))
 }
 
-fn check_axes(root: &Section, axes: &[Axis], variables: usize) -> Option<()> {
-    if variables == 0 {
+fn check_variables(root: &Section, set: &Set) -> Option<()> {
+    if set.variables.is_empty() {
         root.source().report(Problem {
             title: "`variable` is missing".into(),
             span: root.span(),
@@ -383,17 +484,23 @@ fn check_axes(root: &Section, axes: &[Axis], variables: usize) -> Option<()> {
         });
         return None;
     }
-    if variables > MAX_VARIABLES {
-        root.reject(keys::VARIABLE.name(), format!("at most {MAX_VARIABLES} variables can be searched"), None);
-        return None;
+    for (count, quantity) in [(set.variables.len(), &keys::VARIABLE), (set.uncertain.len(), &keys::UNCERTAIN)] {
+        if count > MAX_VARIABLES {
+            root.reject(quantity.name(), format!("has {count} tables; at most {MAX_VARIABLES} are possible"), None);
+            return None;
+        }
     }
+    Some(())
+}
+
+fn check_axes(root: &Section, axes: &[Axis], set: usize) -> Option<()> {
     for (place, axis) in axes.iter().enumerate() {
         if axes[..place].iter().any(|other| other.key == axis.key) {
             root.refuse("key", &axis.span, "is varied twice", Some("leave one of the two tables out".into()));
             return None;
         }
     }
-    let points = axes[variables..].iter().try_fold(1usize, |points, axis| points.checked_mul(axis.count()));
+    let points = axes[set..].iter().try_fold(1usize, |points, axis| points.checked_mul(axis.count()));
     if points.is_none_or(|points| points > 1_000_000) {
         root.reject(keys::AXIS.name(), "has more than a million points", None);
         return None;

@@ -2,12 +2,12 @@
 
 use crate::input::key::DefaultValue::{Number, Word};
 use crate::input::key::Need::{Default, Optional, Required};
-use crate::input::key::Range::{Any, Between, Positive, Whole};
+use crate::input::key::Range::{Any, Inside, Positive, Whole};
 use crate::input::key::{Kind, MAX_WHOLE, Quantity, Table, key, number, tables, word};
 use crate::study::metric::METRIC_NAMES;
 
-/// Words for the value over several starts, from the largest value to the smallest.
-pub(super) const OVER_STARTS: &[&str] = &["maximum", "median", "minimum"];
+/// Words for the value that is taken over everything that is not certain, in the order of [`super::over::Over::ALL`].
+pub(super) const OVER_WORDS: &[&str] = &["worst", "q95", "median", "mean"];
 
 tables! {
     "All tables of an optimisation other than its axes and its record, which are those of a study."
@@ -15,28 +15,52 @@ tables! {
     "The top level of an optimisation."
     optimisation("") {
         NAME: Optional, [key("name", Kind::Text, "name of the optimisation; the file name when left out")];
-        CASE: Required, [key("case", Kind::Text, "the case that the optimisation varies; relative to this file")];
+        CASE: Required, [key("case", Kind::TextOrCase, "the case that the optimisation varies: its file, relative to this one, or its tables here ([case.structure] and so on)")];
         OBJECTIVE: Required, [word("objective", METRIC_NAMES, "the metric that is to be best; docs/STUDIES.md has their meanings")];
         GOAL: Default(Word("minimum")), [word("goal", &["minimum", "maximum"], "whether the smallest or the largest value of the objective is the best")];
         EVALUATIONS: Optional, [number("evaluations", Whole(100.0, 1e8), "most points that are evaluated; default: 2000 for each variable")];
         SEED: Default(Number(1.0)), [number("seed", Whole(0.0, MAX_WHOLE), "of the search's random numbers")];
         VARIABLE: Required, [key("variable", Kind::Tables, "what is looked for, a table for each key of the case")];
+        UNCERTAIN: Optional, [key("uncertain", Kind::Tables, "what is not known, a table for each key of the case")];
+        ALTERNATIVE: Optional, [key("alternative", Kind::Tables, "other dampers, each optimised under the same rules")];
         AXIS: Optional, [key("axis", Kind::Tables, "the band that each point is judged over: an axis of a study with `reduce`")];
-        CONSTRAINT: Optional, [key("constraint", Kind::Tables, "what must hold at every point of the band and from every start")];
+        CONSTRAINT: Optional, [key("constraint", Kind::Tables, "what must hold at every point of the band, from every start, within all tolerances and for all uncertain values")];
         RECORD: Optional, [key("record", Kind::Table, "what is counted of each simulation, as in a study; default: as the case's `run` says")];
-        ENSEMBLE: Optional, [key("ensemble", Kind::Table, "several starts of the particle at each point")];
+        ENSEMBLE: Optional, [key("ensemble", Kind::Table, "what counts of starts, tolerances and uncertain values")];
     }
 
-    "A variable: one key of the case and its range."
+    "A variable: one key of the case and its range, or the values that there are."
     variable("variable") {
         KEY: Required, [key("key", Kind::Text, "the key with its tables, as in the case: particle.clearance_ratio")];
-        FROM: Required, [number("from", Any, "least value")];
-        TO: Required, [number("to", Any, "largest value; greater than `from`")];
-        TOLERANCE: Optional, [number("tolerance", Positive, "how far from the wanted value the mounted one may be, to either side, in the key's unit; default: 0.1 % of the value (of the range where the value is 0)")];
+        FROM: Optional, [number("from", Any, "least value")];
+        TO: Optional, [number("to", Any, "largest value; greater than `from`")];
+        VALUES: Optional, [key("values", Kind::Numbers(Any), "the values that there are (a catalogue), in place of a range")];
+        STEP: Optional, [number("step", Positive, "the values that can be made are `from` and whole steps from it, in the key's unit")];
+        TOLERANCE: Optional, [
+            number("tolerance", Positive, "how far from the wanted value the made one may be, to either side, in the key's unit; the objective counts within it. Left out: the wanted value counts, and the answer says what 0.1 % of it (of the range where it is 0) does"),
+            number("relative_tolerance", Inside(0.0, 1.0), "the same as a share of the wanted value"),
+        ];
         SCALE: Default(Word("linear")), [word("scale", &["linear", "log"], "whether the search is even in the value or in its logarithm")];
     }
 
-    "A constraint on a metric, at every point of the band and from every start."
+    "A key of the case that nobody knows exactly or that changes in use: the objective counts over its values."
+    uncertain("uncertain") {
+        KEY: Required, [key("key", Kind::Text, "the key with its tables, as in the case: particle.wall.coefficient")];
+        FROM: Optional, [number("from", Any, "least value; between it and `to` all are as likely")];
+        TO: Optional, [number("to", Any, "largest value; greater than `from`")];
+        SCALE: Default(Word("linear")), [word("scale", &["linear", "log"], "whether the value or its logarithm is as likely everywhere")];
+        VALUES: Optional, [key("values", Kind::Numbers(Any), "values that are as likely as each other, in place of a range; the middle one is that of the answer's small changes")];
+    }
+
+    "Another damper that is optimised over the same band, with the same objective and record; a constraint on impacts or contact forces is kept where nothing strikes."
+    alternative("alternative") {
+        NAME: Required, [key("name", Kind::Text, "name of the alternative")];
+        CASE: Required, [key("case", Kind::TextOrCase, "its case: a file, or tables that take the place of the case's own and of all its dampers: case = { friction_damper = { force_n = 5 } }")];
+        VARIABLE: Optional, [key("variable", Kind::Tables, "as [[variable]]; none: the case as it is")];
+        UNCERTAIN: Optional, [key("uncertain", Kind::Tables, "as [[uncertain]]")];
+    }
+
+    "A constraint on a metric, at every point of the band, from every start, within all tolerances and for all uncertain values."
     constraint("constraint") {
         METRIC: Required, [word("metric", METRIC_NAMES, "the metric; docs/STUDIES.md has their meanings")];
         LIMIT: Required, [
@@ -46,12 +70,9 @@ tables! {
         ];
     }
 
-    "Several starts of the particle at each point of an optimisation."
+    "What counts of everything that is not certain: starts, tolerances and uncertain values."
     ensemble("ensemble") {
-        STARTS: Required, [number("starts", Whole(2.0, 10_000.0), "number of starts, evenly spread from one wall to the other")];
-        OVER: Optional, [
-            word("over_starts", OVER_STARTS, "the value over the starts that is optimised; default: the worst, so \"maximum\" for goal = \"minimum\""),
-            number("over_starts_quantile", Between(0.0, 1.0), "the quantile over the starts that is optimised"),
-        ];
+        STARTS: Optional, [number("starts", Whole(2.0, 10_000.0), "number of starts of the particle at each point, evenly spread from one wall to the other; left out: the case's own")];
+        OVER: Default(Word("worst")), [word("over", OVER_WORDS, "the value over all of them that is optimised: the worst, that which 95 % are as good as, the median or the mean")];
     }
 }

@@ -1,16 +1,16 @@
-//! Finds the best values that a person can set: rounded to digits within their tolerances, and judged by the worst that the tolerances
-//! make of them.
+//! Finds the best values that can be made, judged by what tolerances and uncertain values make of them.
 //!
 //! An impact damper's optimum often lies on the edge of a jump. The search finds the edge; here the place is moved away from it as far as
 //! the tolerances ask for.
 
-use std::collections::BTreeSet;
-
 use rayon::prelude::*;
 
-use super::evaluate::{Care, Evaluated, GoOn, at_values};
+use super::evaluate::{Care, Evaluated, GoOn, Known, at_values, together};
 use super::file::Optimisation;
-use super::search::{APART, Found, PLACES, best_places};
+use super::over::Over;
+use super::scenarios::{self, Scenario, Scenarios};
+use super::search::{self, APART, Found, PLACES, Stage, best_places};
+use super::variable::Variable;
 use crate::study::band::Effort;
 use crate::study::simulate::Halt;
 
@@ -32,20 +32,28 @@ const SCANNED: usize = 2;
 /// Number and distance of the places that are scanned if none of those keeps the constraints.
 const FURTHER: (usize, f64) = (64, 0.01);
 
-/// Places within the tolerance of each variable alone, to either side, as shares of it. The least one shows a motion that is chaotic.
-const WITHIN: [f64; 3] = [1.0, 0.5, 0.01];
+/// Places that are verified with many scenarios, one after the other until no other can be better; where the objective is not that of
+/// the worst scenario, no scenario shows that.
+const VERIFIED: [usize; 2] = [64, 3];
 
-/// Most variables whose tolerances are combined; of more, each counts alone.
-const COMBINED: usize = 4;
+/// Places of them whose every scenario is evaluated, about: neighbours share scenarios, and a place that is worse ends early.
+const ABOUT_VERIFIED: u64 = 2;
 
-/// Values that can be set.
+/// Scenarios that are evaluated side by side.
+const TOGETHER: usize = 64;
+
+/// The worst of many scenarios from which worse ones are looked for, and rounds of that, each with half the steps of the one before.
+const WORST: usize = 4;
+const ROUNDS: usize = 4;
+
+/// Values that can be made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
-    /// What they give.
+    /// What they give as they are wanted.
     pub at: Evaluated,
-    /// The worst of them and of some values within their tolerances: the end, the middle and a hundredth of each variable's alone, to
-    /// either side, and the corners of all together for up to four variables.
-    pub worst: Evaluated,
+    /// The worst of that and of scenarios within tolerances that no file states; or what the scenarios give together over which the
+    /// objective counts.
+    pub over: Evaluated,
 }
 
 /// A number of points: the most, and about how many.
@@ -56,11 +64,21 @@ pub(super) struct Points {
 
 /// Points that [`best`] evaluates around the peaks of their grid, and with a scan.
 pub(super) fn points(optimisation: &Optimisation) -> (Points, Points) {
-    let variables = optimisation.variables;
-    let corners = if (2..=COMBINED).contains(&variables) { 1 << variables } else { 0 };
-    // A setting and what is within its tolerances.
-    let setting = (1 + 2 * WITHIN.len() * variables + corners) as u64;
-    let moves = (MOVED * TRIES.next_multiple_of(2 * variables)) as u64;
+    let variables = optimisation.variables.len();
+    if optimisation.is_robust() {
+        let is_made = search::points_that_can_be_made(optimisation).is_some();
+        let compared = if is_made { 0 } else { MOVED * TRIES.next_multiple_of(2 * variables.max(1)) + PLACES };
+        let compared = compared as u64 * scenarios::compared(optimisation).len() as u64;
+        let all = Scenarios::of(optimisation).many.len() + ROUNDS * WORST * 2 * scenarios::steps(optimisation).len();
+        let places = VERIFIED[usize::from(optimisation.over != Over::Worst)] as u64;
+        let most = compared + places * all as u64;
+        let about = (WHOLE_MOVES * compared as f64) as u64 + ABOUT_VERIFIED * all as u64;
+        let scanned = places * WORST as u64 + 1;
+        return (Points { most, about }, Points { most: scanned, about: ABOUT_VERIFIED * WORST as u64 + 1 });
+    }
+    // A setting and its scenarios.
+    let setting = 1 + scenarios::compared(optimisation).len() as u64;
+    let moves = (MOVED * TRIES.next_multiple_of(2 * variables.max(1))) as u64;
     let first = PLACES as u64 * setting;
     let tried =
         Points { most: first + moves * setting, about: first + (WHOLE_MOVES * (moves * setting) as f64) as u64 };
@@ -74,12 +92,15 @@ pub(super) fn points(optimisation: &Optimisation) -> (Points, Points) {
     (tried, Points { most: settings + further as u64, about: settings })
 }
 
-/// The best values that can be set, near the best places of a search.
+/// The best values that can be made, near the best places of a search.
 ///
 /// # Errors
 /// The refusal of a case that the values make, or that `go_on` said no.
 pub fn best(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<Option<Setting>, Halt> {
-    let mounting = Mounting { optimisation, go_on };
+    let mounting = Mounting { optimisation, scenarios: scenarios::compared(optimisation), go_on };
+    if optimisation.is_robust() {
+        return mounting.verified_best(found);
+    }
     let mut settings: Vec<Setting> = Vec::new();
     for place in best_places(&found.points, optimisation.is_maximum, (PLACES, APART)) {
         settings.extend(mounting.setting(&place.values, Effort::Peaks, None)?);
@@ -102,7 +123,7 @@ pub fn best(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<O
     if best.as_ref().is_some_and(|best| !best.at.is_feasible()) {
         // The constraints are not kept between the frequencies: other places of the search may keep them.
         let places = best_places(&found.points, optimisation.is_maximum, FURTHER);
-        let scanned = |place: Evaluated| mounting.rounded(&place.values, Effort::Scan);
+        let scanned = |place: Evaluated| mounting.made(&place.values, Effort::Scan);
         let scanned: Vec<Evaluated> = places.into_par_iter().map(scanned).collect::<Result<_, Halt>>()?;
         let cheapest = scanned.iter().min_by(|a, b| mounting.cost(a).total_cmp(&mounting.cost(b)));
         if let Some(place) = cheapest {
@@ -114,30 +135,152 @@ pub fn best(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<O
 
 struct Mounting<'a> {
     optimisation: &'a Optimisation,
+    /// Those by which settings are compared.
+    scenarios: Vec<Scenario>,
     go_on: GoOn<'a>,
 }
 
 impl Mounting<'_> {
-    /// What these values give, rounded.
-    fn rounded(&self, values: &[f64], effort: Effort) -> Result<Evaluated, Halt> {
-        let rounded = |(variable, value): (usize, &f64)| rounded(self.optimisation, variable, *value);
-        let values = values.iter().enumerate().map(rounded).collect();
+    /// What the nearest values that can be made give.
+    fn made(&self, values: &[f64], effort: Effort) -> Result<Evaluated, Halt> {
+        let made = |(variable, value): (&Variable, &f64)| variable.made(*value);
+        let made: Vec<f64> = self.optimisation.variables.iter().zip(values).map(made).collect();
+        let values = scenarios::values(self.optimisation, &made, &scenarios::wanted(self.optimisation));
         at_values(self.optimisation, values, Care::of(effort), self.go_on)
     }
 
-    /// These values, rounded; `None` if they are no better than `bar` already without their tolerances.
+    /// The nearest values that can be made; `None` if they are no better than `bar` already as they are wanted.
     fn setting(&self, values: &[f64], effort: Effort, bar: Option<&Setting>) -> Result<Option<Setting>, Halt> {
-        let at = self.rounded(values, effort)?;
-        let alone = Setting { worst: at.clone(), at };
-        if bar.is_some_and(|bar| !self.is_better(&alone, bar)) {
+        let at = self.made(values, effort)?;
+        let alone = Setting { over: at.clone(), at };
+        let is_worst = self.optimisation.over == Over::Worst || !self.optimisation.is_robust();
+        if is_worst && bar.is_some_and(|bar| !self.is_better(&alone, bar)) {
             return Ok(None);
         }
-        let at = |values| at_values(self.optimisation, values, Care::of(effort), self.go_on);
-        let others: Vec<Evaluated> =
-            within(self.optimisation, &alone.at.values).into_par_iter().map(at).collect::<Result<_, Halt>>()?;
-        let worse = |a: Evaluated, b: Evaluated| if self.cost(&b) > self.cost(&a) { b } else { a };
-        let setting = Setting { worst: others.into_iter().fold(alone.worst, worse), at: alone.at };
+        let at = |scenario: &Scenario| {
+            let values = scenarios::values(self.optimisation, &alone.at.values, scenario);
+            at_values(self.optimisation, values, Care::of(effort), self.go_on)
+        };
+        let others: Vec<Evaluated> = self.scenarios.par_iter().map(at).collect::<Result<_, Halt>>()?;
+        let over = if self.optimisation.is_robust() {
+            let with: Vec<&Evaluated> = others.iter().chain(is_worst.then_some(&alone.at)).collect();
+            together(self.optimisation, alone.at.values.clone(), &with)
+        } else {
+            let worse = |a: Evaluated, b: Evaluated| if self.cost(&b) > self.cost(&a) { b } else { a };
+            others.into_iter().fold(alone.over, worse)
+        };
+        let setting = Setting { over, at: alone.at };
         Ok(Some(setting).filter(|setting| bar.is_none_or(|bar| self.is_better(setting, bar))))
+    }
+
+    /// The best of the values that can be made, with the objective over many more scenarios than the search had.
+    fn verified_best(&self, found: &Found) -> Result<Option<Setting>, Halt> {
+        let optimisation = self.optimisation;
+        let is_worst = optimisation.over == Over::Worst;
+        let is_made = found.points.first().is_some_and(|(stage, _)| *stage == Stage::All);
+        let mut places: Vec<Evaluated> = if is_made {
+            found.points.iter().map(|(_, point)| point.clone()).collect()
+        } else {
+            let mut settings: Vec<Setting> = Vec::new();
+            for place in best_places(&found.points, optimisation.is_maximum, (PLACES, APART)) {
+                settings.extend(self.setting(&place.values, Effort::Peaks, None)?);
+            }
+            self.sort(&mut settings);
+            for setting in settings.clone().into_iter().take(MOVED) {
+                settings.push(self.moved(setting)?);
+            }
+            settings.into_iter().map(|setting| setting.over).collect()
+        };
+        places.sort_by(|a, b| self.cost(a).total_cmp(&self.cost(b)));
+        places.dedup_by(|a, b| a.values == b.values);
+        let all = Scenarios::of(optimisation);
+        let mut known = Known::none(optimisation, Effort::Peaks, self.go_on);
+        let mut best: Option<Setting> = None;
+        for place in places.iter().take(VERIFIED[usize::from(!is_worst)]) {
+            let bar = best.as_ref().map_or(f64::INFINITY, |best| self.cost(&best.over));
+            if is_worst && self.cost(place) >= bar {
+                break;
+            }
+            let verified = self.verified(place, &all, &mut known, if is_worst { bar } else { f64::INFINITY })?;
+            if let Some(over) = verified.filter(|over| self.cost(over) < bar) {
+                best = Some(Setting { at: over.clone(), over });
+            }
+        }
+        if let Some(best) = &mut best {
+            best.at = at_values(optimisation, best.over.values.clone(), Care::of(Effort::Scan), self.go_on)?;
+        }
+        Ok(best)
+    }
+
+    /// The objective of wanted values over many scenarios; `None` as soon as it is worse than `bar`. For the worst, worse scenarios are
+    /// looked for near the worst ones, and the band of these is scanned.
+    fn verified(
+        &self,
+        place: &Evaluated,
+        all: &Scenarios,
+        known: &mut Known,
+        bar: f64,
+    ) -> Result<Option<Evaluated>, Halt> {
+        let optimisation = self.optimisation;
+        let values = |scenario: &Scenario| scenarios::values(optimisation, &place.values, scenario);
+        let mut tried: Vec<(Scenario, Evaluated)> = Vec::new();
+        // Those near the worst known one come first: they show soonest that a place is worse than another.
+        let scale: Vec<f64> = all.many.iter().map(&values).fold(vec![0.0; place.values.len()], |scale, values| {
+            let off = |(scale, (value, there)): (f64, (&f64, &f64))| f64::max(scale, (value - there).abs());
+            scale.into_iter().zip(values.iter().zip(&place.there)).map(off).collect()
+        });
+        let distance = |scenario: &Scenario| -> f64 {
+            let values = values(scenario);
+            let off =
+                |((value, there), scale): ((&f64, &f64), &f64)| ((value - there) / scale.max(f64::MIN_POSITIVE)).abs();
+            values.iter().zip(&place.there).zip(&scale).map(off).sum()
+        };
+        let mut order: Vec<(f64, &Scenario)> = all.many.iter().map(|scenario| (distance(scenario), scenario)).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let order: Vec<Scenario> = order.into_iter().map(|(_, scenario)| scenario.clone()).collect();
+        let is_worse = |tried: &[(Scenario, Evaluated)]| tried.iter().any(|(_, point)| self.cost(point) >= bar);
+        for part in order.chunks(TOGETHER) {
+            let found = known.at(&part.iter().map(values).collect::<Vec<_>>())?;
+            tried.extend(part.iter().cloned().zip(found.into_iter().cloned()));
+            if is_worse(&tried) {
+                return Ok(None);
+            }
+        }
+        if optimisation.over == Over::Worst {
+            let mut step = all.spacing;
+            for _ in 0..ROUNDS {
+                self.sort_worst_first(&mut tried);
+                step /= 2.0;
+                let mut near: Vec<Scenario> = Vec::new();
+                for (scenario, _) in tried.iter().take(WORST) {
+                    for (dimension, (from, to)) in scenarios::steps(optimisation) {
+                        for side in [-step, step] {
+                            let mut neighbour = scenario.clone();
+                            neighbour[dimension] = (neighbour[dimension] + side * (to - from)).clamp(from, to);
+                            near.push(neighbour);
+                        }
+                    }
+                }
+                let found = known.at(&near.iter().map(values).collect::<Vec<_>>())?;
+                tried.extend(near.into_iter().zip(found.into_iter().cloned()));
+                if is_worse(&tried) {
+                    return Ok(None);
+                }
+            }
+            self.sort_worst_first(&mut tried);
+            let worst: Vec<Scenario> = tried.iter().take(WORST).map(|(scenario, _)| scenario.clone()).collect();
+            let scan =
+                |scenario: &Scenario| at_values(optimisation, values(scenario), Care::of(Effort::Scan), self.go_on);
+            let scanned: Vec<Evaluated> = worst.par_iter().map(scan).collect::<Result<_, Halt>>()?;
+            tried.extend(worst.into_iter().zip(scanned));
+        }
+        let all: Vec<&Evaluated> = tried.iter().map(|(_, point)| point).collect();
+        Ok(Some(together(optimisation, place.values.clone(), &all)))
+    }
+
+    /// Those that keep the constraints least or cost most come first.
+    fn sort_worst_first(&self, tried: &mut [(Scenario, Evaluated)]) {
+        tried.sort_by(|(_, a), (_, b)| self.cost(b).total_cmp(&self.cost(a)));
     }
 
     /// Moves a setting in steps along each variable as long as that makes it better.
@@ -145,12 +288,11 @@ impl Mounting<'_> {
         let (mut step, mut tries) = (FIRST_STEP, 0);
         while step >= 1.0 && tries < TRIES {
             let mut better = None;
-            for variable in 0..self.optimisation.variables {
+            for (place, variable) in self.optimisation.variables.iter().enumerate() {
                 for side in [-step, step] {
                     let mut values = best.at.values.clone();
-                    let (from, to) = self.optimisation.range(variable);
-                    let moved = values[variable] + side * self.optimisation.tolerance(variable, values[variable]);
-                    values[variable] = moved.clamp(from, to);
+                    let moved = values[place] + side * variable.tolerance(values[place]);
+                    values[place] = moved.clamp(variable.range.0, variable.range.1);
                     tries += 1;
                     let bar = better.as_ref().unwrap_or(&best);
                     better = self.setting(&values, Effort::Peaks, Some(bar))?.or(better);
@@ -170,7 +312,7 @@ impl Mounting<'_> {
 
     /// Values that keep the constraints come first, then those whose worst point is the best.
     fn rank(&self, setting: &Setting) -> (bool, f64) {
-        (!setting.at.is_feasible(), self.cost(&setting.worst))
+        (!setting.at.is_feasible(), self.cost(&setting.over))
     }
 
     fn is_better(&self, new: &Setting, old: &Setting) -> bool {
@@ -181,41 +323,4 @@ impl Mounting<'_> {
         let order = |a: &(bool, f64), b: &(bool, f64)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1));
         settings.sort_by(|a, b| order(&self.rank(a), &self.rank(b)));
     }
-}
-
-/// A variable's value rounded to the power of ten at or below its tolerance, or the end of its range that rounding crosses.
-#[must_use]
-pub fn rounded(optimisation: &Optimisation, variable: usize, value: f64) -> f64 {
-    let (from, to) = optimisation.range(variable);
-    let exponent = libm::floor(libm::log10(optimisation.tolerance(variable, value)));
-    // Read from its digits, so that a printed value is the evaluated one.
-    let digits = format!("{:.0}e{exponent}", value / libm::pow(10.0, exponent));
-    digits.parse().unwrap_or(value).clamp(from, to)
-}
-
-/// Values within the tolerances around others, and within the ranges.
-fn within(optimisation: &Optimisation, values: &[f64]) -> Vec<Vec<f64>> {
-    let count = optimisation.variables;
-    let mut sides: Vec<Vec<f64>> = Vec::new();
-    for variable in 0..count {
-        for side in WITHIN.into_iter().flat_map(|share| [-share, share]) {
-            let mut alone = vec![0.0; count];
-            alone[variable] = side;
-            sides.push(alone);
-        }
-    }
-    if (2..=COMBINED).contains(&count) {
-        let side = |corner: usize, variable: usize| if corner >> variable & 1 == 0 { -1.0 } else { 1.0 };
-        sides.extend((0..1 << count).map(|corner| (0..count).map(|variable| side(corner, variable)).collect()));
-    }
-    let at = |sides: Vec<f64>| -> Vec<f64> {
-        let end = |(variable, side): (usize, &f64)| {
-            let (from, to) = optimisation.range(variable);
-            (values[variable] + side * optimisation.tolerance(variable, values[variable])).clamp(from, to)
-        };
-        sides.iter().enumerate().map(end).collect()
-    };
-    let mut seen = BTreeSet::new();
-    let bits = |point: &Vec<f64>| -> Vec<u64> { point.iter().map(|value| value.to_bits()).collect() };
-    sides.into_iter().map(at).filter(|point| seen.insert(bits(point))).collect()
 }

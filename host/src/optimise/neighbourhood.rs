@@ -69,7 +69,7 @@ pub fn step(axis: &Axis, value: f64) -> f64 {
 /// Points of [`sensitivities`] and [`grid`] at most, for so many variables.
 pub(super) const fn points(variables: usize) -> u64 {
     let line = (2 * GRID + 1) as usize;
-    let pairs = variables * (variables - 1) / 2;
+    let pairs = variables * variables.saturating_sub(1) / 2;
     (variables * (2 * REACH + 1) as usize + if variables == 1 { line } else { pairs * line * line }) as u64
 }
 
@@ -83,7 +83,7 @@ fn is_inside(axis: &Axis, value: f64) -> bool {
 /// The refusal of a case that the values make, or that `go_on` said no.
 pub fn sensitivities(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Vec<Sensitivity>, Halt> {
     optimisation
-        .variables()
+        .variable_axes()
         .iter()
         .enumerate()
         .map(|(place, axis)| of_variable(optimisation, best, place, axis, go_on))
@@ -151,10 +151,10 @@ fn largest_jump(changes: &[Jump], objective: f64) -> Option<Jump> {
 /// # Errors
 /// As [`sensitivities`].
 pub fn grid(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Vec<Evaluated>, Halt> {
-    let axes = optimisation.variables();
+    let axes = optimisation.variable_axes();
     let mut points: Vec<Vec<f64>> = Vec::new();
-    let last = axes.len() - 1;
-    for first in 0..axes.len().max(2) - 1 {
+    let last = axes.len().saturating_sub(1);
+    for first in 0..if axes.is_empty() { 0 } else { axes.len().max(2) - 1 } {
         for second in (first + 1).min(last)..=last {
             for down in -GRID..=GRID {
                 let across = if first == second { 0..=0 } else { -GRID..=GRID };

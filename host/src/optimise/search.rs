@@ -1,4 +1,5 @@
-//! The search: Sobol points over the whole range, a particle swarm from the best of them, and Nelder–Mead from the best places.
+//! The search: all points that can be made where these are few; otherwise Sobol points over the whole range, a particle swarm from the
+//! best of them, and Nelder–Mead from the best places.
 //!
 //! The objective of an impact damper jumps along ridges and has many local optima. So no step uses a slope, many places are tried
 //! before any is followed, and several are followed to their end. The points do not depend on the number of threads.
@@ -14,12 +15,18 @@ use rand_core::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 
-use super::evaluate::{self, Care, Evaluated};
+use super::evaluate::{self, Care, Evaluated, Known};
 use super::file::Optimisation;
+use super::over::Over;
+use super::scenarios::{self, Scenario, Scenarios};
+use super::variable::Variable;
 use crate::input::Refusal;
 use crate::study::band::Effort;
 use crate::study::points::{Method, Sampling};
 use crate::study::simulate::Halt;
+
+/// What a search says that was stopped before its first point.
+pub(super) const STOPPED: &str = "stopped before the first point";
 
 /// Share of the evaluations that the Sobol points have, and the swarm; the rest is Nelder–Mead's.
 const SOBOL_SHARE: f64 = 0.4;
@@ -27,6 +34,9 @@ const SWARM_SHARE: f64 = 0.3;
 
 /// The first of so many Sobol points are searched over the whole band, and of the others those that may be among the best of so many.
 const FIRST: usize = 8;
+
+/// Points that are evaluated side by side where all are.
+const TOGETHER: usize = 16;
 
 /// Particles of the swarm.
 const PARTICLES: usize = 32;
@@ -46,6 +56,8 @@ const FLAT: f64 = 1e-6;
 /// The part of the search that a point belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
+    /// All points that can be made.
+    All,
     /// Over the whole range.
     Sobol,
     /// The swarm.
@@ -59,6 +71,7 @@ impl Stage {
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
+            Self::All => "all",
             Self::Sobol => "sobol",
             Self::Swarm => "swarm",
             Self::Polish => "nelder_mead",
@@ -96,11 +109,92 @@ pub struct Found {
 /// A case that is refused; a search that was stopped before its first point.
 pub fn run(optimisation: &Optimisation, report: &(dyn Fn(&Progress) -> bool + Sync)) -> Result<Found, Refusal> {
     let judge = Judge::new(optimisation, report);
+    let points = match points_that_can_be_made(optimisation) {
+        Some(points) => all(&judge, &points),
+        None => searched(&judge),
+    };
+    judge.verdict()?;
+    let cost = |place: &usize| points[*place].1.cost(optimisation.is_maximum);
+    let best = (0..points.len()).min_by(|a, b| cost(a).total_cmp(&cost(b)));
+    let best = best.ok_or_else(|| Refusal(STOPPED.into()))?;
+    let (simulations, is_stopped) = (judge.simulations.into_inner(), judge.is_stopped.into_inner());
+    Ok(Found { points, best, simulations, is_stopped })
+}
+
+/// All points that can be made, if they are no more than the evaluations of the search.
+#[must_use]
+pub fn points_that_can_be_made(optimisation: &Optimisation) -> Option<Vec<Vec<f64>>> {
+    let most = usize::try_from(optimisation.evaluations).ok()?;
+    let mut points: Vec<Vec<f64>> = vec![Vec::new()];
+    for variable in &optimisation.variables {
+        let values = variable.all(most / points.len())?;
+        points = points.iter().flat_map(|point| values.iter().map(move |v| [&point[..], &[*v]].concat())).collect();
+    }
+    Some(points)
+}
+
+/// Evaluates all these points as they are wanted, and in their scenarios those that can be the best.
+fn all(judge: &Judge, points: &[Vec<f64>]) -> Vec<(Stage, Evaluated)> {
+    let optimisation = judge.optimisation;
+    let cost = |point: &Evaluated| point.cost(optimisation.is_maximum);
+    let go_on = |ended| judge.goes_on(ended);
+    let mut known = Known::none(optimisation, Effort::Peaks, &go_on);
+    let middle = scenarios::wanted(optimisation);
+    let wanted: Vec<Vec<f64>> = points.iter().map(|point| scenarios::values(optimisation, point, &middle)).collect();
+    let mut found: Vec<Evaluated> = Vec::new();
+    for part in wanted.chunks(TOGETHER) {
+        let Some(evaluated) = judge.kept(known.at(part)) else { break };
+        found.extend(evaluated.into_iter().cloned());
+        found[found.len() - part.len()..].iter().for_each(|point| judge.meet(point));
+    }
+    for point in &mut found {
+        let share =
+            |(value, variable): (&f64, &Variable)| (value - variable.range.0) / (variable.range.1 - variable.range.0);
+        point.shares = point.values.iter().zip(&optimisation.variables).map(share).collect();
+    }
+    if optimisation.is_robust() && found.len() == points.len() {
+        let few = Scenarios::of(optimisation).few;
+        let mut order: Vec<usize> = (0..found.len()).collect();
+        order.sort_by(|a, b| cost(&found[*a]).total_cmp(&cost(&found[*b])));
+        judge.forget();
+        let (mut best, mut done) = (f64::INFINITY, Vec::new());
+        for part in order.chunks(TOGETHER) {
+            // The worst of a point is no better than the point as it is wanted.
+            if optimisation.over == Over::Worst && cost(&found[part[0]]) >= best {
+                break;
+            }
+            let of = |place: usize| few.iter().map(move |scenario| (place, scenario));
+            let values: Vec<Vec<f64>> = part
+                .iter()
+                .flat_map(|place| of(*place))
+                .map(|(place, scenario)| scenarios::values(optimisation, &wanted[place], scenario))
+                .collect();
+            let Some(evaluated) = judge.kept(known.at(&values)) else { break };
+            for (place, scenarios) in part.iter().zip(evaluated.chunks(few.len())) {
+                let alone = (optimisation.over == Over::Worst).then(|| found[*place].clone());
+                let with: Vec<&Evaluated> = scenarios.iter().copied().chain(alone.as_ref()).collect();
+                let point = evaluate::together(optimisation, wanted[*place].clone(), &with);
+                best = best.min(cost(&point));
+                judge.meet(&point);
+                found[*place] = Evaluated { shares: found[*place].shares.clone(), ..point };
+                done.push(*place);
+            }
+        }
+        if judge.is_stopped.load(Ordering::Relaxed) && !done.is_empty() {
+            found = done.into_iter().map(|place| found[place].clone()).collect();
+        }
+    }
+    found.into_iter().map(|point| (Stage::All, point)).collect()
+}
+
+/// Searches a range.
+fn searched(judge: &Judge) -> Vec<(Stage, Evaluated)> {
+    let optimisation = judge.optimisation;
     let cost = |point: &(Stage, Evaluated)| point.1.cost(optimisation.is_maximum);
     let share = |share: f64| (share * optimisation.evaluations as f64) as usize;
     let sampling = Sampling { method: Method::Sobol, count: share(SOBOL_SHARE).max(1), seed: optimisation.seed };
     // The first point of the sequence is a corner; the second is the middle.
-    let shares = sampling.shares(optimisation.variables);
+    let shares = sampling.shares(optimisation.variables.len());
     let (first, rest) = shares.split_at(shares.len().div_ceil(FIRST));
     let mut points = judge.evaluate_all(Stage::Sobol, first, f64::INFINITY);
     // The band is searched only where the objective may be among the best: a bar that does not depend on the threads.
@@ -108,18 +202,14 @@ pub fn run(optimisation: &Optimisation, report: &(dyn Fn(&Progress) -> bool + Sy
     costs.sort_by(f64::total_cmp);
     let bar = costs.get(costs.len() / FIRST).copied().unwrap_or(f64::INFINITY);
     points.extend(judge.evaluate_all(Stage::Sobol, rest, bar));
-    points.extend(swarm(&judge, &points, share(SWARM_SHARE) / PARTICLES));
+    points.extend(swarm(judge, &points, share(SWARM_SHARE) / PARTICLES));
     let places = best_places(&points, optimisation.is_maximum, (PLACES, APART));
     let left = optimisation.evaluations as usize - points.len().min(optimisation.evaluations as usize);
     let each = left / places.len().max(1);
     let polished: Vec<Vec<(Stage, Evaluated)>> =
-        places.into_par_iter().map(|place| polish(&judge, place, each)).collect();
+        places.into_par_iter().map(|place| polish(judge, place, each)).collect();
     points.extend(polished.into_iter().flatten());
-    judge.verdict()?;
-    let best = (0..points.len()).min_by(|a, b| cost(&points[*a]).total_cmp(&cost(&points[*b])));
-    let best = best.ok_or_else(|| Refusal("stopped before the first point".into()))?;
-    let (simulations, is_stopped) = (judge.simulations.into_inner(), judge.is_stopped.into_inner());
-    Ok(Found { points, best, simulations, is_stopped })
+    points
 }
 
 /// So many of the best points so far that are apart from each other by this share of the ranges, best first.
@@ -155,7 +245,7 @@ fn swarm(judge: &Judge, points: &[(Stage, Evaluated)], iterations: usize) -> Vec
     if sorted.is_empty() || iterations == 0 {
         return Vec::new();
     }
-    let variables = judge.optimisation.variables;
+    let variables = judge.optimisation.variables.len();
     let particle =
         |point: &&Evaluated| Particle::new(point.shares.clone(), point.cost(is_maximum), vec![0.0; variables]);
     let particles: Vec<Particle<Vec<f64>, f64>> = sorted.iter().map(particle).collect();
@@ -184,7 +274,7 @@ fn polish(judge: &Judge, place: Evaluated, evaluations: usize) -> Vec<(Stage, Ev
             corner
         };
         let mut simplex = vec![best.shares.clone()];
-        simplex.extend((0..judge.optimisation.variables).map(corner));
+        simplex.extend((0..judge.optimisation.variables.len()).map(corner));
         // An iteration has at least one evaluation.
         let limit = (evaluations / EDGES.len()).max(1);
         let kept = Mutex::default();
@@ -205,6 +295,8 @@ fn polish(judge: &Judge, place: Evaluated, evaluations: usize) -> Vec<(Stage, Ev
 /// Evaluates points for all parts of the search, and counts and reports them.
 struct Judge<'a> {
     optimisation: &'a Optimisation,
+    /// Those of each point; none where the objective counts over none.
+    scenarios: Vec<Scenario>,
     report: &'a (dyn Fn(&Progress) -> bool + Sync),
     done: AtomicU64,
     simulations: AtomicU64,
@@ -215,8 +307,10 @@ struct Judge<'a> {
 
 impl<'a> Judge<'a> {
     fn new(optimisation: &'a Optimisation, report: &'a (dyn Fn(&Progress) -> bool + Sync)) -> Self {
+        let scenarios = if optimisation.is_robust() { Scenarios::of(optimisation).few } else { Vec::new() };
         Self {
             optimisation,
+            scenarios,
             report,
             done: AtomicU64::new(0),
             simulations: AtomicU64::new(0),
@@ -233,11 +327,18 @@ impl<'a> Judge<'a> {
         }
         let inside: Vec<f64> = shares.iter().map(|share| share.clamp(0.0, 1.0)).collect();
         let care = Care { effort: Effort::Peaks, up_to_cost: bar };
-        match evaluate::at(self.optimisation, &inside, care, &|ended| self.goes_on(ended)) {
-            Ok(point) => {
-                self.meet(&point);
-                Some(point)
-            }
+        let wanted = evaluate::values(self.optimisation, &inside);
+        let go_on = |ended| self.goes_on(ended);
+        let point = self.kept(evaluate::in_scenarios(self.optimisation, wanted, &self.scenarios, care, &go_on))?;
+        let point = Evaluated { shares: inside, ..point };
+        self.meet(&point);
+        Some(point)
+    }
+
+    /// What was evaluated, or nothing and the end of the search.
+    fn kept<T>(&self, evaluated: Result<T, Halt>) -> Option<T> {
+        match evaluated {
+            Ok(evaluated) => Some(evaluated),
             Err(Halt::Stopped) => None,
             Err(Halt::Refused(refusal)) => {
                 self.is_stopped.store(true, Ordering::Relaxed);
@@ -245,6 +346,12 @@ impl<'a> Judge<'a> {
                 None
             }
         }
+    }
+
+    /// Forgets the best point so far: what follows is evaluated differently.
+    fn forget(&self) {
+        *lock(&self.best) = None;
+        self.done.store(0, Ordering::Relaxed);
     }
 
     fn meet(&self, point: &Evaluated) {

@@ -4,7 +4,7 @@ use super::answer::DENSE_STARTS;
 use super::cases::Cases;
 use super::evaluate;
 use super::file::Optimisation;
-use super::{mount, neighbourhood};
+use super::{mount, neighbourhood, over_band, scenarios, search};
 use crate::input::Refusal;
 use crate::quantity::Quantity;
 use crate::study::band::{Band, Effort};
@@ -13,6 +13,10 @@ use crate::study::points::{Method, Sampling};
 
 /// Share of the points of the search whose band is searched, about.
 const SEARCHED: f64 = 0.5;
+
+/// Share of the scenarios of a search that are simulated, about: the worst of a point is no better than the point as it is wanted, and
+/// neighbours share some.
+const COMPARED: f64 = 0.25;
 
 /// Points tried for an estimate.
 const TRIED: usize = 4;
@@ -35,19 +39,27 @@ impl Size {
         let each = |effort: Effort| {
             let between = |band: &Band| band.most_between(effort);
             let constraints = optimisation.constraints.len() as u64 * between(&optimisation.constraint_band);
-            let starts = optimisation.starts.as_ref().map_or(1, |starts| starts.shares.len() as u64);
+            let starts = optimisation.starts.as_ref().map_or(1, |starts| starts.len() as u64);
             starts * (optimisation.band_points() as u64 + between(&optimisation.reduced_band) + constraints)
         };
         let (grid, peaks, scan) = (each(Effort::Grid), each(Effort::Peaks), each(Effort::Scan));
         let one_start = |effort| optimisation.band_points() as u64 + optimisation.reduced_band.most_between(effort);
-        let around = neighbourhood::points(optimisation.variables) * peaks
+        let curves = 2 + scenarios::compared(optimisation).len() as u64;
+        let over_band = if optimisation.band().len() == 1 { curves * u64::from(over_band::POINTS) } else { 0 };
+        let around = neighbourhood::points(optimisation.variables.len()) * peaks
             + u64::from(DENSE_STARTS) * one_start(Effort::Peaks)
-            + 2 * one_start(Effort::Scan);
+            + 2 * one_start(Effort::Scan)
+            + optimisation.band_points() as u64
+            + over_band;
         let (tried, scanned) = mount::points(optimisation);
-        let search = optimisation.evaluations;
+        let points = search::points_that_can_be_made(optimisation).map(|points| points.len() as u64);
+        let search = points.unwrap_or(optimisation.evaluations);
+        // Each point as it is wanted, and some of them in all their scenarios.
+        let few = if optimisation.is_robust() { scenarios::compared(optimisation).len() as u64 } else { 0 };
+        let compared = (COMPARED * (search * few) as f64) as u64;
         Self {
-            most: search * peaks + tried.most * peaks + scanned.most * scan + around,
-            search: search * grid + (SEARCHED * (search * (peaks - grid)) as f64) as u64,
+            most: search * (1 + few) * peaks + tried.most * peaks + scanned.most * scan + around,
+            search: search * grid + (SEARCHED * (search * (peaks - grid)) as f64) as u64 + compared * peaks,
             after: tried.about * peaks + scanned.about * scan + around,
         }
     }
@@ -68,7 +80,7 @@ pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Refusal> {
     let metrics: Vec<Quantity> =
         [optimisation.objective].into_iter().chain(optimisation.constraints.iter().map(|c| c.metric)).collect();
     let (points, mut simulation_s) = (optimisation.band_points(), 0.0);
-    for (place, shares) in sampling.shares(optimisation.variables)[1..].iter().enumerate() {
+    for (place, shares) in sampling.shares(optimisation.variables.len())[1..].iter().enumerate() {
         let values = evaluate::values(optimisation, shares);
         // One of each quarter of the band.
         let at = optimisation.band_values((2 * place + 1) * points / (2 * TRIED));

@@ -83,7 +83,7 @@ fn write_table(
         let stage = Column::new("stage", "", "part of the search: sobol, swarm, nelder_mead");
         table = table.column(stage, |(place, _)| stages[*place]);
     }
-    for (variable, axis) in optimisation.variables().iter().enumerate() {
+    for (variable, axis) in optimisation.variable_axes().iter().enumerate() {
         let unit = if axis.unit().is_empty() { "1" } else { axis.unit() };
         let column = Column::new(axis.key.as_str(), unit, "variable of the optimisation");
         table = table.column(column, move |(_, point)| some(point.values[variable]));

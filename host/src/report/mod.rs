@@ -13,6 +13,7 @@ pub mod describe;
 pub mod exports;
 pub mod figures;
 pub mod numbers;
+pub mod optimum_files;
 pub mod page;
 pub mod parameters;
 pub mod peak;

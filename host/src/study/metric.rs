@@ -43,6 +43,15 @@ pub const fn needs_whole_run(metric: Quantity) -> bool {
     matches!(metric, Quantity::RmsOverZ | Quantity::RmsXM | Quantity::MaxAbsXMinusZM | Quantity::PeakContactForceN)
 }
 
+/// Whether a metric is that of impacts, which not every damper has.
+#[must_use]
+pub const fn needs_impacts(metric: Quantity) -> bool {
+    matches!(
+        metric,
+        Quantity::ImpactsPerCycle | Quantity::PeakContactForceN | Quantity::PeriodCycles | Quantity::LargestMultiplier
+    )
+}
+
 /// Why a case cannot have a metric, if it cannot.
 #[must_use]
 pub fn refusal(metric: Quantity, case: &Case) -> Option<&'static str> {

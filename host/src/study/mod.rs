@@ -14,6 +14,7 @@ pub mod failure;
 pub mod file;
 pub mod inspect;
 mod keys;
+mod linear;
 pub mod metric;
 pub mod part;
 pub mod points;

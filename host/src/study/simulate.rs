@@ -4,6 +4,7 @@ use damprig_core::integrator::exact::Exact;
 use damprig_core::integrator::exact::response::Wanted;
 use damprig_motion::stop::{Stop, response_from};
 
+use super::linear;
 use super::metric::{self, Figures, Periodicity};
 use crate::input::Refusal;
 use crate::quantity::Quantity;
@@ -57,7 +58,7 @@ pub struct Record {
 
 /// The counted part of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Counted {
+pub(crate) struct Counted {
     /// Length of a cycle, s.
     pub cycle_s: f64,
     /// First counted cycle.
@@ -130,6 +131,9 @@ fn figures(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoO
     }
     if case.record.is_some() {
         return figures_on_record(case, go_on);
+    }
+    if let Some(summary) = linear::settled(case, &counted) {
+        return Ok(of(summary, None));
     }
     let from_s = counted.first_cycle * counted.cycle_s;
     let wanted = Wanted {

@@ -48,6 +48,7 @@ mod mutations;
 mod noise;
 mod not_files;
 mod optimise;
+mod optimise_robust;
 mod output;
 mod peak_points;
 mod plan;

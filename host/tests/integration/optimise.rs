@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use crate::common::damprig;
 use damprig::input::Source;
-use damprig::optimise::evaluate::Care;
+use damprig::optimise::evaluate::{Care, Evaluated};
 use damprig::optimise::search::{self, Progress};
 use damprig::optimise::{Answer, Optimisation, evaluate};
 use damprig::study::band::Effort;
@@ -132,15 +132,21 @@ fn the_answer_is_the_same_for_one_thread_and_two() {
     assert!(output.status.code() == Some(2) && told.contains("not empty"), "{told}");
 }
 
+/// What the values at these shares of the variables' ranges give.
+fn at(optimisation: &Optimisation, shares: &[f64]) -> Evaluated {
+    let values = evaluate::values(optimisation, shares);
+    evaluate::at_values(optimisation, values, Care::of(Effort::Peaks), &|_| true).expect("it is sound")
+}
+
 /// The least objective of the study of the same ranges, with so many values of each variable.
 fn least_of_dense_search(optimisation: &Optimisation, count: usize) -> f64 {
-    let variables = optimisation.variables;
+    let variables = optimisation.variables.len();
     let points = count.pow(variables as u32);
     let at = |point: usize| {
         let shares: Vec<f64> = (0..variables)
             .map(|variable| (point / count.pow(variable as u32) % count) as f64 / (count - 1) as f64)
             .collect();
-        evaluate::at(optimisation, &shares, Care::of(Effort::Peaks), &|_| true).expect("it is sound").objective
+        at(optimisation, &shares).objective
     };
     (0..points).map(at).fold(f64::MAX, f64::min)
 }
@@ -218,24 +224,25 @@ fn constraints_that_no_point_keeps_are_refused_with_the_least_violation() {
 }
 
 #[test]
-fn the_worst_start_counts_unless_a_quantile_is_wanted() {
+fn the_worst_start_counts_unless_another_value_is_wanted() {
     let file = |over: &str| format!("{TOP}{CLEARANCE}[ensemble]\nstarts = 5\n{over}");
     let objective = |over: &str| {
         let folder = folder(CASE, &file(over));
-        evaluate::at(&read(&folder), &[0.3], Care::of(Effort::Peaks), &|_| true).expect("it is sound").objective
+        at(&read(&folder), &[0.3]).objective
     };
     let optimisation = folder(CASE, &file(""));
     let optimisation = read(&optimisation);
-    let value = evaluate::at(&optimisation, &[0.3], Care::of(Effort::Peaks), &|_| true).expect("it is sound").values;
+    let value = at(&optimisation, &[0.3]).values;
     let mut starts =
         evaluate::from_starts(&optimisation, &value, &[-1.0, -0.5, 0.0, 0.5, 1.0], Effort::Peaks, &|_| true)
             .expect("sound");
     starts.sort_by(f64::total_cmp);
     assert!(starts[0] < starts[4], "the starts differ");
     assert_eq!(objective(""), starts[4]);
-    assert_eq!(objective("over_starts = \"median\"\n"), starts[2]);
-    assert_eq!(objective("over_starts = \"minimum\"\n"), starts[0]);
-    assert_eq!(objective("over_starts_quantile = 0.75\n"), starts[3]);
+    assert_eq!(objective("over = \"median\"\n"), starts[2]);
+    assert_eq!(objective("over = \"mean\"\n"), starts.iter().sum::<f64>() / 5.0);
+    let q95 = objective("over = \"q95\"\n");
+    assert!((q95 / (starts[3] + 0.8 * (starts[4] - starts[3])) - 1.0).abs() < 1e-15, "{q95} of {starts:?}");
 }
 
 #[test]

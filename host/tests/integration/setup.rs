@@ -117,7 +117,9 @@ impl<'t> Writer<'t> {
             Kind::Numbers(_) => "[0.0, 0.05]".into(),
             Kind::Text => "\"some.csv\"".into(),
             Kind::TextOrPlace => "2".into(),
-            Kind::NumbersOrTable(_) | Kind::Texts | Kind::Tables => panic!("no case has {}", key.name),
+            Kind::NumbersOrTable(_) | Kind::Texts | Kind::TextOrCase | Kind::Tables => {
+                panic!("no case has {}", key.name)
+            }
         }
     }
 

@@ -1,5 +1,6 @@
 //! Reads what is not declared as a quantity: switches, and tables whose keys are any.
 
+use serde::Deserialize;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -36,6 +37,13 @@ impl Section<'_> {
                 None
             }
         }
+    }
+
+    /// The section with all that is in it, whose keys need not be declared. Do not [`finish`](Self::finish) it.
+    #[must_use]
+    pub fn as_toml(&self) -> toml::Table {
+        let document = Spanned::new(self.span(), self.own.clone());
+        toml::Table::deserialize(toml::de::Deserializer::from(document)).unwrap_or_default()
     }
 
     /// All keys of the section and of the tables in it, in the order of the file; they need not be declared. Do not

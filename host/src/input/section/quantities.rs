@@ -199,7 +199,8 @@ impl<'a> Section<'a> {
                 self.refuse(key.name, &place.span, "must be a place from 1 up, or a name in quotes", None);
                 None
             }
-            Kind::Text | Kind::TextOrPlace => self.text(key.name).map(Given::Text),
+            Kind::TextOrCase if self.is_table(key.name) => self.table(key.name, None).map(Given::Table),
+            Kind::Text | Kind::TextOrPlace | Kind::TextOrCase => self.text(key.name).map(Given::Text),
             Kind::Texts => self.texts(key.name).map(Given::Texts),
             Kind::OneOrMoreTables if self.is_list(key.name) => Some(Given::Tables(self.tables(key.name))),
             Kind::Table | Kind::OneOrMoreTables => self.table(key.name, None).map(Given::Table),

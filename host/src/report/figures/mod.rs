@@ -19,7 +19,7 @@ pub mod signals;
 pub mod simulated_motion;
 pub mod spectrum;
 pub mod study;
-mod study_curves;
+pub mod study_curves;
 mod study_labels;
 mod study_map;
 pub mod symbols;

@@ -7,6 +7,7 @@ pub mod comparison;
 mod data;
 mod gaps;
 mod health;
+pub mod optimum;
 mod repeats;
 mod script;
 mod set_ups;

@@ -3,31 +3,38 @@
 use std::path::Path;
 
 use super::table::table;
-use crate::optimise::answer::Kept;
+use crate::optimise::answer::{Kept, Variable};
 use crate::optimise::file::Constraint;
 use crate::optimise::neighbourhood::Sensitivity;
+use crate::optimise::search::points_that_can_be_made;
 use crate::optimise::size::Size;
 use crate::optimise::{Answer, Optimisation};
+use crate::quantity::Quantity;
 use crate::report::numbers::significant;
+use crate::study::metric::METRICS;
 
 /// Size of an optimisation: `Hybrid: 3 variables, 4000 points of 26 simulations, up to 900000 in all`.
 #[must_use]
 pub fn scope(optimisation: &Optimisation) -> String {
-    let variables = optimisation.variables;
+    let variables = optimisation.variables.len();
     let plural = if variables == 1 { "variable" } else { "variables" };
     let each = match optimisation.simulations_per_point() {
         1 => String::new(),
         each => format!(" of {each} simulations"),
     };
-    let (name, points, most) = (&optimisation.name, optimisation.evaluations, Size::of(optimisation).most);
-    format!("{name}: {variables} {plural}, {points} points{each}, up to {most} simulations in all")
+    let (name, most) = (&optimisation.name, Size::of(optimisation).most);
+    let points = match points_that_can_be_made(optimisation) {
+        Some(points) => format!("all {} points that can be made", points.len()),
+        None => format!("{} points", optimisation.evaluations),
+    };
+    format!("{name}: {variables} {plural}, {points}{each}, up to {most} simulations in all")
 }
 
 /// The answer.
 #[must_use]
 pub fn answer(optimisation: &Optimisation, answer: &Answer) -> String {
     let mut text = optimum(answer);
-    for part in [starts(answer), sensitivity(optimisation, answer), references(answer)] {
+    for part in [starts(answer), sensitivity(optimisation, answer), references(answer), alternatives(answer)] {
         if !part.is_empty() {
             text.push_str("\n\n");
             text.push_str(&part);
@@ -46,6 +53,8 @@ fn with_unit(value: f64, digits: usize, unit: &str) -> String {
 
 fn optimum(answer: &Answer) -> String {
     let goal = if answer.goal == "maximum" { "largest" } else { "smallest" };
+    let is_robust = !answer.there.is_empty();
+    let goal = if is_robust { format!("{goal} {}", over(answer.over)) } else { goal.into() };
     let value = with_unit(answer.objective, 6, answer.unit);
     let mut text = match (answer.is_feasible, answer.is_stopped) {
         (true, false) => format!("{goal} {}: {value} at", answer.metric),
@@ -66,7 +75,8 @@ fn optimum(answer: &Answer) -> String {
         let is_rounded = answer.worst_within_tolerance.is_some();
         line(&variable.key, &if is_rounded { format!("{value} ± {tolerance}") } else { value });
     }
-    for place in &answer.band {
+    let variables = answer.variables.len();
+    for place in answer.there.iter().skip(variables).chain(answer.there.iter().take(variables)).chain(&answer.band) {
         line(&format!("there, {}", place.key), &exact(place.value, place.unit));
     }
     for constraint in &answer.constraints {
@@ -80,14 +90,29 @@ fn optimum(answer: &Answer) -> String {
     text
 }
 
+/// What counts, before the name of the metric.
+fn over(name: &str) -> &str {
+    if name == "q95" { "95 % value of" } else { name }
+}
+
 /// What bears on the value, for its line.
 fn concerns(answer: &Answer) -> Vec<String> {
     let mut concerns = Vec::new();
-    if let Some(worst) = answer.worst_within_tolerance {
+    if !answer.there.is_empty() {
+        concerns.push(format!("of {} scenarios", answer.scenarios));
+        concerns.push(format!("{} as wanted", with_unit(answer.as_wanted, 5, answer.unit)));
+    }
+    if let Some(worst) = answer.worst_within_tolerance.filter(|worst| *worst != answer.objective) {
         let side = if answer.goal == "maximum" { "down" } else { "up" };
         let unkept = answer.is_feasible_within_tolerance == Some(false);
         let unkept = if unkept { ", where a constraint is not kept" } else { "" };
         concerns.push(format!("{side} to {} within the tolerances{unkept}", with_unit(worst, 5, answer.unit)));
+    }
+    if let Some(share) = answer.stuck_share.filter(|share| *share > HELD) {
+        let percent = significant(100.0 * share, 2);
+        concerns.push(format!(
+            "the friction damper holds the structure {percent} % of the time, more a clamp than a damper"
+        ));
     }
     if let Some(starts) = &answer.starts {
         let (min, max) = (significant(starts.min, 4), significant(starts.max, 4));
@@ -126,7 +151,7 @@ fn sensitivity(optimisation: &Optimisation, answer: &Answer) -> String {
         None => "outside the range".into(),
     };
     let mut rows = table(&["change of", "1 %", "1 % less", "1 % more", "worst within 1 %"]);
-    for (sensitivity, axis) in answer.sensitivity.iter().zip(optimisation.variables()) {
+    for (sensitivity, axis) in answer.sensitivity.iter().zip(optimisation.variable_axes()) {
         rows.add_row([
             sensitivity.key.clone(),
             with_unit(sensitivity.step, 3, axis.unit()),
@@ -194,6 +219,66 @@ fn references(answer: &Answer) -> String {
     }
     lines.join("\n")
 }
+
+/// The share of the time from which a friction damper is said to hold the structure.
+const HELD: f64 = 0.5;
+
+/// The optimisation and its alternatives side by side, the best first.
+fn alternatives(answer: &Answer) -> String {
+    if answer.alternatives.is_empty() {
+        return String::new();
+    }
+    let mut rows = table(&COMPARED.map(|(head, _)| head));
+    for answer in ranked(answer) {
+        rows.add_row(COMPARED.map(|(_, cell)| cell(answer)));
+    }
+    let mut text = format!("Dampers under the same rules, the best first:\n{rows}");
+    for of in &answer.alternatives {
+        text.push_str(&format!("\n{}: {}", of.name, concerns(of).join("; ")));
+    }
+    text
+}
+
+/// An optimisation and its alternatives, the best first, and those that keep no constraint last.
+#[must_use]
+pub fn ranked(answer: &Answer) -> Vec<&Answer> {
+    let mut all: Vec<&Answer> = std::iter::once(answer).chain(&answer.alternatives).collect();
+    let cost = |of: &Answer| if answer.goal == "maximum" { -of.objective } else { of.objective };
+    all.sort_by(|a, b| (!a.is_feasible).cmp(&!b.is_feasible).then(cost(a).total_cmp(&cost(b))));
+    all
+}
+
+/// A value of the objective in the unit that people read.
+fn for_people(answer: &Answer, value: f64) -> String {
+    let metric = METRICS.into_iter().find(|metric| metric.name() == answer.metric);
+    let (unit, scale) = metric.map_or((answer.unit, 1.0), Quantity::shown_unit);
+    with_unit(scale * value, 4, unit)
+}
+
+/// A cell of the comparison.
+type Cell = fn(&Answer) -> String;
+
+/// The columns of the comparison of dampers.
+pub const COMPARED: [(&str, Cell); 6] = [
+    ("damper", |answer| answer.name.clone()),
+    ("objective", |answer| for_people(answer, answer.objective)),
+    ("as wanted", |answer| for_people(answer, answer.as_wanted)),
+    ("make", |answer| {
+        let variable = |variable: &Variable| {
+            let tolerance = with_unit(variable.tolerance, 2, variable.unit);
+            format!("{} = {} ± {tolerance}", variable.key, with_unit(variable.value, 12, variable.unit))
+        };
+        answer.variables.iter().map(variable).collect::<Vec<_>>().join(", ")
+    }),
+    ("mass", |answer| answer.damper_mass_kg.map_or_else(String::new, |mass_kg| with_unit(mass_kg, 4, "kg"))),
+    ("constraints", |answer| {
+        let kept = |kept: &Kept| {
+            let word = if kept.is_kept { "" } else { ", not kept" };
+            format!("{} {} ({}{word})", kept.metric, with_unit(kept.value, 4, kept.unit), kept.limit)
+        };
+        answer.constraints.iter().map(kept).collect::<Vec<_>>().join(", ")
+    }),
+];
 
 /// What to say when no point keeps the constraints.
 #[must_use]

@@ -422,7 +422,7 @@ goal = "maximum"
 evaluations = 500
 seed = 3
 record = { duration_s = 4, settle_s = 1 }
-ensemble = { starts = 3, over_starts = "median" }
+ensemble = { starts = 3, over = "median" }
 
 [[variable]]
 key = "particle.clearance_m"
@@ -444,7 +444,7 @@ at_most = 20
 case = "../cases/spid.toml"
 objective = "x_over_z"
 record = { cycles = 10, settle_cycles = 2 }
-ensemble = { starts = 3, over_starts_quantile = 0.9 }
+ensemble = { starts = 3, over = "q95" }
 
 [[variable]]
 key = "particle.wall.coefficient"
@@ -472,6 +472,22 @@ objective = "rms_x_m"
 key = "particle.clearance_ratio"
 from = 4
 to = 20
+step = 0.5
+relative_tolerance = 0.02
+
+[[variable]]
+key = "particle.mass_ratio"
+values = [0.05, 0.1]
+
+[[uncertain]]
+key = "particle.wall.coefficient"
+from = 0.3
+to = 0.7
+scale = "log"
+
+[[uncertain]]
+key = "structure.damping_ratio"
+values = [0.003, 0.004, 0.005]
 
 [[axis]]
 key = "base.frequency_ratio"
@@ -479,6 +495,12 @@ from = 0.9
 to = 1.1
 count = 3
 reduce = "maximum"
+
+[[alternative]]
+name = "tuned"
+case = { tmd = { mass_ratio = 0.1, frequency_ratio = 0.9, damping_ratio = 0.2 } }
+variable = [{ key = "tmd.frequency_ratio", from = 0.8, to = 1 }]
+uncertain = [{ key = "structure.damping_ratio", values = [0.003, 0.005] }]
 "#,
 ];
 

@@ -1,0 +1,72 @@
+//! The value that counts of everything that is not certain.
+
+use crate::study::evaluate::quantile;
+
+/// Which value counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Over {
+    /// The worst: the largest where the smallest is wanted.
+    Worst,
+    /// The value that 95 % are as good as.
+    Quantile95,
+    /// The middle one.
+    Median,
+    /// The mean.
+    Mean,
+}
+
+impl Over {
+    /// All, in the order of the words of files.
+    pub const ALL: [Self; 4] = [Self::Worst, Self::Quantile95, Self::Median, Self::Mean];
+
+    /// As files and answers name it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Worst => "worst",
+            Self::Quantile95 => "q95",
+            Self::Median => "median",
+            Self::Mean => "mean",
+        }
+    }
+
+    /// Of sorted values, of which the largest or the smallest is wanted; not a number if one of them is not.
+    #[must_use]
+    pub fn of(self, sorted: &[f64], is_maximum: bool) -> f64 {
+        match self.quantile(is_maximum) {
+            Some(share) => quantile(sorted, share),
+            None => sorted.iter().sum::<f64>() / sorted.len() as f64,
+        }
+    }
+
+    /// The quantile that it is; none for the mean.
+    #[must_use]
+    pub const fn quantile(self, is_maximum: bool) -> Option<f64> {
+        match (self, is_maximum) {
+            (Self::Worst, false) => Some(1.0),
+            (Self::Worst, true) => Some(0.0),
+            (Self::Quantile95, false) => Some(0.95),
+            (Self::Quantile95, true) => Some(0.05),
+            (Self::Median, _) => Some(0.5),
+            (Self::Mean, _) => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_words_of_files_are_in_order_and_the_worst_depends_on_what_is_wanted() {
+        assert_eq!(Over::ALL.map(Over::name), super::super::keys::OVER_WORDS);
+        let sorted = [1.0, 2.0, 3.0, 10.0];
+        for (is_maximum, expected) in [(false, [10.0, 8.95, 2.5, 4.0]), (true, [1.0, 1.15, 2.5, 4.0])] {
+            for (over, expected) in Over::ALL.into_iter().zip(expected) {
+                let found = over.of(&sorted, is_maximum);
+                assert!((found / expected - 1.0).abs() < 1e-14, "{over:?}: {found}, not {expected}");
+            }
+        }
+        assert!(Over::ALL.iter().all(|over| over.of(&[1.0, f64::NAN], false).is_nan()));
+    }
+}

@@ -1,0 +1,48 @@
+//! The page of an optimisation, `optimum.html`: the decision, the dampers compared, the curves and the files.
+
+use maud::html;
+
+use super::{document, drawn_in_both};
+use crate::optimise::{Answer, Optimisation};
+use crate::report::plot::Picture;
+use crate::report::terminal::optimise::{COMPARED, answer as text, ranked};
+
+/// Makes the page. `scope` is the command's first line, `source` the optimisation's name and the date.
+#[must_use]
+pub fn page(
+    optimisation: &Optimisation,
+    answer: &Answer,
+    scope: &str,
+    figures: Option<[Picture; 2]>,
+    source: &str,
+) -> String {
+    let all = ranked(answer);
+    let caption = "The objective's metric over the band at each optimum, made as wanted; the band around a curve has its least and largest \
+                   value within the tolerances, for all uncertain values and from all starts that the search compared points by.";
+    let content = html! {
+        header { h1 { (optimisation.name) } p.under { (scope) } }
+        @if let Some(figures) = figures { section { (drawn_in_both(figures, caption)) } }
+        @if all.len() > 1 {
+            section {
+                h2 { "Dampers under the same rules" }
+                table {
+                    thead { tr { @for (head, _) in COMPARED { th { (head) } } } }
+                    tbody { @for of in &all { tr { @for (_, cell) in COMPARED { td { (cell(of)) } } } } }
+                }
+            }
+        }
+        @for of in &all {
+            section {
+                h2 { (of.name) }
+                @let own = optimisation.alternatives.iter().find(|own| own.name == of.name).unwrap_or(optimisation);
+                pre { (text(own, &Answer { alternatives: Vec::new(), ..(*of).clone() })) }
+            }
+        }
+        section { h2 { "Optimisation" } pre { code { (optimisation.text) } } }
+        @if optimisation.case_path.exists() {
+            section { h2 { "Case" } p.under { (optimisation.case_path.display()) } pre { code { (optimisation.case_text) } } }
+        }
+        footer { "Made by " (crate::VERSION_LINE) ": " (source) ". " code { "answer.json" } " beside this page has all numbers." }
+    };
+    document(&optimisation.name, &content)
+}
