@@ -118,10 +118,11 @@ fn kinds_at(tables: &[Table], path: &str) -> Vec<(Option<&'static str>, Vec<Tabl
     if kinds.is_empty() { vec![(None, common)] } else { kinds }
 }
 
-/// The path of the table under a key of the table at `path`. A set-up of a campaign has the tables of a set-up.
-fn path_of(path: &str, key: &str) -> String {
-    let is_part = PARTS.iter().any(|part| part.name() == key);
-    if path.is_empty() || is_part { key.to_string() } else { format!("{path}.{key}") }
+/// The path of the table under a key of the table at `path`. Without one of its own there it is that of the top: a set-up of a campaign
+/// has the tables of a set-up, an alternative has variables as its optimisation.
+fn path_of(tables: &[Table], path: &str, key: &str) -> String {
+    let below = format!("{path}.{key}");
+    if tables.iter().any(|table| table.path == below) { below } else { key.to_string() }
 }
 
 /// Whether the table at a path is one of those that another file or the top of a campaign may complete, or inside one.

@@ -16,14 +16,8 @@ use crate::setup::PARTS;
 /// The schema of a kind of file.
 #[must_use]
 pub fn schema(file: FileKind) -> Value {
-    let mut builder = Builder { file, tables: file.tables(), definitions: BTreeMap::new() };
-    let mut root = builder.table("");
-    if file == FileKind::Case {
-        // These have the structure in place of the set-up.
-        let others = ["set_up_file", "storey", "beam", "mode", "matrices"].map(|key| json!({ "required": [key] }));
-        root["if"] = json!({ "not": { "anyOf": others } });
-        root["then"] = builder.without_set_up_file();
-    }
+    let mut builder = Builder::of(file, "");
+    let mut root = builder.root();
     root["$schema"] = "https://json-schema.org/draft/2020-12/schema".into();
     root["title"] = file.title().into();
     root["$defs"] = builder.definitions.into_iter().collect::<Map<_, _>>().into();
@@ -33,6 +27,8 @@ pub fn schema(file: FileKind) -> Value {
 struct Builder {
     file: FileKind,
     tables: Vec<Table>,
+    /// Before the names of the tables' schemas.
+    prefix: &'static str,
     /// The schemas of the tables by their names.
     definitions: BTreeMap<String, Value>,
 }
@@ -47,9 +43,33 @@ enum Needs {
 }
 
 impl Builder {
+    fn of(file: FileKind, prefix: &'static str) -> Self {
+        Self { file, tables: file.tables(), prefix, definitions: BTreeMap::new() }
+    }
+
+    /// The schema of the whole file.
+    fn root(&mut self) -> Value {
+        let mut root = self.table("");
+        if self.file == FileKind::Case {
+            // These have the structure in place of the set-up.
+            let others = ["set_up_file", "storey", "beam", "mode", "matrices"].map(|key| json!({ "required": [key] }));
+            root["if"] = json!({ "not": { "anyOf": others } });
+            root["then"] = self.without_set_up_file();
+        }
+        root
+    }
+
+    /// The schema of the name of a case's file or of a case's tables. Those of an alternative complete the optimisation's own.
+    fn text_or_case(&mut self, path: &str) -> Value {
+        let mut builder = Self::of(FileKind::Case, "case.");
+        let case = if path.is_empty() { builder.root() } else { without_needs(builder.table("")) };
+        self.definitions.append(&mut builder.definitions);
+        json!({ "oneOf": [{ "type": "string" }, case] })
+    }
+
     /// The name of the schema of the table at `path`, which is built once.
     fn definition(&mut self, path: &str) -> String {
-        let name = path.to_string();
+        let name = format!("{}{path}", self.prefix);
         if !self.definitions.contains_key(&name) {
             self.definitions.insert(name.clone(), Value::Null);
             let schema = self.table(path);
@@ -117,7 +137,7 @@ impl Builder {
 
     /// The schema of a key's value.
     fn key(&mut self, path: &str, quantity: &Quantity, key: &Key) -> Value {
-        let inner = path_of(path, key.name);
+        let inner = path_of(&self.tables, path, key.name);
         let mut schema = match key.kind {
             Kind::Number(range) => number(key, range),
             Kind::Numbers(range) => json!({ "type": "array", "items": number(key, range) }),
@@ -129,7 +149,7 @@ impl Builder {
             Kind::Text => json!({ "type": "string" }),
             Kind::Texts => json!({ "type": "array", "items": { "type": "string" } }),
             Kind::TextOrPlace => json!({ "type": ["string", "integer"], "minimum": 1 }),
-            Kind::TextOrCase => json!({ "type": ["string", "object"] }),
+            Kind::TextOrCase => self.text_or_case(path),
             Kind::Table => json!({ "$ref": self.definition(&inner) }),
             // Several dampers are for a case with several places.
             Kind::OneOrMoreTables if self.file != FileKind::Case => json!({ "$ref": self.definition(&inner) }),
@@ -191,6 +211,15 @@ fn number(key: &Key, range: Range) -> Value {
         _ => {}
     }
     schema
+}
+
+/// The schema of a table that another one completes.
+fn without_needs(mut table: Value) -> Value {
+    if let Some(table) = table.as_object_mut() {
+        table.remove("required");
+        table.remove("allOf");
+    }
+    table
 }
 
 fn plain_value(number: f64) -> Value {

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use serde::Serialize;
 
 use super::cases::Cases;
+use super::constraint::Constraint;
 use super::evaluate::{Evaluated, GoOn, from_starts};
 use super::file::Optimisation;
 use super::mount;
@@ -108,8 +109,9 @@ pub struct Answer {
     pub over: &'static str,
     /// Simulated scenarios of tolerances and uncertain values behind the objective; 1 without any.
     pub scenarios: usize,
-    /// The objective exactly at the values of the variables, with the middle values of what is uncertain.
-    pub as_wanted: f64,
+    /// The objective at the nominal values: exactly those of the variables, and the middle ones of what is uncertain. `None` if it counts
+    /// over tolerances or uncertain values and the search was stopped or no point keeps the constraints.
+    pub nominal: Option<f64>,
     /// The worst objective of the scenarios, or at the ends of the tolerances where none is stated; `None` if the values are not those
     /// that can be made.
     pub worst_within_tolerance: Option<f64>,
@@ -166,11 +168,11 @@ impl Answer {
             Halt::unless_stopped(mount::best(optimisation, found, go_on))?.flatten()
         };
         let is_robust = optimisation.is_robust();
-        let wanted = setting.as_ref().map_or(best, |setting| &setting.at);
+        let nominal = setting.as_ref().map_or(best, |setting| &setting.at);
         let over = setting.as_ref().map(|setting| &setting.over);
-        let best = if is_robust { over.unwrap_or(best) } else { wanted };
+        let best = if is_robust { over.unwrap_or(best) } else { nominal };
         let is_stopped = found.is_stopped || (setting.is_none() && best.is_feasible());
-        let around = Around::of(optimisation, wanted, is_stopped, go_on)?;
+        let around = Around::of(optimisation, nominal, is_stopped, go_on)?;
         let variable = |(place, axis): (usize, &Axis)| {
             let (value, made) = (best.values[place], &optimisation.variables[place]);
             let (tolerance, (from, to)) = (made.tolerance(value), made.range);
@@ -183,8 +185,7 @@ impl Answer {
         };
         let named = |(axis, value): (&Axis, &f64)| Named { key: axis.key.clone(), value: *value, unit: axis.unit() };
         let there = optimisation.axes.iter().zip(&best.there).map(named).collect();
-        let starts = optimisation.starts.as_ref().map_or(1, Vec::len);
-        let kept = |(constraint, value): (&super::file::Constraint, &f64)| Kept {
+        let kept = |(constraint, value): (&Constraint, &f64)| Kept {
             metric: constraint.metric.name(),
             limit: constraint
                 .limit
@@ -204,8 +205,8 @@ impl Answer {
             simulations: simulations.load(Ordering::Relaxed),
             objective: best.objective,
             over: optimisation.over.name(),
-            scenarios: if is_robust { best.all.len() / starts } else { 1 },
-            as_wanted: wanted.objective,
+            scenarios: best.scenarios(optimisation),
+            nominal: (!is_robust || over.is_some()).then_some(nominal.objective),
             worst_within_tolerance: over.map(|over| if is_robust { worst(optimisation, over) } else { over.objective }),
             is_feasible_within_tolerance: over.map(Evaluated::is_feasible),
             unit: optimisation.objective.suffix(),
@@ -220,7 +221,7 @@ impl Answer {
             references: around.references,
             over_band: around.over_band,
             stuck_share: around.stuck_share,
-            damper_mass_kg: damper_mass_kg(optimisation, wanted)?,
+            damper_mass_kg: damper_mass_kg(optimisation, nominal)?,
             alternatives: Vec::new(),
         })
     }

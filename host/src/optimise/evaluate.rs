@@ -6,7 +6,8 @@ use std::collections::{HashMap, HashSet};
 use rayon::prelude::*;
 
 use super::cases::Cases;
-use super::file::{Constraint, Optimisation};
+use super::constraint::Constraint;
+use super::file::Optimisation;
 use super::over::Over;
 use super::scenarios::{self, Scenario};
 use crate::input::Refusal;
@@ -21,7 +22,7 @@ use crate::study::simulate::{Halt, metrics_of_all};
 pub struct Evaluated {
     /// Place of each variable in its range, 0 to 1.
     pub shares: Vec<f64>,
-    /// Value of each variable and of what is uncertain, as wanted.
+    /// Nominal value of each variable and of what is uncertain.
     pub values: Vec<f64>,
     /// Those where the objective is: others where it counts over tolerances or uncertain values.
     pub there: Vec<f64>,
@@ -44,6 +45,12 @@ impl Evaluated {
     #[must_use]
     pub fn is_feasible(&self) -> bool {
         self.violation == 0.0 && !self.objective.is_nan()
+    }
+
+    /// Scenarios of tolerances and uncertain values behind it; 1 without any.
+    #[must_use]
+    pub fn scenarios(&self, optimisation: &Optimisation) -> usize {
+        self.all.len() / optimisation.starts.as_ref().map_or(1, Vec::len)
     }
 
     /// What the search makes small: the objective, or its negative, where the constraints are kept; beyond any objective and rising
@@ -89,8 +96,8 @@ pub fn values(optimisation: &Optimisation, shares: &[f64]) -> Vec<f64> {
         Value::Number(number) => number,
         Value::Word(_) => f64::NAN,
     };
-    let wanted: Vec<f64> = optimisation.variable_axes().iter().zip(shares).map(number).collect();
-    scenarios::values(optimisation, &wanted, &scenarios::wanted(optimisation))
+    let nominal: Vec<f64> = optimisation.variable_axes().iter().zip(shares).map(number).collect();
+    scenarios::values(optimisation, &nominal, &scenarios::nominal(optimisation))
 }
 
 /// Evaluates the point with these values of the variables and of what is uncertain; it has no shares.
@@ -113,37 +120,43 @@ pub fn at_values(optimisation: &Optimisation, values: Vec<f64>, care: Care, go_o
     Ok(Evaluated { there: values.clone(), values, ..evaluated })
 }
 
-/// Evaluates wanted values in some scenarios; as they are wanted alone where that costs more already than `care` allows, since the worst
-/// is no better.
+/// Evaluates nominal values in some scenarios; as they are alone where that costs more already than `care` allows, since the worst is no
+/// better.
 ///
 /// # Errors
 /// As [`at_values`].
 pub fn in_scenarios(
     optimisation: &Optimisation,
-    wanted: Vec<f64>,
+    nominal: Vec<f64>,
     scenarios: &[Scenario],
     care: Care,
     go_on: GoOn,
 ) -> Result<Evaluated, Halt> {
-    let is_worst = optimisation.over == Over::Worst;
-    let mut all = Vec::new();
-    if is_worst || scenarios.is_empty() {
-        let alone = at_values(optimisation, wanted.clone(), care, go_on)?;
-        if scenarios.is_empty() || alone.cost(optimisation.is_maximum) > care.up_to_cost {
-            return Ok(alone);
-        }
-        all.push(alone);
+    let at = |scenario: &Scenario| {
+        at_values(optimisation, scenarios::values(optimisation, &nominal, scenario), Care::of(care.effort), go_on)
+    };
+    let all = || scenarios.iter().map(at).collect::<Result<Vec<Evaluated>, Halt>>();
+    if optimisation.over != Over::Worst && !scenarios.is_empty() {
+        return Ok(together(optimisation, nominal.clone(), &all()?.iter().collect::<Vec<_>>()));
     }
-    for scenario in scenarios {
-        let values = scenarios::values(optimisation, &wanted, scenario);
-        all.push(at_values(optimisation, values, Care::of(care.effort), go_on)?);
+    let alone = at_values(optimisation, nominal.clone(), care, go_on)?;
+    if scenarios.is_empty() || alone.cost(optimisation.is_maximum) > care.up_to_cost {
+        return Ok(alone);
     }
-    Ok(together(optimisation, wanted, &all.iter().collect::<Vec<_>>()))
+    Ok(with_scenarios(optimisation, &alone, &all()?.iter().collect::<Vec<_>>()))
 }
 
-/// What some scenarios of the same wanted values give together.
+/// What some scenarios of nominal values give together; the worst is of the nominal values too.
 #[must_use]
-pub fn together(optimisation: &Optimisation, wanted: Vec<f64>, scenarios: &[&Evaluated]) -> Evaluated {
+pub fn with_scenarios(optimisation: &Optimisation, nominal: &Evaluated, scenarios: &[&Evaluated]) -> Evaluated {
+    let counted = (optimisation.over == Over::Worst).then_some(nominal);
+    let all: Vec<&Evaluated> = scenarios.iter().copied().chain(counted).collect();
+    together(optimisation, nominal.values.clone(), &all)
+}
+
+/// What some scenarios of the same nominal values give together.
+#[must_use]
+pub fn together(optimisation: &Optimisation, nominal: Vec<f64>, scenarios: &[&Evaluated]) -> Evaluated {
     let mut all: Vec<f64> = scenarios.iter().flat_map(|point| point.all.iter().copied()).collect();
     all.sort_by(f64::total_cmp);
     let objective = optimisation.over.of(&all, optimisation.is_maximum);
@@ -162,7 +175,7 @@ pub fn together(optimisation: &Optimisation, wanted: Vec<f64>, scenarios: &[&Eva
     let constraints: Vec<f64> = optimisation.constraints.iter().enumerate().map(least_kept).collect();
     Evaluated {
         shares: Vec::new(),
-        values: wanted,
+        values: nominal,
         there,
         objective,
         all,

@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::alternative::{self, Alternative, read_case};
 use super::cases::Direct;
-use super::keys::{alternative, constraint, ensemble, optimisation as keys};
+use super::constraint::{self, Constraint};
+use super::keys::{ensemble, optimisation as keys};
 use super::over::Over;
 use super::variable::{self, Uncertain, Variable};
-use crate::input::section::Given;
-use crate::input::{self, Files, Problem, Refusal, Section, Source, Span};
+use crate::input::{self, Files, Problem, Refusal, Section, Source};
 use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::simulation::case::default_name;
@@ -27,27 +28,6 @@ const EVALUATIONS_OF_SEVERAL: u64 = 500;
 
 /// Most variables, and most uncertain keys.
 const MAX_VARIABLES: usize = 12;
-
-/// What a constraint asks of its metric.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Limit {
-    /// At most this.
-    AtMost(f64),
-    /// At least this.
-    AtLeast(f64),
-    /// This.
-    Equals(f64),
-}
-
-/// A constraint.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Constraint {
-    /// The metric.
-    pub metric: Quantity,
-    /// What is asked of it.
-    pub limit: Limit,
-    span: Span,
-}
 
 /// An optimisation as read.
 #[derive(Clone, Debug)]
@@ -91,36 +71,6 @@ pub struct Optimisation {
     /// The files that the case names, each read once.
     files: Arc<Files>,
     pub(super) direct: Direct,
-}
-
-impl Limit {
-    /// By how much a value is beyond it, in the metric's unit; below 0 within it, infinite for a value that does not exist.
-    #[must_use]
-    pub fn excess(self, value: f64) -> f64 {
-        match self {
-            _ if value.is_nan() => f64::INFINITY,
-            Self::AtMost(limit) => value - limit,
-            Self::AtLeast(limit) => limit - value,
-            Self::Equals(limit) => (value - limit).abs(),
-        }
-    }
-
-    /// By how much a value misses it, as a share of the limit (as a number where the limit is 0); 0 if it is kept.
-    #[must_use]
-    pub fn violation(self, value: f64) -> f64 {
-        let (Self::AtMost(limit) | Self::AtLeast(limit) | Self::Equals(limit)) = self;
-        self.excess(value).max(0.0) / if limit == 0.0 { 1.0 } else { limit.abs() }
-    }
-
-    /// In words, with a limit as `number` writes it.
-    #[must_use]
-    pub fn words(self, number: impl Fn(f64) -> String) -> String {
-        match self {
-            Self::AtMost(limit) => format!("at most {}", number(limit)),
-            Self::AtLeast(limit) => format!("at least {}", number(limit)),
-            Self::Equals(limit) => format!("equal to {}", number(limit)),
-        }
-    }
 }
 
 impl Optimisation {
@@ -327,14 +277,11 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Opti
     let (evaluations, seed) = (root.scalar(&keys::EVALUATIONS), root.scalar(&keys::SEED));
     let set = read_set(root, &keys::VARIABLE, &keys::UNCERTAIN);
     let band: Vec<Option<Axis>> = root.tables_of(&keys::AXIS).iter().map(read_axis).collect();
-    let constraints: Vec<_> = root.tables_of(&keys::CONSTRAINT).iter().map(read_constraint).collect();
+    let constraints: Vec<_> = root.tables_of(&keys::CONSTRAINT).iter().map(constraint::read).collect();
     let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
     let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| read_ensemble(&s));
-    let alternatives: Vec<_> = root
-        .tables_of(&keys::ALTERNATIVE)
-        .iter()
-        .map(|s| read_alternative(s, path, case.as_ref().map(|(_, text)| text.as_str())))
-        .collect();
+    let own = case.as_ref().map(|(_, text)| text.as_str());
+    let alternatives = alternative::read(&root.tables_of(&keys::ALTERNATIVE), path, &name, own);
     let band = band.into_iter().collect::<Option<Vec<Axis>>>()?;
     let set = set?;
     check_variables(root, &set)?;
@@ -382,62 +329,28 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Opti
 }
 
 /// What is set: variables and uncertain keys with their axes.
-struct Set {
+pub(super) struct Set {
     variables: Vec<(Axis, Variable)>,
     uncertain: Vec<(Axis, Uncertain)>,
 }
 
-fn read_set(s: &Section, variables: &input::key::Quantity, uncertain: &input::key::Quantity) -> Option<Set> {
-    let variables: Vec<_> = s.tables_of(variables).iter().map(variable::read).collect();
-    let uncertain: Vec<_> = s.tables_of(uncertain).iter().map(variable::read_uncertain).collect();
+pub(super) fn read_set(s: &Section, variables: &input::key::Quantity, uncertain: &input::key::Quantity) -> Option<Set> {
+    let tables = [variables, uncertain].map(|quantity| {
+        let tables = s.tables_of(quantity);
+        let is_possible = tables.len() <= MAX_VARIABLES;
+        if !is_possible {
+            let count = tables.len();
+            s.reject(quantity.name(), format!("has {count} tables; at most {MAX_VARIABLES} are possible"), None);
+        }
+        is_possible.then_some(tables)
+    });
+    let [variables, uncertain] = tables;
+    let variables: Vec<_> = variables?.iter().map(variable::read).collect();
+    let uncertain: Vec<_> = uncertain?.iter().map(variable::read_uncertain).collect();
     Some(Set {
         variables: variables.into_iter().collect::<Option<_>>()?,
         uncertain: uncertain.into_iter().collect::<Option<_>>()?,
     })
-}
-
-/// A path and a text of a case.
-type CaseText = (PathBuf, String);
-
-/// Another damper.
-struct Alternative {
-    name: String,
-    case: CaseText,
-    set: Set,
-}
-
-/// An alternative to a case of this text.
-fn read_alternative(s: &Section, path: &Path, own: Option<&str>) -> Option<Alternative> {
-    let name = s.text_of(&alternative::NAME);
-    let case = read_case(s, &alternative::CASE, path, None, own);
-    let set = read_set(s, &alternative::VARIABLE, &alternative::UNCERTAIN);
-    s.finish();
-    Some(Alternative { name: name?.value, case: case?, set: set? })
-}
-
-/// The tables of a case that are dampers.
-const DAMPERS: [&str; 4] = ["particle", "friction_damper", "tmd", "many_particles"];
-
-/// The case: `given`, the file that is named, or the tables under the key; these take the place of those of `own` and of its dampers.
-fn read_case(
-    s: &Section,
-    key: &input::key::Quantity,
-    path: &Path,
-    given: Option<&Source>,
-    own: Option<&str>,
-) -> Option<CaseText> {
-    match s.given(key)?.1 {
-        Given::Text(text) => crate::study::file::read_case(s, path, &text, given),
-        Given::Table(section) => {
-            let mut case: toml::Table = own.and_then(|own| toml::from_str(own).ok()).unwrap_or_default();
-            DAMPERS.iter().for_each(|damper| drop(case.remove(*damper)));
-            case.extend(section.as_toml());
-            // Beside the file, as the files that the case names are.
-            let name = format!("{} [{}]", path.file_name().unwrap_or_default().display(), s.full(key.name()));
-            Some((path.with_file_name(name), case.to_string()))
-        }
-        _ => None,
-    }
 }
 
 fn read_axis(s: &Section) -> Option<Axis> {
@@ -448,15 +361,6 @@ fn read_axis(s: &Section) -> Option<Axis> {
         return None;
     }
     Some(axis)
-}
-
-fn read_constraint(s: &Section) -> Option<Constraint> {
-    let metric = s.word(&constraint::METRIC);
-    let limit = s.one_of(&constraint::LIMIT);
-    s.finish();
-    let (place, value) = limit?;
-    let limit = [Limit::AtMost, Limit::AtLeast, Limit::Equals][place](value);
-    Some(Constraint { metric: METRICS[metric?], limit, span: s.span_of(constraint::METRIC.name()) })
 }
 
 /// The starts and what counts.
@@ -483,12 +387,6 @@ fn check_variables(root: &Section, set: &Set) -> Option<()> {
             help: Some("add a table [[variable]] with `key`, `from` and `to`".into()),
         });
         return None;
-    }
-    for (count, quantity) in [(set.variables.len(), &keys::VARIABLE), (set.uncertain.len(), &keys::UNCERTAIN)] {
-        if count > MAX_VARIABLES {
-            root.reject(quantity.name(), format!("has {count} tables; at most {MAX_VARIABLES} are possible"), None);
-            return None;
-        }
     }
     Some(())
 }

@@ -37,8 +37,8 @@ tables! {
         VALUES: Optional, [key("values", Kind::Numbers(Any), "the values that there are (a catalogue), in place of a range")];
         STEP: Optional, [number("step", Positive, "the values that can be made are `from` and whole steps from it, in the key's unit")];
         TOLERANCE: Optional, [
-            number("tolerance", Positive, "how far from the wanted value the made one may be, to either side, in the key's unit; the objective counts within it. Left out: the wanted value counts, and the answer says what 0.1 % of it (of the range where it is 0) does"),
-            number("relative_tolerance", Inside(0.0, 1.0), "the same as a share of the wanted value"),
+            number("tolerance", Positive, "how far from the nominal value the made one may be, to either side, in the key's unit; the objective counts within it. Left out: the nominal value counts, and the answer says what 0.1 % of it (of the range where it is 0) does"),
+            number("relative_tolerance", Inside(0.0, 1.0), "the same as a share of the nominal value"),
         ];
         SCALE: Default(Word("linear")), [word("scale", &["linear", "log"], "whether the search is even in the value or in its logarithm")];
     }

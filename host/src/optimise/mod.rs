@@ -1,11 +1,18 @@
 //! Optimisation: the values of a case's keys at which a metric is best, and how sure that is; docs/OPTIMISE.md is the user's page.
 //!
-//! [`mod@file`] reads what is varied and what is wanted, [`variable`] what can be made and what is not known, [`scenarios`] what may become of it and [`over`] what of that counts; [`evaluate`] gives the objective at a point, [`search`] looks for the best
-//! point, [`mount`] for values near it that a person can set, [`neighbourhood`] says what small changes do, [`references`] what other dampers do, [`size`] how many simulations all that takes, [`mod@over_band`] has it over the band, `stuck` says how long friction holds the structure; [`answer`] has all of it, [`run`] does all that and
-//! [`table`] writes it.
+//! What is asked: [`mod@file`] with [`constraint`] and `alternative`; [`variable`] says what can be made, [`scenarios`] what may become of
+//! it and [`over`] what of that counts.
+//!
+//! How it is found: [`evaluate`] gives the objective at a point, [`search`] looks for the best point, [`mount`] for values near it that a
+//! person can set, `verify` tries these in many more scenarios; [`size`] says how many simulations all that takes.
+//!
+//! What is said about it: [`neighbourhood`] what small changes do, [`references`] what other dampers do, [`mod@over_band`] the curve over
+//! the band, `stuck` how long friction holds the structure; [`answer`] has all of it, [`run`] does all that and [`table`] writes it.
 
+mod alternative;
 pub mod answer;
 mod cases;
+pub mod constraint;
 pub mod evaluate;
 pub mod file;
 mod keys;
@@ -21,6 +28,7 @@ pub mod size;
 mod stuck;
 pub mod table;
 pub mod variable;
+mod verify;
 
 pub use answer::Answer;
 pub use file::Optimisation;

@@ -5,12 +5,13 @@
 
 use rayon::prelude::*;
 
-use super::evaluate::{Care, Evaluated, GoOn, Known, at_values, together};
+use super::evaluate::{Care, Evaluated, GoOn, at_values, with_scenarios};
 use super::file::Optimisation;
 use super::over::Over;
-use super::scenarios::{self, Scenario, Scenarios};
+use super::scenarios::{self, Scenario};
 use super::search::{self, APART, Found, PLACES, Stage, best_places};
 use super::variable::Variable;
+use super::verify::{self, Verification};
 use crate::study::band::Effort;
 use crate::study::simulate::Halt;
 
@@ -32,24 +33,10 @@ const SCANNED: usize = 2;
 /// Number and distance of the places that are scanned if none of those keeps the constraints.
 const FURTHER: (usize, f64) = (64, 0.01);
 
-/// Places that are verified with many scenarios, one after the other until no other can be better; where the objective is not that of
-/// the worst scenario, no scenario shows that.
-const VERIFIED: [usize; 2] = [64, 3];
-
-/// Places of them whose every scenario is evaluated, about: neighbours share scenarios, and a place that is worse ends early.
-const ABOUT_VERIFIED: u64 = 2;
-
-/// Scenarios that are evaluated side by side.
-const TOGETHER: usize = 64;
-
-/// The worst of many scenarios from which worse ones are looked for, and rounds of that, each with half the steps of the one before.
-const WORST: usize = 4;
-const ROUNDS: usize = 4;
-
 /// Values that can be made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
-    /// What they give as they are wanted.
+    /// What they give at their nominal values.
     pub at: Evaluated,
     /// The worst of that and of scenarios within tolerances that no file states; or what the scenarios give together over which the
     /// objective counts.
@@ -69,12 +56,10 @@ pub(super) fn points(optimisation: &Optimisation) -> (Points, Points) {
         let is_made = search::points_that_can_be_made(optimisation).is_some();
         let compared = if is_made { 0 } else { MOVED * TRIES.next_multiple_of(2 * variables.max(1)) + PLACES };
         let compared = compared as u64 * scenarios::compared(optimisation).len() as u64;
-        let all = Scenarios::of(optimisation).many.len() + ROUNDS * WORST * 2 * scenarios::steps(optimisation).len();
-        let places = VERIFIED[usize::from(optimisation.over != Over::Worst)] as u64;
-        let most = compared + places * all as u64;
-        let about = (WHOLE_MOVES * compared as f64) as u64 + ABOUT_VERIFIED * all as u64;
-        let scanned = places * WORST as u64 + 1;
-        return (Points { most, about }, Points { most: scanned, about: ABOUT_VERIFIED * WORST as u64 + 1 });
+        let (verified, scanned) = verify::points(optimisation);
+        let most = compared + verified.most;
+        let about = (WHOLE_MOVES * compared as f64) as u64 + verified.about;
+        return (Points { most, about }, Points { most: scanned.most + 1, about: scanned.about + 1 });
     }
     // A setting and its scenarios.
     let setting = 1 + scenarios::compared(optimisation).len() as u64;
@@ -145,11 +130,11 @@ impl Mounting<'_> {
     fn made(&self, values: &[f64], effort: Effort) -> Result<Evaluated, Halt> {
         let made = |(variable, value): (&Variable, &f64)| variable.made(*value);
         let made: Vec<f64> = self.optimisation.variables.iter().zip(values).map(made).collect();
-        let values = scenarios::values(self.optimisation, &made, &scenarios::wanted(self.optimisation));
+        let values = scenarios::values(self.optimisation, &made, &scenarios::nominal(self.optimisation));
         at_values(self.optimisation, values, Care::of(effort), self.go_on)
     }
 
-    /// The nearest values that can be made; `None` if they are no better than `bar` already as they are wanted.
+    /// The nearest values that can be made; `None` if they are no better than `bar` already at their nominal values.
     fn setting(&self, values: &[f64], effort: Effort, bar: Option<&Setting>) -> Result<Option<Setting>, Halt> {
         let at = self.made(values, effort)?;
         let alone = Setting { over: at.clone(), at };
@@ -163,8 +148,7 @@ impl Mounting<'_> {
         };
         let others: Vec<Evaluated> = self.scenarios.par_iter().map(at).collect::<Result<_, Halt>>()?;
         let over = if self.optimisation.is_robust() {
-            let with: Vec<&Evaluated> = others.iter().chain(is_worst.then_some(&alone.at)).collect();
-            together(self.optimisation, alone.at.values.clone(), &with)
+            with_scenarios(self.optimisation, &alone.at, &others.iter().collect::<Vec<_>>())
         } else {
             let worse = |a: Evaluated, b: Evaluated| if self.cost(&b) > self.cost(&a) { b } else { a };
             others.into_iter().fold(alone.over, worse)
@@ -175,14 +159,12 @@ impl Mounting<'_> {
 
     /// The best of the values that can be made, with the objective over many more scenarios than the search had.
     fn verified_best(&self, found: &Found) -> Result<Option<Setting>, Halt> {
-        let optimisation = self.optimisation;
-        let is_worst = optimisation.over == Over::Worst;
         let is_made = found.points.first().is_some_and(|(stage, _)| *stage == Stage::All);
         let mut places: Vec<Evaluated> = if is_made {
             found.points.iter().map(|(_, point)| point.clone()).collect()
         } else {
             let mut settings: Vec<Setting> = Vec::new();
-            for place in best_places(&found.points, optimisation.is_maximum, (PLACES, APART)) {
+            for place in best_places(&found.points, self.optimisation.is_maximum, (PLACES, APART)) {
                 settings.extend(self.setting(&place.values, Effort::Peaks, None)?);
             }
             self.sort(&mut settings);
@@ -193,94 +175,9 @@ impl Mounting<'_> {
         };
         places.sort_by(|a, b| self.cost(a).total_cmp(&self.cost(b)));
         places.dedup_by(|a, b| a.values == b.values);
-        let all = Scenarios::of(optimisation);
-        let mut known = Known::none(optimisation, Effort::Peaks, self.go_on);
-        let mut best: Option<Setting> = None;
-        for place in places.iter().take(VERIFIED[usize::from(!is_worst)]) {
-            let bar = best.as_ref().map_or(f64::INFINITY, |best| self.cost(&best.over));
-            if is_worst && self.cost(place) >= bar {
-                break;
-            }
-            let verified = self.verified(place, &all, &mut known, if is_worst { bar } else { f64::INFINITY })?;
-            if let Some(over) = verified.filter(|over| self.cost(over) < bar) {
-                best = Some(Setting { at: over.clone(), over });
-            }
-        }
-        if let Some(best) = &mut best {
-            best.at = at_values(optimisation, best.over.values.clone(), Care::of(Effort::Scan), self.go_on)?;
-        }
-        Ok(best)
-    }
-
-    /// The objective of wanted values over many scenarios; `None` as soon as it is worse than `bar`. For the worst, worse scenarios are
-    /// looked for near the worst ones, and the band of these is scanned.
-    fn verified(
-        &self,
-        place: &Evaluated,
-        all: &Scenarios,
-        known: &mut Known,
-        bar: f64,
-    ) -> Result<Option<Evaluated>, Halt> {
-        let optimisation = self.optimisation;
-        let values = |scenario: &Scenario| scenarios::values(optimisation, &place.values, scenario);
-        let mut tried: Vec<(Scenario, Evaluated)> = Vec::new();
-        // Those near the worst known one come first: they show soonest that a place is worse than another.
-        let scale: Vec<f64> = all.many.iter().map(&values).fold(vec![0.0; place.values.len()], |scale, values| {
-            let off = |(scale, (value, there)): (f64, (&f64, &f64))| f64::max(scale, (value - there).abs());
-            scale.into_iter().zip(values.iter().zip(&place.there)).map(off).collect()
-        });
-        let distance = |scenario: &Scenario| -> f64 {
-            let values = values(scenario);
-            let off =
-                |((value, there), scale): ((&f64, &f64), &f64)| ((value - there) / scale.max(f64::MIN_POSITIVE)).abs();
-            values.iter().zip(&place.there).zip(&scale).map(off).sum()
-        };
-        let mut order: Vec<(f64, &Scenario)> = all.many.iter().map(|scenario| (distance(scenario), scenario)).collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let order: Vec<Scenario> = order.into_iter().map(|(_, scenario)| scenario.clone()).collect();
-        let is_worse = |tried: &[(Scenario, Evaluated)]| tried.iter().any(|(_, point)| self.cost(point) >= bar);
-        for part in order.chunks(TOGETHER) {
-            let found = known.at(&part.iter().map(values).collect::<Vec<_>>())?;
-            tried.extend(part.iter().cloned().zip(found.into_iter().cloned()));
-            if is_worse(&tried) {
-                return Ok(None);
-            }
-        }
-        if optimisation.over == Over::Worst {
-            let mut step = all.spacing;
-            for _ in 0..ROUNDS {
-                self.sort_worst_first(&mut tried);
-                step /= 2.0;
-                let mut near: Vec<Scenario> = Vec::new();
-                for (scenario, _) in tried.iter().take(WORST) {
-                    for (dimension, (from, to)) in scenarios::steps(optimisation) {
-                        for side in [-step, step] {
-                            let mut neighbour = scenario.clone();
-                            neighbour[dimension] = (neighbour[dimension] + side * (to - from)).clamp(from, to);
-                            near.push(neighbour);
-                        }
-                    }
-                }
-                let found = known.at(&near.iter().map(values).collect::<Vec<_>>())?;
-                tried.extend(near.into_iter().zip(found.into_iter().cloned()));
-                if is_worse(&tried) {
-                    return Ok(None);
-                }
-            }
-            self.sort_worst_first(&mut tried);
-            let worst: Vec<Scenario> = tried.iter().take(WORST).map(|(scenario, _)| scenario.clone()).collect();
-            let scan =
-                |scenario: &Scenario| at_values(optimisation, values(scenario), Care::of(Effort::Scan), self.go_on);
-            let scanned: Vec<Evaluated> = worst.par_iter().map(scan).collect::<Result<_, Halt>>()?;
-            tried.extend(worst.into_iter().zip(scanned));
-        }
-        let all: Vec<&Evaluated> = tried.iter().map(|(_, point)| point).collect();
-        Ok(Some(together(optimisation, place.values.clone(), &all)))
-    }
-
-    /// Those that keep the constraints least or cost most come first.
-    fn sort_worst_first(&self, tried: &mut [(Scenario, Evaluated)]) {
-        tried.sort_by(|(_, a), (_, b)| self.cost(b).total_cmp(&self.cost(a)));
+        let Some(over) = Verification::of(self.optimisation, self.go_on).best(&places)? else { return Ok(None) };
+        let at = at_values(self.optimisation, over.values.clone(), Care::of(Effort::Scan), self.go_on)?;
+        Ok(Some(Setting { at, over }))
     }
 
     /// Moves a setting in steps along each variable as long as that makes it better.

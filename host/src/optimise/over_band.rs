@@ -1,4 +1,4 @@
-//! The objective's metric over the band: of the optimum as it is wanted, between its least and largest values in the scenarios, and of
+//! The objective's metric over the band: of the optimum at its nominal values, between its least and largest values in the scenarios, and of
 //! the bare structure.
 
 use rayon::prelude::*;
@@ -18,7 +18,7 @@ pub const POINTS: u32 = 121;
 pub struct OverBand {
     /// Value of the band's axis.
     pub at: f64,
-    /// The metric of the optimum as it is wanted, from the start for which it is worst.
+    /// The metric of the optimum at its nominal values, from the start for which it is worst.
     pub value: f64,
     /// Its least value in the scenarios by which the search compared points, from any start.
     pub low: f64,
@@ -40,9 +40,9 @@ pub fn curve(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Resu
     let place = |n: u32| from + (to - from) * f64::from(n) / f64::from(POINTS - 1);
     let at: Vec<f64> = (0..POINTS).map(place).collect();
     let points: Vec<Vec<Value>> = at.iter().map(|at| vec![Value::Number(*at)]).collect();
-    let wanted = on_axis(optimisation, &best.values, &points, false, go_on)?;
+    let nominal = on_axis(optimisation, &best.values, &points, false, go_on)?;
     let bare = on_axis(optimisation, &best.values, &points, true, go_on).ok();
-    let mut all = wanted.clone();
+    let mut all = nominal.clone();
     if optimisation.is_robust() {
         let of = |scenario: &scenarios::Scenario| {
             let values = scenarios::values(optimisation, &best.values, scenario);
@@ -55,7 +55,7 @@ pub fn curve(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Resu
     let worse = |a: f64, b: f64| if optimisation.is_better(a, b) { b } else { a };
     let point = |(n, at): (usize, f64)| OverBand {
         at,
-        value: wanted.iter().map(|start| start[n]).reduce(worse).unwrap_or(f64::NAN),
+        value: nominal.iter().map(|start| start[n]).reduce(worse).unwrap_or(f64::NAN),
         low: all.iter().map(|of| of[n]).fold(f64::INFINITY, f64::min),
         high: all.iter().map(|of| of[n]).fold(f64::NEG_INFINITY, f64::max),
         bare: bare.as_ref().and_then(|bare| bare.first()).map(|bare| bare[n]).filter(|bare| bare.is_finite()),

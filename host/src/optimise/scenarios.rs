@@ -1,4 +1,4 @@
-//! What becomes of wanted values: each variable lies anywhere within its tolerance, and what is uncertain has any of its values. Some of
+//! What becomes of nominal values: each variable lies anywhere within its tolerance, and what is uncertain has any of its values. Some of
 //! that is simulated, as here.
 //!
 //! A scenario has a place for each variable, from −1 to 1 of its tolerance, and one for each uncertain key, from 0 to 1 of its range.
@@ -30,27 +30,27 @@ const NEAR: [f64; 3] = [1.0, 0.5, 0.01];
 /// Most variables whose tolerances are combined where no file states one; of more, each counts alone.
 const COMBINED: usize = 4;
 
-/// The scenario in which nothing differs from what is wanted and what is uncertain has its middle value.
+/// The scenario in which every variable has its nominal value and what is uncertain has its middle value.
 #[must_use]
-pub fn wanted(optimisation: &Optimisation) -> Scenario {
+pub fn nominal(optimisation: &Optimisation) -> Scenario {
     let mut middle = vec![0.0; optimisation.variables.len()];
     middle.extend(optimisation.uncertain.iter().map(|_| 0.5));
     middle
 }
 
-/// The values of variables and uncertain keys in a scenario of wanted values. Within a tolerance that no file states they stay in
+/// The values of variables and uncertain keys in a scenario of nominal values. Within a tolerance that no file states they stay in
 /// their range.
 #[must_use]
-pub fn values(optimisation: &Optimisation, wanted: &[f64], scenario: &[f64]) -> Vec<f64> {
+pub fn values(optimisation: &Optimisation, nominal: &[f64], scenario: &[f64]) -> Vec<f64> {
     let made = |(place, side): (usize, &f64)| {
-        let (variable, value) = (&optimisation.variables[place], wanted[place]);
+        let (variable, value) = (&optimisation.variables[place], nominal[place]);
         let made = value + side * variable.tolerance(value);
         if *side == 0.0 {
             value
         } else if variable.stated.is_none() {
             made.clamp(variable.range.0, variable.range.1)
         } else {
-            // Neighbouring wanted values share scenarios where their digits agree.
+            // Neighbouring nominal values share scenarios where their digits agree.
             format!("{made:.11e}").parse().unwrap_or(made)
         }
     };
@@ -73,7 +73,7 @@ fn near(optimisation: &Optimisation) -> Vec<Scenario> {
     let mut all: Vec<Scenario> = Vec::new();
     for variable in 0..count {
         for side in NEAR.into_iter().flat_map(|share| [-share, share]) {
-            let mut alone = wanted(optimisation);
+            let mut alone = nominal(optimisation);
             alone[variable] = side;
             all.push(alone);
         }
@@ -123,7 +123,7 @@ impl Scenarios {
     pub fn of(optimisation: &Optimisation) -> Self {
         let dimensions = dimensions(optimisation);
         let count = dimensions.len();
-        let base = wanted(optimisation);
+        let base = nominal(optimisation);
         if optimisation.over != Over::Worst {
             let drawn = |number: usize| sobol(&base, &dimensions, number);
             return Self { few: drawn(FEW), many: drawn(MANY), spacing: 0.0 };
@@ -155,7 +155,7 @@ fn dimensions(optimisation: &Optimisation) -> Vec<Dimension> {
     let count = stated.clone().count() + optimisation.uncertain.len();
     let usual = if count < GRID { 4 } else { 2 };
     let of_variable = stated.map(|(place, variable)| {
-        // Steps within the tolerance are wanted values of neighbours, which are simulated anyway.
+        // Steps within the tolerance are nominal values of neighbours, which are simulated anyway.
         let steps = variable.steps_in_tolerance().filter(|steps| *steps <= 4 && count < GRID);
         let intervals = steps.map_or(usual, |steps| 2 * steps);
         Dimension { place, ends: (-1.0, 1.0), listed: None, intervals }

@@ -133,16 +133,16 @@ pub fn points_that_can_be_made(optimisation: &Optimisation) -> Option<Vec<Vec<f6
     Some(points)
 }
 
-/// Evaluates all these points as they are wanted, and in their scenarios those that can be the best.
+/// Evaluates all these points at their nominal values, and in their scenarios those that can be the best.
 fn all(judge: &Judge, points: &[Vec<f64>]) -> Vec<(Stage, Evaluated)> {
     let optimisation = judge.optimisation;
     let cost = |point: &Evaluated| point.cost(optimisation.is_maximum);
     let go_on = |ended| judge.goes_on(ended);
     let mut known = Known::none(optimisation, Effort::Peaks, &go_on);
-    let middle = scenarios::wanted(optimisation);
-    let wanted: Vec<Vec<f64>> = points.iter().map(|point| scenarios::values(optimisation, point, &middle)).collect();
+    let middle = scenarios::nominal(optimisation);
+    let nominal: Vec<Vec<f64>> = points.iter().map(|point| scenarios::values(optimisation, point, &middle)).collect();
     let mut found: Vec<Evaluated> = Vec::new();
-    for part in wanted.chunks(TOGETHER) {
+    for part in nominal.chunks(TOGETHER) {
         let Some(evaluated) = judge.kept(known.at(part)) else { break };
         found.extend(evaluated.into_iter().cloned());
         found[found.len() - part.len()..].iter().for_each(|point| judge.meet(point));
@@ -159,7 +159,7 @@ fn all(judge: &Judge, points: &[Vec<f64>]) -> Vec<(Stage, Evaluated)> {
         judge.forget();
         let (mut best, mut done) = (f64::INFINITY, Vec::new());
         for part in order.chunks(TOGETHER) {
-            // The worst of a point is no better than the point as it is wanted.
+            // The worst of a point is no better than its nominal values.
             if optimisation.over == Over::Worst && cost(&found[part[0]]) >= best {
                 break;
             }
@@ -167,13 +167,11 @@ fn all(judge: &Judge, points: &[Vec<f64>]) -> Vec<(Stage, Evaluated)> {
             let values: Vec<Vec<f64>> = part
                 .iter()
                 .flat_map(|place| of(*place))
-                .map(|(place, scenario)| scenarios::values(optimisation, &wanted[place], scenario))
+                .map(|(place, scenario)| scenarios::values(optimisation, &nominal[place], scenario))
                 .collect();
             let Some(evaluated) = judge.kept(known.at(&values)) else { break };
             for (place, scenarios) in part.iter().zip(evaluated.chunks(few.len())) {
-                let alone = (optimisation.over == Over::Worst).then(|| found[*place].clone());
-                let with: Vec<&Evaluated> = scenarios.iter().copied().chain(alone.as_ref()).collect();
-                let point = evaluate::together(optimisation, wanted[*place].clone(), &with);
+                let point = evaluate::with_scenarios(optimisation, &found[*place], scenarios);
                 best = best.min(cost(&point));
                 judge.meet(&point);
                 found[*place] = Evaluated { shares: found[*place].shares.clone(), ..point };
@@ -327,9 +325,9 @@ impl<'a> Judge<'a> {
         }
         let inside: Vec<f64> = shares.iter().map(|share| share.clamp(0.0, 1.0)).collect();
         let care = Care { effort: Effort::Peaks, up_to_cost: bar };
-        let wanted = evaluate::values(self.optimisation, &inside);
+        let nominal = evaluate::values(self.optimisation, &inside);
         let go_on = |ended| self.goes_on(ended);
-        let point = self.kept(evaluate::in_scenarios(self.optimisation, wanted, &self.scenarios, care, &go_on))?;
+        let point = self.kept(evaluate::in_scenarios(self.optimisation, nominal, &self.scenarios, care, &go_on))?;
         let point = Evaluated { shares: inside, ..point };
         self.meet(&point);
         Some(point)

@@ -14,9 +14,9 @@ use crate::study::points::{Method, Sampling};
 /// Share of the points of the search whose band is searched, about.
 const SEARCHED: f64 = 0.5;
 
-/// Share of the scenarios of a search that are simulated, about: the worst of a point is no better than the point as it is wanted, and
-/// neighbours share some.
-const COMPARED: f64 = 0.25;
+/// Share of the scenarios of a search that are simulated, about: the worst of a point is no better than its nominal values, so most points
+/// need none, and neighbours share some.
+const COMPARED: f64 = 0.05;
 
 /// Points tried for an estimate.
 const TRIED: usize = 4;
@@ -54,7 +54,7 @@ impl Size {
         let (tried, scanned) = mount::points(optimisation);
         let points = search::points_that_can_be_made(optimisation).map(|points| points.len() as u64);
         let search = points.unwrap_or(optimisation.evaluations);
-        // Each point as it is wanted, and some of them in all their scenarios.
+        // Each point at its nominal values, and some of them in all their scenarios.
         let few = if optimisation.is_robust() { scenarios::compared(optimisation).len() as u64 } else { 0 };
         let compared = (COMPARED * (search * few) as f64) as u64;
         Self {

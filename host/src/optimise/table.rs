@@ -80,7 +80,7 @@ fn write_table(
     let some = |value: f64| Some(value).filter(|value| !value.is_nan());
     let mut table = TableBuilder::new(&rows);
     if let Some(stages) = stages {
-        let stage = Column::new("stage", "", "part of the search: sobol, swarm, nelder_mead");
+        let stage = Column::new("stage", "", "part of the search: all (that can be made), sobol, swarm, nelder_mead");
         table = table.column(stage, |(place, _)| stages[*place]);
     }
     for (variable, axis) in optimisation.variable_axes().iter().enumerate() {
@@ -97,9 +97,11 @@ fn write_table(
         let column = Column::new(format!("constraint_{}", metric.name()), metric.unit(), meaning);
         table = table.column(column, move |(_, point)| some(point.constraints[place]));
     }
+    let scenarios = "scenarios of tolerances and uncertain values behind the objective; 1 at the nominal values alone";
     let violation = "sum of the violations of the constraints as shares of their limits";
     let unresolved = "how often too many events fell on one instant";
     let table = table
+        .column(Column::new("scenarios", "1", scenarios), |(_, point)| point.scenarios(optimisation) as u32)
         .column(Column::new("violation", "1", violation), |(_, point)| some(point.violation))
         .column(Column::new("unresolved", "1", unresolved), |(_, point)| some(point.unresolved));
     let keys: Vec<&str> = optimisation.axes.iter().map(|axis| axis.key.as_str()).collect();

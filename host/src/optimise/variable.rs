@@ -22,12 +22,12 @@ pub enum Choice {
     Listed(Vec<f64>),
 }
 
-/// How far from the wanted value the made one may be, to either side.
+/// How far from the nominal value the made one may be, to either side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tolerance {
     /// In the key's unit.
     Absolute(f64),
-    /// As a share of the wanted value.
+    /// As a share of the nominal value.
     Relative(f64),
 }
 

@@ -6,8 +6,9 @@ use crate::optimise::{Answer, Optimisation};
 use crate::report::figures::study_curves::{self, Curve, CurveLabels};
 use crate::report::figures::symbols;
 use crate::report::page;
-use crate::report::plot::{self, Breadth, FigureError, Picture};
-use crate::run_folder::{StorageError, checksum, own_files};
+use crate::report::plot::{self, Breadth, Picture};
+use crate::report::study_files::Undrawn;
+use crate::run_folder::{checksum, own_files};
 use crate::study::axis::Value;
 
 /// Name of the page.
@@ -16,22 +17,11 @@ pub const PAGE: &str = "optimum.html";
 /// Stem of the figure.
 pub const FIGURE: &str = "over_band";
 
-/// Why a file could not be written.
-#[derive(Clone, Debug, thiserror::Error)]
-pub enum Unwritten {
-    /// The disk fails.
-    #[error("{0}")]
-    Storage(#[from] StorageError),
-    /// A figure cannot be made.
-    #[error("{0}")]
-    Figure(#[from] FigureError),
-}
-
 /// Writes figure and page, in place of earlier ones. `summary`: the text of the command.
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write(optimisation: &Optimisation, answer: &Answer, summary: &str, folder: &Path) -> Result<(), Unwritten> {
+pub fn write(optimisation: &Optimisation, answer: &Answer, summary: &str, folder: &Path) -> Result<(), Undrawn> {
     let identity =
         checksum::of_bytes([optimisation.text.as_bytes(), optimisation.case_text.as_bytes()].concat().as_slice());
     let source = plot::source("optimisation", &identity);

@@ -9,6 +9,7 @@ use damprig_core::integrator::exact::response::{Response, Wanted};
 use super::axis::{Axis, Reduction, Value};
 use super::band::{Band, Reduced};
 use super::file::Study;
+use super::linear;
 use super::metric;
 use super::simulate::{Counted, GoOn, Halt, Record, Simulated, metrics_of_all};
 use crate::input::Refusal;
@@ -221,7 +222,8 @@ pub fn trial_s(study: &Study, row: u64) -> Result<f64, Refusal> {
 /// The refusal of a case.
 pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Quantity]) -> Result<f64, Refusal> {
     let start = Instant::now();
-    let end_s = Counted::of(&case, record).end_s;
+    let counted = Counted::of(&case, record);
+    let end_s = counted.end_s;
     let refused = |invalid: damprig_core::io::Invalid| Refusal(invalid.to_string());
     // The analysis runs the motion again, and some of its periods many times.
     let times = if metrics.iter().any(|metric| metric::needs_analysis(*metric)) { 4.0 } else { 1.0 };
@@ -229,9 +231,9 @@ pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Quantity]) ->
         let run = RunSpec { duration_s: end_s, ..RunSpec::default() };
         return Ok(times * cost::estimate(&Case { run, ..case }).map_err(refused)?.seconds);
     }
-    if case.record.is_some() {
+    if case.record.is_some() || linear::settled(&case, &counted).is_some() {
         // Nothing stops it, so it has a result.
-        let _ = Halt::unless_stopped(metrics_of_all(&[case], None, metrics, &|| true))?;
+        let _ = Halt::unless_stopped(metrics_of_all(&[case], record, metrics, &|| true))?;
         return Ok(times * start.elapsed().as_secs_f64());
     }
     if let Some(several) = &case.multi_degree {

@@ -145,7 +145,7 @@ fn the_headline_is_a_simulation_within_the_tolerances_that_anyone_can_repeat() {
     let largest_m = result["summary"]["steady_max_abs_x_m"].as_f64().unwrap();
     let objective_m = found["objective"].as_f64().unwrap();
     assert!((largest_m / objective_m - 1.0).abs() < 1e-9, "{largest_m} {objective_m}");
-    assert!(found["as_wanted"].as_f64().unwrap() <= objective_m);
+    assert!(found["nominal"].as_f64().unwrap() <= objective_m);
     for file in ["answer.json", "evaluations.parquet", "optimum.html", "over_band.svg", "over_band.png"] {
         assert!(folder.path().join("out").join(file).exists(), "{file}");
     }
@@ -172,7 +172,7 @@ fn what_counts_of_tolerances_and_uncertain_values_is_the_worst_or_a_quantile_or_
     let of = |over: &str| {
         let found = answer(&read(&format!("ensemble = {{ over = \"{over}\" }}\n{TUNED}{FREQUENCY}{uncertain}{BAND}")));
         let optimisation = read(&format!("{TUNED}{FREQUENCY}{uncertain}{BAND}"));
-        // Even values of both within ± 0.02 and 0.1 to 0.2, at the same wanted value.
+        // Even values of both within ± 0.02 and 0.1 to 0.2, at the same nominal value.
         let mut all: Vec<f64> = Vec::new();
         for a in 0..16 {
             for b in 0..16 {
@@ -242,6 +242,16 @@ fn alternatives_are_optimised_under_the_same_rules_and_compared() {
 }
 
 #[test]
+fn where_no_point_keeps_the_constraints_the_answer_has_no_nominal_value_and_no_worst_one() {
+    let unkept = "[[constraint]]\nmetric = \"max_abs_x_m\"\nat_most = 0\n";
+    let (_, output) = command(&format!("{TUNED}{FREQUENCY}{BAND}{unkept}"), &["--json"]);
+    assert_eq!(output.status.code(), Some(2));
+    let found: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(found["is_feasible"], false);
+    assert_eq!([&found["nominal"], &found["worst_within_tolerance"]], [&Value::Null, &Value::Null]);
+}
+
+#[test]
 fn what_cannot_be_made_or_known_is_refused_with_what_to_do() {
     let catalogue = "[[variable]]\nkey = \"tmd.damping_ratio\"\n";
     let cases: &[(String, &[&str])] = &[
@@ -270,6 +280,13 @@ fn what_cannot_be_made_or_known_is_refused_with_what_to_do() {
         (
             format!("{FREQUENCY}[[alternative]]\nname = \"a\"\ncase = {{ friction_damper = {{ force = 1 }} }}\n"),
             &["file.toml [alternative[1].case]", "force", "force_n"],
+        ),
+        (
+            format!(
+                "{FREQUENCY}{}",
+                "[[alternative]]\nname = \"a\"\ncase = { friction_damper = { force_n = 1 } }\n".repeat(2)
+            ),
+            &["`alternative[2].name` = \"a\"", "another damper", "name of its own"],
         ),
     ];
     for (file, words) in cases {

@@ -17,7 +17,7 @@ pub fn page(
     source: &str,
 ) -> String {
     let all = ranked(answer);
-    let caption = "The objective's metric over the band at each optimum, made as wanted; the band around a curve has its least and largest \
+    let caption = "The objective's metric over the band at each optimum with its nominal values; the band around a curve has its least and largest \
                    value within the tolerances, for all uncertain values and from all starts that the search compared points by.";
     let content = html! {
         header { h1 { (optimisation.name) } p.under { (scope) } }
@@ -39,9 +39,7 @@ pub fn page(
             }
         }
         section { h2 { "Optimisation" } pre { code { (optimisation.text) } } }
-        @if optimisation.case_path.exists() {
-            section { h2 { "Case" } p.under { (optimisation.case_path.display()) } pre { code { (optimisation.case_text) } } }
-        }
+        section { h2 { "Case" } p.under { (optimisation.case_path.display()) } pre { code { (optimisation.case_text) } } }
         footer { "Made by " (crate::VERSION_LINE) ": " (source) ". " code { "answer.json" } " beside this page has all numbers." }
     };
     document(&optimisation.name, &content)

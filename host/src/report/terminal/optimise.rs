@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::table::table;
 use crate::optimise::answer::{Kept, Variable};
-use crate::optimise::file::Constraint;
+use crate::optimise::constraint::Constraint;
 use crate::optimise::neighbourhood::Sensitivity;
 use crate::optimise::search::points_that_can_be_made;
 use crate::optimise::size::Size;
@@ -100,7 +100,7 @@ fn concerns(answer: &Answer) -> Vec<String> {
     let mut concerns = Vec::new();
     if !answer.there.is_empty() {
         concerns.push(format!("of {} scenarios", answer.scenarios));
-        concerns.push(format!("{} as wanted", with_unit(answer.as_wanted, 5, answer.unit)));
+        concerns.extend(answer.nominal.map(|nominal| format!("nominal {}", with_unit(nominal, 5, answer.unit))));
     }
     if let Some(worst) = answer.worst_within_tolerance.filter(|worst| *worst != answer.objective) {
         let side = if answer.goal == "maximum" { "down" } else { "up" };
@@ -262,7 +262,7 @@ type Cell = fn(&Answer) -> String;
 pub const COMPARED: [(&str, Cell); 6] = [
     ("damper", |answer| answer.name.clone()),
     ("objective", |answer| for_people(answer, answer.objective)),
-    ("as wanted", |answer| for_people(answer, answer.as_wanted)),
+    ("nominal", |answer| answer.nominal.map_or_else(String::new, |nominal| for_people(answer, nominal))),
     ("make", |answer| {
         let variable = |variable: &Variable| {
             let tolerance = with_unit(variable.tolerance, 2, variable.unit);

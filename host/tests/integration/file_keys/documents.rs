@@ -13,7 +13,8 @@ use damprig::study::Study;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::examples::{MORE_CAMPAIGN, MORE_CASES, MORE_CONTINUATION, MORE_OPTIMISATIONS, MORE_STUDIES, SET_UP_FILE};
+use super::design_examples::{MORE_CONTINUATION, MORE_OPTIMISATIONS, MORE_STUDIES};
+use super::examples::{MORE_CAMPAIGN, MORE_CASES, SET_UP_FILE};
 use crate::common::{damprig, python};
 use crate::mutations;
 

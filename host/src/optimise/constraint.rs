@@ -1,0 +1,67 @@
+//! A constraint: a metric and what must hold of it.
+
+use super::keys::constraint as keys;
+use crate::input::{Section, Span};
+use crate::quantity::Quantity;
+use crate::study::metric::METRICS;
+
+/// What a constraint asks of its metric.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Limit {
+    /// At most this.
+    AtMost(f64),
+    /// At least this.
+    AtLeast(f64),
+    /// This.
+    Equals(f64),
+}
+
+/// A constraint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Constraint {
+    /// The metric.
+    pub metric: Quantity,
+    /// What is asked of it.
+    pub limit: Limit,
+    pub(super) span: Span,
+}
+
+impl Limit {
+    /// By how much a value is beyond it, in the metric's unit; below 0 within it, infinite for a value that does not exist.
+    #[must_use]
+    pub fn excess(self, value: f64) -> f64 {
+        match self {
+            _ if value.is_nan() => f64::INFINITY,
+            Self::AtMost(limit) => value - limit,
+            Self::AtLeast(limit) => limit - value,
+            Self::Equals(limit) => (value - limit).abs(),
+        }
+    }
+
+    /// By how much a value misses it, as a share of the limit (as a number where the limit is 0); 0 if it is kept.
+    #[must_use]
+    pub fn violation(self, value: f64) -> f64 {
+        let (Self::AtMost(limit) | Self::AtLeast(limit) | Self::Equals(limit)) = self;
+        self.excess(value).max(0.0) / if limit == 0.0 { 1.0 } else { limit.abs() }
+    }
+
+    /// In words, with a limit as `number` writes it.
+    #[must_use]
+    pub fn words(self, number: impl Fn(f64) -> String) -> String {
+        match self {
+            Self::AtMost(limit) => format!("at most {}", number(limit)),
+            Self::AtLeast(limit) => format!("at least {}", number(limit)),
+            Self::Equals(limit) => format!("equal to {}", number(limit)),
+        }
+    }
+}
+
+/// Reads a table `[[constraint]]`.
+pub(super) fn read(s: &Section) -> Option<Constraint> {
+    let metric = s.word(&keys::METRIC);
+    let limit = s.one_of(&keys::LIMIT);
+    s.finish();
+    let (place, value) = limit?;
+    let limit = [Limit::AtMost, Limit::AtLeast, Limit::Equals][place](value);
+    Some(Constraint { metric: METRICS[metric?], limit, span: s.span_of(keys::METRIC.name()) })
+}
