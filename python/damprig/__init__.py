@@ -23,6 +23,7 @@ _PLACES = {
     "Table": "tables",
     "VirtualRig": "rig",
     "continuation": "studies",
+    "evaluate": "studies",
     "open_run": "runs",
     "read_signals": "signals",
     "response_spectrum": "signals",

@@ -7,13 +7,20 @@ import os
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from . import _damprig
 from .errors import InputError
 from .tables import Table
 
-__all__ = ["Study", "continuation", "optimise", "study"]
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+__all__ = ["Study", "continuation", "evaluate", "optimise", "study"]
 
 
 @dataclass(frozen=True)
@@ -108,6 +115,64 @@ def _compute_on(executor: Any, given: str | dict[str, Any], folder: Path) -> Non
     finally:
         for future in filter(None, futures):
             future.cancel()
+
+
+def evaluate(
+    case: str | os.PathLike[str] | dict[str, Any],
+    keys: Sequence[str],
+    points: ArrayLike,
+    metrics: str | Sequence[str],
+    *,
+    axis: Sequence[dict[str, Any]] = (),
+    record: dict[str, Any] | None = None,
+) -> np.ndarray:
+    """Metrics of a case at many points, on all cores: for SALib, pymoo, Optuna, SciPy and what else draws points.
+
+    Parameters
+    ----------
+    case : path or dict
+        A case file, or a dict with the keys of one.
+    keys : sequence of str
+        What varies: keys of the case with their tables, as ``"particle.clearance_m"``.
+    points : array_like of shape (n, len(keys))
+        The values of the keys at each point, in the units of the keys.
+    metrics : str or sequence of str
+        What is computed; docs/STUDIES.md lists the metrics.
+    axis : sequence of dict, optional
+        Axes of a study with ``reduce``, over which each point is judged: a band of frequencies.
+    record : dict, optional
+        What is counted of each simulation, as in a study: ``{"settle_cycles": 200, "cycles": 100}``. As the case's ``run`` says when left
+        out.
+
+    Returns
+    -------
+    numpy.ndarray of shape (n, len(metrics)), or (n,) for a single metric
+        In SI units; not a number where a metric does not exist.
+
+    Raises
+    ------
+    InputError
+        The case, a key or a value is wrong; nothing is returned then.
+    """
+    array = _points(keys, points)
+    names = [metrics] if isinstance(metrics, str) else list(metrics)
+    given = {"case": case, "metrics": names, "axis": list(axis)}
+    values = _damprig.evaluate(_given(given if record is None else {**given, "record": record}), list(keys), array)
+    return values[:, 0] if isinstance(metrics, str) else values
+
+
+def _points(keys: Any, points: ArrayLike) -> np.ndarray:
+    if isinstance(keys, str) or not all(isinstance(key, str) for key in keys):
+        raise InputError(f"keys = {keys!r} is not allowed: must be a list of keys of the case")
+    try:
+        array = np.asarray(points)
+    except ValueError as error:
+        raise InputError(f"points: {error}") from None
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"points has the dtype {array.dtype}: must be real numbers")
+    if array.ndim != 2 or array.shape[1] != len(keys):
+        raise InputError(f"points has the shape {array.shape}: must be (n, {len(keys)}), a column for each key")
+    return np.ascontiguousarray(array, dtype=float)
 
 
 def optimise(file: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:

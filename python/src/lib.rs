@@ -28,6 +28,7 @@ fn _damprig(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(studies::study_rows, module)?)?;
     module.add_function(wrap_pyfunction!(studies::study_write, module)?)?;
     module.add_function(wrap_pyfunction!(studies::study_merge, module)?)?;
+    module.add_function(wrap_pyfunction!(studies::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(studies::optimise, module)?)?;
     module.add_function(wrap_pyfunction!(studies::continuation, module)?)?;
     module.add_class::<run_reader::RunReader>()?;

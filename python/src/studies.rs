@@ -9,8 +9,12 @@ use damprig::run_folder::read::parquet_file;
 use damprig::study::Study;
 use damprig::study::axis::Value;
 use damprig::study::data_set::{DataSet, Manifest, TABLE};
+use damprig::study::evaluate::main_column;
+use damprig::study::given_points::GivenPoints;
 use damprig::study::run::{self, Ending, Progress};
 use damprig::study::store::Store;
+use numpy::{PyArray2, PyReadonlyArray2};
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -131,6 +135,38 @@ pub fn study_merge<'py>(
         Ok((Columns::of(&batches)?, best, shown))
     })?;
     Ok((columns.into_dict(py)?, best, address))
+}
+
+/// The metrics of a study at points from outside: a row for each point, a column for each metric.
+#[pyfunction]
+pub fn evaluate<'py>(
+    py: Python<'py>,
+    study: &Bound<'py, PyAny>,
+    keys: Vec<String>,
+    points: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let design = Design::of("evaluate", study)?;
+    let points: Vec<Vec<f64>> = points.as_array().outer_iter().map(|point| point.to_vec()).collect();
+    let rows = work(py, || {
+        let count = points.len() as u64;
+        let points = GivenPoints::new(keys, points).map_err(|why| Failure::Input(format!("points: {why}")))?;
+        let Design::Texts(source, case) = &design else {
+            return Err(Failure::Input("evaluate takes the keys of a study".into()));
+        };
+        let study = Study::parse_at(source, Path::new(source.name()), case.as_deref(), Some(points))?;
+        if study.rows() != count {
+            return Err(Failure::Input(
+                "axis: every axis must have `reduce`: a point has one value of each metric".into(),
+            ));
+        }
+        let watch = Watch::new();
+        let rows = run::compute(&study, 0..count, &|_| watch.goes_on())?;
+        let places = study.metrics.iter().map(|metric| run::place_of(&study, &main_column(&study, *metric)));
+        let places: Vec<usize> = places.collect();
+        let metrics = |row: Vec<f64>| places.iter().map(|place| row[*place]).collect::<Vec<f64>>();
+        rows.map_or_else(|| Err(watch.stopped()), |rows| Ok(rows.into_iter().map(metrics).collect::<Vec<_>>()))
+    })?;
+    PyArray2::from_vec2(py, &rows).map_err(|error| PyRuntimeError::new_err(error.to_string()))
 }
 
 /// Optimises: the answer as JSON.

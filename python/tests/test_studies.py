@@ -180,6 +180,58 @@ def test_dicts_are_computed_as_their_files(folder, monkeypatch):
     assert damprig.continuation({**follow, "case": "case.toml"})["branches"] == damprig.continuation(follow)["branches"]
 
 
+KEYS = ["particle.clearance_ratio", "particle.wall.coefficient"]
+
+
+def test_points_are_evaluated_as_a_study_of_them_and_as_single_simulations(folder):
+    points = np.random.default_rng(3).uniform([8, 0.3], [14, 0.8], (40, 2))
+    metrics = ["max_abs_x_m", "impacts_per_cycle"]
+    found = damprig.evaluate(folder / "case.toml", KEYS, points, metrics, record={"cycles": 20})
+    rows = ["particle.clearance_ratio,particle.wall.coefficient", *(f"{d!r},{e!r}" for d, e in points.tolist())]
+    (folder / "design.csv").write_text("\n".join(rows), encoding="utf-8")
+    study = f'case = "case.toml"\nmetrics = {json.dumps(metrics)}\npoints = "design.csv"\nrecord = {{ cycles = 20 }}\n'
+    (folder / "points.toml").write_text(study, encoding="utf-8")
+    table = damprig.study(folder / "points.toml", folder / "points").table
+    assert found.shape == (40, 2)
+    assert np.array_equal(found, np.column_stack([table[name] for name in metrics]))
+    assert np.array_equal(np.column_stack([table[key] for key in KEYS]), points)
+    case = tomllib.loads(CASE)
+    case["particle"]["clearance_ratio"], case["particle"]["wall"]["coefficient"] = points[7].tolist()
+    single = damprig.simulate({**case, "run": {"duration_s": 8}}).summary["max_abs_x_m"]
+    assert abs(found[7, 0] / single - 1) < 1e-9
+
+
+def test_a_single_metric_over_a_band_has_one_value_for_each_point(folder):
+    band = {"key": "base.frequency_ratio", "from": 0.95, "to": 1.05, "count": 5, "reduce": "maximum"}
+    points = [[9.0], [12.0], [9.0]]
+    found = damprig.evaluate(tomllib.loads(CASE), KEYS[:1], points, "x_over_z", axis=[band], record={"cycles": 20})
+    assert found.shape == (3,) and found[0] == found[2] != found[1]
+    alone = damprig.evaluate(tomllib.loads(CASE), KEYS[:1], points, "x_over_z", record={"cycles": 20})
+    assert np.all(found >= alone)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"keys": "particle.clearance_ratio"}, "list of keys"),
+        ({"points": [1.0, 2.0]}, r"shape \(2,\)"),
+        ({"points": [[1.0]]}, r"\(n, 2\)"),
+        ({"points": [["a", "b"]]}, "real numbers"),
+        ({"points": [[9.0, 0.5], [np.nan, 0.5]]}, "point 1: particle.clearance_ratio = NaN"),
+        ({"points": np.empty((0, 2))}, "no point"),
+        ({"points": [[9.0, 0.5], [9.0, 1.5]]}, r"particle.wall.coefficient.* 1\.5"),
+        ({"keys": ["particle.clearance_ratio", "particle.wall.coeff"]}, "coeff"),
+        ({"metrics": "x_over"}, "x_over_z"),
+        ({"axis": [{"key": "base.frequency_hz", "values": [2.4, 2.5]}]}, "reduce"),
+        ({"record": {"cycle": 3}}, "cycle"),
+    ],
+)
+def test_wrong_points_are_refused_with_what_is_wrong(change, words):
+    given = {"case": tomllib.loads(CASE), "keys": KEYS, "points": [[9.0, 0.5]], "metrics": "x_over_z", **change}
+    with pytest.raises(damprig.InputError, match=words):
+        damprig.evaluate(**given)
+
+
 def test_a_wrong_dict_is_refused_as_its_file_is(folder):
     study = tomllib.loads(STUDY)
     with pytest.raises(damprig.InputError, match="must be of x_over_z"):

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::alternative::{self, Alternative, read_case};
-use super::cases::Direct;
 use super::constraint::{self, Constraint};
 use super::keys::{ensemble, optimisation as keys};
 use super::over::Over;
@@ -15,6 +14,7 @@ use crate::simulation::Case;
 use crate::simulation::case::default_name;
 use crate::study::axis::{self, Axis, Reduction, Value};
 use crate::study::band::{self, Band};
+use crate::study::direct::Direct;
 use crate::study::file::{corners, read_record};
 use crate::study::metric::{self, METRICS};
 use crate::study::simulate::Record;
@@ -93,11 +93,11 @@ impl Optimisation {
         let mut read =
             read.ok_or_else(|| Refusal(format!("{}: the optimisation could not be read", path.display())))?;
         read.check(source)?;
-        read.direct = Direct::of(&read);
+        read.direct = read.direct();
         for alternative in &mut read.alternatives {
             alternative.adapt();
             alternative.check(source)?;
-            alternative.direct = Direct::of(alternative);
+            alternative.direct = alternative.direct();
         }
         Ok(read)
     }
@@ -158,7 +158,11 @@ impl Optimisation {
         self.varied_case().with(values)
     }
 
-    fn varied_case(&self) -> VariedCase<'_> {
+    fn direct(&self) -> Direct {
+        Direct::of(self.varied_case(), |axis| axis >= self.set())
+    }
+
+    pub(super) fn varied_case(&self) -> VariedCase<'_> {
         VariedCase {
             path: &self.case_path,
             text: &self.case_text,

@@ -1,5 +1,6 @@
 //! An axis of a study: a key of the case and its values.
 
+use super::file::MAX_CHECKED;
 use super::keys::axis as keys;
 use crate::input::key::Unit;
 use crate::input::section::{Given, Number, Text};
@@ -40,6 +41,13 @@ pub enum Values {
         to: f64,
         /// Even in the logarithm.
         is_log: bool,
+    },
+    /// Those of points from outside, between two ends.
+    Given {
+        /// Lower end.
+        from: f64,
+        /// Upper end.
+        to: f64,
     },
 }
 
@@ -112,14 +120,20 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// Number of its values; 1 for a drawn axis.
+    /// Number of its values; 1 for a scattered axis.
     #[must_use]
     pub fn count(&self) -> usize {
         match &self.values {
             Values::Numbers(numbers) => numbers.len(),
             Values::Words(words) => words.len(),
-            Values::Drawn { .. } => 1,
+            Values::Drawn { .. } | Values::Given { .. } => 1,
         }
+    }
+
+    /// Whether its values are drawn or from outside, one for each point, and no grid.
+    #[must_use]
+    pub fn is_scattered(&self) -> bool {
+        matches!(self.values, Values::Drawn { .. } | Values::Given { .. })
     }
 
     /// Whether it is a band of drive frequencies whose extreme is looked for between its values too.
@@ -135,13 +149,22 @@ impl Axis {
             && matches!(self.reduce, Some(Reduction::Maximum | Reduction::Minimum | Reduction::ScanMaximum))
     }
 
-    /// Its value at a place of a grid, or at a share of a drawn range, 0 to 1.
+    /// Its value at a place of a grid, or at a share of a range, 0 to 1.
     #[must_use]
     pub fn value(&self, place: usize, share: f64) -> Value {
         match &self.values {
             Values::Numbers(numbers) => Value::Number(numbers[place]),
             Values::Words(words) => Value::Word(words[place].clone()),
             Values::Drawn { from, to, is_log } => Value::Number(between(*from, *to, *is_log, share)),
+            Values::Given { from, to } => Value::Number(between(*from, *to, false, share)),
+        }
+    }
+
+    /// Whether every value is checked before a study, or lies between two that are.
+    pub(super) fn is_checked(&self) -> bool {
+        match &self.values {
+            Values::Numbers(numbers) => numbers.len() <= MAX_CHECKED || numbers.is_sorted(),
+            Values::Words(_) | Values::Drawn { .. } | Values::Given { .. } => true,
         }
     }
 
@@ -166,11 +189,13 @@ impl Axis {
         Unit::of(self.short_key()).map_or("", |unit| unit.symbol)
     }
 
-    /// The values with which the case is checked before the study: all of a list, both ends of a drawn range.
+    /// The values with which the case is checked before the study: all of a list, both ends of a scattered one.
     #[must_use]
     pub fn checked_values(&self) -> Vec<Value> {
         match &self.values {
-            Values::Drawn { from, to, .. } => vec![Value::Number(*from), Value::Number(*to)],
+            Values::Drawn { from, to, .. } | Values::Given { from, to } => {
+                vec![Value::Number(*from), Value::Number(*to)]
+            }
             _ => (0..self.count()).map(|place| self.value(place, 0.0)).collect(),
         }
     }
@@ -247,10 +272,15 @@ pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Opti
     Some(Axis { key: key.value, values, is_log, reduce, span: key.span, value_spans })
 }
 
+/// Whether a text can be a key with its tables: `particle.clearance_ratio`.
+pub(super) fn is_key(text: &str) -> bool {
+    let is_part = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
+    text.split('.').all(is_part)
+}
+
 /// A key of a case with its tables.
 pub(crate) fn checked_key(s: &Section, key: Text) -> Option<Text> {
-    let is_part = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
-    if key.value.split('.').all(is_part) {
+    if is_key(&key.value) {
         return Some(key);
     }
     let help = "for example key = \"particle.clearance_ratio\"".to_string();
@@ -294,7 +324,7 @@ fn read_list(s: &Section, given: Given, spans: &mut Vec<Span>) -> Option<Values>
     let is_empty = match &values {
         Values::Numbers(numbers) => numbers.is_empty(),
         Values::Words(words) => words.is_empty(),
-        Values::Drawn { .. } => false,
+        Values::Drawn { .. } | Values::Given { .. } => false,
     };
     if is_empty {
         let key = s.written(&keys::VALUES).map_or("values", |key| key.name);

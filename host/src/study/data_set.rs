@@ -347,7 +347,7 @@ fn changed(there: &Manifest, now: &Manifest, folder: &Path) -> String {
     } else if there.case != now.case {
         "the case has changed since".into()
     } else {
-        "a file that the case names has changed since".into()
+        "a file that the study or the case names has changed since".into()
     };
     format!(
         "{} has results of another study: {what}\n  give another --out, or remove these results if they are not needed",

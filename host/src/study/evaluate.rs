@@ -108,11 +108,12 @@ pub fn rows(study: &Study, rows: Range<u64>, go_on: GoOn) -> Result<Vec<Vec<f64>
     let points = study.points.points_per_row(&study.axes).unwrap_or(0);
     let mut cases = Vec::new();
     for row in rows.clone() {
+        let of_row = study.cases(row)?;
         for point in 0..points {
             if point % POINTS_PER_QUESTION == POINTS_PER_QUESTION - 1 && !go_on() {
                 return Err(Halt::Stopped);
             }
-            let case = study.case_with(&study.points.values(&study.axes, row, point))?;
+            let case = of_row.with(&study.points.values(&study.axes, row, point))?;
             match &study.ensemble {
                 None => cases.push(case),
                 Some(ensemble) => cases.extend(ensemble.shares.iter().map(|share| case.started_at(*share))),
@@ -130,6 +131,7 @@ pub fn rows(study: &Study, rows: Range<u64>, go_on: GoOn) -> Result<Vec<Vec<f64>
 fn row_of(study: &Study, band: &Band, row: u64, simulated: &[Simulated], go_on: GoOn) -> Result<Vec<f64>, Halt> {
     let starts = study.ensemble.as_ref().map_or(1, |ensemble| ensemble.shares.len());
     let mut row_values = Vec::new();
+    let cases_of_row = study.cases(row)?;
     let mut unresolved: f64 = simulated.iter().map(|(_, given_up)| given_up).sum();
     for (place, metric) in study.metrics.iter().enumerate() {
         let mut reduced: Vec<Reduced> = Vec::new();
@@ -141,7 +143,7 @@ fn row_of(study: &Study, band: &Band, row: u64, simulated: &[Simulated], go_on: 
                     for (axis, value) in study.points.reduced().iter().zip(at) {
                         values[*axis] = value.clone();
                     }
-                    let case = study.case_with(&values)?;
+                    let case = cases_of_row.with(&values)?;
                     Ok(share.map_or_else(|| case.clone(), |share| case.started_at(share)))
                 };
                 let cases = points.iter().map(case).collect::<Result<Vec<Case>, Refusal>>()?;
@@ -210,7 +212,7 @@ const TRIAL: Duration = Duration::from_millis(50);
 /// The refusal of a case that the axes make.
 pub fn trial_s(study: &Study, row: u64) -> Result<f64, Refusal> {
     let start = Instant::now();
-    let case = study.case_with(&study.points.values(&study.axes, row, 0))?;
+    let case = study.cases(row)?.with(&study.points.values(&study.axes, row, 0))?;
     let reading_s = start.elapsed().as_secs_f64();
     let simulating_s = simulating_s(case, study.record, &study.metrics)?;
     Ok((reading_s + simulating_s) * most_simulations(study))

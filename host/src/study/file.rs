@@ -6,9 +6,11 @@ use std::sync::Arc;
 use sha2::{Digest, Sha256};
 
 use super::axis::{self, Axis, Value};
+use super::direct::{Cases, Direct};
+use super::given_points::GivenPoints;
 use super::keys::{ensemble, overlay, record, sampling, study as keys};
 use super::metric::{self, METRICS};
-use super::points::{Method, Points, Sampling};
+use super::points::{Method, Points, Sampling, Scattered};
 use super::simulate::{Counted, Record};
 use super::table::MIN_OF_MAP;
 use super::varied_case::VariedCase;
@@ -24,7 +26,7 @@ use crate::simulation::settling;
 const MAX_CORNERS: u32 = 64;
 
 /// Most values of one axis that are checked before a study.
-const MAX_CHECKED: usize = 1_000;
+pub(super) const MAX_CHECKED: usize = 1_000;
 
 /// What to do about a range without a `count`.
 const MISSING_COUNT: &str = "give `count`, or draw from the range with a table [sampling]";
@@ -83,6 +85,7 @@ pub struct Study {
     pub files: Arc<Files>,
     /// SHA-256 of all that the results follow from: study, case, and the files that the case names.
     pub identity: String,
+    pub(super) direct: Direct,
 }
 
 impl Study {
@@ -99,9 +102,23 @@ impl Study {
     /// # Errors
     /// As [`Study::read`].
     pub fn parse(source: &Source, path: &Path, case: Option<&Source>) -> Result<Self, Refusal> {
-        let mut study = Self::parse_unchecked(source, path, case)?;
+        Self::parse_at(source, path, case, None)
+    }
+
+    /// As [`Study::parse`], at these points and the combinations of the file's axes with them. They are no part of the identity.
+    ///
+    /// # Errors
+    /// As [`Study::read`].
+    pub fn parse_at(
+        source: &Source,
+        path: &Path,
+        case: Option<&Source>,
+        points: Option<GivenPoints>,
+    ) -> Result<Self, Refusal> {
+        let mut study = Self::parse_unchecked(source, path, case, points)?;
         study.check(source)?;
         study.identity = study.digest();
+        study.direct = Direct::of(study.varied_case(), |axis| study.points.reduced().contains(&axis));
         Ok(study)
     }
 
@@ -110,11 +127,16 @@ impl Study {
     /// # Errors
     /// Lists all problems of the file.
     pub fn read_unchecked(path: &Path) -> Result<Self, Refusal> {
-        Self::parse_unchecked(&Source::read(path)?, path, None)
+        Self::parse_unchecked(&Source::read(path)?, path, None, None)
     }
 
-    fn parse_unchecked(source: &Source, path: &Path, case: Option<&Source>) -> Result<Self, Refusal> {
-        let study = source.read_toml(source.text(), "this is not TOML", |root| read_root(root, path, case));
+    fn parse_unchecked(
+        source: &Source,
+        path: &Path,
+        case: Option<&Source>,
+        points: Option<GivenPoints>,
+    ) -> Result<Self, Refusal> {
+        let study = source.read_toml(source.text(), "this is not TOML", |root| read_root(root, path, case, points));
         source.verdict()?;
         study.ok_or_else(|| Refusal(format!("{}: the study could not be read", path.display())))
     }
@@ -138,6 +160,14 @@ impl Study {
     /// Names the key, its value and what is allowed.
     pub fn case_with(&self, values: &[Value]) -> Result<Case, Refusal> {
         self.varied_case().with(values)
+    }
+
+    /// The cases of a row.
+    ///
+    /// # Errors
+    /// As [`Self::case_with`].
+    pub fn cases(&self, row: u64) -> Result<Cases<'_>, Refusal> {
+        self.direct.at(self.varied_case(), &self.points.values(&self.axes, row, 0))
     }
 
     fn varied_case(&self) -> VariedCase<'_> {
@@ -285,13 +315,15 @@ fn ends(axis: &Axis) -> Option<[Value; 2]> {
     Some([first, last])
 }
 
-fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Study> {
+fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option<GivenPoints>) -> Option<Study> {
+    let files = Arc::default();
     let name = root.text_of(&keys::NAME).map_or_else(|| default_name(path), |text| text.value);
     let case = root.text_of(&keys::CASE).and_then(|case| read_case(root, path, &case, given));
     let metrics = read_metrics(root);
     let objective = root.word(&keys::OBJECTIVE).map(|place| METRICS[place]);
     let goal = root.word(&keys::GOAL);
     let rows_per_part = root.scalar(&keys::PART);
+    let named = root.text_of(&keys::POINTS).map(|named| read_points(root, path, &named, &files));
     let sampling_section = root.table_of(&keys::SAMPLING, None);
     let sampling = sampling_section.as_ref().and_then(read_sampling);
     let axes: Vec<Option<Axis>> =
@@ -300,7 +332,10 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Stud
     let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| read_ensemble(&s));
     let overlays: Vec<Option<(Text, Overlay)>> =
         root.tables_of(&keys::OVERLAY).iter().map(|s| read_overlay(s, path)).collect();
-    let axes = axes.into_iter().collect::<Option<Vec<Axis>>>()?;
+    let points = named.unwrap_or(Some(points))?;
+    let mut all = points.as_ref().map_or_else(Vec::new, |points| points.axes(&root.span_of(keys::POINTS.name())));
+    all.extend(axes.into_iter().collect::<Option<Vec<Axis>>>()?);
+    let axes = all;
     check_axes(root, &axes, sampling);
     let (metrics, (case_path, case_text)) = (metrics?, case?);
     let overlays = overlays.into_iter().collect::<Option<Vec<_>>>()?;
@@ -314,7 +349,8 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Stud
         let help = Some(format!("add {:?} to `metrics`", objective.name()));
         root.reject(keys::OBJECTIVE.name(), "must be one of the metrics", help);
     }
-    let points = Points::new(&axes, sampling);
+    let scattered = points.map(Scattered::Given).or(sampling.map(Scattered::Drawn));
+    let points = Points::new(&axes, scattered);
     if points.rows(&axes).is_none() || points.points_per_row(&axes).is_none() {
         root.reject(keys::AXIS.name(), "has more points than a program can count", None);
     }
@@ -332,9 +368,23 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Stud
         objective,
         is_maximum: goal? == 1,
         rows_per_part: rows_per_part.map(|rows| rows as u64),
-        files: Arc::default(),
+        files,
         identity: String::new(),
+        direct: Direct::default(),
     })
+}
+
+/// Reads the file of points that the study at `path` names.
+fn read_points(root: &Section, path: &Path, named: &Text, files: &Files) -> Option<Option<GivenPoints>> {
+    let file = path.parent().unwrap_or(Path::new("")).join(&named.value);
+    match files.parsed(&file, "points", GivenPoints::of_csv) {
+        Ok(points) => Some(Some(points)),
+        Err(why) => {
+            let allowed = format!("must name a file of points: {}: {why}", file.display());
+            root.refuse(keys::POINTS.name(), &named.span, allowed, None);
+            None
+        }
+    }
 }
 
 fn read_overlay(s: &Section, path: &Path) -> Option<(Text, Overlay)> {
@@ -427,7 +477,7 @@ fn check_axes(root: &Section, axes: &[Axis], sampling: Option<Sampling>) {
             title: "`axis` is missing".into(),
             span: root.span(),
             allowed: "a study varies at least one key of its case".into(),
-            help: Some("add a table [[axis]] with `key` and `values`".into()),
+            help: Some("add a table [[axis]] with `key` and `values`, or `points` with a file".into()),
         });
     }
     for (place, axis) in axes.iter().enumerate() {
@@ -435,8 +485,7 @@ fn check_axes(root: &Section, axes: &[Axis], sampling: Option<Sampling>) {
             root.refuse(keys::AXIS.name(), &axis.span, "two axes have this key", Some("leave one out".into()));
         }
     }
-    let is_drawn = axes.iter().any(|axis| matches!(axis.values, axis::Values::Drawn { .. }));
-    if sampling.is_some() && !is_drawn {
+    if sampling.is_some() && !axes.iter().any(Axis::is_scattered) {
         let help = "leave out the `count` of the axes that are to be drawn from, or this table";
         root.reject(keys::SAMPLING.name(), "there is no range to draw from", Some(help.into()));
     }

@@ -2,7 +2,7 @@
 
 use super::metric::METRIC_NAMES;
 use crate::input::key::DefaultValue::{Number, Word};
-use crate::input::key::Need::{Default, IfWord, Optional, Required};
+use crate::input::key::Need::{Default, Forbidden, If, IfWord, Optional, Required};
 use crate::input::key::Range::{Any, Between, Positive, Whole};
 use crate::input::key::{Kind, MAX_WHOLE, Quantity, Table, key, number, tables, word};
 
@@ -16,8 +16,9 @@ tables! {
         METRICS: Required, [key("metrics", Kind::Texts, "what is computed at each point, e.g. metrics = [\"x_over_z\"]; docs/STUDIES.md lists them")];
         OBJECTIVE: Optional, [word("objective", METRIC_NAMES, "the metric whose best value is shown and marked; the first metric when left out")];
         GOAL: Default(Word("minimum")), [word("goal", &["minimum", "maximum"], "whether the smallest or the largest value of the objective is the best")];
-        AXIS: Required, [key("axis", Kind::Tables, "what is varied, a table for each key of the case")];
-        SAMPLING: Optional, [key("sampling", Kind::Table, "points drawn from the ranges of the axes without a `count`, in place of a grid")];
+        POINTS: Optional, [key("points", Kind::Text, "a CSV file of points from outside, relative to this file: a line with keys of the case, then a line of numbers for each point; other axes are combined with them")];
+        AXIS: If(&POINTS, "points", &Optional, &Required), [key("axis", Kind::Tables, "what is varied, a table for each key of the case")];
+        SAMPLING: If(&POINTS, "points", &Forbidden, &Optional), [key("sampling", Kind::Table, "points drawn from the ranges of the axes without a `count`, in place of a grid")];
         RECORD: Optional, [key("record", Kind::Table, "what is counted of each simulation; default: as the case's `run` says")];
         PART: Optional, [number("points_per_part", Whole(1.0, 1e6), "points of a part of the results: a kill costs those being computed; default: about two million cycles")];
         ENSEMBLE: Optional, [key("ensemble", Kind::Table, "several starts of the particle at each point")];

@@ -1,17 +1,20 @@
 //! Studies: a case, the keys that are varied, and what is computed at each point; docs/STUDIES.md is the
 //! user's page.
 //!
-//! [`mod@file`] reads the study, [`axis`] and [`points`] say which values it has, [`varied_case`] makes cases of them, [`evaluate`] simulates them, [`band`] finds peaks, [`data_set`] keeps the
-//! results as parts ([`part`]) that survive a kill in a [`store`], [`run`] does all of it on this machine, [`work`] a share of it as one of
-//! several workers; [`inspect`] tells how far they are.
+//! [`mod@file`] reads the study, [`axis`], [`points`] and [`given_points`] say which values it has, [`varied_case`] and [`direct`] make
+//! cases of them, [`evaluate`] simulates them, [`band`] finds peaks, [`data_set`] keeps the results as parts ([`part`]) that survive a kill
+//! in a [`store`], [`run`] does all of it on this machine, [`work`] a share of it as one of several workers; [`inspect`] tells how far
+//! they are.
 
 pub mod axis;
 pub mod band;
 pub mod bifurcation;
 pub mod data_set;
+pub mod direct;
 pub mod evaluate;
 pub mod failure;
 pub mod file;
+pub mod given_points;
 pub mod inspect;
 mod keys;
 mod linear;

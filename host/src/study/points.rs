@@ -1,11 +1,14 @@
-//! The points of a study: a grid of the axes, or draws from their ranges times the grid of the others.
+//! The points of a study: a grid of the axes, or points drawn from their ranges or from outside times the grid of the others.
+
+use std::sync::Arc;
 
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use sobol::Sobol;
 use sobol::params::JoeKuoD6;
 
-use super::axis::{Axis, Value, Values};
+use super::axis::{Axis, Value};
+use super::given_points::GivenPoints;
 
 /// How points are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,29 +58,48 @@ fn latin_hypercube(count: usize, dimensions: usize, seed: u64) -> Vec<Vec<f64>> 
     points
 }
 
+/// Points that are no grid.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Scattered {
+    /// Drawn from the ranges of some axes.
+    Drawn(Sampling),
+    /// From outside.
+    Given(GivenPoints),
+}
+
 /// The points of a study. A row of the table is a point of the axes that are kept; the points of reduced axes become one.
 #[derive(Clone, Debug)]
 pub struct Points {
     kept: Vec<usize>,
     reduced: Vec<usize>,
-    drawn: Vec<usize>,
-    shares: Option<Vec<Vec<f64>>>,
+    scattered: Vec<usize>,
+    rows: Option<Rows>,
+}
+
+/// What each scattered point has for each scattered axis.
+#[derive(Clone, Debug)]
+enum Rows {
+    Shares(Vec<Vec<f64>>),
+    Values(Arc<Vec<Vec<f64>>>),
 }
 
 impl Points {
-    /// Of axes, some of which may be drawn from.
+    /// Of axes, some of which may be scattered.
     #[must_use]
-    pub fn new(axes: &[Axis], sampling: Option<Sampling>) -> Self {
+    pub fn new(axes: &[Axis], scattered: Option<Scattered>) -> Self {
         let places = |of: &dyn Fn(&Axis) -> bool| {
             axes.iter().enumerate().filter(|(_, axis)| of(axis)).map(|(place, _)| place).collect::<Vec<_>>()
         };
-        let drawn = places(&|axis| matches!(axis.values, Values::Drawn { .. }));
-        let shares = sampling.map(|sampling| sampling.shares(drawn.len()));
+        let places_scattered = places(&Axis::is_scattered);
+        let rows = scattered.map(|scattered| match scattered {
+            Scattered::Drawn(sampling) => Rows::Shares(sampling.shares(places_scattered.len())),
+            Scattered::Given(given) => Rows::Values(given.rows),
+        });
         Self {
             kept: places(&|axis| axis.reduce.is_none()),
             reduced: places(&|axis| axis.reduce.is_some()),
-            drawn,
-            shares,
+            scattered: places_scattered,
+            rows,
         }
     }
 
@@ -96,8 +118,12 @@ impl Points {
     /// Rows of the table; `None` if there are more than a program can count.
     #[must_use]
     pub fn rows(&self, axes: &[Axis]) -> Option<u64> {
-        let draws = self.shares.as_ref().map_or(1, Vec::len) as u64;
-        self.kept.iter().try_fold(draws, |rows, &place| rows.checked_mul(axes[place].count() as u64))
+        let scattered = match &self.rows {
+            None => 1,
+            Some(Rows::Shares(rows)) => rows.len() as u64,
+            Some(Rows::Values(rows)) => rows.len() as u64,
+        };
+        self.kept.iter().try_fold(scattered, |rows, &place| rows.checked_mul(axes[place].count() as u64))
     }
 
     /// Simulations behind a row, without several starts; `None` if there are more than a program can count.
@@ -106,17 +132,21 @@ impl Points {
         self.reduced.iter().try_fold(1u64, |points, &place| points.checked_mul(axes[place].count() as u64))
     }
 
-    /// The values of all axes at a point: the first axis varies slowest, a draw slower than any.
+    /// The values of all axes at a point: the first axis varies slowest, a scattered point slower than any.
     #[must_use]
     pub fn values(&self, axes: &[Axis], row: u64, point: u64) -> Vec<Value> {
         let mut places = vec![0usize; axes.len()];
         let rest = unravel(row, &self.kept, axes, &mut places);
         unravel(point, &self.reduced, axes, &mut places);
-        let share = |place: usize| {
-            let dimension = self.drawn.iter().position(|drawn| *drawn == place)?;
-            Some(self.shares.as_ref()?[rest as usize][dimension])
+        let value = |(place, axis): (usize, &Axis)| {
+            let dimension = self.scattered.iter().position(|scattered| *scattered == place);
+            match (&self.rows, dimension) {
+                (Some(Rows::Shares(rows)), Some(dimension)) => axis.value(0, rows[rest as usize][dimension]),
+                (Some(Rows::Values(rows)), Some(dimension)) => Value::Number(rows[rest as usize][dimension]),
+                _ => axis.value(places[place], 0.0),
+            }
         };
-        axes.iter().enumerate().map(|(place, axis)| axis.value(places[place], share(place).unwrap_or(0.0))).collect()
+        axes.iter().enumerate().map(value).collect()
     }
 }
 
@@ -131,7 +161,7 @@ fn unravel(number: u64, chosen: &[usize], axes: &[Axis], places: &mut [usize]) -
 
 #[cfg(test)]
 mod tests {
-    use super::super::axis::Reduction;
+    use super::super::axis::{Reduction, Values};
     use super::*;
 
     fn axis(key: &str, values: Values, reduce: Option<Reduction>) -> Axis {
@@ -184,7 +214,7 @@ mod tests {
             axis("a", Values::Drawn { from: 10.0, to: 20.0, is_log: false }, None),
             axis("w", Values::Words(vec!["x".into(), "y".into()]), None),
         ];
-        let points = Points::new(&axes, Some(Sampling { method: Method::Sobol, count: 4, seed: 1 }));
+        let points = Points::new(&axes, Some(Scattered::Drawn(Sampling { method: Method::Sobol, count: 4, seed: 1 })));
         assert_eq!(points.rows(&axes), Some(8));
         assert_eq!(points.values(&axes, 5, 0), [Value::Number(17.5), Value::Word("y".into())]);
     }

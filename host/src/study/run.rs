@@ -148,6 +148,7 @@ impl Progress {
 }
 
 /// Place of a column among the computed ones.
-fn place_of(study: &Study, name: &str) -> usize {
+#[must_use]
+pub fn place_of(study: &Study, name: &str) -> usize {
     columns(study).iter().position(|column| column.name == name).unwrap_or(0)
 }

@@ -88,6 +88,7 @@ fn refused(
                 let title = format!("`{}` = {written} is not allowed", axis.key);
                 (span, title, problem.help)
             }
+            None if axis.is_scattered() => (axis.span.clone(), problem.title, problem.help),
             // Both ends are allowed.
             None => {
                 let help = "choose `from`, `to` and `count` so that every value is allowed, or give `values`";

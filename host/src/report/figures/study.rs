@@ -75,7 +75,7 @@ fn is_map(study: &Study) -> bool {
 }
 
 fn has_drawn_axis(study: &Study) -> bool {
-    study.points.kept().iter().any(|place| matches!(study.axes[*place].values, Values::Drawn { .. }))
+    study.points.kept().iter().any(|place| study.axes[*place].is_scattered())
 }
 
 /// Kept axes that are grids of at least two numbers, the longest first.
@@ -325,7 +325,7 @@ impl Sheet<'_> {
 
     /// The value over the first drawn axis.
     fn drawn_points(&self) -> (Drawn, String) {
-        let is_drawn = |place: &&usize| matches!(self.axis(**place).values, Values::Drawn { .. });
+        let is_drawn = |place: &&usize| self.axis(**place).is_scattered();
         let x = self.study.points.kept().iter().find(is_drawn).copied().unwrap_or(0);
         let point = |row: u64| (Self::number(&self.at(row), x), self.values[row as usize]);
         let points = (0..self.values.len() as u64).map(point).collect();
@@ -340,7 +340,7 @@ impl Sheet<'_> {
             best,
             marks: Vec::new(),
         };
-        let caption = format!("{}: {}, of all drawn points.", self.column, metric_meaning(self.study, self.metric));
+        let caption = format!("{}: {}, of all points.", self.column, metric_meaning(self.study, self.metric));
         (drawn(&[curve], &labels), caption)
     }
 }

@@ -1,6 +1,6 @@
 //! Studies, optimisations and a continuation with the tables and keys that the shipped ones leave out.
 
-pub const MORE_STUDIES: [&str; 3] = [
+pub const MORE_STUDIES: [&str; 4] = [
     r#"
 name = "more"
 case = "../cases/soft-wall.toml"
@@ -41,6 +41,11 @@ sampling = { method = "sobol", count = 5 }
 key = "base.frequency_ratio"
 from = 0.9
 to = 1.1
+"#,
+    r#"
+case = "../cases/spid.toml"
+metrics = ["rms_x_m"]
+points = "design.csv"
 "#,
 ];
 

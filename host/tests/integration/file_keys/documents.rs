@@ -139,6 +139,8 @@ pub fn is_parsed(kind: &str, document: &Value) -> bool {
             let (continuations, curves) = (folder.path().join("continuations"), "grazing-curve.toml");
             std::fs::create_dir(&continuations).unwrap();
             std::fs::copy(own("continuations").join(curves), continuations.join(curves)).unwrap();
+            let design = "particle.clearance_m,particle.wall.coefficient\n0.03,0.5\n0.04,0.6\n";
+            std::fs::write(files.join("design.csv"), design).unwrap();
             let file = files.join("file.toml");
             std::fs::write(&file, text).unwrap();
             match kind {
