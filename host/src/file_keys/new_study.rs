@@ -89,7 +89,7 @@ pub fn study(name: &str, case_file: &str, case: &Case, axes: &[SweepAxis]) -> St
         text += "\n# What is counted; without it the case's run.duration_s.\n# [record]\n# duration_s = 12\n";
     }
     if case.has_particle() {
-        text += "\n# Each point from several starts of the particle, from wall to wall: median, 5 and 95 %.\n# [ensemble]\n# starts = 21\n";
+        text += "\n# Each point from several starts of the particle, from wall to wall; `over`: which value counts.\n# [ensemble]\n# starts = 21\n# over = \"worst\"    # or \"q95\", \"median\", \"mean\"\n";
     }
     text
 }
@@ -111,7 +111,7 @@ pub fn optimisation(name: &str, case_file: &str, case: &Case, axes: &[SweepAxis]
     );
     for axis in axes {
         text += &format!(
-            "\n[[variable]]\nkey = {}    # any number of the case, with its tables\nfrom = {}\nto = {}\n# tolerance = 0.01    # how exactly it can be made, as a share of the value\n",
+            "\n[[variable]]\nkey = {}    # any number of the case, with its tables\nfrom = {}\nto = {}\n# relative_tolerance = 0.01    # how exactly it can be made, as a share of the value; the worst within it counts\n",
             quoted(&axis.key),
             number(axis.values[0]),
             number(axis.values[axis.values.len() - 1])

@@ -10,7 +10,6 @@ use super::evaluate::{Evaluated, GoOn, from_starts};
 use super::file::Optimisation;
 use super::mount;
 use super::neighbourhood::{self, Sensitivity};
-use super::over::Over;
 use super::over_band::{self, OverBand};
 use super::references::References;
 use super::search::Found;
@@ -20,6 +19,7 @@ use crate::input::Refusal;
 use crate::study::axis::{Axis, Reduction, Value};
 use crate::study::band::Effort;
 use crate::study::evaluate::quantile;
+use crate::study::over::Over;
 use crate::study::simulate::Halt;
 
 /// Starts from wall to wall from which the optimum is simulated again.
@@ -106,7 +106,7 @@ pub struct Answer {
     /// The objective at the values of the variables; over stated tolerances and uncertain values where there are some.
     pub objective: f64,
     /// What counts of starts, stated tolerances and uncertain values: `worst`, `q95`, `median` or `mean`.
-    pub over: &'static str,
+    pub over: Over,
     /// Simulated scenarios of tolerances and uncertain values behind the objective; 1 without any.
     pub scenarios: usize,
     /// The objective at the nominal values: exactly those of the variables, and the middle ones of what is uncertain. `None` if it counts
@@ -204,7 +204,7 @@ impl Answer {
             evaluations: found.points.len(),
             simulations: simulations.load(Ordering::Relaxed),
             objective: best.objective,
-            over: optimisation.over.name(),
+            over: optimisation.over,
             scenarios: best.scenarios(optimisation),
             nominal: (!is_robust || over.is_some()).then_some(nominal.objective),
             worst_within_tolerance: over.map(|over| if is_robust { worst(optimisation, over) } else { over.objective }),

@@ -8,13 +8,13 @@ use rayon::prelude::*;
 use super::cases::Cases;
 use super::constraint::Constraint;
 use super::file::Optimisation;
-use super::over::Over;
 use super::scenarios::{self, Scenario};
 use crate::input::Refusal;
 use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::study::axis::{Axis, Value};
 use crate::study::band::{Band, Effort, Reduced};
+use crate::study::over::Over;
 use crate::study::simulate::{Halt, metrics_of_all};
 
 /// What an evaluated point gives.

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use super::alternative::{self, Alternative, read_case};
 use super::constraint::{self, Constraint};
 use super::keys::{ensemble, optimisation as keys};
-use super::over::Over;
 use super::variable::{self, Uncertain, Variable};
 use crate::input::{self, Files, Problem, Refusal, Section, Source};
 use crate::quantity::Quantity;
@@ -17,6 +16,7 @@ use crate::study::band::{self, Band};
 use crate::study::direct::Direct;
 use crate::study::file::{corners, read_record};
 use crate::study::metric::{self, METRICS};
+use crate::study::over::Over;
 use crate::study::simulate::Record;
 use crate::study::varied_case::VariedCase;
 

@@ -5,9 +5,7 @@ use crate::input::key::Need::{Default, Optional, Required};
 use crate::input::key::Range::{Any, Inside, Positive, Whole};
 use crate::input::key::{Kind, MAX_WHOLE, Quantity, Table, key, number, tables, word};
 use crate::study::metric::METRIC_NAMES;
-
-/// Words for the value that is taken over everything that is not certain, in the order of [`super::over::Over::ALL`].
-pub(super) const OVER_WORDS: &[&str] = &["worst", "q95", "median", "mean"];
+use crate::study::over::OVER_WORDS;
 
 tables! {
     "All tables of an optimisation other than its axes and its record, which are those of a study."

@@ -1,7 +1,7 @@
 //! Optimisation: the values of a case's keys at which a metric is best, and how sure that is; docs/OPTIMISE.md is the user's page.
 //!
 //! What is asked: [`mod@file`] with [`constraint`] and `alternative`; [`variable`] says what can be made, [`scenarios`] what may become of
-//! it and [`over`] what of that counts.
+//! it; what of that counts is one of [`crate::study::over`].
 //!
 //! How it is found: [`evaluate`] gives the objective at a point, [`search`] looks for the best point, [`mount`] for values near it that a
 //! person can set, `verify` tries these in many more scenarios; [`size`] says how many simulations all that takes.
@@ -18,7 +18,6 @@ pub mod file;
 mod keys;
 pub mod mount;
 pub mod neighbourhood;
-pub mod over;
 pub mod over_band;
 pub mod references;
 pub mod run;

@@ -7,12 +7,12 @@ use rayon::prelude::*;
 
 use super::evaluate::{Care, Evaluated, GoOn, at_values, with_scenarios};
 use super::file::Optimisation;
-use super::over::Over;
 use super::scenarios::{self, Scenario};
 use super::search::{self, APART, Found, PLACES, Stage, best_places};
 use super::variable::Variable;
 use super::verify::{self, Verification};
 use crate::study::band::Effort;
+use crate::study::over::Over;
 use crate::study::simulate::Halt;
 
 /// Best places of the search that are moved.

@@ -4,8 +4,8 @@
 //! A scenario has a place for each variable, from −1 to 1 of its tolerance, and one for each uncertain key, from 0 to 1 of its range.
 
 use super::file::Optimisation;
-use super::over::Over;
 use crate::study::axis::Value;
+use crate::study::over::Over;
 use crate::study::points::{Method, Sampling};
 
 /// A scenario.

@@ -17,11 +17,11 @@ use rayon::prelude::*;
 
 use super::evaluate::{self, Care, Evaluated, Known};
 use super::file::Optimisation;
-use super::over::Over;
 use super::scenarios::{self, Scenario, Scenarios};
 use super::variable::Variable;
 use crate::input::Refusal;
 use crate::study::band::Effort;
+use crate::study::over::Over;
 use crate::study::points::{Method, Sampling};
 use crate::study::simulate::Halt;
 

@@ -5,9 +5,9 @@ use rayon::prelude::*;
 use super::evaluate::{Care, Evaluated, GoOn, Known, at_values, together};
 use super::file::Optimisation;
 use super::mount::Points;
-use super::over::Over;
 use super::scenarios::{self, Scenario, Scenarios};
 use crate::study::band::Effort;
+use crate::study::over::Over;
 use crate::study::simulate::Halt;
 
 /// Places that are verified with many scenarios, one after the other until no other can be better; where the objective is not that of

@@ -11,6 +11,7 @@ use super::band::{Band, Reduced};
 use super::file::Study;
 use super::linear;
 use super::metric;
+use super::over::Over;
 use super::simulate::{Counted, GoOn, Halt, Record, Simulated, metrics_of_all};
 use crate::input::Refusal;
 use crate::quantity::Quantity;
@@ -43,6 +44,9 @@ pub fn columns(study: &Study) -> Vec<Column> {
                     push(quantile_name(name, *quantile), format!("{doc}; quantile {quantile} over the starts"));
                 }
                 push(format!("{name}_max"), format!("{doc}; largest over the starts"));
+                if ensemble.over == Over::Mean {
+                    push(format!("{name}_mean"), format!("{doc}; mean over the starts"));
+                }
             }
         }
         if study.ensemble.is_none() {
@@ -77,17 +81,16 @@ fn quantile_name(metric: &str, quantile: f64) -> String {
     }
 }
 
-/// The quantile over the starts that stands for all of them: the one nearest the median. `None` without several starts.
-#[must_use]
-pub fn main_quantile(study: &Study) -> Option<f64> {
-    let quantiles = study.ensemble.as_ref()?.quantiles.iter().copied();
-    quantiles.min_by(|a, b| (a - 0.5).abs().total_cmp(&(b - 0.5).abs()))
-}
-
-/// The column that stands for a metric in maps and for the best point: the metric itself, or its median over the starts.
+/// The column that stands for a metric in maps and for the best point: the metric itself, or what counts of its values over the starts.
 #[must_use]
 pub fn main_column(study: &Study, metric: Quantity) -> String {
-    main_quantile(study).map_or_else(|| metric.name().into(), |quantile| quantile_name(metric.name(), quantile))
+    let (name, is_maximum) = (metric.name(), study.is_maximum);
+    let Some(ensemble) = &study.ensemble else { return name.into() };
+    match (ensemble.over, ensemble.over.quantile(is_maximum)) {
+        (Over::Worst, _) => format!("{name}_{}", if is_maximum { "min" } else { "max" }),
+        (_, Some(share)) => quantile_name(name, share),
+        (_, None) => format!("{name}_mean"),
+    }
 }
 
 /// Reduced axes with a largest or smallest value, and so a place of it. The last axis is reduced first: what comes after a mean has a
@@ -167,6 +170,9 @@ fn row_of(study: &Study, band: &Band, row: u64, simulated: &[Simulated], go_on: 
                 row_values.push(quantile(&sorted, 0.0));
                 row_values.extend(ensemble.quantiles.iter().map(|share| quantile(&sorted, *share)));
                 row_values.push(quantile(&sorted, 1.0));
+                if ensemble.over == Over::Mean {
+                    row_values.push(Over::Mean.of(&sorted, study.is_maximum));
+                }
             }
         }
     }

@@ -10,6 +10,7 @@ use super::direct::{Cases, Direct};
 use super::given_points::GivenPoints;
 use super::keys::{ensemble, overlay, record, sampling, study as keys};
 use super::metric::{self, METRICS};
+use super::over::Over;
 use super::points::{Method, Points, Sampling, Scattered};
 use super::simulate::{Counted, Record};
 use super::table::MIN_OF_MAP;
@@ -39,7 +40,9 @@ const QUANTILES: [f64; 3] = [0.05, 0.5, 0.95];
 pub struct Ensemble {
     /// Places of the particle at the start as shares of the clearance from the centre, −1 to 1.
     pub shares: Vec<f64>,
-    /// Quantiles over the starts that the table has, rising.
+    /// The value over the starts that maps, curves and the best point have.
+    pub over: Over,
+    /// Quantiles over the starts that the table has, rising; that of `over` is one of them.
     pub quantiles: Vec<f64>,
 }
 
@@ -329,7 +332,7 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option
     let axes: Vec<Option<Axis>> =
         root.tables_of(&keys::AXIS).iter().map(|s| axis::read(s, sampling_section.is_some(), MISSING_COUNT)).collect();
     let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
-    let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| read_ensemble(&s));
+    let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| read_ensemble(&s, goal == Some(1)));
     let overlays: Vec<Option<(Text, Overlay)>> =
         root.tables_of(&keys::OVERLAY).iter().map(|s| read_overlay(s, path)).collect();
     let points = named.unwrap_or(Some(points))?;
@@ -514,8 +517,9 @@ pub(crate) fn read_record(s: &Section) -> Option<Option<Record>> {
     }))
 }
 
-fn read_ensemble(s: &Section) -> Option<Option<Ensemble>> {
+fn read_ensemble(s: &Section, is_maximum: bool) -> Option<Option<Ensemble>> {
     let starts = s.scalar(&ensemble::STARTS);
+    let over = s.word(&ensemble::OVER).map(|place| Over::ALL[place]);
     let quantiles = s.numbers_of(&ensemble::QUANTILES);
     let is_given = s.is_given(&ensemble::QUANTILES);
     s.finish();
@@ -534,7 +538,9 @@ fn read_ensemble(s: &Section) -> Option<Option<Ensemble>> {
         );
         return None;
     }
+    let over = over?;
+    quantiles.extend(over.quantile(is_maximum).filter(|_| over != Over::Worst));
     quantiles.sort_by(f64::total_cmp);
     quantiles.dedup();
-    Some(Some(Ensemble { shares, quantiles }))
+    Some(Some(Ensemble { shares, over, quantiles }))
 }

@@ -1,6 +1,7 @@
 //! Declares the keys of a study file.
 
 use super::metric::METRIC_NAMES;
+use super::over::OVER_WORDS;
 use crate::input::key::DefaultValue::{Number, Word};
 use crate::input::key::Need::{Default, Forbidden, If, IfWord, Optional, Required};
 use crate::input::key::Range::{Any, Between, Positive, Whole};
@@ -66,6 +67,7 @@ tables! {
     "Several starts of the particle at each point."
     ensemble("ensemble") {
         STARTS: Required, [number("starts", Whole(2.0, 10_000.0), "number of starts, evenly spread from one wall to the other")];
+        OVER: Default(Word("worst")), [word("over", OVER_WORDS, "the value over the starts that maps, curves and the best point have: the worst, that which 95 % are as good as, the median or the mean")];
         QUANTILES: Optional, [key("quantiles", Kind::Numbers(Between(0.0, 1.0)), "quantiles over the starts that the table has; default: 0.05, 0.5 and 0.95")];
     }
 }

@@ -8,6 +8,7 @@ use damprig::input::Source;
 use damprig::optimise::evaluate::{self, Care};
 use damprig::optimise::{Answer, Optimisation, run};
 use damprig::study::band::Effort;
+use damprig::study::over::Over;
 use fastrand::Rng;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -196,7 +197,7 @@ fn what_counts_of_tolerances_and_uncertain_values_is_the_worst_or_a_quantile_or_
     let largest = all[all.len() - 1];
     assert!(worst.objective >= 0.999 * largest && worst.objective < 1.05 * largest, "{} {largest}", worst.objective);
     assert!(mean.objective < q95.objective && q95.objective < worst.objective);
-    assert_eq!([mean.over, q95.over, worst.over], ["mean", "q95", "worst"]);
+    assert_eq!([mean.over, q95.over, worst.over], [Over::Mean, Over::Quantile95, Over::Worst]);
 }
 
 #[test]

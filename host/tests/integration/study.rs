@@ -223,20 +223,52 @@ fn a_peak_between_the_frequencies_of_a_band_is_that_of_the_closed_form() {
 fn an_ensemble_has_its_quantiles_over_starts_from_wall_to_wall() {
     let top = "case = \"case.toml\"\nmetrics = [\"rms_x_m\"]\n";
     let axis = "[[axis]]\nkey = \"particle.clearance_ratio\"\nvalues = [9]\n";
-    let ensemble = "[ensemble]\nstarts = 3\nquantiles = [0.5]\n";
+    let ensemble = "[ensemble]\nstarts = 3\nquantiles = [0.5]\nover = \"mean\"\n";
     let folder = folder(&format!("{top}{ensemble}{axis}"));
     let table = done(&folder);
     let starts = ["at_negative_wall", "centre", "at_positive_wall"].map(|start| {
         let set = ["particle.clearance_ratio=9".into(), format!("particle.start={start}")];
         simulated(&folder, &set)["summary"]["rms_x_m"].as_f64().unwrap()
     });
-    let mut sorted = starts;
+    let mut sorted = starts.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let found = ["rms_x_m_min", "rms_x_m_q50", "rms_x_m_max"].map(|name| column(&table, name)[0]);
+    sorted.push(starts.iter().sum::<f64>() / 3.0);
+    let found = ["rms_x_m_min", "rms_x_m_q50", "rms_x_m_max", "rms_x_m_mean"].map(|name| column(&table, name)[0]);
     assert!(
-        found.iter().zip(sorted).all(|(found, single)| (found / single - 1.0).abs() < 1e-6),
+        found.iter().zip(&sorted).all(|(found, single)| (found / single - 1.0).abs() < 1e-6),
         "{found:?} {sorted:?}"
     );
+}
+
+#[test]
+fn the_best_point_of_an_ensemble_is_by_what_counts_of_its_starts_and_that_is_the_worst_if_nothing_is_said() {
+    let file = |more: &str| {
+        format!(
+            "case = \"case.toml\"\nmetrics = [\"max_abs_x_m\"]\nrecord = {{ cycles = 15 }}\n[ensemble]\nstarts = 7\n{more}\
+             [[axis]]\nkey = \"particle.clearance_ratio\"\nfrom = 5\nto = 20\ncount = 16\n"
+        )
+    };
+    let top = |more: &str| file(more).replace("[ensemble]", &format!("goal = \"maximum\"\n[ensemble]"));
+    for (study, column_name) in [
+        (file(""), "max_abs_x_m_max"),
+        (file("over = \"worst\"\n"), "max_abs_x_m_max"),
+        (file("over = \"q95\"\n"), "max_abs_x_m_q95"),
+        (file("over = \"median\"\nquantiles = [0.1]\n"), "max_abs_x_m_q50"),
+        (file("over = \"mean\"\n"), "max_abs_x_m_mean"),
+        (top(""), "max_abs_x_m_min"),
+        (top("over = \"q95\"\n"), "max_abs_x_m_q05"),
+    ] {
+        let folder = folder(&study);
+        let output = run(&folder, "2", &["--out", "out"]);
+        let told = String::from_utf8_lossy(&output.stdout);
+        assert!(told.contains(&format!("{column_name}: ")), "no {column_name} in:\n{told}");
+        let values = column(&table(&folder.path().join("out/table.parquet")), column_name);
+        let is_maximum = study.contains("maximum");
+        let best = values.iter().copied().reduce(if is_maximum { f64::max } else { f64::min }).unwrap();
+        let shown: f64 =
+            told.split(&format!("{column_name}: ")).nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+        assert!((shown / best - 1.0).abs() < 1e-5, "{shown} {best}");
+    }
 }
 
 #[test]
@@ -346,7 +378,7 @@ fn a_study_draws_a_map_curves_or_points_and_a_page_that_needs_no_network() {
         "of fourteen the seven through the best"
     );
     let one = picture(&format!("{top}{clearance}{ensemble}"));
-    assert!(one.contains("<polygon") && one.contains("median over the starts"));
+    assert!(one.contains("<polygon") && one.contains("worst over the starts"));
     let drawn = format!("{top}{}[sampling]\nmethod = \"sobol\"\ncount = 20\n", clearance.replace("count = 8\n", ""));
     let points = picture(&drawn);
     // The dots, and the mark of the best one.

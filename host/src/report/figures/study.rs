@@ -10,7 +10,7 @@ use crate::report::numbers::significant;
 use crate::report::plot::{Breadth, FigureError, Picture};
 use crate::study::Study;
 use crate::study::axis::{Axis, Value, Values};
-use crate::study::evaluate::{main_column, main_quantile};
+use crate::study::evaluate::main_column;
 use crate::study::table::{MIN_OF_MAP, StudyTable, numbers};
 
 /// Most curves of a figure.
@@ -176,10 +176,9 @@ impl Sheet<'_> {
 
     fn value_label(&self) -> String {
         let label = metric_label(self.study, self.metric);
-        match main_quantile(self.study) {
+        match &self.study.ensemble {
             None => label,
-            Some(0.5) => format!("{label} – median over the starts"),
-            Some(quantile) => format!("{label} – quantile {quantile} over the starts"),
+            Some(ensemble) => format!("{label} – {} over the starts", ensemble.over.name()),
         }
     }
 

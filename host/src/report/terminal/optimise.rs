@@ -54,7 +54,7 @@ fn with_unit(value: f64, digits: usize, unit: &str) -> String {
 fn optimum(answer: &Answer) -> String {
     let goal = if answer.goal == "maximum" { "largest" } else { "smallest" };
     let is_robust = !answer.there.is_empty();
-    let goal = if is_robust { format!("{goal} {}", over(answer.over)) } else { goal.into() };
+    let goal = if is_robust { format!("{goal} {}", answer.over.before_metric()) } else { goal.into() };
     let value = with_unit(answer.objective, 6, answer.unit);
     let mut text = match (answer.is_feasible, answer.is_stopped) {
         (true, false) => format!("{goal} {}: {value} at", answer.metric),
@@ -88,11 +88,6 @@ fn optimum(answer: &Answer) -> String {
         line("unresolved", &format!("{} times too many events fell on one instant", answer.unresolved));
     }
     text
-}
-
-/// What counts, before the name of the metric.
-fn over(name: &str) -> &str {
-    if name == "q95" { "95 % value of" } else { name }
 }
 
 /// What bears on the value, for its line.

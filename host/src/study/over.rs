@@ -1,13 +1,20 @@
 //! The value that counts of everything that is not certain.
 
-use crate::study::evaluate::quantile;
+use serde::Serialize;
+
+use super::evaluate::quantile;
+
+/// Words of files, in the order of [`Over::ALL`].
+pub const OVER_WORDS: &[&str] = &["worst", "q95", "median", "mean"];
 
 /// Which value counts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Over {
     /// The worst: the largest where the smallest is wanted.
     Worst,
     /// The value that 95 % are as good as.
+    #[serde(rename = "q95")]
     Quantile95,
     /// The middle one.
     Median,
@@ -18,6 +25,15 @@ pub enum Over {
 impl Over {
     /// All, in the order of the words of files.
     pub const ALL: [Self; 4] = [Self::Worst, Self::Quantile95, Self::Median, Self::Mean];
+
+    /// Before the name of a metric: `worst`, `95 % value of`.
+    #[must_use]
+    pub const fn before_metric(self) -> &'static str {
+        match self {
+            Self::Quantile95 => "95 % value of",
+            _ => self.name(),
+        }
+    }
 
     /// As files and answers name it.
     #[must_use]
@@ -59,7 +75,7 @@ mod tests {
 
     #[test]
     fn the_words_of_files_are_in_order_and_the_worst_depends_on_what_is_wanted() {
-        assert_eq!(Over::ALL.map(Over::name), super::super::keys::OVER_WORDS);
+        assert_eq!(Over::ALL.map(Over::name), OVER_WORDS);
         let sorted = [1.0, 2.0, 3.0, 10.0];
         for (is_maximum, expected) in [(false, [10.0, 8.95, 2.5, 4.0]), (true, [1.0, 1.15, 2.5, 4.0])] {
             for (over, expected) in Over::ALL.into_iter().zip(expected) {
