@@ -8,6 +8,7 @@ use super::cases::Cases;
 use super::constraint::Constraint;
 use super::evaluate::{Evaluated, GoOn, from_starts};
 use super::file::Optimisation;
+use super::front::Front;
 use super::mount;
 use super::neighbourhood::{self, Sensitivity};
 use super::over_band::{self, OverBand};
@@ -145,6 +146,8 @@ pub struct Answer {
     pub stuck_share: Option<f64>,
     /// Mass of the particle or of the tuned mass, kg.
     pub damper_mass_kg: Option<f64>,
+    /// The front of the objective and a second one, if one was asked for.
+    pub front: Option<Front>,
     /// The answers of the alternatives.
     pub alternatives: Vec<Answer>,
 }
@@ -222,6 +225,7 @@ impl Answer {
             over_band: around.over_band,
             stuck_share: around.stuck_share,
             damper_mass_kg: damper_mass_kg(optimisation, nominal)?,
+            front: None,
             alternatives: Vec::new(),
         })
     }
@@ -244,7 +248,7 @@ struct Around {
 }
 
 impl Around {
-    /// Nothing after a search that was stopped, and no neighbourhood where the constraints are not kept.
+    /// Nothing after a search that was stopped and at a point of a front, and no neighbourhood where the constraints are not kept.
     fn of(optimisation: &Optimisation, best: &Evaluated, is_stopped: bool, go_on: GoOn) -> Result<Self, Refusal> {
         let mut around = Self {
             is_stopped,
@@ -255,7 +259,7 @@ impl Around {
             over_band: Vec::new(),
             stuck_share: None,
         };
-        if !is_stopped {
+        if !is_stopped && optimisation.has_surroundings {
             around.is_stopped = Halt::unless_stopped(around.fill(optimisation, best, go_on))?.is_none();
         }
         Ok(around)

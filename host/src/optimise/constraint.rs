@@ -14,6 +14,11 @@ pub enum Limit {
     AtLeast(f64),
     /// This.
     Equals(f64),
+    /// Nothing: its worst value is told, the smallest where the largest is wanted.
+    Unlimited {
+        /// The largest value is the best.
+        is_maximum: bool,
+    },
 }
 
 /// A constraint.
@@ -27,7 +32,8 @@ pub struct Constraint {
 }
 
 impl Limit {
-    /// By how much a value is beyond it, in the metric's unit; below 0 within it, infinite for a value that does not exist.
+    /// By how much a value is beyond it, in the metric's unit; below 0 within it, infinite for a value that does not exist. Without a limit
+    /// it only says which of two values is worse.
     #[must_use]
     pub fn excess(self, value: f64) -> f64 {
         match self {
@@ -35,14 +41,21 @@ impl Limit {
             Self::AtMost(limit) => value - limit,
             Self::AtLeast(limit) => limit - value,
             Self::Equals(limit) => (value - limit).abs(),
+            Self::Unlimited { is_maximum: false } => value,
+            Self::Unlimited { is_maximum: true } => -value,
         }
     }
 
     /// By how much a value misses it, as a share of the limit (as a number where the limit is 0); 0 if it is kept.
     #[must_use]
     pub fn violation(self, value: f64) -> f64 {
-        let (Self::AtMost(limit) | Self::AtLeast(limit) | Self::Equals(limit)) = self;
-        self.excess(value).max(0.0) / if limit == 0.0 { 1.0 } else { limit.abs() }
+        match self {
+            Self::Unlimited { .. } if value.is_nan() => f64::INFINITY,
+            Self::Unlimited { .. } => 0.0,
+            Self::AtMost(limit) | Self::AtLeast(limit) | Self::Equals(limit) => {
+                self.excess(value).max(0.0) / if limit == 0.0 { 1.0 } else { limit.abs() }
+            }
+        }
     }
 
     /// In words, with a limit as `number` writes it.
@@ -52,6 +65,7 @@ impl Limit {
             Self::AtMost(limit) => format!("at most {}", number(limit)),
             Self::AtLeast(limit) => format!("at least {}", number(limit)),
             Self::Equals(limit) => format!("equal to {}", number(limit)),
+            Self::Unlimited { .. } => "without a limit".into(),
         }
     }
 }

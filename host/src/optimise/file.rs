@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::alternative::{self, Alternative, read_case};
 use super::constraint::{self, Constraint};
+use super::front::{self, Second};
 use super::keys::{ensemble, optimisation as keys};
 use super::variable::{self, Uncertain, Variable};
 use crate::input::{self, Files, Problem, Refusal, Section, Source};
@@ -66,6 +67,10 @@ pub struct Optimisation {
     pub evaluations: u64,
     /// Of the random numbers.
     pub seed: u64,
+    /// A second objective, for a front of both.
+    pub second: Option<Second>,
+    /// Whether what is around the optimum is computed: starts, small changes, other dampers.
+    pub has_surroundings: bool,
     /// Other dampers under the same rules.
     pub alternatives: Vec<Self>,
     /// The files that the case names, each read once.
@@ -259,7 +264,8 @@ impl Optimisation {
     fn check_metrics(&self, source: &Source, case: &Case) -> Result<(), Refusal> {
         let objective = (self.objective, source.locate(&[crate::input::locate::Step::Key(keys::OBJECTIVE.name())]));
         let constraints = self.constraints.iter().map(|constraint| (constraint.metric, Some(constraint.span.clone())));
-        for (metric, span) in std::iter::once(objective).chain(constraints) {
+        let second = self.second.iter().map(|second| (second.metric, Some(second.span.clone())));
+        for (metric, span) in std::iter::once(objective).chain(second).chain(constraints) {
             if let Some(why) = metric::refusal(metric, case) {
                 source.report(Problem {
                     title: format!("the metric {:?} does not go with this case", metric.name()),
@@ -283,6 +289,7 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Opti
     let band: Vec<Option<Axis>> = root.tables_of(&keys::AXIS).iter().map(read_axis).collect();
     let constraints: Vec<_> = root.tables_of(&keys::CONSTRAINT).iter().map(constraint::read).collect();
     let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
+    let second = root.table_of(&keys::FRONT, None).map(|s| front::read(&s));
     let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| read_ensemble(&s));
     let own = case.as_ref().map(|(_, text)| text.as_str());
     let alternatives = alternative::read(&root.tables_of(&keys::ALTERNATIVE), path, &name, own);
@@ -310,7 +317,7 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Opti
             evaluations: evaluations.map_or(each * variables.len().max(1) as u64, |count| count as u64),
             variables,
             uncertain,
-            constraint_band: Band::of_largest(&band),
+            constraint_band: Band::of_extreme(&band, Reduction::Maximum),
             reduced_band: Band::of(band.clone()),
             record,
             starts: starts.clone(),
@@ -319,12 +326,17 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Opti
             is_maximum: goal == 1,
             constraints: constraints.clone(),
             seed: seed as u64,
+            second: None,
+            has_surroundings: true,
             alternatives: Vec::new(),
             files: Arc::default(),
             direct: Direct::default(),
         })
     };
     let mut read = optimisation(root, name, case_path, case_text, set)?;
+    if let Some(second) = second {
+        read.second = Some(second?);
+    }
     for alternative in alternatives {
         let Alternative { name, case: (path, text), set } = alternative?;
         read.alternatives.push(optimisation(root, name, path, text, set)?);

@@ -23,6 +23,7 @@ tables! {
         ALTERNATIVE: Optional, [key("alternative", Kind::Tables, "other dampers, each optimised under the same rules")];
         AXIS: Optional, [key("axis", Kind::Tables, "the band that each point is judged over: an axis of a study with `reduce`")];
         CONSTRAINT: Optional, [key("constraint", Kind::Tables, "what must hold at every point of the band, from every start, within all tolerances and for all uncertain values")];
+        FRONT: Optional, [key("front", Kind::Table, "a second objective, and the front of both")];
         RECORD: Optional, [key("record", Kind::Table, "what is counted of each simulation, as in a study; default: as the case's `run` says")];
         ENSEMBLE: Optional, [key("ensemble", Kind::Table, "what counts of starts, tolerances and uncertain values")];
     }
@@ -66,6 +67,13 @@ tables! {
             number("at_least", Any, "least allowed value, in the metric's unit"),
             number("equals", Any, "the only allowed value: period_cycles = 1"),
         ];
+    }
+
+    "A second objective: the front has the best value of the objective for each of some limits of this metric, which counts as in a constraint."
+    front("front") {
+        METRIC: Required, [word("metric", METRIC_NAMES, "the second objective's metric; docs/STUDIES.md has their meanings")];
+        GOAL: Default(Word("minimum")), [word("goal", &["minimum", "maximum"], "whether its smallest or its largest value is the best")];
+        COUNT: Default(Number(9.0)), [number("count", Whole(3.0, 101.0), "most points of the front; each is an optimisation")];
     }
 
     "What counts of everything that is not certain: starts, tolerances and uncertain values."

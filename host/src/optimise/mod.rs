@@ -7,7 +7,7 @@
 //! person can set, `verify` tries these in many more scenarios; [`size`] says how many simulations all that takes.
 //!
 //! What is said about it: [`neighbourhood`] what small changes do, [`references`] what other dampers do, [`mod@over_band`] the curve over
-//! the band, `stuck` how long friction holds the structure; [`answer`] has all of it, [`run`] does all that and [`table`] writes it.
+//! the band, `stuck` how long friction holds the structure; [`front`] what a second objective costs; [`answer`] has all of it, [`run`] does all that and [`table`] writes it.
 
 mod alternative;
 pub mod answer;
@@ -15,6 +15,7 @@ mod cases;
 pub mod constraint;
 pub mod evaluate;
 pub mod file;
+pub mod front;
 mod keys;
 pub mod mount;
 pub mod neighbourhood;

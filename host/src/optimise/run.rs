@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::answer::Answer;
 use super::evaluate::Evaluated;
 use super::file::Optimisation;
+use super::front::{Front, Second};
 use super::search::{self, Found, Progress};
 use super::size::Size;
 use crate::input::Refusal;
@@ -25,54 +26,86 @@ pub struct Reached<'a> {
 /// Told where a run is; answers whether to go on.
 pub type Report<'a> = &'a (dyn Fn(Reached) -> bool + Sync);
 
-/// Simulations of an optimisation and its alternatives, about.
+/// Simulations of an optimisation, its front and its alternatives, about.
 #[must_use]
 pub fn about(optimisation: &Optimisation) -> u64 {
-    Size::of(optimisation).about() + optimisation.alternatives.iter().map(about).sum::<u64>()
+    let front = optimisation.second.as_ref().map_or(0, |second| {
+        let limited = second.limited(optimisation, None);
+        (second.count as u64 + 1) * Size::of(&limited).about()
+    });
+    Size::of(optimisation).about() + front + optimisation.alternatives.iter().map(about).sum::<u64>()
 }
 
-/// Optimises: what the search found, and the answer with those of the alternatives. One that was stopped is left out.
+/// Optimises: what the search found, and the answer with its front and those of the alternatives. What was stopped is left out.
 ///
 /// # Errors
 /// The refusal of a case; a search that was stopped before its first point.
 pub fn run(optimisation: &Optimisation, report: Report) -> Result<(Found, Answer), Refusal> {
-    let (found, mut answer, mut simulations) = one(optimisation, (0, about(optimisation)), report)?;
+    let mut work = Work { simulations: 0, left: about(optimisation), report };
+    let (found, mut answer) = work.one(optimisation)?;
+    if let Some(second) = optimisation.second.as_ref().filter(|_| !answer.is_stopped) {
+        answer.front = work.front(optimisation, second)?;
+        answer.is_stopped = answer.front.is_none();
+    }
     for alternative in &optimisation.alternatives {
-        if answer.is_stopped {
-            break;
-        }
-        let rest = about(alternative);
-        match one(alternative, (simulations, simulations + rest), report) {
-            Ok((_, of, done)) if !of.is_stopped => {
-                simulations = done;
-                answer.alternatives.push(of);
-            }
-            Err(refusal) if refusal.0 != search::STOPPED => return Err(refusal),
-            Ok(_) | Err(_) => answer.is_stopped = true,
-        }
+        let of = if answer.is_stopped { None } else { work.complete(alternative)? };
+        answer.is_stopped |= of.is_none();
+        answer.alternatives.extend(of);
     }
     Ok((found, answer))
 }
 
-/// Optimises one damper after so many simulations, of about so many in all.
-fn one(
-    optimisation: &Optimisation,
-    (before, about): (u64, u64),
-    report: Report,
-) -> Result<(Found, Answer, u64), Refusal> {
-    let name = optimisation.name.as_str();
-    let of_search = |progress: &Progress| {
-        let best = progress.best.as_ref().filter(|best| best.is_feasible());
-        report(Reached { name, simulations: before + progress.simulations, about, best })
-    };
-    let found = search::run(optimisation, &of_search)?;
-    let simulations = AtomicU64::new(before + found.simulations);
-    // What the search needed is known now.
-    let about = (about + found.simulations).saturating_sub(Size::of(optimisation).search);
-    let go_on = |ended: u64| {
-        let simulations = simulations.fetch_add(ended, Ordering::Relaxed) + ended;
-        report(Reached { name, simulations, about, best: None })
-    };
-    let answer = Answer::of(optimisation, &found, &go_on)?;
-    Ok((found, answer, simulations.into_inner()))
+/// One optimisation after the other.
+struct Work<'a> {
+    /// Simulations that have ended,
+    simulations: u64,
+    /// and about so many are left.
+    left: u64,
+    report: Report<'a>,
+}
+
+impl Work<'_> {
+    fn one(&mut self, optimisation: &Optimisation) -> Result<(Found, Answer), Refusal> {
+        let (name, report) = (optimisation.name.as_str(), self.report);
+        let (before, about) = (self.simulations, self.simulations + self.left);
+        let of_search = |progress: &Progress| {
+            let best = progress.best.as_ref().filter(|best| best.is_feasible());
+            report(Reached { name, simulations: before + progress.simulations, about, best })
+        };
+        let found = search::run(optimisation, &of_search)?;
+        let simulations = AtomicU64::new(before + found.simulations);
+        // What the search needed is known now.
+        let size = Size::of(optimisation);
+        let about = (about + found.simulations).saturating_sub(size.search);
+        let go_on = |ended: u64| {
+            let simulations = simulations.fetch_add(ended, Ordering::Relaxed) + ended;
+            report(Reached { name, simulations, about, best: None })
+        };
+        let answer = Answer::of(optimisation, &found, &go_on)?;
+        self.simulations = simulations.into_inner();
+        self.left = self.left.saturating_sub(size.about());
+        Ok((found, answer))
+    }
+
+    /// The answer of a whole optimisation; `None` if it was stopped.
+    fn complete(&mut self, optimisation: &Optimisation) -> Result<Option<Answer>, Refusal> {
+        match self.one(optimisation) {
+            Ok((_, answer)) => Ok(Some(answer).filter(|answer| !answer.is_stopped)),
+            Err(refusal) if refusal.0 == search::STOPPED => Ok(None),
+            Err(refusal) => Err(refusal),
+        }
+    }
+
+    /// The front of two objectives; `None` if it was stopped.
+    fn front(&mut self, optimisation: &Optimisation, second: &Second) -> Result<Option<Front>, Refusal> {
+        let Some(best) = self.complete(&second.limited(optimisation, None))? else { return Ok(None) };
+        let Some(alone) = self.complete(&second.alone(optimisation))? else { return Ok(None) };
+        let loosest = best.constraints.last().map_or(f64::NAN, |kept| kept.value);
+        let mut limited = vec![best];
+        for limit in second.limits((loosest, alone.objective)) {
+            let Some(answer) = self.complete(&second.limited(optimisation, Some(limit)))? else { return Ok(None) };
+            limited.push(answer);
+        }
+        Ok(Some(second.front(optimisation, &limited)))
+    }
 }

@@ -51,6 +51,7 @@ impl Size {
             + 2 * one_start(Effort::Scan)
             + optimisation.band_points() as u64
             + over_band;
+        let around = if optimisation.has_surroundings { around } else { 0 };
         let (tried, scanned) = mount::points(optimisation);
         let points = search::points_that_can_be_made(optimisation).map(|points| points.len() as u64);
         let search = points.unwrap_or(optimisation.evaluations);

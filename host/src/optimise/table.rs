@@ -100,8 +100,11 @@ fn write_table(
     let scenarios = "scenarios of tolerances and uncertain values behind the objective; 1 at the nominal values alone";
     let violation = "sum of the violations of the constraints as shares of their limits";
     let unresolved = "how often too many events fell on one instant";
+    if optimisation.is_robust() {
+        table =
+            table.column(Column::new("scenarios", "1", scenarios), |(_, point)| point.scenarios(optimisation) as u32);
+    }
     let table = table
-        .column(Column::new("scenarios", "1", scenarios), |(_, point)| point.scenarios(optimisation) as u32)
         .column(Column::new("violation", "1", violation), |(_, point)| some(point.violation))
         .column(Column::new("unresolved", "1", unresolved), |(_, point)| some(point.unresolved));
     let keys: Vec<&str> = optimisation.axes.iter().map(|axis| axis.key.as_str()).collect();

@@ -2,20 +2,27 @@
 
 use std::path::Path;
 
+use crate::optimise::front::FrontPoint;
 use crate::optimise::{Answer, Optimisation};
+use crate::quantity::Quantity;
 use crate::report::figures::study_curves::{self, Curve, CurveLabels};
 use crate::report::figures::symbols;
 use crate::report::page;
+use crate::report::page::optimum::Figures;
 use crate::report::plot::{self, Breadth, Picture};
 use crate::report::study_files::Undrawn;
 use crate::run_folder::{checksum, own_files};
+use crate::simulation::Case;
 use crate::study::axis::Value;
 
 /// Name of the page.
 pub const PAGE: &str = "optimum.html";
 
-/// Stem of the figure.
-pub const FIGURE: &str = "over_band";
+/// Stem of the figure over the band.
+pub const OVER_BAND: &str = "over_band";
+
+/// Stem of the figure of two objectives.
+pub const FRONT: &str = "front";
 
 /// Writes figure and page, in place of earlier ones. `summary`: the text of the command.
 ///
@@ -25,11 +32,15 @@ pub fn write(optimisation: &Optimisation, answer: &Answer, summary: &str, folder
     let identity =
         checksum::of_bytes([optimisation.text.as_bytes(), optimisation.case_text.as_bytes()].concat().as_slice());
     let source = plot::source("optimisation", &identity);
-    let figure = |breadth| over_band(optimisation, answer, breadth).map(|picture| picture.of_source(&source));
-    let figures = figure(Breadth::Broad).zip(figure(Breadth::Narrow)).map(|(broad, narrow)| [broad, narrow]);
-    if let Some([broad, _]) = &figures {
-        own_files::replace(&folder.join(format!("{FIGURE}.svg")), broad.svg().as_bytes())?;
-        own_files::replace(&folder.join(format!("{FIGURE}.png")), &broad.png()?)?;
+    let in_both = |draw: fn(&Optimisation, &Answer, Breadth) -> Option<Picture>| {
+        let figure = |breadth| draw(optimisation, answer, breadth).map(|picture| picture.of_source(&source));
+        Some([figure(Breadth::Broad)?, figure(Breadth::Narrow)?])
+    };
+    let figures = Figures { over_band: in_both(over_band), front: in_both(front) };
+    for (stem, figure) in [(OVER_BAND, &figures.over_band), (FRONT, &figures.front)] {
+        let Some([broad, _]) = figure else { continue };
+        own_files::replace(&folder.join(format!("{stem}.svg")), broad.svg().as_bytes())?;
+        own_files::replace(&folder.join(format!("{stem}.png")), &broad.png()?)?;
     }
     let page = page::optimum::page(optimisation, answer, summary, figures, &source);
     own_files::replace(&folder.join(PAGE), page.as_bytes())?;
@@ -39,11 +50,10 @@ pub fn write(optimisation: &Optimisation, answer: &Answer, summary: &str, folder
 /// The objective's metric over the band of the optimum, its alternatives and the bare structure; `None` without such a curve.
 fn over_band(optimisation: &Optimisation, answer: &Answer, breadth: Breadth) -> Option<Picture> {
     let axis = optimisation.band().first()?;
-    let first: Vec<Value> = optimisation.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
-    let case = optimisation.case_with(&first).ok()?;
+    let case = first_case(optimisation)?;
     let reference = || symbols::reference(&case);
     let metric = optimisation.objective;
-    let (unit, scale) = metric.shown_unit();
+    let (_, scale) = metric.shown_unit();
     let mut curves: Vec<Curve> = Vec::new();
     for of in std::iter::once(answer).chain(&answer.alternatives).filter(|of| !of.over_band.is_empty()) {
         let is_wide = of.over_band.iter().any(|point| point.low < point.high);
@@ -67,8 +77,37 @@ fn over_band(optimisation: &Optimisation, answer: &Answer, breadth: Breadth) -> 
         title: optimisation.name.clone(),
         x: symbols::label(&axis.key, reference),
         is_log: axis.is_log,
-        y: if scale == 1.0 { metric.axis_label(reference()) } else { format!("{} ({unit})", metric.label()) },
+        y: axis_label(metric, &case),
         ..CurveLabels::default()
     };
     (!curves.is_empty()).then(|| study_curves::draw(&curves, &labels, breadth))
+}
+
+/// The objective over the second one.
+fn front(optimisation: &Optimisation, answer: &Answer, breadth: Breadth) -> Option<Picture> {
+    let (front, second) = (answer.front.as_ref()?, optimisation.second.as_ref()?);
+    let case = first_case(optimisation)?;
+    let [(_, first_scale), (_, second_scale)] = [optimisation.objective, second.metric].map(Quantity::shown_unit);
+    let at = |point: &FrontPoint| (second_scale * point.second, first_scale * point.objective);
+    let curve = Curve { points: front.points.iter().map(at).collect(), is_scattered: true, ..Curve::default() };
+    let knee = front.points.iter().find(|point| point.is_knee);
+    let labels = CurveLabels {
+        title: optimisation.name.clone(),
+        x: axis_label(second.metric, &case),
+        y: axis_label(optimisation.objective, &case),
+        best: knee.map(|point| (at(point), "knee".into())),
+        ..CurveLabels::default()
+    };
+    (front.points.len() > 1).then(|| study_curves::draw(&[curve], &labels, breadth))
+}
+
+fn first_case(optimisation: &Optimisation) -> Option<Case> {
+    let first: Vec<Value> = optimisation.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
+    optimisation.case_with(&first).ok()
+}
+
+/// A metric with the unit that people read.
+fn axis_label(metric: Quantity, case: &Case) -> String {
+    let (unit, scale) = metric.shown_unit();
+    if scale == 1.0 { metric.axis_label(symbols::reference(case)) } else { format!("{} ({unit})", metric.label()) }
 }

@@ -81,10 +81,10 @@ impl Band {
         Self { axes, refined }
     }
 
-    /// The same axes with the largest value over each, as a constraint has it.
+    /// The same axes with the largest or smallest value over each.
     #[must_use]
-    pub fn of_largest(axes: &[Axis]) -> Self {
-        Self::of(axes.iter().map(|axis| Axis { reduce: Some(Reduction::Maximum), ..axis.clone() }).collect())
+    pub fn of_extreme(axes: &[Axis], reduction: Reduction) -> Self {
+        Self::of(axes.iter().map(|axis| Axis { reduce: Some(reduction), ..axis.clone() }).collect())
     }
 
     /// How the axis that is searched between its values is reduced; `None` without such an axis. With `Minimum` the search can only

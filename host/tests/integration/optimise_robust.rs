@@ -243,6 +243,44 @@ fn alternatives_are_optimised_under_the_same_rules_and_compared() {
 }
 
 #[test]
+fn a_front_has_the_best_objective_for_each_limit_of_the_second_one() {
+    let case = TUNED.replace(
+        "tmd = { mass_ratio = 0.1, frequency_ratio = 0.9, damping_ratio = 0.2 }",
+        "particle = { mass_ratio = 0.1, clearance_m = 1e-4, wall = { kind = \"restitution\", coefficient = 0.5, contact_time_s = 4e-4 } }",
+    );
+    let clearance = "[[variable]]\nkey = \"particle.clearance_m\"\nfrom = 1e-5\nto = 1.5e-4\nstep = 1e-5\n";
+    let file = format!("{case}{clearance}");
+    let front = "[front]\nmetric = \"peak_contact_force_n\"\ncount = 7\n";
+    let (folder, output) = command(&format!("{file}{front}"), &["--out", "out"]);
+    let told = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && told.contains("Best max_abs_x_m for each peak_contact_force_n"), "{told}");
+    for name in ["front.svg", "front.png"] {
+        assert!(folder.path().join("out").join(name).exists(), "{name}");
+    }
+    let found: Value = serde_json::from_slice(&std::fs::read(folder.path().join("out/answer.json")).unwrap()).unwrap();
+    let points = found["front"]["points"].as_array().unwrap();
+    let number = |point: &Value, name: &str| point[name].as_f64().unwrap();
+    let pairs: Vec<[f64; 2]> = points.iter().map(|p| [number(p, "objective"), number(p, "second")]).collect();
+    assert!(pairs.len() >= 3 && pairs.windows(2).all(|w| w[0][0] > w[1][0] && w[0][1] < w[1][1]), "{pairs:?}");
+    assert!(points.iter().filter(|point| point["is_knee"] == true).count() <= 1);
+    assert_eq!(pairs.last().unwrap()[0], number(&found, "objective"), "one end is the optimum");
+    // Every clearance: the ends of the front are the best of all, and none is better than a point of the front in both.
+    let with_force = read(&format!("{file}[[constraint]]\nmetric = \"peak_contact_force_n\"\nat_most = 1e9\n"));
+    let of = |n: u32| {
+        let values = vec![1e-5 * f64::from(n)];
+        let point = evaluate::at_values(&with_force, values, Care::of(Effort::Scan), &|_| true).expect("sound");
+        [point.objective, point.constraints[0]]
+    };
+    let all: Vec<[f64; 2]> = (1..=15).map(of).collect();
+    let least = |place: usize| all.iter().map(|pair| pair[place]).fold(f64::INFINITY, f64::min);
+    assert!((pairs.last().unwrap()[0] / least(0) - 1.0).abs() < 1e-9 && (pairs[0][1] / least(1) - 1.0).abs() < 1e-5);
+    for [objective, second] in &pairs {
+        let is_better = |other: &&[f64; 2]| other[0] < objective * (1.0 - 1e-9) && other[1] < second * (1.0 - 1e-9);
+        assert!(!all.iter().any(|other| is_better(&other)), "{objective} {second} of {all:?}");
+    }
+}
+
+#[test]
 fn where_no_point_keeps_the_constraints_the_answer_has_no_nominal_value_and_no_worst_one() {
     let unkept = "[[constraint]]\nmetric = \"max_abs_x_m\"\nat_most = 0\n";
     let (_, output) = command(&format!("{TUNED}{FREQUENCY}{BAND}{unkept}"), &["--json"]);

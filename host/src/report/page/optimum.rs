@@ -7,21 +7,27 @@ use crate::optimise::{Answer, Optimisation};
 use crate::report::plot::Picture;
 use crate::report::terminal::optimise::{COMPARED, answer as text, ranked};
 
+/// The figures, each broad and narrow.
+#[derive(Debug)]
+pub struct Figures {
+    /// The objective's metric over the band.
+    pub over_band: Option<[Picture; 2]>,
+    /// The front of two objectives.
+    pub front: Option<[Picture; 2]>,
+}
+
 /// Makes the page. `scope` is the command's first line, `source` the optimisation's name and the date.
 #[must_use]
-pub fn page(
-    optimisation: &Optimisation,
-    answer: &Answer,
-    scope: &str,
-    figures: Option<[Picture; 2]>,
-    source: &str,
-) -> String {
+pub fn page(optimisation: &Optimisation, answer: &Answer, scope: &str, figures: Figures, source: &str) -> String {
     let all = ranked(answer);
     let caption = "The objective's metric over the band at each optimum with its nominal values; the band around a curve has its least and largest \
                    value within the tolerances, for all uncertain values and from all starts that the search compared points by.";
+    let front = "Each point is an optimum: the best objective with the second one no worse than there. At the knee one begins to cost more of the \
+                 other.";
     let content = html! {
         header { h1 { (optimisation.name) } p.under { (scope) } }
-        @if let Some(figures) = figures { section { (drawn_in_both(figures, caption)) } }
+        @if let Some(figure) = figures.over_band { section { (drawn_in_both(figure, caption)) } }
+        @if let Some(figure) = figures.front { section { (drawn_in_both(figure, front)) } }
         @if all.len() > 1 {
             section {
                 h2 { "Dampers under the same rules" }

@@ -34,7 +34,9 @@ pub fn scope(optimisation: &Optimisation) -> String {
 #[must_use]
 pub fn answer(optimisation: &Optimisation, answer: &Answer) -> String {
     let mut text = optimum(answer);
-    for part in [starts(answer), sensitivity(optimisation, answer), references(answer), alternatives(answer)] {
+    for part in
+        [starts(answer), sensitivity(optimisation, answer), references(answer), front(answer), alternatives(answer)]
+    {
         if !part.is_empty() {
             text.push_str("\n\n");
             text.push_str(&part);
@@ -215,6 +217,21 @@ fn references(answer: &Answer) -> String {
     lines.join("\n")
 }
 
+/// The front of two objectives as a table.
+fn front(answer: &Answer) -> String {
+    let Some(front) = &answer.front else { return String::new() };
+    let mut rows = table(&[answer.metric, front.metric, "make", ""]);
+    for point in &front.points {
+        rows.add_row([
+            for_people(answer.metric, point.objective),
+            for_people(front.metric, point.second),
+            made(&point.variables),
+            if point.is_knee { "knee".into() } else { String::new() },
+        ]);
+    }
+    format!("Best {} for each {}:\n{rows}", answer.metric, front.metric)
+}
+
 /// The share of the time from which a friction damper is said to hold the structure.
 const HELD: f64 = 0.5;
 
@@ -243,10 +260,19 @@ pub fn ranked(answer: &Answer) -> Vec<&Answer> {
     all
 }
 
-/// A value of the objective in the unit that people read.
-fn for_people(answer: &Answer, value: f64) -> String {
-    let metric = METRICS.into_iter().find(|metric| metric.name() == answer.metric);
-    let (unit, scale) = metric.map_or((answer.unit, 1.0), Quantity::shown_unit);
+/// Values of the variables as they are made.
+fn made(variables: &[Variable]) -> String {
+    let variable = |variable: &Variable| {
+        let tolerance = with_unit(variable.tolerance, 2, variable.unit);
+        format!("{} = {} ± {tolerance}", variable.key, with_unit(variable.value, 12, variable.unit))
+    };
+    variables.iter().map(variable).collect::<Vec<_>>().join(", ")
+}
+
+/// A value of a metric in the unit that people read.
+fn for_people(metric: &str, value: f64) -> String {
+    let metric = METRICS.into_iter().find(|known| known.name() == metric);
+    let (unit, scale) = metric.map_or(("", 1.0), Quantity::shown_unit);
     with_unit(scale * value, 4, unit)
 }
 
@@ -256,15 +282,9 @@ type Cell = fn(&Answer) -> String;
 /// The columns of the comparison of dampers.
 pub const COMPARED: [(&str, Cell); 6] = [
     ("damper", |answer| answer.name.clone()),
-    ("objective", |answer| for_people(answer, answer.objective)),
-    ("nominal", |answer| answer.nominal.map_or_else(String::new, |nominal| for_people(answer, nominal))),
-    ("make", |answer| {
-        let variable = |variable: &Variable| {
-            let tolerance = with_unit(variable.tolerance, 2, variable.unit);
-            format!("{} = {} ± {tolerance}", variable.key, with_unit(variable.value, 12, variable.unit))
-        };
-        answer.variables.iter().map(variable).collect::<Vec<_>>().join(", ")
-    }),
+    ("objective", |answer| for_people(answer.metric, answer.objective)),
+    ("nominal", |answer| answer.nominal.map_or_else(String::new, |nominal| for_people(answer.metric, nominal))),
+    ("make", |answer| made(&answer.variables)),
     ("mass", |answer| answer.damper_mass_kg.map_or_else(String::new, |mass_kg| with_unit(mass_kg, 4, "kg"))),
     ("constraints", |answer| {
         let kept = |kept: &Kept| {

@@ -59,6 +59,7 @@ evaluations = 500
 seed = 3
 record = { duration_s = 4, settle_s = 1 }
 ensemble = { starts = 3, over = "median" }
+front = { metric = "peak_contact_force_n", goal = "minimum", count = 3 }
 
 [[variable]]
 key = "particle.clearance_m"
