@@ -8,14 +8,13 @@ use sha2::{Digest, Sha256};
 use super::axis::{self, Axis, Value};
 use super::direct::{Cases, Direct};
 use super::given_points::GivenPoints;
-use super::keys::{ensemble, overlay, record, sampling, study as keys};
+use super::keys::{ensemble, overlay as overlay_keys, record, sampling, study as keys};
 use super::metric::{self, METRICS};
 use super::over::Over;
+use super::overlay::{self, Overlay};
 use super::points::{Method, Points, Sampling, Scattered};
 use super::simulate::{Counted, Record};
-use super::table::MIN_OF_MAP;
 use super::varied_case::VariedCase;
-use crate::continuation::Continuation;
 use crate::input::section::Text;
 use crate::input::{Files, Problem, Refusal, Section, Source, near};
 use crate::quantity::Quantity;
@@ -44,15 +43,6 @@ pub struct Ensemble {
     pub over: Over,
     /// Quantiles over the starts that the table has, rising; that of `over` is one of them.
     pub quantiles: Vec<f64>,
-}
-
-/// Curves over the map.
-#[derive(Clone, Debug)]
-pub struct Overlay {
-    /// Path of the continuation file.
-    pub path: PathBuf,
-    /// What it says.
-    pub continuation: Continuation,
 }
 
 /// A study as read.
@@ -334,7 +324,7 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option
     let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
     let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| read_ensemble(&s, goal == Some(1)));
     let overlays: Vec<Option<(Text, Overlay)>> =
-        root.tables_of(&keys::OVERLAY).iter().map(|s| read_overlay(s, path)).collect();
+        root.tables_of(&keys::OVERLAY).iter().map(|s| overlay::read(s, path)).collect();
     let points = named.unwrap_or(Some(points))?;
     let mut all = points.as_ref().map_or_else(Vec::new, |points| points.axes(&root.span_of(keys::POINTS.name())));
     all.extend(axes.into_iter().collect::<Option<Vec<Axis>>>()?);
@@ -344,7 +334,7 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option
     let overlays = overlays.into_iter().collect::<Option<Vec<_>>>()?;
     for (named, overlay) in &overlays {
         if let Some((what, help)) = overlay.mismatch(&axes, &case_path, &case_text) {
-            root.refuse(overlay::CONTINUATION.name(), &named.span, what, Some(help));
+            root.refuse(overlay_keys::CONTINUATION.name(), &named.span, what, Some(help));
         }
     }
     let objective = objective.or(metrics.first().copied())?;
@@ -387,51 +377,6 @@ fn read_points(root: &Section, path: &Path, named: &Text, files: &Files) -> Opti
             root.refuse(keys::POINTS.name(), &named.span, allowed, None);
             None
         }
-    }
-}
-
-fn read_overlay(s: &Section, path: &Path) -> Option<(Text, Overlay)> {
-    let named = s.text_of(&overlay::CONTINUATION);
-    s.finish();
-    let named = named?;
-    let path = path.parent().unwrap_or(Path::new("")).join(&named.value);
-    match Continuation::read(&path) {
-        Ok(continuation) => Some((named, Overlay { path, continuation })),
-        Err(refusal) => {
-            s.refuse(overlay::CONTINUATION.name(), &named.span, refusal.to_string(), None);
-            None
-        }
-    }
-}
-
-impl Overlay {
-    /// Why the curves do not belong over the map of a study with these axes, and what to do.
-    fn mismatch(&self, axes: &[Axis], case_path: &Path, case_text: &str) -> Option<(String, String)> {
-        let Some(parameters) = self.continuation.curve_parameters() else {
-            let help = "add a table [second] with the other axis of the study to the continuation file";
-            return Some(("must be a continuation in two parameters".into(), help.into()));
-        };
-        let is_grid = |axis: &Axis| {
-            let is_long = matches!(&axis.values, axis::Values::Numbers(numbers) if numbers.len() >= MIN_OF_MAP);
-            is_long && axis.reduce.is_none()
-        };
-        if axes.len() != 2 || !axes.iter().all(is_grid) {
-            let help = "leave the overlay out, or the other axes".into();
-            return Some((format!("needs a map: two axes of at least {MIN_OF_MAP} numbers, and no others"), help));
-        }
-        let keys = parameters.map(|parameter| parameter.key);
-        if let Some(axis) = axes.iter().find(|axis| !keys.contains(&axis.key.as_str())) {
-            let both: Vec<&str> = axes.iter().map(|axis| axis.key.as_str()).collect();
-            let what = format!("must have the study's axes as its parameters: {} is not one of them", axis.key);
-            let (first, second) = (keys[0], keys[1]);
-            let help =
-                format!("it has {first} and {second}: write {} for them in the continuation file", both.join(" and "));
-            return Some((what, help));
-        }
-        (self.continuation.case_text != case_text).then(|| {
-            let what = format!("must be of the study's case, not of {}", self.continuation.case_file.display());
-            (what, format!("write the path of {} in the continuation file", case_path.display()))
-        })
     }
 }
 

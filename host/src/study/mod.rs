@@ -2,7 +2,7 @@
 //! user's page.
 //!
 //! [`mod@file`] reads the study, [`axis`], [`points`] and [`given_points`] say which values it has, [`varied_case`] and [`direct`] make
-//! cases of them, [`evaluate`] simulates them, [`band`] finds peaks, [`over`] what of several starts counts, [`data_set`] keeps the results as parts ([`part`]) that survive a kill
+//! cases of them, [`evaluate`] simulates them, [`band`] finds peaks, [`over`] says what of several starts counts, [`mod@overlay`] which curves are over a map, [`data_set`] keeps the results as parts ([`part`]) that survive a kill
 //! in a [`store`], [`run`] does all of it on this machine, [`work`] a share of it as one of several workers; [`inspect`] tells how far
 //! they are.
 
@@ -20,6 +20,7 @@ mod keys;
 mod linear;
 pub mod metric;
 pub mod over;
+pub mod overlay;
 pub mod part;
 pub mod points;
 pub mod run;

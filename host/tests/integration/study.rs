@@ -248,7 +248,7 @@ fn the_best_point_of_an_ensemble_is_by_what_counts_of_its_starts_and_that_is_the
              [[axis]]\nkey = \"particle.clearance_ratio\"\nfrom = 5\nto = 20\ncount = 16\n"
         )
     };
-    let top = |more: &str| file(more).replace("[ensemble]", &format!("goal = \"maximum\"\n[ensemble]"));
+    let top = |more: &str| file(more).replace("[ensemble]", "goal = \"maximum\"\n[ensemble]");
     for (study, column_name) in [
         (file(""), "max_abs_x_m_max"),
         (file("over = \"worst\"\n"), "max_abs_x_m_max"),
