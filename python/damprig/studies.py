@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -158,7 +159,11 @@ def evaluate(
     names = [metrics] if isinstance(metrics, str) else list(metrics)
     given = {"case": case, "metrics": names, "axis": list(axis)}
     values = _damprig.evaluate(_given(given if record is None else {**given, "record": record}), list(keys), array)
-    return values[:, 0] if isinstance(metrics, str) else values
+    unresolved = np.flatnonzero(values[:, -1])
+    if len(unresolved):
+        message = f"at {len(unresolved)} points, first at {unresolved[0]}, too many events fell on one instant and were not resolved"
+        warnings.warn(message, UserWarning, stacklevel=2)
+    return values[:, 0] if isinstance(metrics, str) else values[:, :-1]
 
 
 def _points(keys: Any, points: ArrayLike) -> np.ndarray:

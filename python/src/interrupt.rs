@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use crate::failure::{Failure, interrupted};
 
 /// Time between two looks.
-const EVERY: Duration = Duration::from_millis(50);
+pub const EVERY: Duration = Duration::from_millis(50);
 
 /// Remembers what a signal's handler raised. Python runs handlers in the main thread only; in another thread nothing is found.
 pub struct Interrupt {

@@ -1,7 +1,10 @@
 //! Studies, optimisations and continuations, from their files or from dicts.
 
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
 
 use damprig::continuation::Continuation;
 use damprig::optimise::file::Optimisation;
@@ -9,7 +12,7 @@ use damprig::run_folder::read::parquet_file;
 use damprig::study::Study;
 use damprig::study::axis::Value;
 use damprig::study::data_set::{DataSet, Manifest, TABLE};
-use damprig::study::evaluate::main_column;
+use damprig::study::evaluate::{UNRESOLVED, main_column};
 use damprig::study::given_points::GivenPoints;
 use damprig::study::run::{self, Ending, Progress};
 use damprig::study::store::Store;
@@ -20,27 +23,30 @@ use pyo3::types::PyDict;
 
 use crate::columns::Columns;
 use crate::failure::{Failure, interrupted, work};
-use crate::interrupt::Interrupt;
+use crate::interrupt::{EVERY, Interrupt};
 use crate::source::Design;
 
-/// Looks for Ctrl-C from any of the threads that compute.
-struct Watch(Mutex<Interrupt>);
-
-impl Watch {
-    fn new() -> Self {
-        Self(Mutex::new(Interrupt::new()))
-    }
-
-    fn goes_on(&self) -> bool {
-        // Another thread is looking.
-        self.0.try_lock().map_or(true, |mut interrupt| interrupt.goes_on())
-    }
-
-    /// What stopped the work.
-    fn stopped(self) -> Failure {
-        let interrupt = self.0.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-        interrupt.check().err().unwrap_or_else(interrupted)
-    }
+/// Does work that asks whether to go on, on a thread of its own, while this one looks for Ctrl-C: Python runs the handlers of signals in
+/// its main thread alone.
+fn watched<T: Send>(work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> T + Send) -> Result<T, Failure> {
+    let (stop, mut interrupt) = (AtomicBool::new(false), Interrupt::new());
+    let (ended, end) = mpsc::channel::<()>();
+    let stop_at = &stop;
+    let done = thread::scope(|scope| {
+        let worker = scope.spawn(move || {
+            // Dropped at the end of the work, by a panic too.
+            let _ended = ended;
+            work(&|| !stop_at.load(Ordering::Relaxed))
+        });
+        while end.recv_timeout(EVERY) == Err(RecvTimeoutError::Timeout) {
+            if !interrupt.goes_on() {
+                stop.store(true, Ordering::Relaxed);
+            }
+        }
+        worker.join()
+    });
+    interrupt.check()?;
+    done.map_err(|panic| resume_unwind(panic))
 }
 
 fn opened(design: &Design, out: &Path) -> Result<(Study, DataSet), Failure> {
@@ -55,10 +61,9 @@ pub fn study_run(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf) -> PyRe
     let design = Design::of("study", study)?;
     work(py, || {
         let (study, data_set) = opened(&design, &out)?;
-        let watch = Watch::new();
-        match run::run(&study, &data_set, &|_: &Progress| watch.goes_on())? {
+        match watched(|goes_on| run::run(&study, &data_set, &|_: &Progress| goes_on()))?? {
             (Ending::Complete, _) => Ok(()),
-            (Ending::Stopped, _) => Err(watch.stopped()),
+            (Ending::Stopped, _) => Err(interrupted()),
         }
     })
 }
@@ -79,11 +84,9 @@ pub fn study_rows(py: Python<'_>, study: &Bound<'_, PyAny>, part: u64) -> PyResu
     let design = Design::of("study", study)?;
     work(py, || {
         let study = design.read(Study::read, Study::parse)?;
-        let (manifest, watch) = (Manifest::of(&study), Watch::new());
-        match run::compute(&study, manifest.rows_of(part), &|_| watch.goes_on())? {
-            Some(rows) => Ok((manifest.sha256.unwrap_or_default(), rows)),
-            None => Err(watch.stopped()),
-        }
+        let manifest = Manifest::of(&study);
+        let rows = watched(|goes_on| run::compute(&study, manifest.rows_of(part), &|_| goes_on()))??;
+        Ok((manifest.sha256.unwrap_or_default(), rows.ok_or_else(interrupted)?))
     })
 }
 
@@ -137,7 +140,8 @@ pub fn study_merge<'py>(
     Ok((columns.into_dict(py)?, best, address))
 }
 
-/// The metrics of a study at points from outside: a row for each point, a column for each metric.
+/// The metrics of a study at points from outside: a row for each point, a column for each metric and one for how often too many events fell
+/// on one instant.
 #[pyfunction]
 pub fn evaluate<'py>(
     py: Python<'py>,
@@ -159,12 +163,11 @@ pub fn evaluate<'py>(
                 "axis: every axis must have `reduce`: a point has one value of each metric".into(),
             ));
         }
-        let watch = Watch::new();
-        let rows = run::compute(&study, 0..count, &|_| watch.goes_on())?;
-        let places = study.metrics.iter().map(|metric| run::place_of(&study, &main_column(&study, *metric)));
-        let places: Vec<usize> = places.collect();
-        let metrics = |row: Vec<f64>| places.iter().map(|place| row[*place]).collect::<Vec<f64>>();
-        rows.map_or_else(|| Err(watch.stopped()), |rows| Ok(rows.into_iter().map(metrics).collect::<Vec<_>>()))
+        let rows = watched(|goes_on| run::compute(&study, 0..count, &|_| goes_on()))??.ok_or_else(interrupted)?;
+        let names = study.metrics.iter().map(|metric| main_column(&study, *metric)).chain([UNRESOLVED.into()]);
+        let places: Vec<usize> = names.map(|name| run::place_of(&study, &name)).collect();
+        let wanted = |row: Vec<f64>| places.iter().map(|place| row[*place]).collect::<Vec<f64>>();
+        Ok(rows.into_iter().map(wanted).collect::<Vec<_>>())
     })?;
     PyArray2::from_vec2(py, &rows).map_err(|error| PyRuntimeError::new_err(error.to_string()))
 }
@@ -175,15 +178,8 @@ pub fn optimise(py: Python<'_>, optimisation: &Bound<'_, PyAny>) -> PyResult<Str
     let design = Design::of("optimisation", optimisation)?;
     work(py, || {
         let optimisation = design.read(Optimisation::read, Optimisation::parse)?;
-        let watch = Watch::new();
-        let answer = match damprig::optimise::run::run(&optimisation, &|_| watch.goes_on()) {
-            Ok((_, answer)) => answer,
-            Err(refusal) => {
-                watch.0.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).check()?;
-                return Err(refusal.into());
-            }
-        };
-        if answer.is_stopped { Err(watch.stopped()) } else { json(&answer) }
+        let (_, answer) = watched(|goes_on| damprig::optimise::run::run(&optimisation, &|_| goes_on()))??;
+        if answer.is_stopped { Err(interrupted()) } else { json(&answer) }
     })
 }
 

@@ -210,6 +210,12 @@ def test_a_single_metric_over_a_band_has_one_value_for_each_point(folder):
     assert np.all(found >= alone)
 
 
+def test_ctrl_c_stops_a_long_evaluation(interrupted):
+    # It would take hours.
+    call = f"damprig.evaluate({tomllib.loads(CASE)!r}, {KEYS[:1]!r}, [[9.0]] * 4, 'rms_x_m', record={{'cycles': 1e9}})"
+    assert interrupted("damprig.evaluate", call) == "interrupted"
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -14,7 +14,7 @@ use super::progress::StudyBar;
 use crate::file_keys::FileKind;
 use crate::optimise::evaluate::Evaluated;
 use crate::optimise::run::{self, Reached};
-use crate::optimise::{Optimisation, size, table};
+use crate::optimise::{Optimisation, table};
 use crate::report::numbers::{about, duration, significant};
 use crate::report::{optimum_files, terminal};
 
@@ -68,10 +68,7 @@ pub fn run(args: &Args) -> Outcome {
         table::check_folder(folder).map_err(Failure::input)?;
     }
     let cores = rayon::current_num_threads();
-    let mut estimate_s = 0.0;
-    for optimisation in std::iter::once(&optimisation).chain(&optimisation.alternatives) {
-        estimate_s += size::estimate_s(optimisation).map_err(Failure::input)? / cores as f64;
-    }
+    let estimate_s = run::estimate_s(&optimisation).map_err(Failure::input)? / cores as f64;
     let scope = format!("{}; {} on {cores} cores", terminal::optimise::scope(&optimisation), about(estimate_s));
     if args.dry_run {
         say!("{scope}");
@@ -110,8 +107,7 @@ pub fn run(args: &Args) -> Outcome {
         }
     }
     if answer.is_stopped && !found.is_stopped {
-        let message =
-            "stopped after the search: the optimum is above, what is around it, or an alternative, is not complete";
+        let message = "stopped after the search: the optimum is above; what is around it, its front, or an alternative is not complete";
         return Err(Failure::Interrupted(message.into()));
     }
     if answer.is_stopped {

@@ -102,7 +102,7 @@ pub struct Answer {
     pub is_stopped: bool,
     /// Evaluated points of the search.
     pub evaluations: usize,
-    /// Simulations of the search and of what follows it.
+    /// Simulations of the search and of what follows it; of the whole run those of its front and alternatives too.
     pub simulations: u64,
     /// The objective at the values of the variables; over stated tolerances and uncertain values where there are some.
     pub objective: f64,

@@ -164,7 +164,7 @@ impl Optimisation {
     }
 
     fn direct(&self) -> Direct {
-        Direct::of(self.varied_case(), |axis| axis >= self.set())
+        Direct::of(self.varied_case(), corners(&self.axes), |axis| axis >= self.set())
     }
 
     pub(super) fn varied_case(&self) -> VariedCase<'_> {

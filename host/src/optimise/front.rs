@@ -14,8 +14,8 @@ use crate::study::band::Band;
 use crate::study::metric::METRICS;
 use crate::study::over::Over;
 
-/// Share of the best second objective by which the last limit lies behind it.
-const ROUNDING: f64 = 1e-6;
+/// The last limit lies this share of the range behind the best second objective, so that a search finds places that keep it.
+const SLACK: f64 = 0.01;
 
 /// The second objective.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,8 +38,7 @@ pub struct FrontPoint {
     pub second: f64,
     /// The variables there.
     pub variables: Vec<Variable>,
-    /// The point furthest from the line between the ends, both objectives as shares of their ranges: from there on one costs the most of
-    /// the other.
+    /// The point furthest from the line between the ends, both objectives as shares of their ranges.
     pub is_knee: bool,
 }
 
@@ -85,8 +84,7 @@ impl Second {
     #[must_use]
     pub fn limits(&self, (from, best): (f64, f64)) -> Vec<f64> {
         let last = (self.count - 1) as f64;
-        // What rounding makes of the best value keeps the last limit.
-        let to = best + ROUNDING * if self.is_maximum { -best.abs() } else { best.abs() };
+        let to = best + SLACK * (from - best);
         (1..self.count).map(|n| from + (to - from) * n as f64 / last).collect()
     }
 

@@ -1,5 +1,6 @@
 //! Searches, answers, and does the same with the alternatives.
 
+use std::borrow::Cow;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::answer::Answer;
@@ -7,7 +8,7 @@ use super::evaluate::Evaluated;
 use super::file::Optimisation;
 use super::front::{Front, Second};
 use super::search::{self, Found, Progress};
-use super::size::Size;
+use super::size::{self, Size};
 use crate::input::Refusal;
 
 /// Where a run is.
@@ -26,14 +27,38 @@ pub struct Reached<'a> {
 /// Told where a run is; answers whether to go on.
 pub type Report<'a> = &'a (dyn Fn(Reached) -> bool + Sync);
 
-/// Simulations of an optimisation, its front and its alternatives, about.
+/// The optimisations of a run, each with how often something of its size is done: its own, those of its front and its alternatives.
+fn parts(optimisation: &Optimisation) -> Vec<(Cow<'_, Optimisation>, u64)> {
+    let mut parts = vec![(Cow::Borrowed(optimisation), 1)];
+    if let Some(second) = &optimisation.second {
+        parts.push((Cow::Owned(second.limited(optimisation, None)), second.count as u64 + 1));
+    }
+    parts.extend(optimisation.alternatives.iter().map(|alternative| (Cow::Borrowed(alternative), 1)));
+    parts
+}
+
+/// Simulations of a run, about.
 #[must_use]
 pub fn about(optimisation: &Optimisation) -> u64 {
-    let front = optimisation.second.as_ref().map_or(0, |second| {
-        let limited = second.limited(optimisation, None);
-        (second.count as u64 + 1) * Size::of(&limited).about()
-    });
-    Size::of(optimisation).about() + front + optimisation.alternatives.iter().map(about).sum::<u64>()
+    parts(optimisation).iter().map(|(part, times)| times * Size::of(part).about()).sum()
+}
+
+/// The most simulations of a run.
+#[must_use]
+pub fn most(optimisation: &Optimisation) -> u64 {
+    parts(optimisation).iter().map(|(part, times)| times * Size::of(part).most).sum()
+}
+
+/// Estimated computing time of a run on one core, s, from the beginnings of some of the simulations.
+///
+/// # Errors
+/// The refusal of a case that the values make.
+pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Refusal> {
+    let mut estimate_s = 0.0;
+    for (part, times) in parts(optimisation) {
+        estimate_s += times as f64 * size::estimate_s(&part)?;
+    }
+    Ok(estimate_s)
 }
 
 /// Optimises: what the search found, and the answer with its front and those of the alternatives. What was stopped is left out.
@@ -43,15 +68,16 @@ pub fn about(optimisation: &Optimisation) -> u64 {
 pub fn run(optimisation: &Optimisation, report: Report) -> Result<(Found, Answer), Refusal> {
     let mut work = Work { simulations: 0, left: about(optimisation), report };
     let (found, mut answer) = work.one(optimisation)?;
-    if let Some(second) = optimisation.second.as_ref().filter(|_| !answer.is_stopped) {
-        answer.front = work.front(optimisation, second)?;
-        answer.is_stopped = answer.front.is_none();
+    if let Some(second) = optimisation.second.as_ref().filter(|_| !answer.is_stopped && answer.is_feasible) {
+        let (front, is_stopped) = work.front(optimisation, second)?;
+        (answer.front, answer.is_stopped) = (front, is_stopped);
     }
     for alternative in &optimisation.alternatives {
         let of = if answer.is_stopped { None } else { work.complete(alternative)? };
         answer.is_stopped |= of.is_none();
         answer.alternatives.extend(of);
     }
+    answer.simulations = work.simulations;
     Ok((found, answer))
 }
 
@@ -69,7 +95,8 @@ impl Work<'_> {
         let (name, report) = (optimisation.name.as_str(), self.report);
         let (before, about) = (self.simulations, self.simulations + self.left);
         let of_search = |progress: &Progress| {
-            let best = progress.best.as_ref().filter(|best| best.is_feasible());
+            // A point of a front has another metric or limit.
+            let best = progress.best.as_ref().filter(|best| best.is_feasible() && optimisation.has_surroundings);
             report(Reached { name, simulations: before + progress.simulations, about, best })
         };
         let found = search::run(optimisation, &of_search)?;
@@ -96,16 +123,21 @@ impl Work<'_> {
         }
     }
 
-    /// The front of two objectives; `None` if it was stopped.
-    fn front(&mut self, optimisation: &Optimisation, second: &Second) -> Result<Option<Front>, Refusal> {
-        let Some(best) = self.complete(&second.limited(optimisation, None))? else { return Ok(None) };
-        let Some(alone) = self.complete(&second.alone(optimisation))? else { return Ok(None) };
-        let loosest = best.constraints.last().map_or(f64::NAN, |kept| kept.value);
+    /// The front of two objectives, and whether it was stopped; none without both its ends.
+    fn front(&mut self, optimisation: &Optimisation, second: &Second) -> Result<(Option<Front>, bool), Refusal> {
+        let Some(best) = self.complete(&second.limited(optimisation, None))? else { return Ok((None, true)) };
+        let Some(alone) = self.complete(&second.alone(optimisation))? else { return Ok((None, true)) };
+        let ends = (best.constraints.last().map_or(f64::NAN, |kept| kept.value), alone.objective);
+        if !(best.is_feasible && alone.is_feasible && ends.0.is_finite() && ends.1.is_finite()) {
+            return Ok((None, false));
+        }
         let mut limited = vec![best];
-        for limit in second.limits((loosest, alone.objective)) {
-            let Some(answer) = self.complete(&second.limited(optimisation, Some(limit)))? else { return Ok(None) };
+        for limit in second.limits(ends) {
+            let Some(answer) = self.complete(&second.limited(optimisation, Some(limit)))? else {
+                return Ok((Some(second.front(optimisation, &limited)), true));
+            };
             limited.push(answer);
         }
-        Ok(Some(second.front(optimisation, &limited)))
+        Ok((Some(second.front(optimisation, &limited)), false))
     }
 }

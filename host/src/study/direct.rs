@@ -1,5 +1,5 @@
 //! Makes the cases of a study or a search. Reading a case's text takes longer than simulating it for a few cycles, so numbers that stand
-//! alone in the model are set there; the file's corners are compared with the cases that are read.
+//! alone in the model are set there; some of their cases are compared with those that are read.
 
 use std::f64::consts::TAU;
 
@@ -7,7 +7,6 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::Wall;
 
 use super::axis::{Axis, Value};
-use super::file::corners;
 use super::varied_case::VariedCase;
 use crate::input::Refusal;
 use crate::simulation::Case;
@@ -91,10 +90,10 @@ pub struct Direct {
 }
 
 impl Direct {
-    /// For axes whose corners are sound, of which some vary at each point while the others keep their values. All are read if a corner
-    /// differs otherwise, or if an axis that varies has no number.
+    /// For axes of which some vary at each point while the others keep their values. `samples` of all axes are sound. All are read if a case
+    /// differs otherwise, of these or with one axis alone at its ends or in its middle, or if an axis that varies has no number.
     #[must_use]
-    pub fn of(varied: VariedCase, varies: impl Fn(usize) -> bool) -> Self {
+    pub fn of(varied: VariedCase, mut samples: Vec<Vec<Value>>, varies: impl Fn(usize) -> bool) -> Self {
         let numbers: Vec<Option<Number>> = varied.axes.iter().map(|axis| Number::of(&axis.key)).collect();
         let is_all = numbers.iter().all(Option::is_some);
         let mut varying = (0..numbers.len()).filter(|axis| varies(*axis)).peekable();
@@ -102,16 +101,25 @@ impl Direct {
         if !(is_all || can_be_kept) || !varied.axes.iter().all(Axis::is_checked) {
             return Self::default();
         }
-        let corners = corners(varied.axes);
-        let template = if is_all { varied.with(&corners[0]).ok() } else { None };
+        let first = samples[0].clone();
+        for (place, axis) in varied.axes.iter().enumerate() {
+            for value in axis.ends_and_middle() {
+                let mut alone = first.clone();
+                alone[place] = value;
+                samples.push(alone);
+            }
+        }
+        let template = if is_all { varied.with(&first).ok() } else { None };
         let direct = Self { numbers, template };
-        let is_same = |corner: &Vec<Value>| {
-            let read = varied.with(corner).ok();
-            read.is_some()
-                && direct.template_at(varied, corner).ok().flatten().and_then(|template| direct.set(&template, corner))
-                    == read
+        // Where all is read, a value alone may be refused; no case has it then.
+        let is_same = |values: &Vec<Value>| match varied.with(values) {
+            Err(_) => true,
+            Ok(read) => {
+                let template = direct.template_of_others(varied, &first, values, &varies);
+                template.and_then(|template| direct.set(&template, values)) == Some(read)
+            }
         };
-        if corners.iter().all(is_same) { direct } else { Self::default() }
+        if samples.iter().all(is_same) { direct } else { Self::default() }
     }
 
     /// The cases of the points that have the values of axes that do not vary from these.
@@ -129,6 +137,19 @@ impl Direct {
             None if self.numbers.is_empty() => Ok(None),
             None => varied.with(values).map(Some),
         }
+    }
+
+    /// The case in which the numbers of a point are set whose axes that vary are not yet at `values`, but at `first`.
+    fn template_of_others(
+        &self,
+        varied: VariedCase,
+        first: &[Value],
+        values: &[Value],
+        varies: impl Fn(usize) -> bool,
+    ) -> Option<Case> {
+        let value = |place: usize| if varies(place) { first[place].clone() } else { values[place].clone() };
+        let others: Vec<Value> = (0..values.len()).map(value).collect();
+        self.template_at(varied, &others).ok().flatten()
     }
 
     fn set(&self, template: &Case, values: &[Value]) -> Option<Case> {
@@ -226,6 +247,18 @@ mod tests {
         assert!(is_equal_to_read(&study));
         let (_folder, study) = read(excitation, "at_positive_wall", &["particle.clearance_ratio", frequency]);
         assert!(study.direct.numbers.is_empty(), "the start moves with the clearance");
+        assert!(is_equal_to_read(&study));
+        // The corners of seven axes are not all compared; each axis alone is.
+        let many = [
+            "particle.wall.coefficient",
+            "particle.friction_coefficient",
+            "friction_damper.force_n",
+            "structure.damping_ratio",
+            "particle.mass_ratio",
+            frequency,
+            "particle.clearance_ratio",
+        ];
+        let (_folder, study) = read(excitation, "at_positive_wall", &many);
         assert!(is_equal_to_read(&study));
     }
 }

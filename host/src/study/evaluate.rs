@@ -84,7 +84,9 @@ fn quantile_name(metric: &str, quantile: f64) -> String {
 /// The column that stands for a metric in maps and for the best point: the metric itself, or what counts of its values over the starts.
 #[must_use]
 pub fn main_column(study: &Study, metric: Quantity) -> String {
-    let (name, is_maximum) = (metric.name(), study.is_maximum);
+    let name = metric.name();
+    // Of another metric than the objective the largest value is the worst.
+    let is_maximum = study.is_maximum && metric == study.objective;
     let Some(ensemble) = &study.ensemble else { return name.into() };
     match (ensemble.over, ensemble.over.quantile(is_maximum)) {
         (Over::Worst, _) => format!("{name}_{}", if is_maximum { "min" } else { "max" }),
@@ -218,10 +220,13 @@ const TRIAL: Duration = Duration::from_millis(50);
 /// The refusal of a case that the axes make.
 pub fn trial_s(study: &Study, row: u64) -> Result<f64, Refusal> {
     let start = Instant::now();
-    let case = study.cases(row)?.with(&study.points.values(&study.axes, row, 0))?;
+    let cases = study.cases(row)?;
+    let row_s = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let case = cases.with(&study.points.values(&study.axes, row, 0))?;
     let reading_s = start.elapsed().as_secs_f64();
     let simulating_s = simulating_s(case, study.record, &study.metrics)?;
-    Ok((reading_s + simulating_s) * most_simulations(study))
+    Ok(row_s + (reading_s + simulating_s) * most_simulations(study))
 }
 
 /// Estimated computing time of a simulation, s, from its beginning.

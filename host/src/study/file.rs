@@ -15,6 +15,7 @@ use super::overlay::{self, Overlay};
 use super::points::{Method, Points, Sampling, Scattered};
 use super::simulate::{Counted, Record};
 use super::varied_case::VariedCase;
+use crate::input::regular::read_input;
 use crate::input::section::Text;
 use crate::input::{Files, Problem, Refusal, Section, Source, near};
 use crate::quantity::Quantity;
@@ -98,7 +99,7 @@ impl Study {
         Self::parse_at(source, path, case, None)
     }
 
-    /// As [`Study::parse`], at these points and the combinations of the file's axes with them. They are no part of the identity.
+    /// As [`Study::parse`], at these points and the combinations of the file's axes with them.
     ///
     /// # Errors
     /// As [`Study::read`].
@@ -111,7 +112,7 @@ impl Study {
         let mut study = Self::parse_unchecked(source, path, case, points)?;
         study.check(source)?;
         study.identity = study.digest();
-        study.direct = Direct::of(study.varied_case(), |axis| study.points.reduced().contains(&axis));
+        study.direct = Direct::of(study.varied_case(), study.samples(), |axis| study.points.reduced().contains(&axis));
         Ok(study)
     }
 
@@ -180,8 +181,8 @@ impl Study {
     /// As [`Self::case_with`].
     pub fn settling(&self) -> Result<Option<String>, Refusal> {
         let mut worst: Option<(f64, Option<String>)> = None;
-        for corner in corners(&self.axes) {
-            let case = self.case_with(&corner)?;
+        for values in self.samples() {
+            let case = self.case_with(&values)?;
             let counted = Counted::of(&case, self.record);
             let structure = &case.set_up.structure;
             let decays = structure.damping_ratio()
@@ -203,12 +204,28 @@ impl Study {
         if self.is_maximum { new > old } else { new < old }
     }
 
+    /// Values of all axes that stand for the study: the corners of its grid, with given points some of these in place of their ends.
+    fn samples(&self) -> Vec<Vec<Value>> {
+        let Some(rows) = self.points.given_rows() else { return corners(&self.axes) };
+        let grid: Vec<Axis> = self.axes.iter().filter(|axis| !axis.is_given()).cloned().collect();
+        let ends = corners(&grid);
+        let with = |(number, row): (usize, &&[f64])| {
+            // The given axes come first. Each point has one of the corners of the others.
+            let given = row.iter().copied().map(Value::Number);
+            given.chain(ends[number % ends.len()].iter().cloned()).collect()
+        };
+        let points = rows.iter().enumerate().map(with);
+        let first = rows[0].iter().copied().map(Value::Number);
+        let of_first = ends.iter().map(|end| first.clone().chain(end.iter().cloned()).collect());
+        of_first.chain(points).collect()
+    }
+
     /// Checks the corners of the grid, and each value of each axis with the first values of the others.
     fn check(&self, source: &Source) -> Result<(), Refusal> {
-        let first: Vec<Value> = self.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
+        let first = self.samples().swap_remove(0);
         self.check_metrics(source, &first)?;
-        corners(&self.axes).iter().try_for_each(|corner| self.check_at(source, corner))?;
-        for (place, axis) in self.axes.iter().enumerate() {
+        self.samples().iter().try_for_each(|values| self.check_at(source, values))?;
+        for (place, axis) in self.axes.iter().enumerate().filter(|(_, axis)| !axis.is_given()) {
             for value in axis.checked_values().into_iter().take(MAX_CHECKED) {
                 let mut values = first.clone();
                 values[place] = value;
@@ -255,6 +272,11 @@ impl Study {
         for part in [super::data_set::FORMAT, crate::VERSION_LINE, &self.text, &self.case_text] {
             digest.update((part.len() as u64).to_le_bytes());
             digest.update(part);
+        }
+        if let Some(rows) = self.points.given() {
+            digest.update((rows.len() as u64).to_le_bytes());
+            self.axes.iter().for_each(|axis| digest.update(&axis.key));
+            rows.iter().flatten().for_each(|value| digest.update(value.to_le_bytes()));
         }
         // The other files that the case names. Only words name files, so every combination of them is read; one that is refused here is
         // refused at its point.
@@ -309,18 +331,18 @@ fn ends(axis: &Axis) -> Option<[Value; 2]> {
 }
 
 fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option<GivenPoints>) -> Option<Study> {
-    let files = Arc::default();
     let name = root.text_of(&keys::NAME).map_or_else(|| default_name(path), |text| text.value);
     let case = root.text_of(&keys::CASE).and_then(|case| read_case(root, path, &case, given));
     let metrics = read_metrics(root);
     let objective = root.word(&keys::OBJECTIVE).map(|place| METRICS[place]);
     let goal = root.word(&keys::GOAL);
     let rows_per_part = root.scalar(&keys::PART);
-    let named = root.text_of(&keys::POINTS).map(|named| read_points(root, path, &named, &files));
+    let named = root.text_of(&keys::POINTS).map(|named| read_points(root, path, &named));
     let sampling_section = root.table_of(&keys::SAMPLING, None);
     let sampling = sampling_section.as_ref().and_then(read_sampling);
+    let missing_count = if named.is_some() || points.is_some() { "give `count`" } else { MISSING_COUNT };
     let axes: Vec<Option<Axis>> =
-        root.tables_of(&keys::AXIS).iter().map(|s| axis::read(s, sampling_section.is_some(), MISSING_COUNT)).collect();
+        root.tables_of(&keys::AXIS).iter().map(|s| axis::read(s, sampling_section.is_some(), missing_count)).collect();
     let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
     let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| read_ensemble(&s, goal == Some(1)));
     let overlays: Vec<Option<(Text, Overlay)>> =
@@ -361,16 +383,16 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option
         objective,
         is_maximum: goal? == 1,
         rows_per_part: rows_per_part.map(|rows| rows as u64),
-        files,
+        files: Arc::default(),
         identity: String::new(),
         direct: Direct::default(),
     })
 }
 
 /// Reads the file of points that the study at `path` names.
-fn read_points(root: &Section, path: &Path, named: &Text, files: &Files) -> Option<Option<GivenPoints>> {
+fn read_points(root: &Section, path: &Path, named: &Text) -> Option<Option<GivenPoints>> {
     let file = path.parent().unwrap_or(Path::new("")).join(&named.value);
-    match files.parsed(&file, "points", GivenPoints::of_csv) {
+    match GivenPoints::of_csv(read_input(&file)) {
         Ok(points) => Some(Some(points)),
         Err(why) => {
             let allowed = format!("must name a file of points: {}: {why}", file.display());
@@ -484,7 +506,9 @@ fn read_ensemble(s: &Section, is_maximum: bool) -> Option<Option<Ensemble>> {
         return None;
     }
     let over = over?;
-    quantiles.extend(over.quantile(is_maximum).filter(|_| over != Over::Worst));
+    // Where the largest objective is the best, its bad side is below and that of the other metrics above.
+    let sides = [over.quantile(is_maximum), over.quantile(false)];
+    quantiles.extend(sides.into_iter().flatten().filter(|_| over != Over::Worst));
     quantiles.sort_by(f64::total_cmp);
     quantiles.dedup();
     Some(Some(Ensemble { shares, over, quantiles }))

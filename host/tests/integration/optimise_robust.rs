@@ -273,7 +273,10 @@ fn a_front_has_the_best_objective_for_each_limit_of_the_second_one() {
     };
     let all: Vec<[f64; 2]> = (1..=15).map(of).collect();
     let least = |place: usize| all.iter().map(|pair| pair[place]).fold(f64::INFINITY, f64::min);
-    assert!((pairs.last().unwrap()[0] / least(0) - 1.0).abs() < 1e-9 && (pairs[0][1] / least(1) - 1.0).abs() < 1e-5);
+    assert!(
+        (pairs.last().unwrap()[0] / least(0) - 1.0).abs() < 1e-9
+            && pairs[0][1] <= least(1) + 0.0101 * (pairs.last().unwrap()[1] - least(1))
+    );
     for [objective, second] in &pairs {
         let is_better = |other: &&[f64; 2]| other[0] < objective * (1.0 - 1e-9) && other[1] < second * (1.0 - 1e-9);
         assert!(!all.iter().any(|other| is_better(&other)), "{objective} {second} of {all:?}");

@@ -323,6 +323,33 @@ fn points_from_outside_are_rows_in_their_order_times_the_grid_of_the_axes() {
 }
 
 #[test]
+fn points_are_checked_as_they_are_and_not_as_the_corners_of_their_box() {
+    // The start must lie within the clearance: the least clearance with the furthest start would not.
+    let folder = folder(&FROM_OUTSIDE.replace("points", "record = { cycles = 5 }\npoints"));
+    let design = "particle.clearance_m,particle.start_m\n0.01,0.009\n0.002,0.001\n";
+    std::fs::write(folder.path().join("design.csv"), design).unwrap();
+    assert_eq!(done(&folder).num_rows(), 2);
+}
+
+#[test]
+fn the_same_study_called_from_another_folder_goes_on() {
+    let folder = folder(&FROM_OUTSIDE.replace("case.toml", "../case.toml"));
+    let studies = folder.path().join("studies");
+    std::fs::create_dir(&studies).unwrap();
+    std::fs::write(studies.join("design.csv"), "particle.clearance_m\n0.02\n").unwrap();
+    std::fs::rename(folder.path().join("study.toml"), studies.join("study.toml")).unwrap();
+    let out = folder.path().join("out");
+    let from = |of: &Path, study: &str| {
+        let mut command = damprig(&folder);
+        command.current_dir(of).args(["study", "run", study, "--out"]).arg(&out);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    from(folder.path(), "studies/study.toml");
+    from(&studies, "study.toml");
+}
+
+#[test]
 fn wrong_points_from_outside_are_refused_with_file_line_key_and_value() {
     let sampling = "sampling = { method = \"sobol\", count = 3 }\n";
     let axis = "[[axis]]\nkey = \"particle.clearance_m\"\nvalues = [0.01]\n";

@@ -22,8 +22,8 @@ pub fn page(optimisation: &Optimisation, answer: &Answer, scope: &str, figures: 
     let all = ranked(answer);
     let caption = "The objective's metric over the band at each optimum with its nominal values; the band around a curve has its least and largest \
                    value within the tolerances, for all uncertain values and from all starts that the search compared points by.";
-    let front = "Each point is an optimum: the best objective with the second one no worse than there. At the knee one begins to cost more of the \
-                 other.";
+    let front = "Each point is an optimum: the best objective with the second one no worse than there. The knee is furthest from the line \
+                 between the ends.";
     let content = html! {
         header { h1 { (optimisation.name) } p.under { (scope) } }
         @if let Some(figure) = figures.over_band { section { (drawn_in_both(figure, caption)) } }

@@ -6,8 +6,8 @@ use super::table::table;
 use crate::optimise::answer::{Kept, Variable};
 use crate::optimise::constraint::Constraint;
 use crate::optimise::neighbourhood::Sensitivity;
+use crate::optimise::run;
 use crate::optimise::search::points_that_can_be_made;
-use crate::optimise::size::Size;
 use crate::optimise::{Answer, Optimisation};
 use crate::quantity::Quantity;
 use crate::report::numbers::significant;
@@ -22,7 +22,7 @@ pub fn scope(optimisation: &Optimisation) -> String {
         1 => String::new(),
         each => format!(" of {each} simulations"),
     };
-    let (name, most) = (&optimisation.name, Size::of(optimisation).most);
+    let (name, most) = (&optimisation.name, run::most(optimisation));
     let points = match points_that_can_be_made(optimisation) {
         Some(points) => format!("all {} points that can be made", points.len()),
         None => format!("{} points", optimisation.evaluations),
