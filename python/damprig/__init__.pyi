@@ -16,6 +16,7 @@ from .simulation import Simulation as Simulation
 from .simulation import simulate as simulate
 from .studies import Study as Study
 from .studies import continuation as continuation
+from .studies import evaluate as evaluate
 from .studies import optimise as optimise
 from .studies import study as study
 from .tables import Table as Table
