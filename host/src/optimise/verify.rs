@@ -21,8 +21,11 @@ const ABOUT_VERIFIED: u64 = 2;
 const TOGETHER: usize = 64;
 
 /// The worst of many scenarios from which worse ones are looked for, and rounds of that, each with half the steps of the one before.
-const WORST: usize = 4;
-const ROUNDS: usize = 4;
+const WORST: usize = 12;
+const ROUNDS: usize = 5;
+
+/// The worst of all these, whose band is scanned.
+const SCANNED: usize = 4;
 
 /// Points that a verification evaluates around the peaks of their grid, and with a scan.
 pub(super) fn points(optimisation: &Optimisation) -> (Points, Points) {
@@ -30,7 +33,7 @@ pub(super) fn points(optimisation: &Optimisation) -> (Points, Points) {
     let steps = scenarios::steps(optimisation).len();
     let all = (Scenarios::of(optimisation).many.len() + ROUNDS * WORST * 2 * steps) as u64;
     let of = |each: u64| Points { most: places * each, about: ABOUT_VERIFIED * each };
-    (of(all), of(WORST as u64))
+    (of(all), of(SCANNED as u64))
 }
 
 fn most_places(optimisation: &Optimisation) -> usize {
@@ -95,12 +98,12 @@ impl<'a> Verification<'a> {
         for _ in 0..ROUNDS {
             step /= 2.0;
             let near: Vec<Scenario> =
-                self.worst(tried).iter().flat_map(|scenario| self.neighbours(scenario, step)).collect();
+                self.worst(tried, WORST).iter().flat_map(|scenario| self.neighbours(scenario, step)).collect();
             if !self.try_all(place, &near, tried, bar)? {
                 return Ok(false);
             }
         }
-        let worst = self.worst(tried);
+        let worst = self.worst(tried, SCANNED);
         let scan = |scenario: &Scenario| {
             at_values(self.optimisation, self.values(place, scenario), Care::of(Effort::Scan), self.go_on)
         };
@@ -140,11 +143,11 @@ impl<'a> Verification<'a> {
         order.into_iter().map(|(_, scenario)| scenario.clone()).collect()
     }
 
-    /// The worst of those that are evaluated.
-    fn worst(&self, tried: &Tried) -> Vec<Scenario> {
+    /// So many of the worst of those that are evaluated.
+    fn worst(&self, tried: &Tried, count: usize) -> Vec<Scenario> {
         let mut order: Vec<&(Scenario, Evaluated)> = tried.iter().collect();
         order.sort_by(|(_, a), (_, b)| self.cost(b).total_cmp(&self.cost(a)));
-        order.into_iter().take(WORST).map(|(scenario, _)| scenario.clone()).collect()
+        order.into_iter().take(count).map(|(scenario, _)| scenario.clone()).collect()
     }
 
     /// Those a step away, as a share of each dimension's length.
