@@ -11,6 +11,7 @@ import numpy as np
 
 from . import _damprig
 from .errors import InputError, UnusualValueWarning
+from .numbers import real_array
 from .tables import Table
 
 if TYPE_CHECKING:
@@ -216,15 +217,10 @@ def simulate(
 
 
 def _times(sample_times: ArrayLike) -> list[float]:
-    try:
-        times = np.asarray(sample_times)
-    except ValueError as error:
-        raise InputError(f"sample_times: {error}") from None
-    if times.dtype.kind not in "iuf":
-        raise InputError(f"sample_times has the dtype {times.dtype}: must be real numbers")
+    times = real_array("sample_times", sample_times)
     if times.ndim != 1:
         raise InputError(f"sample_times has the shape {times.shape}: must have one dimension")
-    return times.astype(float).tolist()
+    return times.tolist()
 
 
 def _number(name: str, value: Any) -> float:

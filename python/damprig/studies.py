@@ -14,6 +14,7 @@ import numpy as np
 
 from . import _damprig
 from .errors import InputError
+from .numbers import real_array
 from .tables import Table
 
 if TYPE_CHECKING:
@@ -161,7 +162,7 @@ def evaluate(
     values = _damprig.evaluate(_given(given if record is None else {**given, "record": record}), list(keys), array)
     unresolved = np.flatnonzero(values[:, -1])
     if len(unresolved):
-        message = f"at {len(unresolved)} points, first at {unresolved[0]}, too many events fell on one instant and were not resolved"
+        message = f"too many events fell on one instant at {len(unresolved)} of {len(values)} points, first at point {unresolved[0]}"
         warnings.warn(message, UserWarning, stacklevel=2)
     return values[:, 0] if isinstance(metrics, str) else values[:, :-1]
 
@@ -169,15 +170,10 @@ def evaluate(
 def _points(keys: Any, points: ArrayLike) -> np.ndarray:
     if isinstance(keys, str) or not all(isinstance(key, str) for key in keys):
         raise InputError(f"keys = {keys!r} is not allowed: must be a list of keys of the case")
-    try:
-        array = np.asarray(points)
-    except ValueError as error:
-        raise InputError(f"points: {error}") from None
-    if array.dtype.kind not in "iuf":
-        raise InputError(f"points has the dtype {array.dtype}: must be real numbers")
+    array = real_array("points", points)
     if array.ndim != 2 or array.shape[1] != len(keys):
         raise InputError(f"points has the shape {array.shape}: must be (n, {len(keys)}), a column for each key")
-    return np.ascontiguousarray(array, dtype=float)
+    return array
 
 
 def optimise(file: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:

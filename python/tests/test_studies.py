@@ -210,6 +210,30 @@ def test_a_single_metric_over_a_band_has_one_value_for_each_point(folder):
     assert np.all(found >= alone)
 
 
+# Contacts with a soft wall that fall on one instant.
+NOT_TOLD_APART = """
+force = { kind = "sine", amplitude_n = 1, frequency_hz = 8 }
+run = { duration_s = 2 }
+storey = [
+    { mass_kg = 10, stiffness_n_per_m = 10000, damping_n_s_per_m = 4 },
+    { mass_kg = 20, stiffness_n_per_m = 4000, damping_n_s_per_m = 4 },
+    { mass_kg = 20, stiffness_n_per_m = 10000, damping_n_s_per_m = 4 },
+]
+friction_damper = [{ place = "floor 3", force_n = 0.5 }]
+[[particle]]
+place = "floor 1"
+mass_kg = 1
+clearance_m = 0.004
+wall = { kind = "voigt", stiffness_n_per_m = 1000, damping_n_s_per_m = 0, release = "zero_force" }
+start = "at_negative_wall"
+"""
+
+
+def test_points_with_events_that_are_not_resolved_are_warned_of():
+    with pytest.warns(UserWarning, match="at 1 of 2 points, first at point 1"):
+        damprig.evaluate(tomllib.loads(NOT_TOLD_APART), ["friction_damper.force_n"], [[100.0], [0.5]], "rms_x_m")
+
+
 def test_ctrl_c_stops_a_long_evaluation(interrupted):
     # It would take hours.
     call = f"damprig.evaluate({tomllib.loads(CASE)!r}, {KEYS[:1]!r}, [[9.0]] * 4, 'rms_x_m', record={{'cycles': 1e9}})"

@@ -64,8 +64,8 @@ pub struct Kept {
     pub value: f64,
     /// Symbol of its unit; empty for a plain number.
     pub unit: &'static str,
-    /// Whether the constraint is kept.
-    pub is_kept: bool,
+    /// Whether the constraint is kept; `None` of a second objective, which has no limit.
+    pub is_kept: Option<bool>,
 }
 
 /// The objective over many starts of the particle.
@@ -195,7 +195,7 @@ impl Answer {
                 .words(|limit| format!("{limit} {}", constraint.metric.suffix()).trim_end().to_string()),
             value: *value,
             unit: constraint.metric.suffix(),
-            is_kept: constraint.limit.violation(*value) == 0.0,
+            is_kept: constraint.limit.is_kept(*value),
         };
         Ok(Self {
             damprig: crate::VERSION_LINE,

@@ -14,7 +14,7 @@ pub enum Limit {
     AtLeast(f64),
     /// This.
     Equals(f64),
-    /// Nothing: its worst value is told, the smallest where the largest is wanted.
+    /// Nothing: its worst value is told, the smallest where the largest is wanted. This is a second objective.
     Unlimited {
         /// The largest value is the best.
         is_maximum: bool,
@@ -50,12 +50,18 @@ impl Limit {
     #[must_use]
     pub fn violation(self, value: f64) -> f64 {
         match self {
-            Self::Unlimited { .. } if value.is_nan() => f64::INFINITY,
             Self::Unlimited { .. } => 0.0,
             Self::AtMost(limit) | Self::AtLeast(limit) | Self::Equals(limit) => {
                 self.excess(value).max(0.0) / if limit == 0.0 { 1.0 } else { limit.abs() }
             }
         }
+    }
+
+    /// Whether a value keeps it; `None` without a limit.
+    #[must_use]
+    pub fn is_kept(self, value: f64) -> Option<bool> {
+        let has_limit = !matches!(self, Self::Unlimited { .. });
+        has_limit.then(|| self.violation(value) == 0.0)
     }
 
     /// In words, with a limit as `number` writes it.
@@ -65,7 +71,7 @@ impl Limit {
             Self::AtMost(limit) => format!("at most {}", number(limit)),
             Self::AtLeast(limit) => format!("at least {}", number(limit)),
             Self::Equals(limit) => format!("equal to {}", number(limit)),
-            Self::Unlimited { .. } => "without a limit".into(),
+            Self::Unlimited { .. } => "second objective".into(),
         }
     }
 }

@@ -15,9 +15,10 @@ use crate::simulation::case::default_name;
 use crate::study::axis::{self, Axis, Reduction, Value};
 use crate::study::band::{self, Band};
 use crate::study::direct::Direct;
-use crate::study::file::{corners, read_record};
+use crate::study::file::read_record;
 use crate::study::metric::{self, METRICS};
 use crate::study::over::Over;
+use crate::study::samples;
 use crate::study::simulate::Record;
 use crate::study::varied_case::VariedCase;
 
@@ -61,7 +62,7 @@ pub struct Optimisation {
     pub objective: Quantity,
     /// The largest value is the best.
     pub is_maximum: bool,
-    /// The constraints.
+    /// The constraints; the last one of those with a front tells the second objective.
     pub constraints: Vec<Constraint>,
     /// Most points that are evaluated.
     pub evaluations: u64,
@@ -163,8 +164,20 @@ impl Optimisation {
         self.varied_case().with(values)
     }
 
+    /// The case at the first values of all axes.
+    ///
+    /// # Errors
+    /// As [`Self::case_with`].
+    pub fn first_case(&self) -> Result<Case, Refusal> {
+        self.case_with(&self.first_values())
+    }
+
+    fn first_values(&self) -> Vec<Value> {
+        samples::corners(&self.axes).swap_remove(0)
+    }
+
     fn direct(&self) -> Direct {
-        Direct::of(self.varied_case(), corners(&self.axes), |axis| axis >= self.set())
+        Direct::of(self.varied_case(), samples::corners(&self.axes), |axis| axis >= self.set())
     }
 
     pub(super) fn varied_case(&self) -> VariedCase<'_> {
@@ -193,8 +206,7 @@ impl Optimisation {
     /// Leaves out what a damper without a particle has not: starts, and constraints on impacts and the forces of contacts, which it
     /// keeps.
     fn adapt(&mut self) {
-        let first: Vec<Value> = self.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
-        let Ok(case) = self.varied_case().with(&first) else { return };
+        let Ok(case) = self.first_case() else { return };
         if !case.has_impacts() {
             self.constraints.retain(|constraint| !metric::needs_impacts(constraint.metric));
         }
@@ -204,27 +216,22 @@ impl Optimisation {
     }
 
     fn check(&self, source: &Source) -> Result<(), Refusal> {
-        for corner in corners(&self.axes) {
+        for corner in samples::corners(&self.axes) {
             let case = self.varied_case().checked(source, &corner)?;
             self.check_case(&case, &corner)?;
             self.check_metrics(source, &case)?;
         }
         self.check_tolerances(source)?;
-        // The values of an axis between its ends, with the variables at their first ends.
-        let first: Vec<Value> = self.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
-        for (place, axis) in self.axes.iter().enumerate() {
-            for value in axis.checked_values() {
-                let mut values = first.clone();
-                values[place] = value;
-                self.varied_case().checked(source, &values)?;
-            }
+        let first = self.first_values();
+        for values in samples::each_alone(&self.axes, &first) {
+            self.varied_case().checked(source, &values)?;
         }
         Ok(())
     }
 
     /// Checks the case at the ends of the tolerances that the file states, which may lie outside the ranges.
     fn check_tolerances(&self, source: &Source) -> Result<(), Refusal> {
-        let first: Vec<Value> = self.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
+        let first = self.first_values();
         for (place, variable) in self.variables.iter().enumerate().filter(|(_, variable)| variable.stated.is_some()) {
             for (end, side) in [(variable.range.0, -1.0), (variable.range.1, 1.0)] {
                 let made = end + side * variable.tolerance(end);
@@ -264,8 +271,7 @@ impl Optimisation {
     fn check_metrics(&self, source: &Source, case: &Case) -> Result<(), Refusal> {
         let objective = (self.objective, source.locate(&[crate::input::locate::Step::Key(keys::OBJECTIVE.name())]));
         let constraints = self.constraints.iter().map(|constraint| (constraint.metric, Some(constraint.span.clone())));
-        let second = self.second.iter().map(|second| (second.metric, Some(second.span.clone())));
-        for (metric, span) in std::iter::once(objective).chain(second).chain(constraints) {
+        for (metric, span) in std::iter::once(objective).chain(constraints) {
             if let Some(why) = metric::refusal(metric, case) {
                 source.report(Problem {
                     title: format!("the metric {:?} does not go with this case", metric.name()),
@@ -335,7 +341,9 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Opti
     };
     let mut read = optimisation(root, name, case_path, case_text, set)?;
     if let Some(second) = second {
-        read.second = Some(second?);
+        let second = second?;
+        read.constraints.push(second.told());
+        read.second = Some(second);
     }
     for alternative in alternatives {
         let Alternative { name, case: (path, text), set } = alternative?;

@@ -56,16 +56,18 @@ pub struct Front {
 }
 
 impl Second {
-    /// The optimisation for the best objective whose second one is no worse than `limit`, if there is one.
+    /// The constraint that has its value at every point and limits nothing; the last one of an optimisation with a front.
+    pub(super) fn told(&self) -> Constraint {
+        let limit = Limit::Unlimited { is_maximum: self.is_maximum };
+        Constraint { metric: self.metric, limit, span: self.span.clone() }
+    }
+
+    /// The optimisation for the best objective whose second one is no worse than `limit`.
     #[must_use]
-    pub fn limited(&self, optimisation: &Optimisation, limit: Option<f64>) -> Optimisation {
-        let limit = match limit {
-            None => Limit::Unlimited { is_maximum: self.is_maximum },
-            Some(limit) if self.is_maximum => Limit::AtLeast(limit),
-            Some(limit) => Limit::AtMost(limit),
-        };
+    pub fn limited(&self, optimisation: &Optimisation, limit: f64) -> Optimisation {
         let mut limited = single(optimisation);
-        limited.constraints.push(Constraint { metric: self.metric, limit, span: self.span.clone() });
+        let limit = if self.is_maximum { Limit::AtLeast(limit) } else { Limit::AtMost(limit) };
+        limited.constraints.push(Constraint { limit, ..self.told() });
         limited
     }
 
@@ -73,32 +75,33 @@ impl Second {
     #[must_use]
     pub fn alone(&self, optimisation: &Optimisation) -> Optimisation {
         let mut alone = single(optimisation);
-        (alone.objective, alone.is_maximum) = (self.metric, self.is_maximum);
+        (alone.objective, alone.is_maximum, alone.over) = (self.metric, self.is_maximum, Over::Worst);
         let worst = if self.is_maximum { Reduction::Minimum } else { Reduction::Maximum };
         alone.reduced_band = Band::of_extreme(optimisation.band(), worst);
-        alone.over = Over::Worst;
         alone
     }
 
-    /// Limits from one end of the front, which has none, to the best second objective.
+    /// Limits from the second objective at the optimum to its best value.
     #[must_use]
-    pub fn limits(&self, (from, best): (f64, f64)) -> Vec<f64> {
+    pub fn limits(&self, (at_optimum, best): (f64, f64)) -> Vec<f64> {
         let last = (self.count - 1) as f64;
-        let to = best + SLACK * (from - best);
-        (1..self.count).map(|n| from + (to - from) * n as f64 / last).collect()
+        let to = best + SLACK * (at_optimum - best);
+        (1..self.count).map(|n| at_optimum + (to - at_optimum) * n as f64 / last).collect()
     }
 
-    /// The front of the optima of [`Self::limited`].
+    /// The point of the optimum or of an optimum with a limit; none where a constraint is not kept or the second objective does not exist.
     #[must_use]
-    pub fn front(&self, optimisation: &Optimisation, limited: &[Answer]) -> Front {
-        let point = |answer: &Answer| {
-            let (objective, second) = (answer.objective, answer.constraints.last()?.value);
-            let is_point = answer.is_feasible && second.is_finite();
-            is_point.then(|| FrontPoint { objective, second, variables: answer.variables.clone(), is_knee: false })
-        };
-        let all: Vec<FrontPoint> = limited.iter().filter_map(point).collect();
-        let signs = (if optimisation.is_maximum { -1.0 } else { 1.0 }, if self.is_maximum { -1.0 } else { 1.0 });
-        let mut points = undominated(&all, signs);
+    pub fn point(&self, answer: &Answer) -> Option<FrontPoint> {
+        let (objective, second) = (answer.objective, answer.constraints.last()?.value);
+        let is_point = answer.is_feasible && second.is_finite();
+        is_point.then(|| FrontPoint { objective, second, variables: answer.variables.clone(), is_knee: false })
+    }
+
+    /// The front of some points.
+    #[must_use]
+    pub fn front(&self, optimisation: &Optimisation, all: &[FrontPoint]) -> Front {
+        let sign = |is_maximum: bool| if is_maximum { -1.0 } else { 1.0 };
+        let mut points = undominated(all, (sign(optimisation.is_maximum), sign(self.is_maximum)));
         if let Some(knee) = knee(&points) {
             points[knee].is_knee = true;
         }
@@ -107,11 +110,12 @@ impl Second {
     }
 }
 
-/// What a point of a front is found by: the optimisation without a front, alternatives and surroundings.
+/// The optimisation without front, alternatives and surroundings, and without its second objective.
 fn single(optimisation: &Optimisation) -> Optimisation {
     let mut single = optimisation.clone();
     (single.second, single.has_surroundings) = (None, false);
     single.alternatives.clear();
+    single.constraints.pop();
     single
 }
 
@@ -170,6 +174,13 @@ mod tests {
         let pairs = |points: Vec<FrontPoint>| points.iter().map(|p| (p.objective, p.second)).collect::<Vec<_>>();
         assert_eq!(pairs(undominated(&all, (1.0, 1.0))), [(3.0, 0.5), (1.5, 1.5), (1.0, 3.0)]);
         assert_eq!(pairs(undominated(&all, (-1.0, -1.0))), [(2.0, 3.5), (3.0, 1.0)]);
+    }
+
+    #[test]
+    fn limits_go_evenly_from_the_optimum_to_just_before_the_best_second_objective() {
+        let second = |is_maximum| Second { metric: METRICS[0], is_maximum, count: 3, span: 0..0 };
+        assert_eq!(second(false).limits((300.0, 100.0)), [201.0, 102.0]);
+        assert_eq!(second(true).limits((100.0, 300.0)), [199.0, 298.0]);
     }
 
     #[test]

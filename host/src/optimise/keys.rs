@@ -16,7 +16,7 @@ tables! {
         CASE: Required, [key("case", Kind::TextOrCase, "the case that the optimisation varies: its file, relative to this one, or its tables here ([case.structure] and so on)")];
         OBJECTIVE: Required, [word("objective", METRIC_NAMES, "the metric that is to be best; docs/STUDIES.md has their meanings")];
         GOAL: Default(Word("minimum")), [word("goal", &["minimum", "maximum"], "whether the smallest or the largest value of the objective is the best")];
-        EVALUATIONS: Optional, [number("evaluations", Whole(100.0, 1e8), "most points that are evaluated; default: 2000 for each variable")];
+        EVALUATIONS: Optional, [number("evaluations", Whole(100.0, 1e8), "most points that are evaluated; default: 2000 for each variable, 500 with tolerances or uncertain keys")];
         SEED: Default(Number(1.0)), [number("seed", Whole(0.0, MAX_WHOLE), "of the search's random numbers")];
         VARIABLE: Required, [key("variable", Kind::Tables, "what is looked for, a table for each key of the case")];
         UNCERTAIN: Optional, [key("uncertain", Kind::Tables, "what is not known, a table for each key of the case")];

@@ -31,7 +31,8 @@ pub type Report<'a> = &'a (dyn Fn(Reached) -> bool + Sync);
 fn parts(optimisation: &Optimisation) -> Vec<(Cow<'_, Optimisation>, u64)> {
     let mut parts = vec![(Cow::Borrowed(optimisation), 1)];
     if let Some(second) = &optimisation.second {
-        parts.push((Cow::Owned(second.limited(optimisation, None)), second.count as u64 + 1));
+        // The best second objective, and all points but the optimum; the limit does not change their number.
+        parts.push((Cow::Owned(second.limited(optimisation, 0.0)), second.count as u64));
     }
     parts.extend(optimisation.alternatives.iter().map(|alternative| (Cow::Borrowed(alternative), 1)));
     parts
@@ -68,9 +69,8 @@ pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Refusal> {
 pub fn run(optimisation: &Optimisation, report: Report) -> Result<(Found, Answer), Refusal> {
     let mut work = Work { simulations: 0, left: about(optimisation), report };
     let (found, mut answer) = work.one(optimisation)?;
-    if let Some(second) = optimisation.second.as_ref().filter(|_| !answer.is_stopped && answer.is_feasible) {
-        let (front, is_stopped) = work.front(optimisation, second)?;
-        (answer.front, answer.is_stopped) = (front, is_stopped);
+    if let Some(second) = optimisation.second.as_ref().filter(|_| !answer.is_stopped) {
+        (answer.front, answer.is_stopped) = work.front(optimisation, second, &answer)?;
     }
     for alternative in &optimisation.alternatives {
         let of = if answer.is_stopped { None } else { work.complete(alternative)? };
@@ -123,21 +123,25 @@ impl Work<'_> {
         }
     }
 
-    /// The front of two objectives, and whether it was stopped; none without both its ends.
-    fn front(&mut self, optimisation: &Optimisation, second: &Second) -> Result<(Option<Front>, bool), Refusal> {
-        let Some(best) = self.complete(&second.limited(optimisation, None))? else { return Ok((None, true)) };
+    /// The front through an optimum, and whether it was stopped; none without its other end.
+    fn front(
+        &mut self,
+        optimisation: &Optimisation,
+        second: &Second,
+        optimum: &Answer,
+    ) -> Result<(Option<Front>, bool), Refusal> {
+        let Some(first) = second.point(optimum) else { return Ok((None, false)) };
         let Some(alone) = self.complete(&second.alone(optimisation))? else { return Ok((None, true)) };
-        let ends = (best.constraints.last().map_or(f64::NAN, |kept| kept.value), alone.objective);
-        if !(best.is_feasible && alone.is_feasible && ends.0.is_finite() && ends.1.is_finite()) {
+        if !alone.is_feasible || !alone.objective.is_finite() {
             return Ok((None, false));
         }
-        let mut limited = vec![best];
+        let (ends, mut points) = ((first.second, alone.objective), vec![first]);
         for limit in second.limits(ends) {
-            let Some(answer) = self.complete(&second.limited(optimisation, Some(limit)))? else {
-                return Ok((Some(second.front(optimisation, &limited)), true));
+            let Some(answer) = self.complete(&second.limited(optimisation, limit))? else {
+                return Ok((Some(second.front(optimisation, &points)), true));
             };
-            limited.push(answer);
+            points.extend(second.point(&answer));
         }
-        Ok((Some(second.front(optimisation, &limited)), false))
+        Ok((Some(second.front(optimisation, &points)), false))
     }
 }

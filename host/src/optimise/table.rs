@@ -51,7 +51,7 @@ pub fn write(optimisation: &Optimisation, found: &Found, answer: &Answer, folder
     let neighbourhood = folder.join(NEIGHBOURHOOD);
     if answer.neighbourhood.is_empty() {
         // One of an earlier answer, which this one replaces.
-        remove(&neighbourhood)?;
+        own_files::remove(&neighbourhood)?;
     } else {
         let points: Vec<&Evaluated> = answer.neighbourhood.iter().collect();
         write_table(optimisation, None, &points, &neighbourhood)?;
@@ -59,14 +59,6 @@ pub fn write(optimisation: &Optimisation, found: &Found, answer: &Answer, folder
     let path = folder.join(ANSWER);
     let text = serde_json::to_vec_pretty(answer).map_err(|error| StorageError::new("write", &path, error))?;
     own_files::replace(&path, &text)
-}
-
-/// Removes a file, if it is there.
-fn remove(path: &Path) -> Result<(), StorageError> {
-    match fs::remove_file(path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(StorageError::new("remove", path, error)),
-        _ => Ok(()),
-    }
 }
 
 fn write_table(

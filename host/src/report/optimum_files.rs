@@ -13,7 +13,6 @@ use crate::report::plot::{self, Breadth, Picture};
 use crate::report::study_files::Undrawn;
 use crate::run_folder::{checksum, own_files};
 use crate::simulation::Case;
-use crate::study::axis::Value;
 
 /// Name of the page.
 pub const PAGE: &str = "optimum.html";
@@ -38,9 +37,15 @@ pub fn write(optimisation: &Optimisation, answer: &Answer, summary: &str, folder
     };
     let figures = Figures { over_band: in_both(over_band), front: in_both(front) };
     for (stem, figure) in [(OVER_BAND, &figures.over_band), (FRONT, &figures.front)] {
-        let Some([broad, _]) = figure else { continue };
-        own_files::replace(&folder.join(format!("{stem}.svg")), broad.svg().as_bytes())?;
-        own_files::replace(&folder.join(format!("{stem}.png")), &broad.png()?)?;
+        let [svg, png] = ["svg", "png"].map(|extension| folder.join(format!("{stem}.{extension}")));
+        if let Some([broad, _]) = figure {
+            own_files::replace(&svg, broad.svg().as_bytes())?;
+            own_files::replace(&png, &broad.png()?)?;
+        } else {
+            // Those of an earlier answer, which this one replaces.
+            own_files::remove(&svg)?;
+            own_files::remove(&png)?;
+        }
     }
     let page = page::optimum::page(optimisation, answer, summary, figures, &source);
     own_files::replace(&folder.join(PAGE), page.as_bytes())?;
@@ -50,7 +55,7 @@ pub fn write(optimisation: &Optimisation, answer: &Answer, summary: &str, folder
 /// The objective's metric over the band of the optimum, its alternatives and the bare structure; `None` without such a curve.
 fn over_band(optimisation: &Optimisation, answer: &Answer, breadth: Breadth) -> Option<Picture> {
     let axis = optimisation.band().first()?;
-    let case = first_case(optimisation)?;
+    let case = optimisation.first_case().ok()?;
     let reference = || symbols::reference(&case);
     let metric = optimisation.objective;
     let (_, scale) = metric.shown_unit();
@@ -86,7 +91,7 @@ fn over_band(optimisation: &Optimisation, answer: &Answer, breadth: Breadth) -> 
 /// The objective over the second one.
 fn front(optimisation: &Optimisation, answer: &Answer, breadth: Breadth) -> Option<Picture> {
     let (front, second) = (answer.front.as_ref()?, optimisation.second.as_ref()?);
-    let case = first_case(optimisation)?;
+    let case = optimisation.first_case().ok()?;
     let [(_, first_scale), (_, second_scale)] = [optimisation.objective, second.metric].map(Quantity::shown_unit);
     let at = |point: &FrontPoint| (second_scale * point.second, first_scale * point.objective);
     let curve = Curve { points: front.points.iter().map(at).collect(), is_scattered: true, ..Curve::default() };
@@ -99,11 +104,6 @@ fn front(optimisation: &Optimisation, answer: &Answer, breadth: Breadth) -> Opti
         ..CurveLabels::default()
     };
     (front.points.len() > 1).then(|| study_curves::draw(&[curve], &labels, breadth))
-}
-
-fn first_case(optimisation: &Optimisation) -> Option<Case> {
-    let first: Vec<Value> = optimisation.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
-    optimisation.case_with(&first).ok()
 }
 
 /// A metric with the unit that people read.

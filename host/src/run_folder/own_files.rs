@@ -101,6 +101,17 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), StorageError> {
     })
 }
 
+/// Removes a file, if it is there.
+///
+/// # Errors
+/// When it cannot be removed.
+pub fn remove(path: &Path) -> Result<(), StorageError> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(StorageError::new("remove", path, error)),
+        _ => Ok(()),
+    }
+}
+
 /// Removes the rest of a file that could not be written; a link stays.
 pub fn remove_left(path: &Path) {
     if fs::symlink_metadata(path).is_ok_and(|left| left.is_file()) {

@@ -1,6 +1,5 @@
 //! An axis of a study: a key of the case and its values.
 
-use super::file::MAX_CHECKED;
 use super::keys::axis as keys;
 use crate::input::key::Unit;
 use crate::input::section::{Given, Number, Text};
@@ -136,11 +135,6 @@ impl Axis {
         matches!(self.values, Values::Drawn { .. } | Values::Given { .. })
     }
 
-    /// Whether its values are those of points from outside.
-    pub(super) fn is_given(&self) -> bool {
-        matches!(self.values, Values::Given { .. })
-    }
-
     /// Whether it is a band of drive frequencies whose extreme is looked for between its values too.
     #[must_use]
     pub fn is_refined(&self) -> bool {
@@ -165,14 +159,6 @@ impl Axis {
         }
     }
 
-    /// Whether every value is checked before a study, or lies between two that are.
-    pub(super) fn is_checked(&self) -> bool {
-        match &self.values {
-            Values::Numbers(numbers) => numbers.len() <= MAX_CHECKED || numbers.is_sorted(),
-            Values::Words(_) | Values::Drawn { .. } | Values::Given { .. } => true,
-        }
-    }
-
     /// Where the file has a value; `None` for one between the ends of a range.
     pub(super) fn span_of(&self, value: &Value) -> Option<Span> {
         let own = self.checked_values();
@@ -192,19 +178,6 @@ impl Axis {
     #[must_use]
     pub fn unit(&self) -> &'static str {
         Unit::of(self.short_key()).map_or("", |unit| unit.symbol)
-    }
-
-    /// The least, a middle and the largest of the numbers with which the case is checked; none of words.
-    pub(super) fn ends_and_middle(&self) -> Vec<Value> {
-        let (mut numbers, is_list) = match &self.values {
-            Values::Numbers(numbers) => (numbers.clone(), true),
-            Values::Drawn { from, to, .. } | Values::Given { from, to } => (vec![*from, *to], false),
-            Values::Words(_) => return Vec::new(),
-        };
-        numbers.sort_by(f64::total_cmp);
-        let (least, largest) = (numbers[0], numbers[numbers.len() - 1]);
-        let middle = if is_list { numbers[numbers.len() / 2] } else { 0.5 * (least + largest) };
-        [least, middle, largest].map(Value::Number).into()
     }
 
     /// The values with which the case is checked before the study: all of a list, both ends of a scattered one.

@@ -6,7 +6,8 @@ use std::f64::consts::TAU;
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::Wall;
 
-use super::axis::{Axis, Value};
+use super::axis::Value;
+use super::samples;
 use super::varied_case::VariedCase;
 use crate::input::Refusal;
 use crate::simulation::Case;
@@ -90,25 +91,19 @@ pub struct Direct {
 }
 
 impl Direct {
-    /// For axes of which some vary at each point while the others keep their values. `samples` of all axes are sound. All are read if a case
-    /// differs otherwise, of these or with one axis alone at its ends or in its middle, or if an axis that varies has no number.
+    /// For axes of which some vary at each point while the others keep their values. The cases that are `compared` are sound. All are read
+    /// if a case differs otherwise, of these or with one axis alone at its ends or in its middle, or if an axis that varies has no number.
     #[must_use]
-    pub fn of(varied: VariedCase, mut samples: Vec<Vec<Value>>, varies: impl Fn(usize) -> bool) -> Self {
+    pub fn of(varied: VariedCase, mut compared: Vec<Vec<Value>>, varies: impl Fn(usize) -> bool) -> Self {
         let numbers: Vec<Option<Number>> = varied.axes.iter().map(|axis| Number::of(&axis.key)).collect();
         let is_all = numbers.iter().all(Option::is_some);
         let mut varying = (0..numbers.len()).filter(|axis| varies(*axis)).peekable();
         let can_be_kept = varying.peek().is_some() && varying.all(|axis| numbers[axis].is_some());
-        if !(is_all || can_be_kept) || !varied.axes.iter().all(Axis::is_checked) {
+        if !(is_all || can_be_kept) || !varied.axes.iter().all(samples::are_all_checked) {
             return Self::default();
         }
-        let first = samples[0].clone();
-        for (place, axis) in varied.axes.iter().enumerate() {
-            for value in axis.ends_and_middle() {
-                let mut alone = first.clone();
-                alone[place] = value;
-                samples.push(alone);
-            }
-        }
+        let first = compared[0].clone();
+        compared.extend(samples::ends_and_middles(varied.axes, &first));
         let template = if is_all { varied.with(&first).ok() } else { None };
         let direct = Self { numbers, template };
         // Where all is read, a value alone may be refused; no case has it then.
@@ -119,7 +114,7 @@ impl Direct {
                 template.and_then(|template| direct.set(&template, values)) == Some(read)
             }
         };
-        if samples.iter().all(is_same) { direct } else { Self::default() }
+        if compared.iter().all(is_same) { direct } else { Self::default() }
     }
 
     /// The cases of the points that have the values of axes that do not vary from these.

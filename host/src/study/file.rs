@@ -13,6 +13,7 @@ use super::metric::{self, METRICS};
 use super::over::Over;
 use super::overlay::{self, Overlay};
 use super::points::{Method, Points, Sampling, Scattered};
+use super::samples;
 use super::simulate::{Counted, Record};
 use super::varied_case::VariedCase;
 use crate::input::regular::read_input;
@@ -22,12 +23,6 @@ use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::simulation::case::default_name;
 use crate::simulation::settling;
-
-/// Most corners of the grid that are checked before a study.
-const MAX_CORNERS: u32 = 64;
-
-/// Most values of one axis that are checked before a study.
-pub(super) const MAX_CHECKED: usize = 1_000;
 
 /// What to do about a range without a `count`.
 const MISSING_COUNT: &str = "give `count`, or draw from the range with a table [sampling]";
@@ -204,35 +199,16 @@ impl Study {
         if self.is_maximum { new > old } else { new < old }
     }
 
-    /// Values of all axes that stand for the study: the corners of its grid, with given points some of these in place of their ends.
     fn samples(&self) -> Vec<Vec<Value>> {
-        let Some(rows) = self.points.given_rows() else { return corners(&self.axes) };
-        let grid: Vec<Axis> = self.axes.iter().filter(|axis| !axis.is_given()).cloned().collect();
-        let ends = corners(&grid);
-        let with = |(number, row): (usize, &&[f64])| {
-            // The given axes come first. Each point has one of the corners of the others.
-            let given = row.iter().copied().map(Value::Number);
-            given.chain(ends[number % ends.len()].iter().cloned()).collect()
-        };
-        let points = rows.iter().enumerate().map(with);
-        let first = rows[0].iter().copied().map(Value::Number);
-        let of_first = ends.iter().map(|end| first.clone().chain(end.iter().cloned()).collect());
-        of_first.chain(points).collect()
+        samples::of(&self.axes, &self.points)
     }
 
     /// Checks the corners of the grid, and each value of each axis with the first values of the others.
     fn check(&self, source: &Source) -> Result<(), Refusal> {
-        let first = self.samples().swap_remove(0);
-        self.check_metrics(source, &first)?;
-        self.samples().iter().try_for_each(|values| self.check_at(source, values))?;
-        for (place, axis) in self.axes.iter().enumerate().filter(|(_, axis)| !axis.is_given()) {
-            for value in axis.checked_values().into_iter().take(MAX_CHECKED) {
-                let mut values = first.clone();
-                values[place] = value;
-                self.check_at(source, &values)?;
-            }
-        }
-        Ok(())
+        let samples = self.samples();
+        self.check_metrics(source, &samples[0])?;
+        samples.iter().try_for_each(|values| self.check_at(source, values))?;
+        samples::each_alone(&self.axes, &samples[0]).iter().try_for_each(|values| self.check_at(source, values))
     }
 
     fn check_at(&self, source: &Source, values: &[Value]) -> Result<(), Refusal> {
@@ -280,7 +256,7 @@ impl Study {
         }
         // The other files that the case names. Only words name files, so every combination of them is read; one that is refused here is
         // refused at its point.
-        for values in combinations_of_words(&self.axes) {
+        for values in samples::combinations_of_words(&self.axes, &self.samples()[0]) {
             let _ = self.case_with(&values);
         }
         let folder = self.case_path.parent().unwrap_or(Path::new(""));
@@ -293,41 +269,6 @@ impl Study {
         }
         digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }
-}
-
-/// The first values of all axes, with every combination of words.
-fn combinations_of_words(axes: &[Axis]) -> Vec<Vec<Value>> {
-    let mut all: Vec<Vec<Value>> = vec![Vec::new()];
-    for axis in axes {
-        let mut values = axis.checked_values();
-        if !matches!(axis.values, axis::Values::Words(_)) {
-            values.truncate(1);
-        }
-        let with = |first: &Vec<Value>| -> Vec<Vec<Value>> {
-            values.iter().map(|value| first.iter().cloned().chain([value.clone()]).collect()).collect()
-        };
-        all = all.iter().flat_map(with).collect();
-    }
-    all
-}
-
-/// The corners of the grid of some axes, or the first of them.
-pub(crate) fn corners(axes: &[Axis]) -> Vec<Vec<Value>> {
-    let ends: Vec<[Value; 2]> = axes.iter().filter_map(ends).collect();
-    let corners = 1u32.checked_shl(ends.len() as u32).map_or(MAX_CORNERS, |all| all.min(MAX_CORNERS));
-    let corner = |corner: u32| {
-        let end = |(place, ends): (usize, &[Value; 2])| ends[(corner >> place.min(31) & 1) as usize].clone();
-        ends.iter().enumerate().map(end).collect()
-    };
-    (0..corners).map(corner).collect()
-}
-
-/// Both ends of an axis.
-fn ends(axis: &Axis) -> Option<[Value; 2]> {
-    let mut values = axis.checked_values();
-    let last = values.pop()?;
-    let first = values.into_iter().next().unwrap_or_else(|| last.clone());
-    Some([first, last])
 }
 
 fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option<GivenPoints>) -> Option<Study> {

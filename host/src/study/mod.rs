@@ -2,7 +2,7 @@
 //! user's page.
 //!
 //! [`mod@file`] reads the study, [`axis`], [`points`] and [`given_points`] say which values it has, [`varied_case`] and [`direct`] make
-//! cases of them, [`evaluate`] simulates them, [`band`] finds peaks, [`over`] says what of several starts counts, [`mod@overlay`] which curves are over a map, [`data_set`] keeps the results as parts ([`part`]) that survive a kill
+//! cases of them, `samples` says which are checked, [`evaluate`] simulates them, [`band`] finds peaks, [`over`] says what of several starts counts, [`mod@overlay`] which curves are over a map, [`data_set`] keeps the results as parts ([`part`]) that survive a kill
 //! in a [`store`], [`run`] does all of it on this machine, [`work`] a share of it as one of several workers; [`inspect`] tells how far
 //! they are.
 
@@ -24,6 +24,7 @@ pub mod overlay;
 pub mod part;
 pub mod points;
 pub mod run;
+pub(crate) mod samples;
 pub mod simulate;
 pub mod store;
 pub mod sums;

@@ -58,9 +58,6 @@ fn latin_hypercube(count: usize, dimensions: usize, seed: u64) -> Vec<Vec<f64>> 
     points
 }
 
-/// Given points that are checked before a study, besides those with extreme values.
-const GIVEN_CHECKED: usize = 32;
-
 /// Points that are no grid.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Scattered {
@@ -116,22 +113,6 @@ impl Points {
     #[must_use]
     pub fn reduced(&self) -> &[usize] {
         &self.reduced
-    }
-
-    /// The rows of given points that stand for all of them: those with the least and the largest value of each key, and some between. `None`
-    /// where no points are given.
-    #[must_use]
-    pub fn given_rows(&self) -> Option<Vec<&[f64]>> {
-        let rows = self.given()?;
-        let mut places: Vec<usize> = (0..GIVEN_CHECKED).map(|n| n * rows.len() / GIVEN_CHECKED).collect();
-        for key in 0..self.scattered.len() {
-            let by_value = |a: &usize, b: &usize| rows[*a][key].total_cmp(&rows[*b][key]);
-            places.extend((0..rows.len()).min_by(by_value));
-            places.extend((0..rows.len()).max_by(by_value));
-        }
-        places.sort_unstable();
-        places.dedup();
-        Some(places.into_iter().map(|place| rows[place].as_slice()).collect())
     }
 
     /// Points from outside.

@@ -133,7 +133,7 @@ mod linux {
     /// Forty points in forty parts of some kilobytes.
     fn study() -> TempDir {
         let study = crate::study_work::short_study();
-        crate::study_work::folder(
+        crate::study::folder(
             &study.replace("points_per_part = 2", "points_per_part = 1").replace("count = 12", "count = 40"),
         )
     }

@@ -78,6 +78,8 @@ mod stated_signals;
 mod study;
 mod study_cluster;
 mod study_damage;
+mod study_figures;
+mod study_points;
 mod study_work;
 mod transients;
 mod universal_files;

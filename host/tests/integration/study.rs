@@ -10,7 +10,7 @@ use arrow_array::types::Float64Type;
 use serde_json::Value;
 use tempfile::TempDir;
 
-const CASE: &str = "\
+pub const CASE: &str = "\
 structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
 base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }
 particle = { mass_ratio = 0.1, clearance_m = 0.03, wall = { kind = \"restitution\", coefficient = 0.5 } }
@@ -31,37 +31,37 @@ to = 0.8
 count = 3
 ";
 
-fn folder(study: &str) -> TempDir {
+pub fn folder(study: &str) -> TempDir {
     let folder = TempDir::new().unwrap();
     std::fs::write(folder.path().join("case.toml"), CASE).unwrap();
     std::fs::write(folder.path().join("study.toml"), study).unwrap();
     folder
 }
 
-fn run(folder: &TempDir, threads: &str, more: &[&str]) -> Output {
+pub fn run(folder: &TempDir, threads: &str, more: &[&str]) -> Output {
     let mut command = damprig(folder);
     command.env("RAYON_NUM_THREADS", threads).args(["study", "run", "study.toml"]).args(more);
     command.output().unwrap()
 }
 
-fn done(folder: &TempDir) -> RecordBatch {
+pub fn done(folder: &TempDir) -> RecordBatch {
     let output = run(folder, "2", &["--out", "out"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     table(&folder.path().join("out/table.parquet"))
 }
 
-fn table(path: &Path) -> RecordBatch {
+pub fn table(path: &Path) -> RecordBatch {
     let batches = read_parquet(path.to_path_buf());
     arrow_select::concat::concat_batches(&batches[0].schema(), &batches).unwrap()
 }
 
-fn column(table: &RecordBatch, name: &str) -> Vec<f64> {
+pub fn column(table: &RecordBatch, name: &str) -> Vec<f64> {
     let column = table.column_by_name(name).unwrap_or_else(|| panic!("no {name} in {:?}", table.schema()));
     let values = column.as_primitive::<Float64Type>();
     values.iter().map(|value| value.unwrap_or(f64::NAN)).collect()
 }
 
-fn simulated(folder: &TempDir, set: &[String]) -> Value {
+pub fn simulated(folder: &TempDir, set: &[String]) -> Value {
     let mut command = damprig(folder);
     command.args(["simulate", "case.toml", "--json"]);
     for value in set {
@@ -268,206 +268,6 @@ fn the_best_point_of_an_ensemble_is_by_what_counts_of_its_starts_and_that_is_the
         let shown: f64 =
             told.split(&format!("{column_name}: ")).nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
         assert!((shown / best - 1.0).abs() < 1e-5, "{shown} {best}");
-    }
-}
-
-#[test]
-fn drawn_points_lie_in_their_ranges_and_words_are_values_too() {
-    let folder = folder(
-        "case = \"case.toml\"\nmetrics = [\"max_abs_x_m\"]\n[sampling]\nmethod = \"sobol\"\ncount = 8\n\
-         [[axis]]\nkey = \"particle.clearance_ratio\"\nfrom = 5\nto = 20\nscale = \"log\"\n\
-         [[axis]]\nkey = \"particle.start\"\nwords = [\"centre\", \"at_positive_wall\"]\n",
-    );
-    let table = done(&folder);
-    assert_eq!(table.num_rows(), 16);
-    let clearance = column(&table, "particle.clearance_ratio");
-    assert!(clearance.iter().all(|d| (5.0..=20.0).contains(d)) && clearance[0] == 5.0);
-    assert!((clearance[2] - 10.0).abs() < 1e-12, "the second point of the sequence is the middle, of the logarithm");
-    let starts = table.column_by_name("particle.start").unwrap().as_string::<i32>();
-    assert_eq!([starts.value(0), starts.value(1)], ["centre", "at_positive_wall"]);
-}
-
-const FROM_OUTSIDE: &str = "case = \"case.toml\"\nmetrics = [\"max_abs_x_m\"]\npoints = \"design.csv\"\n";
-
-#[test]
-fn points_from_outside_are_rows_in_their_order_times_the_grid_of_the_axes() {
-    let band = "[[axis]]\nkey = \"base.frequency_hz\"\nvalues = [2.4, 2.5]\nreduce = \"grid_maximum\"\n";
-    let starts = "[[axis]]\nkey = \"particle.start\"\nwords = [\"centre\", \"at_positive_wall\"]\n";
-    let folder = folder(&format!("{FROM_OUTSIDE}{band}{starts}"));
-    let design = "particle.wall.coefficient,particle.clearance_ratio\n0.7,9\n0.123456789012345678,12\n0.7,9.5\n";
-    std::fs::write(folder.path().join("design.csv"), design).unwrap();
-    let table = done(&folder);
-    assert_eq!(column(&table, "particle.clearance_ratio"), [9.0, 9.0, 12.0, 12.0, 9.5, 9.5]);
-    assert_eq!(column(&table, "particle.wall.coefficient")[2], 0.123_456_789_012_345_68);
-    let largest = column(&table, "max_abs_x_m");
-    let set = |clearance: f64, hz: f64| {
-        let set = [
-            format!("particle.clearance_ratio={clearance:?}"),
-            format!("base.frequency_hz={hz}"),
-            "particle.wall.coefficient=0.7".into(),
-            "particle.start=centre".into(),
-        ];
-        simulated(&folder, &set)["summary"]["max_abs_x_m"].as_f64().unwrap()
-    };
-    for (row, clearance) in [(0, 9.0), (4, 9.5)] {
-        let single = set(clearance, 2.4).max(set(clearance, 2.5));
-        assert!((largest[row] / single - 1.0).abs() < 1e-9, "{row}: {} {single}", largest[row]);
-    }
-    let picture = std::fs::read_to_string(folder.path().join("out/max_abs_x_m.svg")).unwrap();
-    assert_eq!(picture.matches("<circle").count(), 7, "six dots and the mark of the best");
-    // Other points are another study.
-    std::fs::write(folder.path().join("design.csv"), design.replace("9.5", "9.6")).unwrap();
-    let told = run(&folder, "2", &["--out", "out"]);
-    assert_eq!(told.status.code(), Some(2), "{}", String::from_utf8_lossy(&told.stderr));
-    assert!(String::from_utf8_lossy(&told.stderr).contains("a file that the study or the case names has changed"));
-}
-
-#[test]
-fn points_are_checked_as_they_are_and_not_as_the_corners_of_their_box() {
-    // The start must lie within the clearance: the least clearance with the furthest start would not.
-    let folder = folder(&FROM_OUTSIDE.replace("points", "record = { cycles = 5 }\npoints"));
-    let design = "particle.clearance_m,particle.start_m\n0.01,0.009\n0.002,0.001\n";
-    std::fs::write(folder.path().join("design.csv"), design).unwrap();
-    assert_eq!(done(&folder).num_rows(), 2);
-}
-
-#[test]
-fn the_same_study_called_from_another_folder_goes_on() {
-    let folder = folder(&FROM_OUTSIDE.replace("case.toml", "../case.toml"));
-    let studies = folder.path().join("studies");
-    std::fs::create_dir(&studies).unwrap();
-    std::fs::write(studies.join("design.csv"), "particle.clearance_m\n0.02\n").unwrap();
-    std::fs::rename(folder.path().join("study.toml"), studies.join("study.toml")).unwrap();
-    let out = folder.path().join("out");
-    let from = |of: &Path, study: &str| {
-        let mut command = damprig(&folder);
-        command.current_dir(of).args(["study", "run", study, "--out"]).arg(&out);
-        let output = command.output().unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    };
-    from(folder.path(), "studies/study.toml");
-    from(&studies, "study.toml");
-}
-
-#[test]
-fn wrong_points_from_outside_are_refused_with_file_line_key_and_value() {
-    let sampling = "sampling = { method = \"sobol\", count = 3 }\n";
-    let axis = "[[axis]]\nkey = \"particle.clearance_m\"\nvalues = [0.01]\n";
-    for (more, design, words) in [
-        ("", None, &["study.toml:3", "points", "design.csv", "cannot be read"][..]),
-        ("", Some("particle.clearance_m\n0.01\nabc\n"), &["line 3", "particle.clearance_m", "\"abc\""]),
-        ("", Some("0.01\n0.02\n"), &["first line", "keys"]),
-        ("", Some("particle.clearence_m\n0.01\n"), &["clearence_m", "clearance_m"]),
-        ("", Some("particle.clearance_m\n0.01\n-0.02\n"), &["particle.clearance_m", "-0.02", "study.toml:3"]),
-        (sampling, Some("particle.clearance_m\n0.01\n"), &["sampling", "points"]),
-        (axis, Some("particle.clearance_m\n0.01\n"), &["two axes have this key"]),
-    ] {
-        let folder = folder(&format!("{FROM_OUTSIDE}{more}"));
-        if let Some(design) = design {
-            std::fs::write(folder.path().join("design.csv"), design).unwrap();
-        }
-        let output = run(&folder, "2", &["--out", "out"]);
-        let told = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{design:?}\n{told}");
-        for word in words {
-            assert!(told.contains(word), "no {word:?} in:\n{told}");
-        }
-    }
-}
-
-#[test]
-fn a_study_draws_a_map_curves_or_points_and_a_page_that_needs_no_network() {
-    let range =
-        |key: &str, from: &str, to: &str| format!("[[axis]]\nkey = \"{key}\"\nfrom = {from}\nto = {to}\ncount = 8\n");
-    let top = "case = \"case.toml\"\nmetrics = [\"x_over_z\", \"cycle_spread\"]\n";
-    let (clearance, restitution) =
-        (range("particle.clearance_ratio", "5", "20"), range("particle.wall.coefficient", "0.2", "0.9"));
-    let ensemble = "[ensemble]\nstarts = 3\n";
-    let picture = |study: &str| {
-        let folder = folder(study);
-        let _ = done(&folder);
-        let read = |name: &str| std::fs::read_to_string(folder.path().join("out").join(name)).unwrap();
-        let page = read("study.html");
-        assert!(page.contains("default-src 'none'") && !page.contains("src=\"http"), "the page loads something");
-        assert_eq!(page.matches("<figure").count(), 2);
-        assert!(folder.path().join("out/x_over_z.png").is_file());
-        read("x_over_z.svg")
-    };
-    let map = picture(&format!("{top}{clearance}{restitution}"));
-    assert!(map.contains("hatch-0") && map.contains("smallest: ") && map.contains("d/Z"));
-    let few = "[[axis]]\nkey = \"particle.wall.coefficient\"\nvalues = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]\n";
-    let curves = picture(&format!("{top}{clearance}{few}"));
-    assert!(!curves.contains("hatch-0") && curves.contains(">e = 0.3</text>"), "a curve for each of seven values");
-    let starts = "[[axis]]\nkey = \"particle.start\"\nwords = [\"centre\", \"at_positive_wall\"]\n";
-    let slice = picture(&format!("{top}{clearance}{few}{starts}"));
-    assert!(
-        slice.contains(">e = 0.3</text>") && slice.contains(": start = "),
-        "of fourteen the seven through the best"
-    );
-    let one = picture(&format!("{top}{clearance}{ensemble}"));
-    assert!(one.contains("<polygon") && one.contains("worst over the starts"));
-    let drawn = format!("{top}{}[sampling]\nmethod = \"sobol\"\ncount = 20\n", clearance.replace("count = 8\n", ""));
-    let points = picture(&drawn);
-    // The dots, and the mark of the best one.
-    assert_eq!(points.matches("<circle").count(), 21);
-}
-
-/// A continuation in two parameters of the case.
-const CURVES: &str = "case = \"case.toml\"\nparameter = \"particle.clearance_ratio\"\nfrom = 3\nto = 20\nrestarts = 0\n\
-                      [second]\nparameter = \"particle.wall.coefficient\"\nfrom = 0.2\nto = 0.9\n";
-
-const OVER: &str = "[[overlay]]\ncontinuation = \"curves.toml\"\n";
-
-fn axis(key: &str, from: &str, to: &str) -> String {
-    format!("[[axis]]\nkey = \"{key}\"\nfrom = {from}\nto = {to}\ncount = 8\n")
-}
-
-#[test]
-fn a_map_has_the_curves_of_its_overlays_with_either_axis_across() {
-    let (clearance, restitution) =
-        (axis("particle.clearance_ratio", "5", "20"), axis("particle.wall.coefficient", "0.2", "0.9"));
-    let top = "case = \"case.toml\"\nmetrics = [\"x_over_z\"]\n";
-    let first_point = |axes: [&str; 2]| {
-        let folder = folder(&format!("{top}{}{}{OVER}", axes[0], axes[1]));
-        std::fs::write(folder.path().join("curves.toml"), CURVES).unwrap();
-        let _ = done(&folder);
-        let map = std::fs::read_to_string(folder.path().join("out/x_over_z.svg")).unwrap();
-        assert!(map.contains(">grazing</text>") && map.contains(">Neimark-Sacker</text>"), "labels");
-        let points = map.split("url(#frame)").nth(1).and_then(|rest| rest.split("points=\"").nth(1)).expect("a curve");
-        let points = points.split([' ', '"']).next().unwrap();
-        let (x, y) = points.split_once(',').expect("a point");
-        (x.parse::<f64>().unwrap(), y.parse::<f64>().unwrap())
-    };
-    // Shares of the axes' lengths: exchanged with the axes.
-    let share = |(x, y): (f64, f64)| ((x - 92.0) / 708.0, (540.0 - y) / 496.0);
-    let (across, up) = share(first_point([&clearance, &restitution]));
-    let swapped = share(first_point([&restitution, &clearance]));
-    assert!((across - swapped.1).abs() < 1e-3 && (up - swapped.0).abs() < 1e-3, "{across} {up} {swapped:?}");
-}
-
-#[test]
-fn an_overlay_that_does_not_belong_over_the_map_is_refused() {
-    let (clearance, restitution) =
-        (axis("particle.clearance_ratio", "5", "20"), axis("particle.wall.coefficient", "0.2", "0.9"));
-    let mass = axis("particle.mass_ratio", "0.05", "0.2");
-    let top = "case = \"case.toml\"\nmetrics = [\"x_over_z\"]\n";
-    let one = CURVES.split("[second]").next().unwrap();
-    let other = CURVES.replace("case.toml", "other.toml");
-    for (axes, curves, words) in [
-        ([&clearance, &mass], CURVES, ["particle.mass_ratio is not one of them", "write particle.clearance_ratio and"]),
-        ([&clearance, &restitution], one, ["a continuation in two parameters", "add a table [second]"]),
-        ([&clearance, &restitution], &other, ["must be of the study's case", "other.toml"]),
-        ([&clearance, &String::new()], CURVES, ["needs a map", "two axes of at least 8 numbers"]),
-        ([&clearance, &restitution], "case = 3", ["study.toml", "curves.toml"]),
-    ] {
-        let folder = folder(&format!("{top}{}{}{OVER}", axes[0], axes[1]));
-        std::fs::write(folder.path().join("curves.toml"), curves).unwrap();
-        std::fs::write(folder.path().join("other.toml"), CASE.replace("1.6", "1.7")).unwrap();
-        let output = run(&folder, "2", &["--out", "out"]);
-        let told = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{told}");
-        assert!(words.iter().all(|word| told.contains(word)), "{words:?}\n{told}");
-        assert!(!folder.path().join("out").exists());
     }
 }
 

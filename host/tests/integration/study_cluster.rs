@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::study_work::{folder, short_study, table, undisturbed};
+use crate::study::folder;
+use crate::study_work::{short_study, table, undisturbed};
 use tempfile::TempDir;
 
 /// Code with which tests/cluster/with-slurm says that there is no SLURM.

@@ -6,7 +6,8 @@ use std::process::Output;
 use std::sync::Arc;
 
 use crate::common::damprig;
-use crate::study_work::{folder, short_study, table, undisturbed};
+use crate::study::folder;
+use crate::study_work::{short_study, table, undisturbed};
 use arrow_array::{Array, ArrayRef, Float32Array, Float64Array, RecordBatch};
 use arrow_schema::{DataType, Field, Schema};
 use damprig::run_folder::read::parquet_file;

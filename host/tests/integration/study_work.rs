@@ -9,17 +9,11 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
 
 use crate::common::damprig;
+use crate::study::folder;
 use damprig::study::Study;
 use damprig::study::data_set::DataSet;
 use damprig::study::store::Store;
 use tempfile::TempDir;
-
-const CASE: &str = "\
-structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
-base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }
-particle = { mass_ratio = 0.1, clearance_m = 0.03, wall = { kind = \"restitution\", coefficient = 0.5 } }
-run = { duration_s = 8 }
-";
 
 /// Twelve points in six parts; each part takes some tenths of a second.
 pub const STUDY: &str = "\
@@ -38,13 +32,6 @@ cycles = 20000
 /// The same with parts of some milliseconds.
 pub fn short_study() -> String {
     STUDY.replace("20000", "20")
-}
-
-pub fn folder(study: &str) -> TempDir {
-    let folder = TempDir::new().unwrap();
-    fs::write(folder.path().join("case.toml"), CASE).unwrap();
-    fs::write(folder.path().join("study.toml"), study).unwrap();
-    folder
 }
 
 fn study_of(folder: &TempDir) -> Study {

@@ -82,14 +82,22 @@ fn optimum(answer: &Answer) -> String {
         line(&format!("there, {}", place.key), &exact(place.value, place.unit));
     }
     for constraint in &answer.constraints {
-        let kept = if constraint.is_kept { "kept" } else { "not kept" };
         let value = with_unit(constraint.value, 5, constraint.unit);
-        line(constraint.metric, &format!("{value} ({}: {kept})", constraint.limit));
+        line(constraint.metric, &format!("{value} ({}{})", constraint.limit, kept(constraint)));
     }
     if answer.unresolved > 0.0 {
         line("unresolved", &format!("{} times too many events fell on one instant", answer.unresolved));
     }
     text
+}
+
+/// Whether a constraint is kept, after its limit.
+fn kept(constraint: &Kept) -> &'static str {
+    match constraint.is_kept {
+        None => "",
+        Some(true) => ": kept",
+        Some(false) => ": not kept",
+    }
 }
 
 /// What bears on the value, for its line.
@@ -287,11 +295,8 @@ pub const COMPARED: [(&str, Cell); 6] = [
     ("make", |answer| made(&answer.variables)),
     ("mass", |answer| answer.damper_mass_kg.map_or_else(String::new, |mass_kg| with_unit(mass_kg, 4, "kg"))),
     ("constraints", |answer| {
-        let kept = |kept: &Kept| {
-            let word = if kept.is_kept { "" } else { ", not kept" };
-            format!("{} {} ({}{word})", kept.metric, with_unit(kept.value, 4, kept.unit), kept.limit)
-        };
-        answer.constraints.iter().map(kept).collect::<Vec<_>>().join(", ")
+        let words = |of: &Kept| format!("{} {} ({}{})", of.metric, with_unit(of.value, 4, of.unit), of.limit, kept(of));
+        answer.constraints.iter().map(words).collect::<Vec<_>>().join(", ")
     }),
 ];
 
@@ -304,7 +309,8 @@ pub fn unkept(optimisation: &Optimisation, answer: &Answer, file: &Path) -> Stri
         let by = if by.is_finite() { format!(", beyond it by {}", with_unit(by, 3, kept.unit)) } else { String::new() };
         format!("; {} = {value}, and it must be {}{by}", kept.metric, kept.limit)
     };
-    let constraints = answer.constraints.iter().zip(&optimisation.constraints).filter(|(kept, _)| !kept.is_kept);
+    let constraints =
+        answer.constraints.iter().zip(&optimisation.constraints).filter(|(kept, _)| kept.is_kept == Some(false));
     let missed: String = constraints.map(missed).collect();
     format!(
         "{}: no point keeps the constraints{missed} at the least violation\n  loosen the constraint, or widen the ranges of the variables",
