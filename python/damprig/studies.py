@@ -158,7 +158,7 @@ def evaluate(
     """
     array = _points(keys, points)
     names = [metrics] if isinstance(metrics, str) else list(metrics)
-    given = {"case": case, "metrics": names, "axis": list(axis)}
+    given = {"case": case, "metrics": names, "points": "points", "axis": list(axis)}
     values = _damprig.evaluate(_given(given if record is None else {**given, "record": record}), list(keys), array)
     unresolved = np.flatnonzero(values[:, -1])
     if len(unresolved):

@@ -94,7 +94,7 @@ impl Study {
         Self::parse_at(source, path, case, None)
     }
 
-    /// As [`Study::parse`], at these points and the combinations of the file's axes with them.
+    /// As [`Study::parse`]; `points` take the place of the file that it names.
     ///
     /// # Errors
     /// As [`Study::read`].
@@ -278,17 +278,22 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option
     let objective = root.word(&keys::OBJECTIVE).map(|place| METRICS[place]);
     let goal = root.word(&keys::GOAL);
     let rows_per_part = root.scalar(&keys::PART);
-    let named = root.text_of(&keys::POINTS).map(|named| read_points(root, path, &named));
+    let points = match (root.text_of(&keys::POINTS), points) {
+        (None, points) => Some(points),
+        (Some(_), Some(points)) => Some(Some(points)),
+        (Some(named), None) => read_points(root, path, &named).map(Some),
+    };
     let sampling_section = root.table_of(&keys::SAMPLING, None);
     let sampling = sampling_section.as_ref().and_then(read_sampling);
-    let missing_count = if named.is_some() || points.is_some() { "give `count`" } else { MISSING_COUNT };
+    let has_points = points.as_ref().is_none_or(Option::is_some);
+    let missing_count = if has_points { "give `count`" } else { MISSING_COUNT };
     let axes: Vec<Option<Axis>> =
         root.tables_of(&keys::AXIS).iter().map(|s| axis::read(s, sampling_section.is_some(), missing_count)).collect();
     let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
     let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| read_ensemble(&s, goal == Some(1)));
     let overlays: Vec<Option<(Text, Overlay)>> =
         root.tables_of(&keys::OVERLAY).iter().map(|s| overlay::read(s, path)).collect();
-    let points = named.unwrap_or(Some(points))?;
+    let points = points?;
     let mut all = points.as_ref().map_or_else(Vec::new, |points| points.axes(&root.span_of(keys::POINTS.name())));
     all.extend(axes.into_iter().collect::<Option<Vec<Axis>>>()?);
     let axes = all;
@@ -331,10 +336,10 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option
 }
 
 /// Reads the file of points that the study at `path` names.
-fn read_points(root: &Section, path: &Path, named: &Text) -> Option<Option<GivenPoints>> {
+fn read_points(root: &Section, path: &Path, named: &Text) -> Option<GivenPoints> {
     let file = path.parent().unwrap_or(Path::new("")).join(&named.value);
     match GivenPoints::of_csv(read_input(&file)) {
-        Ok(points) => Some(Some(points)),
+        Ok(points) => Some(points),
         Err(why) => {
             let allowed = format!("must name a file of points: {}: {why}", file.display());
             root.refuse(keys::POINTS.name(), &named.span, allowed, None);

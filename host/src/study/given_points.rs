@@ -56,7 +56,8 @@ impl GivenPoints {
                 return Err(format!("line {line} has {} values for {} keys", fields.len(), keys.len()));
             }
             let number = |(key, field): (&String, &String)| {
-                finite(field).ok_or_else(|| format!("line {line}: {key} = {field:?} is not a finite number"))
+                let hint = if field.contains(',') { "; write a decimal point" } else { "" };
+                finite(field).ok_or_else(|| format!("line {line}: {key} = {field:?} is not a finite number{hint}"))
             };
             points.push(keys.iter().zip(&fields).map(number).collect::<Result<Vec<f64>, String>>()?);
         }
@@ -120,6 +121,7 @@ mod tests {
             ("a.b,c\n1,2\n3\n", "line 3 has 1 values for 2 keys"),
             ("a.b,c\n1,2\n3,x\n", "line 3: c = \"x\" is not a finite number"),
             ("a.b,c\n1,nan\n", "line 2: c = \"nan\""),
+            ("a.b;c\n0,1;2\n", "line 2: a.b = \"0,1\" is not a finite number; write a decimal point"),
         ] {
             let why = of(text).unwrap_err();
             assert!(why.contains(words), "{text:?}: {why}");
