@@ -231,7 +231,7 @@ start = "at_negative_wall"
 
 def test_points_with_events_that_are_not_resolved_are_warned_of():
     with pytest.warns(UserWarning, match="at 1 of 2 points, first at point 1"):
-        damprig.evaluate(tomllib.loads(NOT_TOLD_APART), ["friction_damper.force_n"], [[100.0], [0.5]], "rms_x_m")
+        damprig.evaluate(tomllib.loads(NOT_TOLD_APART), ["particle.friction_coefficient"], [[0.1], [0.0]], "rms_x_m")
 
 
 def test_ctrl_c_stops_a_long_evaluation(interrupted):

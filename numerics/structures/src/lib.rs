@@ -8,7 +8,7 @@
 //! # No event is missed
 //! A step is taken only when each guard is proved to stay positive over it, or to fall through zero once. The proofs use values
 //! and slopes at both ends and bounds that hold for the whole step: amplitudes of natural motions never grow. A step that
-//! is not decided is halved; `Motion::unresolved` counts the steps that were taken at the smallest length without a proof. Rounding
+//! is not decided is halved; `Motion::unresolved` counts the steps that do without the proof of guards at zero, at the smallest length first. Rounding
 //! is neglected: of the motion, whose parts near a resonance are many times larger than their sum.
 //!
 //! Impacts within 1e-12 of the displacements from each other, and forces within rounding of their limits, count as one instant.

@@ -64,6 +64,10 @@ pub struct Motion {
     pub(crate) events_at_once: u32,
     /// Level of the next step without guards.
     pub(crate) blind_level: usize,
+    /// Joints that no step decided about; those of the particles too.
+    pub(crate) blind: Vec<bool>,
+    /// Whether the step that was judged last does without a guard.
+    pub(crate) is_unguarded: bool,
     pub(crate) unresolved: u32,
     /// Speed of the fastest impact, m/s.
     pub(crate) fastest_m_per_s: f64,
@@ -133,6 +137,8 @@ impl Motion {
             patience: 0,
             events_at_once: 0,
             blind_level: FIRST_BLIND_LEVEL,
+            blind: vec![false; mount.joints.len()],
+            is_unguarded: false,
             unresolved: 0,
             fastest_m_per_s: 0.0,
             mount,
@@ -149,7 +155,8 @@ impl Motion {
         self.time.seconds()
     }
 
-    /// Number of steps that were taken without guards: more than 64 events fell on one instant, or halving a step decided nothing.
+    /// Number of steps that were taken without the guards of a joint or particle: more than 64 events fell on one instant, or halving a step
+    /// decided nothing.
     #[must_use]
     pub fn unresolved(&self) -> u32 {
         self.unresolved

@@ -7,6 +7,7 @@ use damprig_core::model::{ImpactLaw, Release};
 use nalgebra::DMatrix;
 
 use crate::bodies::{Bodies, Link};
+use crate::contacts::Event;
 use crate::linear::C64;
 use crate::{Refused, SetUp};
 
@@ -207,6 +208,16 @@ impl Mount {
     /// The particle of a joint; `None` of a friction damper.
     pub fn particle_of(&self, joint: usize) -> Option<usize> {
         joint.checked_sub(self.joint_of(0))
+    }
+
+    /// The joint that an event happens in.
+    pub fn joint_of_event(&self, event: Event) -> usize {
+        match event {
+            Event::Stops(joint) | Event::Breaks(joint, _) => joint,
+            Event::Wall(particle, _) | Event::Releases(particle, _) | Event::Inside(particle, _) => {
+                self.joint_of(particle)
+            }
+        }
     }
 
     /// ι of the place of a particle's joint; 0 of a friction damper.

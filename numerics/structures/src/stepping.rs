@@ -5,18 +5,23 @@ use damprig_core::integrator::exact::time::Time;
 use crate::Refused;
 use crate::contacts::Event;
 use crate::cubic::Cubic;
+use crate::flight::Flight;
 use crate::guard::{Here, Step, Verdict};
 use crate::linear::C64;
-use crate::motion::{Motion, ROUNDINGS};
+use crate::motion::{Live, Motion, ROUNDINGS};
 use crate::observe::{Observer, Piece};
+use crate::system::Watched;
 
-/// Events at one instant after which a step is taken without guards.
+/// Events at one instant after which a step does without the guards of the joints that are at zero.
 const MAX_EVENTS_AT_ONCE: u32 = 64;
 
-/// Steps are the longest one divided by powers of two (levels). The first step without guards has this one.
+/// Steps are the longest one divided by powers of two (levels). The first step that does without a guard has this one.
 pub(crate) const FIRST_BLIND_LEVEL: usize = 48;
 
-/// By so many levels the next step without guards is longer, until the guards tell contacts apart; a step with guards takes back one.
+/// A step of this level is taken without any guard.
+const LAST_LEVEL: usize = FIRST_BLIND_LEVEL + 8;
+
+/// By so many levels the next step without a guard is longer, until the guards tell contacts apart; a step with all of them takes back one.
 const LONGER_BLIND: usize = 2;
 
 /// Steps of a length after a longer one was not decided.
@@ -64,7 +69,9 @@ impl Motion {
             if self.events_at_once >= MAX_EVENTS_AT_ONCE {
                 self.level = self.level.max(self.blind_level);
             }
-            let blind = self.level >= self.blind_level;
+            if self.events_at_once >= MAX_EVENTS_AT_ONCE || self.level >= FIRST_BLIND_LEVEL {
+                self.find_blind();
+            }
             let system = &mut self.systems[self.system];
             let length = if system.length_s(self.level) < rest_s {
                 system.make_steps(self.level);
@@ -72,8 +79,7 @@ impl Motion {
             } else {
                 Length::ToLimit(rest_s)
             };
-            self.unresolved += u32::from(blind);
-            match self.judge(length, blind) {
+            match self.judge(length) {
                 Judged::Undecided => {
                     if let Some(event) = self.immediate() {
                         self.events_at_once += 1;
@@ -90,12 +96,16 @@ impl Motion {
                     let end = if let Length::ToLimit(_) = length { Time::at(limit_s) } else { self.after(length) };
                     let slow = self.here.slow;
                     self.take(length.seconds(&self.systems[self.system]), end, observer);
-                    if blind {
+                    if self.is_unguarded {
+                        self.unresolved += 1;
                         self.blind_level = self.blind_level.saturating_sub(LONGER_BLIND).max(1);
                         self.level = self.blind_level - 1;
                         return Ok(());
                     }
                     self.blind_level = (self.blind_level + 1).min(FIRST_BLIND_LEVEL);
+                    if self.blind_level == FIRST_BLIND_LEVEL {
+                        self.blind.fill(false);
+                    }
                     if self.steps_since_amplitudes > 1 {
                         std::mem::swap(&mut self.here.of_start, &mut self.here.of_end);
                         self.here.slow = slow;
@@ -120,6 +130,25 @@ impl Motion {
         self.time.plus(length.seconds(&self.systems[self.system]))
     }
 
+    /// Finds the joints that no step decides about: a guard of theirs is zero.
+    fn find_blind(&mut self) {
+        let system = &self.systems[self.system];
+        let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
+        for (guard, live) in system.guards.iter().zip(&self.guards) {
+            let cubic = guard.with_flight(&self.free, live.cubic);
+            if live.fresh > 0 || guard.is_zero(&now, &cubic, &self.free) {
+                self.blind[self.mount.joint_of_event(guard.event)] = true;
+            }
+        }
+    }
+
+    /// Whether the present step does without a guard: it is zero, and its joint one of those that no step decides about.
+    fn does_without(&self, guard: &Watched, live: &Live, now: &Now, cubic: &Cubic) -> bool {
+        self.level >= self.blind_level
+            && self.blind[self.mount.joint_of_event(guard.event)]
+            && (live.fresh > 0 || guard.is_zero(now, cubic, &self.free))
+    }
+
     /// A guard that fails at once: its value is not above zero, and it falls. One that rises is zero by definition.
     fn immediate(&mut self) -> Option<Event> {
         let system = &self.systems[self.system];
@@ -127,13 +156,16 @@ impl Motion {
         for (guard, live) in system.guards.iter().zip(&mut self.guards).filter(|(_, live)| live.fresh == 0) {
             let cubic = guard.with_flight(&self.free, live.cubic);
             let here = guard.guard.at(&self.z, self.z.len(), cubic.at(0.0));
-            let rounding = guard.derivative(&now, &cubic, 0).rounding + ROUNDINGS * guard.scale(&self.free);
+            let rounding = guard.rounding(&now, &cubic, &self.free);
             if here.value > rounding || guard.is_constant(&self.amplitudes, &cubic) {
                 continue;
             }
             // Only the force of a dashpot jumps, with the velocities at an impact; all else below zero is rounding.
             if matches!(guard.event, Event::Releases(..)) && here.value < -rounding {
                 return Some(guard.event);
+            }
+            if self.level >= self.blind_level && self.blind[self.mount.joint_of_event(guard.event)] {
+                continue;
             }
             // What it does next: a particle at a wall may only touch it, or follow it.
             let (order, next) = guard.leading(&now, &cubic, 1).unwrap_or((1, here.slope));
@@ -148,8 +180,8 @@ impl Motion {
         None
     }
 
-    /// Judges all guards over a step.
-    fn judge(&mut self, length: Length, blind: bool) -> Judged {
+    /// Judges over a step all guards that it does not do without; a step of the last level does without any.
+    fn judge(&mut self, length: Length) -> Judged {
         let system = &self.systems[self.system];
         let own;
         let step = match length {
@@ -162,7 +194,8 @@ impl Motion {
         let h = step.length_s;
         self.ahead.clear();
         self.ahead.extend(self.z.iter().zip(&step.turn).map(|(z, turn)| z * turn));
-        if blind {
+        self.is_unguarded = self.level >= LAST_LEVEL;
+        if self.is_unguarded {
             return Judged::Clear;
         }
         let (own_bounds, bounds);
@@ -197,6 +230,10 @@ impl Motion {
             let of_end = guard.follow(&self.ahead, step.slow, self.here.of_end.last());
             self.here.of_end.push(of_end);
             if guard.is_constant(&self.amplitudes, &cubic) {
+                continue;
+            }
+            if self.does_without(guard, live, &now, &cubic) {
+                self.is_unguarded = true;
                 continue;
             }
             if live.fresh > 1 {
@@ -364,7 +401,7 @@ fn root_of_cubic(start: Here, end: Here, end_s: f64) -> f64 {
     at * end_s
 }
 
-impl crate::system::Watched {
+impl Watched {
     /// Value and slope by the first `count` natural motions; `before`: those of the guard before this one.
     fn follow(&self, z: &[C64], count: usize, before: Option<&Here>) -> Here {
         match before {
@@ -376,6 +413,16 @@ impl crate::system::Watched {
     /// Whether a guard does not change: it cannot fall then, even where it is zero, as at a wall that touches a particle at rest.
     fn is_constant(&self, amplitudes: &[f64], cubic: &Cubic) -> bool {
         cubic.is_constant() && self.guard.size(amplitudes) == 0.0
+    }
+
+    /// What of its value may be rounding.
+    fn rounding(&self, now: &Now, cubic: &Cubic, free: &[Flight]) -> f64 {
+        self.derivative(now, cubic, 0).rounding + ROUNDINGS * self.scale(free)
+    }
+
+    /// Whether its value is zero but for rounding.
+    fn is_zero(&self, now: &Now, cubic: &Cubic, free: &[Flight]) -> bool {
+        self.derivative(now, cubic, 0).value.abs() <= self.rounding(now, cubic, free)
     }
 
     /// The first of its derivatives, from `order` on, that is more than rounding: its order and value. `None` if none is up to [`HIGHEST`].

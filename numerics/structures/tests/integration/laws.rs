@@ -236,6 +236,42 @@ fn elastic_impacts_keep_the_energy() {
     assert!(off.abs() < 4.0 * f64::EPSILON * times.0.len() as f64);
 }
 
+/// A particle at rest at its wall while friction locks the structure: no derivative of its gap tells whether it leaves. The steps that do
+/// without its guards still see the friction, and the motion is that of a particle that starts 10⁻¹¹ m off the wall.
+#[test]
+fn friction_is_watched_while_a_resting_particle_is_not_told_apart() {
+    let walls = [
+        Wall::Restitution { coefficient: 0.5 },
+        Wall::Voigt { stiffness_n_per_m: 1000.0, damping_n_s_per_m: 0.0, release: Release::ZeroForce },
+    ];
+    let excitation = Excitation::ForceSine { amplitude_n: 1.0, angular_frequency_rad_per_s: 50.0, phase_rad: 0.0 };
+    let mut unresolved = 0;
+    for (wall, side) in walls.into_iter().flat_map(|wall| [(wall, -1.0), (wall, 1.0)]) {
+        let set_up = SetUp {
+            impact_dampers: vec![ImpactDamper { place: 0, particle: particle(0.5, 4e-3, wall) }],
+            friction_dampers: vec![FrictionJoint { place: 2, other: None, damper: FrictionDamper { force_n: 0.5 } }],
+            driven_place: Some(2),
+            ..SetUp::bare(frame(3, 4.0))
+        };
+        let mut motions = [0.0, 1e-11].map(|off_m| {
+            let mut start = set_up.at_rest(base_at_start(&excitation));
+            start.particles[0].y_m = side * (4e-3 - off_m);
+            Motion::new(&set_up, &excitation, &start).unwrap()
+        });
+        for n in 1..=100 {
+            let [at, off] = motions.each_mut().map(|motion| {
+                motion.run(f64::from(n) * 0.02, &mut ()).unwrap();
+                motion.state()
+            });
+            for (at, off) in at.modal.iter().zip(&off.modal) {
+                assert!((at - off).abs() < 1e-8, "{wall:?}, {side}, {n}: {at} √kg·m, {off} next to the wall");
+            }
+        }
+        unresolved += motions[0].unresolved();
+    }
+    assert!(unresolved > 0, "every contact is told apart: the case tests nothing");
+}
+
 /// Two equal halves of a particle, at the same place and from the same start, move as the whole one.
 #[test]
 fn two_halves_of_a_particle_move_as_one() {
