@@ -9,8 +9,8 @@
 use nalgebra::{Complex, DMatrix, DVector, Schur};
 
 use crate::dual::{Dual, Real};
-use crate::flow::place::{OFFSET, ONE, PHASE, SLIDE, V, X};
-use crate::flow::{N, STATE, Square, Vector, by_state, complete, dot, exponential, row_times, times};
+use crate::flow::place::PHASE;
+use crate::flow::{N, STATE, Square, Vector, by_state, complete, dot, exponential, row_times, steps, times};
 use crate::parameter::Parameter;
 use crate::passage::Passage;
 use crate::sequence::{Guard, Sequence};
@@ -280,13 +280,11 @@ impl BoundaryProblem<'_> {
         let duration = unknowns[own + STATE];
         let phase = &self.sequence.segments[n].phase;
         let a = self.system.equations(settings).matrix(phase);
-        let fastest = [a[V][X], a[SLIDE][OFFSET]].map(|stiffness| libm::sqrt(stiffness.abs()));
-        let fastest = fastest.into_iter().chain([a[SLIDE][SLIDE].abs(), a[PHASE][ONE], 1.0]).fold(0.0, f64::max);
-        let count = (duration.abs() * fastest / most_step).ceil().clamp(4.0, 4_000.0);
-        let step = duration / count;
+        let count = steps(&a, duration, most_step);
+        let step = duration / count as f64;
         let one = exponential(&a, step);
         let mut states = vec![complete(&unknowns[own..own + STATE])];
-        for n in 0..count as usize {
+        for n in 0..count {
             states.push(times(&one, &states[n]));
         }
         (step, states, a)

@@ -83,6 +83,14 @@ pub fn by_state<T: Real>(flow: &Square<T>, start: &Vector<T>) -> Vec<[T; STATE]>
         .collect()
 }
 
+/// Number of equal steps of a duration in each of which the fastest rate of a mode turns by at most `most_rad`.
+pub fn steps(a: &Square<f64>, duration: f64, most_rad: f64) -> usize {
+    use place::{OFFSET, ONE, PHASE, SLIDE, V, X};
+    let fastest = [a[V][X], a[SLIDE][OFFSET]].map(|stiffness| libm::sqrt(stiffness.abs()));
+    let fastest = fastest.into_iter().chain([a[SLIDE][SLIDE].abs(), a[PHASE][ONE], 1.0]).fold(0.0, f64::max);
+    (duration.abs() * fastest / most_rad).ceil().clamp(4.0, 4_000.0) as usize
+}
+
 /// Terms of the exponential's series; at a norm of 1/2 the rest is below 10⁻¹⁷.
 const TERMS: u32 = 14;
 

@@ -15,6 +15,12 @@ pub enum Parameter {
     StructureDamping,
     /// ζ of the structure.
     StructureDampingRatio,
+    /// fn of the structure, Hz, at the same M and ζ.
+    NaturalFrequency,
+    /// M of the structure, kg, at the same fn and ζ.
+    StructureMass,
+    /// g, m/s².
+    Gravity,
     /// m of the particle or the tuned mass, kg.
     Mass,
     /// m/M.
@@ -93,7 +99,10 @@ pub struct Values<T> {
     pub(crate) base_amplitude: T,
     pub(crate) force_amplitude: T,
     pub(crate) turning: T,
+    pub(crate) whole_gravity: T,
+    /// The part of g that presses the particle on its floor, and that along the motion.
     pub(crate) gravity: T,
+    pub(crate) weight: T,
     pub(crate) clearance_ratio: Option<T>,
     pub(crate) damper_force_ratio: Option<T>,
     pub(crate) link_frequency_ratio: Option<T>,
@@ -110,6 +119,25 @@ impl<T: Real> Values<T> {
             Parameter::StructureDamping => self.damping = value,
             Parameter::StructureDampingRatio => {
                 self.damping = T::of(2.0) * value * (self.stiffness * self.structure_mass).sqrt();
+            }
+            Parameter::NaturalFrequency => {
+                let omega = value * T::of(std::f64::consts::TAU);
+                let ratio = omega / (self.stiffness / self.structure_mass).sqrt();
+                self.stiffness = omega * omega * self.structure_mass;
+                self.damping = self.damping * ratio;
+            }
+            Parameter::StructureMass => {
+                let ratio = value / self.structure_mass;
+                self.stiffness = self.stiffness * ratio;
+                self.damping = self.damping * ratio;
+                self.structure_mass = value;
+            }
+            Parameter::Gravity => {
+                let ratio = value / self.whole_gravity;
+                self.friction_acceleration = self.friction_acceleration * ratio;
+                self.gravity = self.gravity * ratio;
+                self.weight = self.weight * ratio;
+                self.whole_gravity = value;
             }
             Parameter::Mass => self.mass = value,
             Parameter::MassRatio => self.mass = value * self.structure_mass,

@@ -12,10 +12,12 @@ use damprig_core::io::Invalid;
 use damprig_core::model::{Initial, SetUp};
 use nalgebra::DMatrix;
 
-use crate::flow::{STATE, complete};
+use crate::dual::Real;
+use crate::equations::Equations;
+use crate::flow::{STATE, Vector, complete};
 use crate::parameter::Ties;
 use crate::passage::Passage;
-use crate::sequence::Guard;
+use crate::sequence::{Guard, Phase};
 use crate::start::Pieces;
 use crate::system::System;
 
@@ -48,6 +50,46 @@ pub struct Variation {
 #[error("an event of the motion is not resolved")]
 pub struct UnresolvedEvent;
 
+/// A part of a motion in one mode, without units.
+pub(crate) struct Leg {
+    pub phase: Phase,
+    pub start: [f64; STATE],
+    pub duration: f64,
+    pub end: LegEnd,
+}
+
+/// What ends a leg.
+pub(crate) enum LegEnd {
+    /// An event, after which a mode begins.
+    Event(Guard, Phase),
+    /// The impacts that are left of a chatter, after which the particle rests on its wall.
+    Rest(Phase),
+    /// The return of the drive's phase.
+    Return,
+}
+
+impl LegEnd {
+    pub fn event(&self) -> Option<Guard> {
+        if let Self::Event(guard, _) = self { Some(*guard) } else { None }
+    }
+}
+
+impl Leg {
+    /// The state after the leg from the completed one before its end, as rows.
+    pub fn reset<T: Real>(&self, equations: &Equations<T>, end: &Vector<T>) -> [Vector<T>; STATE] {
+        match &self.end {
+            LegEnd::Event(guard, after) => equations.reset(*guard, after, end),
+            LegEnd::Rest(next) => equations.rest(next),
+            LegEnd::Return => equations.regain(&self.phase),
+        }
+    }
+
+    /// Whether it ends at a hard wall.
+    pub fn hits_hard_wall(&self, system: &System) -> bool {
+        matches!(self.end, LegEnd::Event(Guard::Wall(side), _) if system.is_hard(side))
+    }
+}
+
 impl ReturnMap {
     /// The map over `periods` periods of a sine of the base or of a force, from the phase of that sine.
     ///
@@ -61,6 +103,18 @@ impl ReturnMap {
         };
         let end_s = f64::from(periods) * TAU * system.time_s;
         Ok(Self { motion: Exact::new(set_up, excitation, &set_up.neutral())?, system, phase_rad, end_s })
+    }
+
+    /// The system and its drive.
+    #[must_use]
+    pub fn system(&self) -> &System {
+        &self.system
+    }
+
+    /// Phase of the drive at the start, rad.
+    #[must_use]
+    pub fn phase_rad(&self) -> f64 {
+        self.phase_rad
     }
 
     /// The image of a state.
@@ -102,48 +156,65 @@ impl ReturnMap {
         if motion.unresolved() > 0 { Err(UnresolvedEvent) } else { Ok(seen) }
     }
 
+    /// The motion from `start` to its image, leg by leg.
+    pub(crate) fn legs(&self, start: &Initial) -> Result<Vec<Leg>, UnresolvedEvent> {
+        let seen = self.pieces(start)?;
+        let (system, unit) = (&self.system, (self.system.length_m, self.system.length_m / self.system.time_s));
+        let state = |state: &ExactState, at_s: f64| {
+            let phase_rad = self.phase_rad + at_s / system.time_s;
+            system.state(state, phase_rad, unit)
+        };
+        let mut legs = Vec::with_capacity(seen.pieces.len());
+        for (n, piece) in seen.pieces.iter().enumerate() {
+            let next = seen.pieces.get(n + 1);
+            let end_s = next.map_or(self.end_s, |next| next.start_s);
+            let end = match next {
+                None => LegEnd::Return,
+                Some(next) => {
+                    let end = state(&piece.end, end_s);
+                    let guard = system.event(piece, next, &end, &[]).map_err(|_| UnresolvedEvent)?;
+                    let after = next.after_chatter.as_ref().map_or(next.phase, |(flying, _)| *flying);
+                    LegEnd::Event(guard, after)
+                }
+            };
+            legs.push(Leg {
+                phase: piece.phase,
+                start: state(&piece.start, piece.start_s),
+                duration: (end_s - piece.start_s) / system.time_s,
+                end,
+            });
+            if let Some((next, (flying, before))) = next.and_then(|next| Some((next, next.after_chatter.as_ref()?))) {
+                let start = state(before, end_s);
+                legs.push(Leg { phase: *flying, start, duration: 0.0, end: LegEnd::Rest(next.phase) });
+            }
+        }
+        if legs.is_empty() { Err(UnresolvedEvent) } else { Ok(legs) }
+    }
+
     /// The derivative of the map.
     ///
     /// # Errors
     /// An event that is not resolved.
     pub fn variation(&self, start: &Initial) -> Result<Variation, UnresolvedEvent> {
-        let seen = self.pieces(start)?;
-        let pieces = &seen.pieces;
-        let (system, unit) = (&self.system, (self.system.length_m, self.system.length_m / self.system.time_s));
+        let legs = self.legs(start)?;
+        let system = &self.system;
         let equations = system.equations::<f64>(&[]);
-        let state = |state: &ExactState, at_s: f64| {
-            let phase_rad = self.phase_rad + at_s / system.time_s;
-            system.state(state, phase_rad, unit)
-        };
-        let first = pieces.first().ok_or(UnresolvedEvent)?;
-        let turn = equations.guard(&first.phase, Guard::Turn(0));
-        let mut passages = Vec::with_capacity(pieces.len());
+        let turn = equations.guard(&legs[0].phase, Guard::Turn(0));
         let mut hits = Vec::new();
-        for (n, piece) in pieces.iter().enumerate() {
-            let a = equations.matrix(&piece.phase);
-            let from = complete(&state(&piece.start, piece.start_s));
-            let end_s = pieces.get(n + 1).map_or(self.end_s, |next| next.start_s);
-            let duration = (end_s - piece.start_s) / system.time_s;
-            let Some(next) = pieces.get(n + 1) else {
-                passages.push(Passage::new(&a, &from, duration, &turn, |_| equations.regain(&piece.phase)));
-                break;
-            };
-            let end = state(&piece.end, end_s);
-            let event = system.event(piece, next, &end, &[]).map_err(|_| UnresolvedEvent)?;
-            if matches!(event, Guard::Wall(side) if system.is_hard(side)) {
-                hits.push(passages.len());
-            }
-            let after = next.after_chatter.as_ref().map_or(&next.phase, |(flying, _)| flying);
-            let guard = equations.guard(&piece.phase, event);
-            passages.push(Passage::new(&a, &from, duration, &guard, |end| equations.reset(event, after, end)));
-            if let Some((flying, before)) = &next.after_chatter {
-                let before = complete(&state(before, end_s));
-                passages.push(Passage::new(&equations.matrix(flying), &before, 0.0, &turn, |_| {
-                    equations.rest(&next.phase)
-                }));
-            }
-        }
-        let regain = equations.regain(&first.phase);
+        let passages: Vec<Passage> = legs
+            .iter()
+            .enumerate()
+            .map(|(n, leg)| {
+                let a = equations.matrix(&leg.phase);
+                let from = complete(&leg.start);
+                if leg.hits_hard_wall(system) {
+                    hits.push(n);
+                }
+                let guard = leg.end.event().map_or(turn, |event| equations.guard(&leg.phase, event));
+                Passage::new(&a, &from, leg.duration, &guard, |end| leg.reset(&equations, end))
+            })
+            .collect();
+        let regain = equations.regain(&legs[0].phase);
         Ok(self.product(DMatrix::from_fn(STATE, system.size(), |row, k| regain[row][k]), &passages, &hits))
     }
 

@@ -93,7 +93,12 @@ impl System {
         let moves_base = self.excitation.moves_base();
         let has_damper = self.set_up.friction_damper.is_some();
         match parameter {
-            Parameter::Frequency | Parameter::StructureDamping | Parameter::StructureDampingRatio => true,
+            Parameter::Frequency
+            | Parameter::StructureDamping
+            | Parameter::StructureDampingRatio
+            | Parameter::NaturalFrequency
+            | Parameter::StructureMass => true,
+            Parameter::Gravity => self.has_particle && self.set_up.gravity_m_per_s2 > 0.0,
             Parameter::BaseAmplitude => moves_base,
             Parameter::ForceAmplitude => !moves_base,
             Parameter::Mass | Parameter::MassRatio => self.has_particle || self.has_tmd,
@@ -132,6 +137,9 @@ impl System {
             Parameter::ForceAmplitude => v.force_amplitude,
             Parameter::StructureDamping => v.damping,
             Parameter::StructureDampingRatio => v.damping / (2.0 * libm::sqrt(v.stiffness * v.structure_mass)),
+            Parameter::NaturalFrequency => libm::sqrt(v.stiffness / v.structure_mass) / std::f64::consts::TAU,
+            Parameter::StructureMass => v.structure_mass,
+            Parameter::Gravity => v.whole_gravity,
             Parameter::Mass => v.mass,
             Parameter::MassRatio => v.mass / v.structure_mass,
             Parameter::Clearance => v.clearance,
@@ -162,7 +170,10 @@ impl System {
     pub fn at(&self, settings: &[(Parameter, f64)]) -> (SetUp, Excitation) {
         let v = self.values(settings).tied();
         let mut set_up = self.set_up;
+        set_up.structure.mass_kg = v.structure_mass;
+        set_up.structure.stiffness_n_per_m = v.stiffness;
         set_up.structure.damping_n_s_per_m = v.damping;
+        set_up.gravity_m_per_s2 = v.whole_gravity;
         if let Some(particle) = &mut set_up.particle {
             particle.mass_kg = v.mass;
             particle.clearance_m = v.clearance;
@@ -237,7 +248,9 @@ impl System {
             base_amplitude: T::of(base_amplitude),
             force_amplitude: T::of(force_amplitude),
             turning: T::of(turning),
+            whole_gravity: T::of(self.set_up.gravity_m_per_s2),
             gravity: T::of(self.level_gravity()),
+            weight: T::of(self.set_up.weight_m_per_s2()),
             clearance_ratio: self.ties.clearance_ratio.map(T::of),
             damper_force_ratio: self.ties.damper_force_ratio.map(T::of),
             link_frequency_ratio: self.ties.link_frequency_ratio.map(T::of),
@@ -271,7 +284,7 @@ impl System {
             mass: v.mass * per_mass,
             clearance: v.clearance / length,
             friction_acceleration: v.friction_acceleration * square / length,
-            weight: T::of(self.set_up.weight_m_per_s2()) * square / length,
+            weight: v.weight * square / length,
             walls,
             damper_force: v.damper_force * force,
             base_amplitude: v.base_amplitude / length,

@@ -1,12 +1,14 @@
 //! Set-ups and tasks of the tests.
 
-use damprig_continuation::{Diagram, Parameter, Steps, System, Task, Ties};
+use std::f64::consts::TAU;
+
+use damprig_continuation::{Diagram, Parameter, ReturnMap, Steps, System, Task, Ties};
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
-use damprig_core::integrator::exact::Excitation;
+use damprig_core::integrator::exact::{Exact, ExactState, Excitation};
 use damprig_core::model::{Cavity, Initial, Particle, SetUp, Structure, Wall};
 
 /// ω of the tests' structures, rad/s.
-pub const NATURAL: f64 = std::f64::consts::TAU * 2.5;
+pub const NATURAL: f64 = TAU * 2.5;
 
 /// A structure of 1 kg with an impact damper of 0.1 kg and hard walls, without internal friction.
 pub fn impact_damper(clearance_m: f64, coefficient: f64) -> SetUp {
@@ -18,6 +20,35 @@ pub fn impact_damper(clearance_m: f64, coefficient: f64) -> SetUp {
 /// A sine of the base with an amplitude of 1 m, at `ratio` of the natural frequency.
 pub fn sine(ratio: f64) -> Excitation {
     Excitation::Sine { amplitude_m: 1.0, angular_frequency_rad_per_s: ratio * NATURAL, phase_rad: 0.0 }
+}
+
+/// A start from x, x′, y − x and y′ − x′.
+pub fn initial([x_m, v_m_per_s, offset_m, slide_m_per_s]: [f64; 4]) -> Initial {
+    Initial { x_m, v_m_per_s, y_m: x_m + offset_m, u_m_per_s: v_m_per_s + slide_m_per_s }
+}
+
+/// x, x′, y − x and y′ − x′.
+pub fn vector(state: &ExactState) -> [f64; 4] {
+    [state.x_m, state.v_m_per_s, state.offset_m, state.slide_m_per_s]
+}
+
+/// A state on a settled motion, away from events, and the map from there.
+pub fn settled(set_up: &SetUp, ratio: f64, periods: u32, phase_rad: f64) -> Option<([f64; 4], ReturnMap)> {
+    let turning = ratio * NATURAL;
+    let drive = |phase_rad| Excitation::Sine { amplitude_m: 1.0, angular_frequency_rad_per_s: turning, phase_rad };
+    let mut motion = Exact::new(set_up, &drive(phase_rad), &set_up.neutral()).expect("physical");
+    motion.run(60.0 * TAU / turning, &mut ());
+    // A state in a soft wall does not say whether the wall pushes.
+    let is_outside = |p: Particle| (motion.state().offset_m - p.cavity.offset_m).abs() > p.clearance_m;
+    if set_up.particle.is_some_and(is_outside) {
+        return None;
+    }
+    let map = ReturnMap::new(set_up, &drive(phase_rad), periods).expect("physical");
+    let (from_s, to_s) = *map.quiet_parts_s(&initial(vector(motion.state()))).expect("resolved").first()?;
+    let quiet_s = 0.5 * (from_s + to_s);
+    motion.run(60.0 * TAU / turning + quiet_s, &mut ());
+    let map = ReturnMap::new(set_up, &drive(phase_rad + turning * quiet_s), periods).expect("physical");
+    Some((vector(motion.state()), map))
 }
 
 /// A task over a range, from `start_at`.

@@ -1,6 +1,7 @@
 //! Claims about branches of periodic orbits, against closed forms and simulations.
 
 mod common;
+mod derivatives;
 mod every_damper;
 mod return_map;
 mod special_points;

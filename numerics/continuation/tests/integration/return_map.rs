@@ -3,46 +3,19 @@
 use std::f64::consts::TAU;
 
 use damprig_continuation::ReturnMap;
-use damprig_core::integrator::exact::{Accumulation, Exact, ExactState, Excitation, Impact, Observer};
+use damprig_core::integrator::exact::{Accumulation, Impact, Observer};
 use damprig_core::model::{
-    Cavity, FrictionDamper, Initial, Particle, Release, Restitution, SetUp, SpeedTable, Structure, Tmd, Wall,
+    Cavity, FrictionDamper, Particle, Release, Restitution, SetUp, SpeedTable, Structure, Tmd, Wall,
 };
 use nalgebra::DMatrix;
 
-use crate::common::{NATURAL, impact_damper, sine};
+use crate::common::{NATURAL, impact_damper, initial, settled, sine, vector};
 
 /// Steps of the differences, relative to the motion: each half the one before.
 const STEPS: [f64; 3] = [4e-5, 2e-5, 1e-5];
 
 /// Rounding of the map over many events, relative to the motion.
 const ROUNDING: f64 = 1e-13;
-
-fn initial([x_m, v_m_per_s, offset_m, slide_m_per_s]: [f64; 4]) -> Initial {
-    Initial { x_m, v_m_per_s, y_m: x_m + offset_m, u_m_per_s: v_m_per_s + slide_m_per_s }
-}
-
-fn vector(state: &ExactState) -> [f64; 4] {
-    [state.x_m, state.v_m_per_s, state.offset_m, state.slide_m_per_s]
-}
-
-/// A state on a settled motion, away from events, and the map from there.
-fn settled(set_up: &SetUp, ratio: f64, periods: u32, phase_rad: f64) -> Option<([f64; 4], ReturnMap)> {
-    let turning = ratio * NATURAL;
-    let drive = |phase_rad| Excitation::Sine { amplitude_m: 1.0, angular_frequency_rad_per_s: turning, phase_rad };
-    let mut motion = Exact::new(set_up, &drive(phase_rad), &set_up.neutral()).expect("physical");
-    motion.run(60.0 * TAU / turning, &mut ());
-    // A state in a soft wall does not say whether the wall pushes.
-    let is_outside = |p: Particle| (motion.state().offset_m - p.cavity.offset_m).abs() > p.clearance_m;
-    if set_up.particle.is_some_and(is_outside) {
-        return None;
-    }
-    let map = ReturnMap::new(set_up, &drive(phase_rad), periods).expect("physical");
-    let (from_s, to_s) = *map.quiet_parts_s(&initial(vector(motion.state()))).expect("resolved").first()?;
-    let quiet_s = 0.5 * (from_s + to_s);
-    motion.run(60.0 * TAU / turning + quiet_s, &mut ());
-    let map = ReturnMap::new(set_up, &drive(phase_rad + turning * quiet_s), periods).expect("physical");
-    Some((vector(motion.state()), map))
-}
 
 /// The derivative by central differences without the error of the second order, and the error that is left; displacements per
 /// metre (the amplitude), velocities per Ω.
