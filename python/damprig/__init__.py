@@ -22,6 +22,8 @@ _PLACES = {
     "Study": "studies",
     "Table": "tables",
     "VirtualRig": "rig",
+    "analyse": "simulation",
+    "bifurcation": "studies",
     "continuation": "studies",
     "evaluate": "studies",
     "open_run": "runs",

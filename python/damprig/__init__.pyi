@@ -13,8 +13,10 @@ from .runs import open_run as open_run
 from .signals import read_signals as read_signals
 from .signals import response_spectrum as response_spectrum
 from .simulation import Simulation as Simulation
+from .simulation import analyse as analyse
 from .simulation import simulate as simulate
 from .studies import Study as Study
+from .studies import bifurcation as bifurcation
 from .studies import continuation as continuation
 from .studies import evaluate as evaluate
 from .studies import optimise as optimise

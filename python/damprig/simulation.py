@@ -164,6 +164,31 @@ class Simulation:
         return Table({"columns": columns, "units": self.units, "descriptions": dict.fromkeys(columns, "")}).frame(library)
 
 
+def analyse(case: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:
+    """Analyse a case under a sine: the ``analysis`` of ``damprig simulate --analyse --json`` as a dict.
+
+    It has the energy balance (``energy``) and the end of the run (``driven``): whether the motion repeats, its periodic orbit with Floquet
+    multipliers, and ``sensitivities``: exact relative changes of the largest ``|x|``, the RMS of x and the speed of the fastest impact per relative change
+    of each quantity, through every impact, stick and slip. Every other quantity keeps its value in SI units, but stiffness and dashpot of
+    the structure follow from M, fn and ζ. ``holds_within`` is the relative change at which, to first order, an event appears or vanishes.
+    Without them ``no_orbit`` or ``no_sensitivities`` says why.
+
+    Parameters
+    ----------
+    case : path or dict
+        A case file (TOML or JSON), or a dict with the keys of one (docs/KEYS.md), with a structure of one degree of freedom.
+
+    Raises
+    ------
+    InputError
+        The case is wrong, or has spheres, several places or a recorded base motion.
+    """
+    unusual, analysis = _damprig.analyse(case)
+    for warning in unusual:
+        warnings.warn(warning, UnusualValueWarning, stacklevel=2)
+    return json.loads(analysis)
+
+
 def simulate(
     case: str | os.PathLike[str] | dict[str, Any],
     *,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import operator
 import os
 import tempfile
 import warnings
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-__all__ = ["Study", "continuation", "evaluate", "optimise", "study"]
+__all__ = ["Study", "bifurcation", "continuation", "evaluate", "optimise", "study"]
 
 
 @dataclass(frozen=True)
@@ -174,6 +175,62 @@ def _points(keys: Any, points: ArrayLike) -> np.ndarray:
     if array.ndim != 2 or array.shape[1] != len(keys):
         raise InputError(f"points has the shape {array.shape}: must be (n, {len(keys)}), a column for each key")
     return array
+
+
+def bifurcation(
+    case: str | os.PathLike[str] | dict[str, Any],
+    key: str,
+    values: ArrayLike,
+    *,
+    direction: str = "both",
+    settle_cycles: int = 200,
+    cycles: int = 60,
+) -> Table:
+    """Sweeps a key of a case up and down, as ``damprig study bifurcation`` does; the motion goes on from value to value.
+
+    Parameters
+    ----------
+    case : path or dict
+        A case file (TOML or JSON) under a sine, or a dict with the keys of one (docs/KEYS.md).
+    key : str
+        The key with its tables: ``"particle.clearance_ratio"``.
+    values : array_like of shape (n,)
+        Its values, rising, at least two.
+    direction : {"both", "up", "down"}
+        Directions of the sweep. Where up and down differ, two motions exist.
+    settle_cycles, cycles : int
+        Cycles at each value before sampling, and sampled ones.
+
+    Returns
+    -------
+    Table
+        A row for each sampled cycle: ``direction``, the key, ``x_m``, ``v_m_per_s``, ``y_minus_x_m`` and ``u_minus_v_m_per_s`` at the end of the cycle, at
+        drive phase 0 (the Poincaré section), and ``cycle_max_m``, its largest ``|x|``. A motion that repeats every k cycles has k points at a
+        value, a chaotic one fills a set.
+
+    Raises
+    ------
+    InputError
+        The case or an argument is wrong.
+    """
+    swept = real_array("values", values)
+    if swept.ndim != 1 or len(swept) < 2 or not np.isfinite(swept).all() or not (np.diff(swept) > 0).all():
+        raise InputError("values: must be two or more finite numbers in rising order")
+    directions = {"both": ["up", "down"], "up": ["up"], "down": ["down"]}.get(direction)
+    if directions is None:
+        raise InputError(f"direction = {direction!r} is not allowed: must be 'both', 'up' or 'down'")
+    counts = (_count("settle_cycles", settle_cycles, 0), _count("cycles", cycles, 1))
+    return Table(_damprig.bifurcation(case, key, swept.tolist(), directions, counts))
+
+
+def _count(name: str, given: Any, least: int) -> int:
+    try:
+        number = operator.index(given)
+    except TypeError:
+        number = -1
+    if not least <= number <= 1_000_000:
+        raise InputError(f"{name} = {given!r} is not allowed: must be a whole number from {least} to 1000000")
+    return number
 
 
 def optimise(file: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:

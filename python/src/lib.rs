@@ -21,6 +21,7 @@ use pyo3::prelude::*;
 fn _damprig(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(simulation::simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(simulation::analyse, module)?)?;
     module.add_function(wrap_pyfunction!(signals::read_signals, module)?)?;
     module.add_function(wrap_pyfunction!(signals::response_spectrum, module)?)?;
     module.add_function(wrap_pyfunction!(studies::study_run, module)?)?;
@@ -29,6 +30,7 @@ fn _damprig(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(studies::study_write, module)?)?;
     module.add_function(wrap_pyfunction!(studies::study_merge, module)?)?;
     module.add_function(wrap_pyfunction!(studies::evaluate, module)?)?;
+    module.add_function(wrap_pyfunction!(studies::bifurcation, module)?)?;
     module.add_function(wrap_pyfunction!(studies::optimise, module)?)?;
     module.add_function(wrap_pyfunction!(studies::continuation, module)?)?;
     module.add_class::<run_reader::RunReader>()?;

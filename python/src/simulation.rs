@@ -1,10 +1,14 @@
 //! Simulates a case and hands its motion over as arrays.
 
+use damprig::input::Source;
 use damprig::simulation::{
-    AccumulationRecord, Case, ImpactRecord, RunOptions, SimulationResult, Viewer, cost,
+    AccumulationRecord, Case, ImpactRecord, RunOptions, SetValues, SimulationResult, Viewer,
+    analysis::Analysis,
+    cost,
     motion::{ContactRecord, Piece},
     simulate as run,
 };
+use damprig_core::integrator::exact::Observer;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -101,6 +105,45 @@ fn times(case: &Case, times_s: Option<Vec<f64>>, rate_hz: Option<f64>) -> Result
         )));
     }
     Ok(Times::Rate(rate_hz))
+}
+
+/// Lets an analysis end at Ctrl-C.
+struct Watch(Interrupt);
+
+impl Observer for Watch {
+    const ARCS: bool = false;
+
+    fn goes_on(&mut self, _: f64) -> bool {
+        self.0.goes_on()
+    }
+}
+
+/// Energy balance, steady state, periodic orbit and sensitivities of a case, as JSON; also the warnings of unusual values.
+#[pyfunction]
+pub fn analyse(py: Python<'_>, case: &Bound<'_, PyAny>) -> PyResult<(Vec<String>, String)> {
+    let given = Given::of("case", case)?;
+    work(py, || {
+        let (case, warnings, source) = match given {
+            Given::File(path) => {
+                let (case, warnings) = Case::read_with_warnings(&path)?;
+                (case, warnings, Box::new(Source::read(&path)?))
+            }
+            Given::Text(source) => (Case::parse(&source, "case")?, source.warnings(), source),
+        };
+        let text = (source.name(), source.text());
+        case.refuse_other_engines(text, &SetValues::default(), "analyse", false)?;
+        let mut watch = Watch(Interrupt::new());
+        let analysis = Analysis::with_sensitivities(&case, &mut watch);
+        watch.0.check()?;
+        let analysis = analysis.ok_or_else(|| {
+            Failure::Input(format!(
+                "{}: a recorded base motion has no analysis; take a base of kind \"sine\"",
+                source.name()
+            ))
+        })?;
+        let text = serde_json::to_string(&analysis).map_err(|error| Failure::Input(error.to_string()))?;
+        Ok((warnings, text))
+    })
 }
 
 /// A simulated case.

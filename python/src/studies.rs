@@ -7,10 +7,15 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 
 use damprig::continuation::Continuation;
+use damprig::input::Source;
 use damprig::optimise::file::Optimisation;
+use damprig::report::bifurcation_files;
 use damprig::run_folder::read::parquet_file;
+use damprig::simulation::SetValues;
+use damprig::simulation::case::default_name;
 use damprig::study::Study;
 use damprig::study::axis::Value;
+use damprig::study::bifurcation::{self as sweep, Direction, Sweep};
 use damprig::study::data_set::{DataSet, Manifest, TABLE};
 use damprig::study::evaluate::{UNRESOLVED, main_column};
 use damprig::study::given_points::GivenPoints;
@@ -24,7 +29,7 @@ use pyo3::types::PyDict;
 use crate::columns::Columns;
 use crate::failure::{Failure, interrupted, work};
 use crate::interrupt::{EVERY, Interrupt};
-use crate::source::Design;
+use crate::source::{Design, Given};
 
 /// Does work that asks whether to go on, on a thread of its own, while this one looks for Ctrl-C: Python runs the handlers of signals in
 /// its main thread alone.
@@ -170,6 +175,38 @@ pub fn evaluate<'py>(
         Ok(rows.into_iter().map(wanted).collect::<Vec<_>>())
     })?;
     PyArray2::from_vec2(py, &rows).map_err(|error| PyRuntimeError::new_err(error.to_string()))
+}
+
+/// A bifurcation diagram of a case: a row for each sampled cycle.
+#[pyfunction]
+pub fn bifurcation<'py>(
+    py: Python<'py>,
+    case: &Bound<'py, PyAny>,
+    key: String,
+    values: Vec<f64>,
+    directions: Vec<String>,
+    counts: (u32, u32),
+) -> PyResult<Bound<'py, PyDict>> {
+    let given = Given::of("case", case)?;
+    let columns = work(py, || {
+        let (source, name) = match given {
+            Given::File(path) => (Box::new(Source::read(&path)?), default_name(&path)),
+            Given::Text(source) => (source, "case".into()),
+        };
+        let (settle_cycles, cycles) = counts;
+        let sweep = Sweep { key, values, settle_cycles, cycles };
+        let set = SetValues { origin: "key and values".into(), lines: String::new() };
+        let cases = sweep::cases(source.name(), source.text(), &name, &sweep, &set)?;
+        let directions: Vec<Direction> = [Direction::Up, Direction::Down]
+            .into_iter()
+            .filter(|of| directions.iter().any(|name| name == of.name()))
+            .collect();
+        let samples = watched(|goes_on| sweep::run_all(&cases, &sweep, &directions, &|_| goes_on()))??;
+        Ok(Columns::of(&[
+            bifurcation_files::batch(&samples, &sweep.key, &cases[0]).map_err(|why| Failure::Input(why.0))?
+        ])?)
+    })?;
+    columns.into_dict(py)
 }
 
 /// Optimises: the answer as JSON.

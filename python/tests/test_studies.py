@@ -234,6 +234,38 @@ def test_points_with_events_that_are_not_resolved_are_warned_of():
         damprig.evaluate(tomllib.loads(NOT_TOLD_APART), ["particle.friction_coefficient"], [[0.1], [0.0]], "rms_x_m")
 
 
+def test_a_bifurcation_diagram_is_that_of_the_command(command, project, tmp_path):
+    case = project / "host/cases/spid.toml"
+    options = ["--axis", "particle.clearance_ratio=12:13:3", "--settle-cycles", "20", "--cycles", "5"]
+    command("study", "bifurcation", case, *options, "--out", tmp_path / "diagram", cwd=tmp_path)
+    expected = parquet.read_table(tmp_path / "diagram/bifurcation.parquet")
+    key = "particle.clearance_ratio"
+    found = damprig.bifurcation(case, key, [12, 12.5, 13], settle_cycles=20, cycles=5)
+    assert len(found) == expected.num_rows == 30
+    for name in expected.column_names:
+        assert list(found[name]) == expected[name].to_pylist(), name
+    up = damprig.bifurcation(tomllib.loads(case.read_text()), key, np.linspace(12, 13, 3), direction="up", settle_cycles=20, cycles=5)
+    assert np.array_equal(up["x_m"], found["x_m"][:15])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"values": [13, 12]}, "rising order"),
+        ({"values": [1.0]}, "two or more"),
+        ({"direction": "left"}, "'both', 'up' or 'down'"),
+        ({"cycles": 0}, "from 1 to 1000000"),
+        ({"settle_cycles": 1.5}, "whole number"),
+        ({"key": "particle.clearence_ratio"}, "clearence_ratio"),
+        ({"key": "particle.wall.coefficient", "values": [0.5, 1.5]}, r"1\.5(.|\n)*key and values"),
+    ],
+)
+def test_a_wrong_bifurcation_is_refused(change, words):
+    given = {"key": "particle.clearance_ratio", "values": [12, 13], **change}
+    with pytest.raises(damprig.InputError, match=words):
+        damprig.bifurcation(tomllib.loads(CASE), **given)
+
+
 def test_ctrl_c_stops_a_long_evaluation(interrupted):
     # It would take hours.
     call = f"damprig.evaluate({tomllib.loads(CASE)!r}, {KEYS[:1]!r}, [[9.0]] * 4, 'rms_x_m', record={{'cycles': 1e9}})"

@@ -101,6 +101,7 @@ pub fn run(args: &Args) -> Outcome {
         cycles: args.cycles,
     };
     let set = SetValues::from_arguments(&args.set).map_err(Failure::input)?;
+    let set = SetValues { origin: "--axis and --set".into(), ..set };
     let file = examples::find(FileKind::Case, &args.case)?;
     let source = Source::read(&file).map_err(Failure::input)?;
     let name = default_name(&file);

@@ -36,7 +36,8 @@ pub struct Args {
     #[command(flatten)]
     json: JsonArg,
 
-    /// Also print the energy balance, the steady state, the periodic orbit and its Floquet multipliers
+    /// Also print the energy balance, the steady state, the periodic orbit, its Floquet multipliers and how its largest |x|, RMS and impact
+    /// speed follow each quantity
     #[arg(long)]
     analyse: bool,
 

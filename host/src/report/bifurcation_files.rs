@@ -39,7 +39,7 @@ pub fn write(
     sweep: &Sweep,
     section: Option<f64>,
 ) -> Result<Option<String>, Unwritten> {
-    let batch = batch(samples, &sweep.key, case).map_err(Unwritten::of)?;
+    let batch = batch(samples, &sweep.key, case)?;
     let (batch, identity) = sealed_parquet::identified(&batch).map_err(Unwritten::of)?;
     let bytes = sealed_parquet::bytes(&batch).map_err(Unwritten::of)?;
     own_files::replace(&out.join(TABLE), &bytes).map_err(Unwritten::of)?;
@@ -64,7 +64,11 @@ fn title(case: &Case, Sweep { key, cycles, settle_cycles, .. }: &Sweep) -> Strin
     format!("{}: each dot is a cycle, {cycles} at each value of {name} after {settle_cycles} to settle", case.name)
 }
 
-fn batch(samples: &[Sample], key: &str, case: &Case) -> Result<RecordBatch, String> {
+/// The table: a row for each sampled cycle.
+///
+/// # Errors
+/// A table that cannot be made.
+pub fn batch(samples: &[Sample], key: &str, case: &Case) -> Result<RecordBatch, Unwritten> {
     let unit = crate::input::key::Unit::of(key).map_or("1", |unit| unit.symbol);
     let unit = if unit.is_empty() { "1" } else { unit };
     let direction = Column::new("direction", "", "whether the values rise or fall from branch to branch");
@@ -79,4 +83,5 @@ fn batch(samples: &[Sample], key: &str, case: &Case) -> Result<RecordBatch, Stri
         })
         .column(Column::new("cycle_max_m", "m", "largest |x| in the cycle"), |sample| sample.cycle_max_m)
         .finish(case.description().with(DESCRIPTION, "a row for each sampled cycle: the state at its end"))
+        .map_err(Unwritten)
 }

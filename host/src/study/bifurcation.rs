@@ -104,14 +104,14 @@ pub struct Sample {
     pub cycle_max_m: f64,
 }
 
-/// The cases of a sweep, one for each value.
+/// The cases of a sweep, one for each value, with the values of `set` too, whose origin names who gives key and values.
 ///
 /// # Errors
 /// A case that the key and a value make and that is refused, or that is not driven by a sine.
 pub fn cases(source_name: &str, text: &str, name: &str, sweep: &Sweep, set: &SetValues) -> Result<Vec<Case>, Refusal> {
     let case = |value: &f64| {
         let lines = format!("{}{} = {value:?}\n", set.lines, sweep.key);
-        let values = SetValues { origin: "--axis and --set".into(), lines };
+        let values = SetValues { origin: set.origin.clone(), lines };
         let case = Case::parse_changed(&Source::new(source_name, text), name, &values)?;
         case.refuse_other_engines((source_name, text), &values, "a bifurcation diagram", true)?;
         match case.excitation {

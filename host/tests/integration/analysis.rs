@@ -54,6 +54,73 @@ fn the_result_has_the_analysis_only_if_requested() {
     assert!(both["summary"]["rms_x_m"].as_f64() > Some(0.0));
 }
 
+/// Changes the quantity of a key by a factor: another way into the model than that of the derivatives.
+fn scale(case: &mut Case, key: &str, by: f64) {
+    let SetUp { structure, particle, friction_damper, .. } = &mut case.set_up;
+    match (key, &mut case.excitation, particle, friction_damper) {
+        ("structure.natural_frequency_hz", ..) => {
+            structure.stiffness_n_per_m *= by * by;
+            structure.damping_n_s_per_m *= by;
+        }
+        ("structure.damping_ratio", ..) => structure.damping_n_s_per_m *= by,
+        ("structure.mass_kg", ..) => {
+            structure.mass_kg *= by;
+            structure.stiffness_n_per_m *= by;
+            structure.damping_n_s_per_m *= by;
+        }
+        ("base.frequency_hz", Excitation::Sine { angular_frequency_rad_per_s, .. }, ..) => {
+            *angular_frequency_rad_per_s *= by;
+        }
+        ("base.amplitude_m", Excitation::Sine { amplitude_m, .. }, ..) => *amplitude_m *= by,
+        ("particle.mass_kg", _, Some(particle), _) => particle.mass_kg *= by,
+        ("particle.clearance_m", _, Some(particle), _) => particle.clearance_m *= by,
+        ("particle.friction_coefficient", _, Some(particle), _) => particle.friction_coefficient *= by,
+        ("particle.wall.coefficient", _, Some(particle), _) => {
+            let Wall::Restitution { coefficient } = &mut particle.wall else { panic!("a hard wall") };
+            *coefficient *= by;
+        }
+        ("friction_damper.force_n", _, _, Some(damper)) => damper.force_n *= by,
+        _ => panic!("{key}"),
+    }
+}
+
+#[test]
+fn sensitivities_are_the_relative_changes_between_two_simulations() {
+    for (name, count) in [("spid.toml", 9), ("friction-damper.toml", 6)] {
+        let mut case = Case::read(&case(name)).expect("shipped cases are right");
+        // Long enough to be on the orbit to rounding.
+        case.run.duration_s = 300.0 * TAU / case.excitation.angular_frequency_rad_per_s();
+        let found = Analysis::of(&case).and_then(|analysis| analysis.driven?.sensitivities).expect("a periodic motion");
+        assert_eq!(found.of.len(), count, "{name}: {:?}", found.of);
+        assert!(found.of.is_sorted_by(|a, b| a.max_abs_x.abs() >= b.max_abs_x.abs()));
+        for of in &found.of {
+            let step = 1e-4;
+            let [above, below] = [1.0 + step, 1.0 - step].map(|by| {
+                let mut other = case.clone();
+                scale(&mut other, of.key, by);
+                other.run.duration_s = 300.0 * TAU / other.excitation.angular_frequency_rad_per_s();
+                let driven = Analysis::of(&other).and_then(|analysis| analysis.driven).expect("a sine");
+                driven.mean_cycle_max_abs_x_m.ln()
+            });
+            let difference = (above - below) / (2.0 * step);
+            // The third derivative of a resonance over a step of 10⁻⁴.
+            let error = 1e-4 * found.of[0].max_abs_x.abs();
+            assert!((of.max_abs_x - difference).abs() < error, "{name} {}: {}, {difference}", of.key, of.max_abs_x);
+        }
+    }
+}
+
+#[test]
+fn a_motion_without_sensitivities_says_why() {
+    // The particle meets no wall: it may be anywhere.
+    let mut command = Command::cargo_bin("damprig").expect("the command has been built");
+    command.args(["simulate", "spid", "--analyse", "--set", "particle.clearance_m=0.5"]);
+    command.args(["--set", "particle.friction_coefficient=0", "--set", "run.duration_s=800"]);
+    let output = command.assert().success().get_output().stdout.clone();
+    let text = String::from_utf8(output).expect("UTF-8");
+    assert!(text.contains("no derivatives: the orbit is not alone"), "{text}");
+}
+
 const ZETA: f64 = 0.0038;
 const MASS_RATIO: f64 = 0.1;
 const NATURAL: f64 = TAU * 2.5;

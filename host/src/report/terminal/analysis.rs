@@ -1,7 +1,7 @@
 //! Text of `damprig simulate --analyse`: energy balance, steady state, orbit and stability.
 
 use crate::report::numbers::{millimetres, significant};
-use crate::simulation::analysis::{Analysis, ForcedResponse, MotionKind};
+use crate::simulation::analysis::{Analysis, ForcedResponse, MotionKind, Sensitivities};
 
 /// The lines below the summary of a simulation.
 pub fn text(analysis: &Analysis) -> String {
@@ -29,6 +29,36 @@ pub fn text(analysis: &Analysis) -> String {
     let mut text = String::from("Analysis");
     for (name, value) in lines {
         text.push_str(&format!("\n  {name:<24} {value}"));
+    }
+    let found = analysis.driven.as_ref().and_then(|driven| driven.sensitivities.as_ref());
+    found.map_or(text.clone(), |found| text + "\n\n" + &sensitivities(found))
+}
+
+/// Width of the longest bar.
+const BAR: f64 = 20.0;
+
+/// A table of relative changes, with a bar for that of the largest |x|.
+fn sensitivities(found: &Sensitivities) -> String {
+    let mut text = String::from(
+        "Sensitivities of the periodic motion: relative change of a result per relative change of a quantity\n",
+    );
+    let has_impacts = found.of.iter().any(|of| of.impact_speed.is_some());
+    let speed = if has_impacts { "   impact speed" } else { "" };
+    text += &format!("  {:<38}   largest |x|       RMS of x{speed}   events change at about", "");
+    let most = found.of.iter().map(|of| of.max_abs_x.abs()).fold(0.0, f64::max);
+    for of in &found.of {
+        let number = |value: f64| format!("{value:>+14.4}");
+        let speed = of.impact_speed.map(number).unwrap_or_default();
+        let within = match of.holds_within {
+            Some(within) if within < 1.0 => format!("± {}", percent(within)),
+            _ => "beyond ± 100 %".to_string(),
+        };
+        let bar = "█".repeat((BAR * of.max_abs_x.abs() / most).round() as usize);
+        let (key, x, rms) = (of.key, number(of.max_abs_x), number(of.rms_x));
+        text += &format!("\n  {key:<38}{x} {rms} {speed}   {within:<21} {bar}").trim_end();
+    }
+    if found.is_tie {
+        text += "\n  |x| is largest at two places, which follow the quantities differently: its changes are those of one of them.";
     }
     text
 }
@@ -126,6 +156,9 @@ fn steady(driven: &ForcedResponse) -> Vec<(&'static str, String)> {
     }
     if let Some(why) = &driven.no_orbit {
         lines.push(("periodic orbit", why.clone()));
+    }
+    if let Some(why) = &driven.no_sensitivities {
+        lines.push(("sensitivities", why.clone()));
     }
     lines
 }

@@ -5,7 +5,9 @@
 
 mod periodic_orbit;
 mod repetition;
+mod sensitivities;
 mod steady_state;
 
 pub use periodic_orbit::{Multiplier, OrbitError, PeriodicOrbit, Stability};
+pub use sensitivities::{Sensitivities, Sensitivity};
 pub use steady_state::{Analysis, ForcedResponse, MotionKind, OrbitSummary, SectionState, TwoImpactOrbit};

@@ -124,7 +124,7 @@ impl PeriodicOrbit {
     }
 }
 
-fn initial(state: &ExactState) -> Initial {
+pub(super) fn initial(state: &ExactState) -> Initial {
     Initial { x_m: state.x_m, v_m_per_s: state.v_m_per_s, y_m: state.y_m(), u_m_per_s: state.u_m_per_s() }
 }
 

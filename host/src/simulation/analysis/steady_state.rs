@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use super::periodic_orbit::{PeriodicOrbit, Stability};
 use super::repetition::Repetition;
+use super::sensitivities::Sensitivities;
 use crate::simulation::Case;
 use crate::simulation::motion::ExactObserver;
 use crate::simulation::statistics::{LastCyclesMeter, STEADY};
@@ -73,6 +74,14 @@ pub struct ForcedResponse {
     pub orbit: Option<OrbitSummary>,
     /// Why no orbit was found.
     pub no_orbit: Option<String>,
+    #[serde(skip)]
+    found: Option<PeriodicOrbit>,
+    /// How the results of the orbit follow its quantities, if the run is on it; not of [`Analysis::watched`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensitivities: Option<Sensitivities>,
+    /// Why they are not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_sensitivities: Option<String>,
 }
 
 /// What the end of a run under a sine is.
@@ -213,10 +222,19 @@ impl Analysis {
     /// Analyses a case with an excitation in closed form; `None` for a recorded base motion.
     #[must_use]
     pub fn of(case: &Case) -> Option<Self> {
-        Self::watched(case, &mut ())
+        Self::with_sensitivities(case, &mut ())
     }
 
     /// The same while `watch` sees the transient. A run that it ends has no driven motion.
+    pub fn with_sensitivities(case: &Case, watch: &mut impl Observer) -> Option<Self> {
+        let mut analysis = Self::watched(case, watch)?;
+        if let Some(driven) = &mut analysis.driven {
+            driven.find_sensitivities(case);
+        }
+        Some(analysis)
+    }
+
+    /// The same without sensitivities.
     #[must_use]
     pub fn watched(case: &Case, watch: &mut impl Observer) -> Option<Self> {
         if case.record.is_some() {
@@ -242,6 +260,16 @@ impl Analysis {
 }
 
 impl ForcedResponse {
+    /// Those of the orbit that the run is on.
+    fn find_sensitivities(&mut self, case: &Case) {
+        let is_on_it = self.orbit.as_ref().is_some_and(|orbit| orbit.is_run_on_it);
+        let Some(orbit) = self.found.as_ref().filter(|_| is_on_it) else { return };
+        match Sensitivities::of(&case.without_hertz(), orbit) {
+            Ok(found) => self.sensitivities = Some(found),
+            Err(why) => self.no_sensitivities = Some(why),
+        }
+    }
+
     fn of(
         case: &Case,
         motion: Exact,
@@ -309,16 +337,17 @@ impl ForcedResponse {
             PeriodicOrbit::near(&case.set_up, amplitude_m, turning, there.state(), periods)
         });
         let (orbit, no_orbit) = match found {
-            Some(Ok(orbit)) => (Some(OrbitSummary::from(&orbit)), None),
+            Some(Ok(orbit)) => (Some(orbit), None),
             Some(Err(why)) => (None, Some(why.to_string())),
             None => (None, None),
         };
+        let summary = orbit.as_ref().map(OrbitSummary::from);
         Some(Self {
             periods,
             amplitude_m: lock_in.amplitude_m(),
             phase_rad: phase - TAU * (phase / TAU).round(),
             mean_cycle_max_abs_x_m: maxima_m.iter().sum::<f64>() / maxima_m.len() as f64,
-            motion: MotionKind::of(repeats_after.is_some(), orbit.as_ref()),
+            motion: MotionKind::of(repeats_after.is_some(), summary.as_ref()),
             tolerance: STEADY,
             cycle_maxima_spread: last_cycles.map(|last| last.spread),
             repeats_after,
@@ -332,8 +361,11 @@ impl ForcedResponse {
                     impact_displacement_m: o.impact_displacement_m,
                 }
             }),
-            orbit,
+            orbit: summary,
             no_orbit,
+            found: orbit,
+            sensitivities: None,
+            no_sensitivities: None,
         })
     }
 }

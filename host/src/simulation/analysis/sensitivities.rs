@@ -1,0 +1,98 @@
+//! How the results of a periodic motion follow its quantities: exact derivatives through every event
+//! ([`damprig_continuation::Derivatives`]).
+
+use damprig_continuation::{Derived, Parameter, ReturnMap};
+use damprig_core::integrator::exact::Excitation;
+use serde::Serialize;
+
+use super::periodic_orbit::{PeriodicOrbit, initial};
+use crate::continuation::parameters::PARAMETERS;
+use crate::simulation::Case;
+
+/// Keys besides those that `damprig continue` follows.
+const MORE: [(&str, Parameter); 2] =
+    [("structure.natural_frequency_hz", Parameter::NaturalFrequency), ("structure.mass_kg", Parameter::StructureMass)];
+
+/// Ratios and the dashpot's constant say again what the other keys say.
+const LEFT_OUT: [Parameter; 6] = [
+    Parameter::StructureDamping,
+    Parameter::MassRatio,
+    Parameter::ClearanceRatio,
+    Parameter::DamperForceRatio,
+    Parameter::LinkFrequencyRatio,
+    Parameter::LinkDampingRatio,
+];
+
+/// Relative changes of the results of a periodic motion per relative change of a quantity, d ln(result)/d ln(quantity). Every other quantity keeps
+/// its value in SI units, but stiffness and dashpot of the structure follow from M, fn and ζ.
+#[derive(Clone, Debug, Serialize)]
+pub struct Sensitivity {
+    /// Key of the quantity in a case, with its table.
+    pub key: &'static str,
+    /// Its value, in the unit of the key.
+    pub value: f64,
+    /// Of the largest |x|.
+    pub max_abs_x: f64,
+    /// Of the RMS of x.
+    pub rms_x: f64,
+    /// Of the approach speed of the fastest impact; `None` without impacts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub impact_speed: Option<f64>,
+    /// Relative change of the quantity within which, to first order, the motion has the same events; `None`: any.
+    pub holds_within: Option<f64>,
+}
+
+/// The sensitivities of the results of a periodic motion.
+#[derive(Clone, Debug, Serialize)]
+pub struct Sensitivities {
+    /// Of each quantity that the set-up has, the most important for the largest |x| first.
+    pub of: Vec<Sensitivity>,
+    /// Whether |x| is largest at two places with other derivatives: that of the largest |x| is of one of them.
+    pub is_tie: bool,
+}
+
+impl Sensitivities {
+    /// Of an orbit of a case under a sine; without them the reason.
+    pub fn of(case: &Case, orbit: &PeriodicOrbit) -> Result<Self, String> {
+        let mut drive = case.excitation;
+        if let Excitation::Sine { phase_rad, .. } | Excitation::ForceSine { phase_rad, .. } = &mut drive {
+            *phase_rad = orbit.section_phase_rad;
+        }
+        let set_up = &case.set_up;
+        let map = ReturnMap::new(set_up, &drive, orbit.periods).map_err(|why| why.to_string())?;
+        let second_mass = if set_up.tmd.is_some() { "tmd." } else { "particle." };
+        let followed = PARAMETERS.iter().map(|of| (of.key, of.parameter)).chain(MORE);
+        let quantities: Vec<(&'static str, Parameter, f64)> = followed
+            .filter(|(key, parameter)| {
+                map.system().has(*parameter) && !LEFT_OUT.contains(parameter) && !key.starts_with("force.")
+            })
+            .filter(|(key, parameter)| {
+                let is_shared = [Parameter::Mass, Parameter::LinkStiffness, Parameter::LinkDamping].contains(parameter);
+                !is_shared || key.starts_with(second_mass)
+            })
+            .map(|(key, parameter)| (key, parameter, map.system().value(parameter)))
+            .filter(|(_, _, value)| *value != 0.0)
+            .collect();
+        let parameters: Vec<Parameter> = quantities.iter().map(|(_, parameter, _)| *parameter).collect();
+        let found = map.orbit_derivatives(&initial(&orbit.start), &parameters).map_err(|why| why.to_string())?;
+        let fastest = found.impacts.iter().map(|impact| &impact.approach_speed_m_per_s);
+        let fastest = fastest.max_by(|a, b| a.value.total_cmp(&b.value));
+        let mut of: Vec<Sensitivity> = quantities
+            .iter()
+            .enumerate()
+            .map(|(p, (key, _, value))| {
+                let relative = |of: &Derived| of.by_parameters[p] * value / of.value;
+                Sensitivity {
+                    key,
+                    value: *value,
+                    max_abs_x: relative(&found.largest_abs_x_m),
+                    rms_x: relative(&found.rms_x_m),
+                    impact_speed: fastest.map(relative),
+                    holds_within: Some(found.holds_within[p]).filter(|within| within.is_finite()),
+                }
+            })
+            .collect();
+        of.sort_by(|a, b| b.max_abs_x.abs().total_cmp(&a.max_abs_x.abs()));
+        Ok(Self { of, is_tie: found.is_tie })
+    }
+}
