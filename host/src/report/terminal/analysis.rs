@@ -55,7 +55,7 @@ fn sensitivities(found: &Sensitivities) -> String {
         };
         let bar = "█".repeat((BAR * of.max_abs_x.abs() / most).round() as usize);
         let (key, x, rms) = (of.key, number(of.max_abs_x), number(of.rms_x));
-        text += &format!("\n  {key:<38}{x} {rms} {speed}   {within:<21} {bar}").trim_end();
+        text += format!("\n  {key:<38}{x} {rms} {speed}   {within:<21} {bar}").trim_end();
     }
     if found.is_tie {
         text += "\n  |x| is largest at two places, which follow the quantities differently: its changes are those of one of them.";
