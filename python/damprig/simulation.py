@@ -171,7 +171,8 @@ def analyse(case: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:
     multipliers, and ``sensitivities``: exact relative changes of the largest ``|x|``, the RMS of x and the speed of the fastest impact per relative change
     of each quantity, through every impact, stick and slip. Every other quantity keeps its value in SI units, but stiffness and dashpot of
     the structure follow from M, fn and ζ. ``holds_within`` is the relative change at which, to first order, an event appears or vanishes.
-    Without them ``no_orbit`` or ``no_sensitivities`` says why.
+    Without them ``no_orbit`` or ``no_sensitivities`` says why. A motion that is not periodic has ``lyapunov``: the mean of ln(growth) of a small
+    disturbance in a drive period, with its standard error.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ pub struct Args {
     json: JsonArg,
 
     /// Also print the energy balance, the steady state, the periodic orbit, its Floquet multipliers and how its largest |x|, RMS and impact
-    /// speed follow each quantity
+    /// speed follow each quantity; of a motion that is not periodic the Lyapunov exponent
     #[arg(long)]
     analyse: bool,
 

@@ -7,10 +7,11 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use assert_cmd::Command;
 use damprig::input::Source;
 use damprig::simulation::Case;
-use damprig::simulation::analysis::{Analysis, PeriodicOrbit, Stability};
+use damprig::simulation::analysis::{Analysis, Lyapunov, PeriodicOrbit, Stability};
+use damprig_continuation::ReturnMap;
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation, Impact, Observer};
-use damprig_core::model::{Cavity, FrictionDamper, Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Initial, Particle, SetUp, Structure, Wall};
 use nalgebra::{Complex, Matrix4, Vector4};
 
 fn case(name: &str) -> std::path::PathBuf {
@@ -119,6 +120,65 @@ fn a_motion_without_sensitivities_says_why() {
     let output = command.assert().success().get_output().stdout.clone();
     let text = String::from_utf8(output).expect("UTF-8");
     assert!(text.contains("no derivatives: the orbit is not alone"), "{text}");
+}
+
+/// A state of a settled run at drive phase 0, and the map of one period.
+fn map_after(set_up: &SetUp, periods: u32) -> (ReturnMap, ExactState) {
+    let drive = Excitation::Sine { amplitude_m: 1.0, angular_frequency_rad_per_s: NATURAL, phase_rad: 0.0 };
+    let mut motion = Exact::new(set_up, &drive, &set_up.neutral()).expect("physical");
+    motion.run(f64::from(periods) * TAU / NATURAL, &mut ());
+    (ReturnMap::new(set_up, &drive, 1).expect("physical"), *motion.state())
+}
+
+#[test]
+fn the_lyapunov_exponent_of_a_periodic_motion_is_that_of_its_multipliers() {
+    let bare = SetUp::bare(Structure::from_modal(1.0, 2.5, 0.02));
+    let (map, state) = map_after(&bare, 10);
+    let found = Lyapunov::of(&map, &state).expect("resolved").expect("a disturbance is left");
+    // Decay over a period at resonance; the direction of the disturbance turns, which adds less than 1 in all.
+    assert!((found.per_period + 0.02 * TAU).abs() < 1.0 / f64::from(found.periods), "{found:?}");
+    assert!(found.is_settling() && !found.is_chaotic());
+    let damper = damper(10.0, 0.5);
+    let (map, state) = map_after(&damper, 1_000);
+    let found = Lyapunov::of(&map, &state).expect("resolved").expect("a disturbance is left");
+    let orbit = PeriodicOrbit::near(&damper, 1.0, NATURAL, &state, 1).expect("it is on it");
+    let expected = orbit.multipliers[0].value.norm().ln();
+    assert!((found.per_period - expected).abs() < 2.0 / f64::from(found.periods), "{found:?}, {expected}");
+}
+
+#[test]
+fn two_chaotic_motions_part_as_the_lyapunov_exponent_says() {
+    let set_up = damper(18.0, 0.5);
+    let (map, state) = map_after(&set_up, 100);
+    let found = Lyapunov::of(&map, &state).expect("resolved").expect("a disturbance is left");
+    assert!(found.is_chaotic() && found.error < 0.1 * found.per_period, "{found:?}");
+    // Two motions a distance of 1e-9 apart, brought back to that distance after each period.
+    let initial =
+        |s: &ExactState| Initial { x_m: s.x_m, v_m_per_s: s.v_m_per_s, y_m: s.y_m(), u_m_per_s: s.u_m_per_s() };
+    let units = Vector4::new(1.0, NATURAL, 1.0, NATURAL);
+    let vector = |s: &ExactState| Vector4::new(s.x_m, s.v_m_per_s, s.offset_m, s.slide_m_per_s).component_div(&units);
+    let (mut here, mut apart) = (state, Vector4::from_element(0.5e-9));
+    let (mut blocks, mut sum) = (Vec::new(), 0.0);
+    for n in 1..=3_000 {
+        let there = vector(&here) + apart;
+        let there = there.component_mul(&units);
+        let there = ExactState { x_m: there[0], v_m_per_s: there[1], offset_m: there[2], slide_m_per_s: there[3] };
+        let images = [here, there].map(|state| map.image(&initial(&state)));
+        let growth = (vector(&images[1]) - vector(&images[0])).norm() / 1e-9;
+        apart = (vector(&images[1]) - vector(&images[0])) / growth;
+        here = images[0];
+        sum += growth.ln();
+        if n % 50 == 0 {
+            blocks.push(sum / 50.0);
+            sum = 0.0;
+        }
+    }
+    let count = blocks.len() as f64;
+    let mean = blocks.iter().sum::<f64>() / count;
+    let error = (blocks.iter().map(|block| (block - mean).powi(2)).sum::<f64>() / (count - 1.0) / count).sqrt();
+    // Five standard errors of both.
+    let allowed = 5.0 * error.hypot(found.error);
+    assert!((mean - found.per_period).abs() < allowed, "{mean} ± {error}, {found:?}");
 }
 
 const ZETA: f64 = 0.0038;

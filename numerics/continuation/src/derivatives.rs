@@ -4,6 +4,7 @@
 //! event by the shift of its time, −(∂g/∂p)/g′ of the guard g, and by the reset (saltation). A periodic orbit moves with a parameter by
 //! (1 − M)⁻¹ b, M being the derivative of its return by the state and b that by the parameter.
 
+use damprig_core::integrator::modes::{Contact, Grip};
 use damprig_core::model::Initial;
 use nalgebra::DMatrix;
 
@@ -14,7 +15,7 @@ use crate::flow::place::{V, X};
 use crate::flow::{N, STATE, Square, Vector, complete, dot, exponential, steps, times};
 use crate::parameter::Parameter;
 use crate::return_map::{Leg, LegEnd, ReturnMap, UnresolvedEvent};
-use crate::sequence::Guard;
+use crate::sequence::{Guard, Phase};
 
 /// A value with its derivatives.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,7 +99,7 @@ const MOST_GROWTH: f64 = 1e7;
 /// Two largest |x| are equal within this share of them, and their derivatives different beyond it.
 const TIE: f64 = 1e-9;
 
-/// Derivatives of two largest |x| differ if they do by this share.
+/// Derivatives of two largest |x| differ if they do by this share of them, per relative change.
 const DIFFERENT: f64 = 1e-6;
 
 /// Longest step between looks at a leg: an angle of its fastest rate, rad.
@@ -128,7 +129,7 @@ struct Column {
     /// |x| where it may be largest.
     peaks: Vec<Dual<f64>>,
     rms: Dual<f64>,
-    /// By how much a guard may change before an event is lost or gained, to first order, with the derivative of that guard.
+    /// By how much a guard, a duration or a force may change before an event is lost or gained, to first order, with the derivative of it.
     margins: Vec<Dual<f64>>,
 }
 
@@ -223,10 +224,12 @@ impl Followed<'_> {
         let height = |n: &usize| first.peaks[*n].value;
         let largest = (0..first.peaks.len()).max_by(|a, b| height(a).total_cmp(&height(b))).unwrap_or(0);
         let largest_abs_x_m = peak(largest);
+        // By the start in units of the motion, by parameters for relative changes.
+        let sizes: Vec<f64> = units.iter().chain(&self.values).map(|size| size.abs()).collect();
         let all = |of: &Derived| of.by_start.iter().chain(&of.by_parameters).copied().collect::<Vec<f64>>();
         let differs = |other: usize| {
-            let mut pairs = all(&peak(other)).into_iter().zip(all(&largest_abs_x_m));
-            pairs.any(|(a, b)| (a - b).abs() > DIFFERENT * a.abs().max(b.abs()))
+            let pairs = all(&peak(other)).into_iter().zip(all(&largest_abs_x_m));
+            pairs.zip(&sizes).any(|((a, b), size)| (a - b).abs() * size > DIFFERENT * largest_abs_x_m.value)
         };
         let mut equal = (0..first.peaks.len()).filter(|n| height(n) >= height(&largest) * (1.0 - TIE));
         let is_tie = equal.any(differs);
@@ -291,7 +294,7 @@ fn follow(legs: &[Leg], equations: &Equations<Dual<f64>>, of_start: Option<usize
     slopes = regained.map(|row| dot(&row, &begin).slope);
     column.see_peak(begin[X]);
     let (mut time, mut square) = (zero, zero);
-    for leg in legs {
+    for (n, leg) in legs.iter().enumerate() {
         let a = equations.matrix(&leg.phase);
         let start = with_slopes(&leg.start, &slopes);
         let mut end = column.look(leg, equations, &a, &start, &mut square);
@@ -299,14 +302,19 @@ fn follow(legs: &[Leg], equations: &Equations<Dual<f64>>, of_start: Option<usize
         let rate = times(&a, &end);
         let speed = dot(&guard, &rate).value;
         let gap = dot(&guard, &end);
-        if leg.end.event().is_some() {
+        let shift = -gap.slope / speed;
+        if let LegEnd::Event(event, after) = &leg.end {
             // A guard that curves away from zero is missed if it is higher by this.
             let bend = dot(&guard, &times(&a, &rate)).value;
             if bend > 0.0 {
                 column.margins.push(Dual { value: 0.5 * speed * speed / bend, slope: gap.slope });
             }
+            // The event and the one before it change places.
+            if n > 0 {
+                column.margins.push(Dual { value: leg.duration, slope: shift });
+            }
+            column.margins.extend(not_held(equations, *event, after, &end).map(absolute));
         }
-        let shift = -gap.slope / speed;
         for (end, rate) in end.iter_mut().zip(&rate) {
             end.slope += rate.value * shift;
         }
@@ -325,6 +333,29 @@ fn follow(legs: &[Leg], equations: &Equations<Dual<f64>>, of_start: Option<usize
     column
 }
 
+/// Where a body that stops is not held: what the force is beyond what friction holds.
+fn not_held(
+    equations: &Equations<Dual<f64>>,
+    event: Guard,
+    after: &Phase,
+    end: &Vector<Dual<f64>>,
+) -> Option<Dual<f64>> {
+    let (held, breaks) = match (event, after.grip, after.contact) {
+        (Guard::SlipStops(_), Grip::Slip(direction), _) => {
+            (Phase { grip: Grip::Stuck, ..*after }, Guard::GripBreaks(direction))
+        }
+        (Guard::SlideStops(_), _, Contact::Free(direction)) if direction != 0 => {
+            (Phase { contact: Contact::Held(0), ..*after }, Guard::HoldBreaks(direction))
+        }
+        _ => return None,
+    };
+    Some(dot(&equations.guard(&held, breaks), end))
+}
+
+fn absolute(x: Dual<f64>) -> Dual<f64> {
+    if x.value < 0.0 { -x } else { x }
+}
+
 /// A completed state with derivatives.
 fn with_slopes(state: &[f64; STATE], slopes: &[f64; STATE]) -> Vector<Dual<f64>> {
     complete::<Dual<f64>>(&std::array::from_fn::<_, STATE, _>(|k| Dual { value: state[k], slope: slopes[k] }))
@@ -332,7 +363,7 @@ fn with_slopes(state: &[f64; STATE], slopes: &[f64; STATE]) -> Vector<Dual<f64>>
 
 impl Column {
     fn see_peak(&mut self, x: Dual<f64>) {
-        self.peaks.push(if x.value < 0.0 { -x } else { x });
+        self.peaks.push(absolute(x));
     }
 
     /// Follows a leg from its completed start to its end at a fixed duration, and notes what lies between.

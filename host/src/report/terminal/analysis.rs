@@ -1,7 +1,7 @@
 //! Text of `damprig simulate --analyse`: energy balance, steady state, orbit and stability.
 
 use crate::report::numbers::{millimetres, significant};
-use crate::simulation::analysis::{Analysis, ForcedResponse, MotionKind, Sensitivities};
+use crate::simulation::analysis::{Analysis, ForcedResponse, Lyapunov, MotionKind, Sensitivities};
 
 /// The lines below the summary of a simulation.
 pub fn text(analysis: &Analysis) -> String {
@@ -68,6 +68,19 @@ fn percent(share: f64) -> String {
     format!("{} %", significant(100.0 * share, 2))
 }
 
+/// What the Lyapunov exponent says.
+fn lyapunov(found: &Lyapunov) -> String {
+    let what = match found {
+        found if found.is_chaotic() => "small disturbances grow: the motion is chaotic over these periods",
+        found if found.is_settling() => "small disturbances decay: the motion settles, or has a long period",
+        _ => "small disturbances neither grow nor decay beyond doubt",
+    };
+    format!(
+        "{what}; Lyapunov exponent {:+.4} ± {:.4} per drive period (one standard error), over {} periods beyond the run",
+        found.per_period, found.error, found.periods
+    )
+}
+
 /// The verdict on the end of the run, with what it rests on.
 fn motion(driven: &ForcedResponse) -> String {
     let tolerance = percent(driven.tolerance);
@@ -114,6 +127,7 @@ fn steady(driven: &ForcedResponse) -> Vec<(&'static str, String)> {
         ("cycle maxima", format!("mean {} over the same periods", millimetres(driven.mean_cycle_max_abs_x_m))),
         ("motion", motion(driven)),
     ];
+    lines.extend(driven.lyapunov.as_ref().map(|found| ("disturbances", lyapunov(found))));
     if let Some(orbit) = &driven.two_impact_orbit {
         lines.push((
             "two-impact orbit",

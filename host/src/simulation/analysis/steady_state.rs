@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use damprig_continuation::ReturnMap;
 use damprig_core::analysis::energy::{Balance, EnergyMeter};
 use damprig_core::analysis::lock_in::LockIn;
 use damprig_core::analysis::section::Section;
@@ -10,6 +11,7 @@ use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation, Impact, Observer};
 use serde::Serialize;
 
+use super::lyapunov::Lyapunov;
 use super::periodic_orbit::{PeriodicOrbit, Stability};
 use super::repetition::Repetition;
 use super::sensitivities::Sensitivities;
@@ -74,6 +76,9 @@ pub struct ForcedResponse {
     pub orbit: Option<OrbitSummary>,
     /// Why no orbit was found.
     pub no_orbit: Option<String>,
+    /// Growth of small disturbances along a motion that is not periodic, which goes on for it beyond the run; not of [`Analysis::watched`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lyapunov: Option<Lyapunov>,
     #[serde(skip)]
     found: Option<PeriodicOrbit>,
     /// How the results of the orbit follow its quantities, if the run is on it; not of [`Analysis::watched`].
@@ -120,6 +125,13 @@ pub struct SectionState {
     pub y_m: f64,
     /// y′, m/s.
     pub u_m_per_s: f64,
+}
+
+impl SectionState {
+    fn state(&self) -> ExactState {
+        let (offset_m, slide_m_per_s) = (self.y_m - self.x_m, self.u_m_per_s - self.v_m_per_s);
+        ExactState { x_m: self.x_m, v_m_per_s: self.v_m_per_s, offset_m, slide_m_per_s }
+    }
 }
 
 impl From<&ExactState> for SectionState {
@@ -229,7 +241,9 @@ impl Analysis {
     pub fn with_sensitivities(case: &Case, watch: &mut impl Observer) -> Option<Self> {
         let mut analysis = Self::watched(case, watch)?;
         if let Some(driven) = &mut analysis.driven {
-            driven.find_sensitivities(case);
+            let case = case.without_hertz();
+            driven.find_sensitivities(&case);
+            driven.find_lyapunov(&case);
         }
         Some(analysis)
     }
@@ -264,10 +278,21 @@ impl ForcedResponse {
     fn find_sensitivities(&mut self, case: &Case) {
         let is_on_it = self.orbit.as_ref().is_some_and(|orbit| orbit.is_run_on_it);
         let Some(orbit) = self.found.as_ref().filter(|_| is_on_it) else { return };
-        match Sensitivities::of(&case.without_hertz(), orbit) {
+        match Sensitivities::of(case, orbit) {
             Ok(found) => self.sensitivities = Some(found),
             Err(why) => self.no_sensitivities = Some(why),
         }
+    }
+
+    /// How disturbances grow along a motion that is not periodic.
+    fn find_lyapunov(&mut self, case: &Case) {
+        let Some(start) = self.section.last().filter(|_| self.motion == MotionKind::NotPeriodic) else { return };
+        let mut drive = case.excitation;
+        if let Excitation::Sine { phase_rad, .. } | Excitation::ForceSine { phase_rad, .. } = &mut drive {
+            *phase_rad = self.section_phase_rad;
+        }
+        let found = ReturnMap::new(&case.set_up, &drive, 1).ok().map(|map| Lyapunov::of(&map, &start.state()));
+        self.lyapunov = found.and_then(|found| found.ok().flatten());
     }
 
     fn of(
@@ -363,6 +388,7 @@ impl ForcedResponse {
             }),
             orbit: summary,
             no_orbit,
+            lyapunov: None,
             found: orbit,
             sensitivities: None,
             no_sensitivities: None,
