@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-__all__ = ["Accumulations", "Contacts", "Impacts", "Simulation", "simulate"]
+__all__ = ["Accumulations", "Contacts", "Impacts", "Simulation", "analyse", "simulate"]
 
 
 @dataclass(frozen=True)
@@ -165,12 +165,13 @@ class Simulation:
 
 
 def analyse(case: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:
-    """Analyse a case under a sine: the ``analysis`` of ``damprig simulate --analyse --json`` as a dict.
+    """Analyse a case: the ``analysis`` of ``damprig simulate --analyse --json`` as a dict.
 
     It has the energy balance (``energy``) and the end of the run (``driven``): whether the motion repeats, its periodic orbit with Floquet
     multipliers, and ``sensitivities``: exact relative changes of the largest ``|x|``, the RMS of x and the speed of the fastest impact per relative change
     of each quantity, through every impact, stick and slip. Every other quantity keeps its value in SI units, but stiffness and dashpot of
     the structure follow from M, fn and ζ. ``holds_within`` is the relative change at which, to first order, an event appears or vanishes.
+    ``driven`` is ``None`` without a sine.
     Without them ``no_orbit`` or ``no_sensitivities`` says why. A motion that is not periodic has ``lyapunov``: the mean of ln(growth) of a small
     disturbance in a drive period, with its standard error.
 

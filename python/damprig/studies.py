@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import operator
 import os
+import re
 import tempfile
 import warnings
 from dataclasses import dataclass
@@ -177,6 +178,10 @@ def _points(keys: Any, points: ArrayLike) -> np.ndarray:
     return array
 
 
+# Sampled cycles of a diagram: 2 GB.
+_MAX_CYCLES = 40_000_000
+
+
 def bifurcation(
     case: str | os.PathLike[str] | dict[str, Any],
     key: str,
@@ -204,22 +209,30 @@ def bifurcation(
     Returns
     -------
     Table
-        A row for each sampled cycle: ``direction``, the key, ``x_m``, ``v_m_per_s``, ``y_minus_x_m`` and ``u_minus_v_m_per_s`` at the end of the cycle, at
-        drive phase 0 (the Poincaré section), and ``cycle_max_m``, its largest ``|x|``. A motion that repeats every k cycles has k points at a
+        A row for each sampled cycle: ``direction``, the key, ``x_m``, ``v_m_per_s``, ``y_minus_x_m`` and ``u_minus_v_m_per_s`` at the end of the cycle (the
+        Poincaré section), and ``cycle_max_m``, its largest ``|x|``. A motion that repeats every k cycles has k points at a
         value, a chaotic one fills a set.
 
     Raises
     ------
     InputError
         The case or an argument is wrong.
+
+    Notes
+    -----
+    Ctrl-C ends a sweep between two values.
     """
+    if not isinstance(key, str) or not re.fullmatch(r"\w+(\.\w+)*", key):
+        raise InputError(f"key = {key!r} is not allowed: must be a key with its tables, for example 'particle.clearance_ratio'")
     swept = real_array("values", values)
     if swept.ndim != 1 or len(swept) < 2 or not np.isfinite(swept).all() or not (np.diff(swept) > 0).all():
         raise InputError("values: must be two or more finite numbers in rising order")
-    directions = {"both": ["up", "down"], "up": ["up"], "down": ["down"]}.get(direction)
+    directions = {"both": ["up", "down"], "up": ["up"], "down": ["down"]}.get(direction) if isinstance(direction, str) else None
     if directions is None:
         raise InputError(f"direction = {direction!r} is not allowed: must be 'both', 'up' or 'down'")
     counts = (_count("settle_cycles", settle_cycles, 0), _count("cycles", cycles, 1))
+    if len(directions) * len(swept) * counts[1] > _MAX_CYCLES:
+        raise InputError(f"values and cycles: {len(directions) * len(swept) * counts[1]} sampled cycles, must be {_MAX_CYCLES} or fewer")
     return Table(_damprig.bifurcation(case, key, swept.tolist(), directions, counts))
 
 

@@ -113,13 +113,18 @@ fn sensitivities_are_the_relative_changes_between_two_simulations() {
 
 #[test]
 fn a_motion_without_sensitivities_says_why() {
-    // The particle meets no wall: it may be anywhere.
-    let mut command = Command::cargo_bin("damprig").expect("the command has been built");
-    command.args(["simulate", "spid", "--analyse", "--set", "particle.clearance_m=0.5"]);
-    command.args(["--set", "particle.friction_coefficient=0", "--set", "run.duration_s=800"]);
-    let output = command.assert().success().get_output().stdout.clone();
-    let text = String::from_utf8(output).expect("UTF-8");
-    assert!(text.contains("no derivatives: the orbit is not alone"), "{text}");
+    let anywhere = ["particle.clearance_m=0.5", "particle.friction_coefficient=0", "run.duration_s=800"];
+    for (name, set, why) in [
+        ("spid", &anywhere[..], "no derivatives: the orbit is not alone"),
+        ("spid", &["run.duration_s=4"], "none: the run is not on a periodic orbit"),
+        ("tmd", &[], "none: a periodic orbit is searched for under a moving base alone"),
+    ] {
+        let mut command = Command::cargo_bin("damprig").expect("the command has been built");
+        command.args(["simulate", name, "--analyse"]).args(set.iter().flat_map(|set| ["--set", set]));
+        let output = command.assert().success().get_output().stdout.clone();
+        let text = String::from_utf8(output).expect("UTF-8");
+        assert!(text.contains(&format!("sensitivities            {why}")), "{name}: {text}");
+    }
 }
 
 /// A state of a settled run at drive phase 0, and the map of one period.

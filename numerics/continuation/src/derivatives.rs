@@ -297,6 +297,9 @@ fn follow(legs: &[Leg], equations: &Equations<Dual<f64>>, of_start: Option<usize
     for (n, leg) in legs.iter().enumerate() {
         let a = equations.matrix(&leg.phase);
         let start = with_slopes(&leg.start, &slopes);
+        if n > 0 {
+            column.margins.extend(begins_held(equations, &leg.phase, &start));
+        }
         let mut end = column.look(leg, equations, &a, &start, &mut square);
         let guard = equations.guard(&leg.phase, leg.end.event().unwrap_or(Guard::Turn(0)));
         let rate = times(&a, &end);
@@ -350,6 +353,13 @@ fn not_held(
         _ => return None,
     };
     Some(dot(&equations.guard(&held, breaks), end))
+}
+
+/// Where a leg begins with bodies that friction holds: by how much it does.
+fn begins_held(equations: &Equations<Dual<f64>>, phase: &Phase, start: &Vector<Dual<f64>>) -> Vec<Dual<f64>> {
+    let guards = phase.guards().into_iter();
+    let breaks = guards.filter(|guard| matches!(guard, Guard::GripBreaks(_) | Guard::HoldBreaks(_)));
+    breaks.map(|guard| absolute(dot(&equations.guard(phase, guard), start))).collect()
 }
 
 fn absolute(x: Dual<f64>) -> Dual<f64> {

@@ -40,11 +40,11 @@ const BAR: f64 = 20.0;
 /// A table of relative changes, with a bar for that of the largest |x|.
 fn sensitivities(found: &Sensitivities) -> String {
     let mut text = String::from(
-        "Sensitivities of the periodic motion: relative change of a result per relative change of a quantity\n",
+        "Sensitivities of the periodic motion: by how many per cent a result rises for 1 % more of a quantity. Each quantity changes\nalone in SI units (ratios of the case do not follow), but stiffness and dashpot of the structure keep fn and ζ.\n",
     );
     let has_impacts = found.of.iter().any(|of| of.impact_speed.is_some());
     let speed = if has_impacts { "   impact speed" } else { "" };
-    text += &format!("  {:<38}   largest |x|       RMS of x{speed}   events change at about", "");
+    text += &format!("  {:<38}   largest |x|       RMS of x{speed}   an event changes at about", "");
     let most = found.of.iter().map(|of| of.max_abs_x.abs()).fold(0.0, f64::max);
     for of in &found.of {
         let number = |value: f64| format!("{value:>+14.4}");
@@ -57,8 +57,10 @@ fn sensitivities(found: &Sensitivities) -> String {
         let (key, x, rms) = (of.key, number(of.max_abs_x), number(of.rms_x));
         text += format!("\n  {key:<38}{x} {rms} {speed}   {within:<21} {bar}").trim_end();
     }
-    if found.is_tie {
-        text += "\n  |x| is largest at two places, which follow the quantities differently: its changes are those of one of them.";
+    text += "\n  Beyond that change, or past a fold or doubling of the orbit (`damprig continue`), the motion is another one.";
+    let ties = [(found.is_tie, "|x| is largest at two places"), (found.is_speed_tie, "Two impacts are the fastest")];
+    for (_, what) in ties.iter().filter(|(is_tie, _)| *is_tie) {
+        text += &format!("\n  {what}, which follow the quantities differently: its changes are those of one of them.");
     }
     text
 }

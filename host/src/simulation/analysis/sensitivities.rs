@@ -1,7 +1,7 @@
 //! How the results of a periodic motion follow its quantities: exact derivatives through every event
 //! ([`damprig_continuation::Derivatives`]).
 
-use damprig_continuation::{Derived, Parameter, ReturnMap};
+use damprig_continuation::{Derived, NoDerivatives, Parameter, ReturnMap};
 use damprig_core::integrator::exact::Excitation;
 use serde::Serialize;
 
@@ -22,6 +22,10 @@ const LEFT_OUT: [Parameter; 6] = [
     Parameter::LinkFrequencyRatio,
     Parameter::LinkDampingRatio,
 ];
+
+/// Two impacts are equally fast within this share of their speed, and follow the quantities differently beyond that relative change.
+const EQUAL: f64 = 1e-9;
+const DIFFERENT: f64 = 1e-6;
 
 /// Relative changes of the results of a periodic motion per relative change of a quantity, d ln(result)/d ln(quantity). Every other quantity keeps
 /// its value in SI units, but stiffness and dashpot of the structure follow from M, fn and ζ.
@@ -45,10 +49,12 @@ pub struct Sensitivity {
 /// The sensitivities of the results of a periodic motion.
 #[derive(Clone, Debug, Serialize)]
 pub struct Sensitivities {
-    /// Of each quantity that the set-up has, the most important for the largest |x| first.
+    /// Of each quantity by which there are derivatives and that is not 0, the most important for the largest |x| first.
     pub of: Vec<Sensitivity>,
     /// Whether |x| is largest at two places with other derivatives: that of the largest |x| is of one of them.
     pub is_tie: bool,
+    /// The same of two fastest impacts.
+    pub is_speed_tie: bool,
 }
 
 impl Sensitivities {
@@ -57,6 +63,9 @@ impl Sensitivities {
         let mut drive = case.excitation;
         if let Excitation::Sine { phase_rad, .. } | Excitation::ForceSine { phase_rad, .. } = &mut drive {
             *phase_rad = orbit.section_phase_rad;
+        }
+        if orbit.multipliers.iter().any(|multiplier| multiplier.is_neutral) {
+            return Err(NoDerivatives::NotIsolated.to_string());
         }
         let set_up = &case.set_up;
         let map = ReturnMap::new(set_up, &drive, orbit.periods).map_err(|why| why.to_string())?;
@@ -77,6 +86,15 @@ impl Sensitivities {
         let found = map.orbit_derivatives(&initial(&orbit.start), &parameters).map_err(|why| why.to_string())?;
         let fastest = found.impacts.iter().map(|impact| &impact.approach_speed_m_per_s);
         let fastest = fastest.max_by(|a, b| a.value.total_cmp(&b.value));
+        let is_speed_tie = fastest.is_some_and(|fastest| {
+            let speeds = found.impacts.iter().map(|impact| &impact.approach_speed_m_per_s);
+            let equal = speeds.filter(|speed| speed.value >= fastest.value * (1.0 - EQUAL));
+            let changes = |of: &Derived| -> Vec<f64> {
+                of.by_parameters.iter().zip(&quantities).map(|(by, (_, _, value))| by * value / of.value).collect()
+            };
+            let expected = changes(fastest);
+            equal.map(changes).any(|other| other.iter().zip(&expected).any(|(a, b)| (a - b).abs() > DIFFERENT))
+        });
         let mut of: Vec<Sensitivity> = quantities
             .iter()
             .enumerate()
@@ -93,6 +111,6 @@ impl Sensitivities {
             })
             .collect();
         of.sort_by(|a, b| b.max_abs_x.abs().total_cmp(&a.max_abs_x.abs()));
-        Ok(Self { of, is_tie: found.is_tie })
+        Ok(Self { of, is_tie: found.is_tie, is_speed_tie })
     }
 }

@@ -82,10 +82,8 @@ pub struct ForcedResponse {
     #[serde(skip)]
     found: Option<PeriodicOrbit>,
     /// How the results of the orbit follow its quantities, if the run is on it; not of [`Analysis::watched`].
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub sensitivities: Option<Sensitivities>,
     /// Why they are not known.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub no_sensitivities: Option<String>,
 }
 
@@ -277,8 +275,13 @@ impl ForcedResponse {
     /// Those of the orbit that the run is on.
     fn find_sensitivities(&mut self, case: &Case) {
         let is_on_it = self.orbit.as_ref().is_some_and(|orbit| orbit.is_run_on_it);
-        let Some(orbit) = self.found.as_ref().filter(|_| is_on_it) else { return };
-        match Sensitivities::of(case, orbit) {
+        let found = match &self.found {
+            Some(orbit) if is_on_it => Sensitivities::of(case, orbit),
+            Some(_) => Err("none: the run is not on a periodic orbit; a longer run may settle".into()),
+            None if self.no_orbit.is_some() => Err("none: no periodic orbit was found".into()),
+            None => Err("none: a periodic orbit is searched for under a moving base alone".into()),
+        };
+        match found {
             Ok(found) => self.sensitivities = Some(found),
             Err(why) => self.no_sensitivities = Some(why),
         }

@@ -6,6 +6,7 @@ use damprig_continuation::{Derivatives, Derived, NoDerivatives, Parameter, Retur
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::exact::{Exact, Excitation, Impact, Observer};
+use damprig_core::integrator::modes::{Grip, Mode};
 use damprig_core::model::{
     Cavity, FrictionDamper, Initial, Particle, Release, Restitution, SetUp, Structure, Tmd, Wall,
 };
@@ -330,4 +331,56 @@ fn grazing_and_growing_motions_are_refused_with_the_reason() {
     let chaotic = ReturnMap::new(&impact_damper(5.0, 0.95), &drive, 40).unwrap();
     let refused = chaotic.derivatives(&Initial::default(), &[Parameter::Clearance]).unwrap_err();
     assert!(matches!(refused, NoDerivatives::Growth { growth } if growth > 1e7), "{refused}");
+}
+
+/// A structure with friction alone, below its resonance: from F = 0.664 kZ on it sticks at each reversal. On both sides of that force the
+/// derivatives say how far it is.
+#[test]
+fn a_stick_that_appears_or_vanishes_ends_the_range_of_a_derivative() {
+    let structure = Structure::from_modal(1.0, 2.5, 0.02);
+    let set_up = |ratio: f64| SetUp {
+        friction_damper: Some(FrictionDamper { force_n: ratio * structure.stiffness_n_per_m }),
+        ..SetUp::bare(structure)
+    };
+    let turning = 0.92 * NATURAL;
+    let drive = |phase_rad| Excitation::Sine { amplitude_m: 1.0, angular_frequency_rad_per_s: turning, phase_rad };
+    // From the middle of a slip.
+    let settled = |ratio: f64| {
+        let mut motion = Exact::new(&set_up(ratio), &drive(0.0), &Initial::default()).unwrap();
+        motion.run(400.0 * TAU / turning, &mut ());
+        let start = initial(vector(motion.state()));
+        let map = ReturnMap::new(&set_up(ratio), &drive(0.0), 1).unwrap();
+        let (from_s, to_s) = map.quiet_parts_s(&start).unwrap()[0];
+        let quiet_s = 0.5 * (from_s + to_s);
+        motion.run(400.0 * TAU / turning + quiet_s, &mut ());
+        (initial(vector(motion.state())), ReturnMap::new(&set_up(ratio), &drive(turning * quiet_s), 1).unwrap())
+    };
+    let sticks = |ratio: f64| {
+        let (start, map) = settled(ratio);
+        let mut modes = Sticks(false);
+        map.watch(&start, &mut modes);
+        modes.0
+    };
+    let (mut low, mut high) = (0.6, 0.75);
+    assert!(!sticks(low) && sticks(high));
+    for _ in 0..30 {
+        let middle = 0.5 * (low + high);
+        if sticks(middle) { high = middle } else { low = middle }
+    }
+    for off in [-1e-2, -1e-3, 1e-3, 1e-2] {
+        let (start, map) = settled(high * (1.0 + off));
+        let within = map.orbit_derivatives(&start, &[Parameter::DamperForce]).unwrap().holds_within[0];
+        // To first order.
+        assert!((within / off.abs() - 1.0).abs() < 0.3, "{off}: {within}");
+    }
+}
+
+struct Sticks(bool);
+
+impl Observer for Sticks {
+    const ARCS: bool = false;
+
+    fn mode(&mut self, _: f64, mode: Mode) {
+        self.0 |= mode.grip == Grip::Stuck;
+    }
 }
