@@ -8,12 +8,12 @@ use toml::Value;
 
 use super::found::{Found, FoundCurve};
 use super::keys::{file, second};
-use super::parameters::{PARAMETERS, ParameterKey};
 use crate::input::key::Quantity;
 use crate::input::{Problem, Refusal, Section, Source, near};
 use crate::motion_record::resolve;
 use crate::setup::StatedContact;
 use crate::simulation::case::default_name;
+use crate::simulation::parameters::{PARAMETERS, ParameterKey};
 use crate::simulation::{Case, SetValues};
 
 /// A validated continuation.

@@ -3,7 +3,7 @@
 use damprig_continuation::{Branch, BranchEnd, Curve, Diagram, Orbit, Origin, Special, SpecialKind};
 use serde::Serialize;
 
-use super::parameters::ParameterKey;
+use crate::simulation::parameters::ParameterKey;
 
 /// Branches of periodic orbits.
 #[derive(Clone, Debug, Serialize)]

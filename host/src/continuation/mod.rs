@@ -6,7 +6,6 @@
 mod file;
 mod found;
 mod keys;
-pub mod parameters;
 
 pub use file::Continuation;
 pub use found::{Found, FoundBranch, FoundCurve, FoundGap, FoundOrbit, FoundSpecial};

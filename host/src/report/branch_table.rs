@@ -6,12 +6,12 @@ use std::path::PathBuf;
 use arrow_array::RecordBatch;
 
 use crate::continuation::Found;
-use crate::continuation::parameters::ParameterKey;
 use crate::quantity::Quantity;
 use crate::run_folder::ReadError;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::sealed_parquet::{self, IDENTITY};
 use crate::simulation::fixed_parameters;
+use crate::simulation::parameters::ParameterKey;
 use crate::storage::out_file::{OutFile, to_failure, write_new};
 use crate::table::csv::{CsvTable, Heads};
 use crate::table::{Column, TableBuilder};

@@ -30,6 +30,7 @@ mod json_case;
 mod keys;
 pub mod many_particles;
 pub mod multi_degree;
+pub mod parameters;
 mod read_case;
 mod refusals;
 pub mod result;

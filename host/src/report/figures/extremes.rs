@@ -5,11 +5,11 @@ use super::study_curves::{Curve, CurveLabels, Mark};
 use super::study_map::{Map, MapAxis};
 use super::time_histories::{HistoryCurve, HistoryPanel};
 use super::{bifurcation, branches, curves, frequency_response, study_curves, study_map, time_histories};
-use crate::continuation::parameters::PARAMETERS;
 use crate::continuation::{Found, FoundBranch, FoundCurve, FoundOrbit, FoundSpecial};
 use crate::report::plot::axis::Scale;
 use crate::report::plot::palette::Look;
 use crate::report::plot::{Breadth, Picture};
+use crate::simulation::parameters::PARAMETERS;
 use crate::study::bifurcation::{Direction, Sample};
 
 /// Values that no simulation should give, and that one may.

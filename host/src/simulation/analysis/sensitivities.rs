@@ -6,8 +6,8 @@ use damprig_core::integrator::exact::Excitation;
 use serde::Serialize;
 
 use super::periodic_orbit::{PeriodicOrbit, initial};
-use crate::continuation::parameters::PARAMETERS;
 use crate::simulation::Case;
+use crate::simulation::parameters::PARAMETERS;
 
 /// Keys besides those that `damprig continue` follows.
 const MORE: [(&str, Parameter); 2] =

@@ -1,4 +1,4 @@
-//! Parameters of a continuation, by their keys in a case.
+//! Parameters of a motion under a sine that have exact derivatives, by their keys in a case: those that a continuation follows.
 
 use damprig_continuation::Parameter;
 
@@ -27,7 +27,7 @@ impl ParameterKey {
     }
 
     /// Its range, as a case declares it.
-    pub(super) fn refusal(&self, value: f64) -> Option<String> {
+    pub(crate) fn refusal(&self, value: f64) -> Option<String> {
         let (path, name) = self.key.rsplit_once('.')?;
         let tables = crate::setup::TABLES.iter().chain(crate::simulation::TABLES);
         let quantities = tables.filter(|table| table.path == path).flat_map(|table| table.quantities);
