@@ -71,12 +71,11 @@ impl Viewer for Motion {
     }
 }
 
-/// Reads the case; also the warnings of unusual values.
-fn read(given: Given) -> Result<(Case, Vec<String>), Failure> {
-    Ok(match given {
-        Given::File(path) => Case::read_with_warnings(&path)?,
-        Given::Text(source) => (Case::parse(&source, "case")?, source.warnings()),
-    })
+/// Reads the case; also its text, which has the warnings of unusual values.
+fn read(given: Given) -> Result<(Case, Source), Failure> {
+    let name = given.name();
+    let source = given.source()?;
+    Ok((Case::parse(&source, &name)?, source))
 }
 
 /// The times that are wanted: given ones, a rate, those of the case, or the usual rate.
@@ -123,13 +122,7 @@ impl Observer for Watch {
 pub fn analyse(py: Python<'_>, case: &Bound<'_, PyAny>) -> PyResult<(Vec<String>, String)> {
     let given = Given::of("case", case)?;
     work(py, || {
-        let (case, warnings, source) = match given {
-            Given::File(path) => {
-                let (case, warnings) = Case::read_with_warnings(&path)?;
-                (case, warnings, Box::new(Source::read(&path)?))
-            }
-            Given::Text(source) => (Case::parse(&source, "case")?, source.warnings(), source),
-        };
+        let (case, source) = read(given)?;
         let text = (source.name(), source.text());
         case.refuse_other_engines(text, &SetValues::default(), "analyse", false)?;
         let mut watch = Watch(Interrupt::new());
@@ -142,7 +135,7 @@ pub fn analyse(py: Python<'_>, case: &Bound<'_, PyAny>) -> PyResult<(Vec<String>
             ))
         })?;
         let text = serde_json::to_string(&analysis).map_err(|error| Failure::Input(error.to_string()))?;
-        Ok((warnings, text))
+        Ok((source.warnings(), text))
     })
 }
 
@@ -155,7 +148,7 @@ struct Simulated {
 }
 
 fn simulated(given: Given, times_s: Option<Vec<f64>>, rate_hz: Option<f64>) -> Result<Simulated, Failure> {
-    let (mut case, warnings) = read(given)?;
+    let (mut case, source) = read(given)?;
     let times = times(&case, times_s, rate_hz)?;
     let rate_hz = if let Times::Rate(rate_hz) = times { Some(rate_hz) } else { None };
     // The states are kept here.
@@ -166,7 +159,7 @@ fn simulated(given: Given, times_s: Option<Vec<f64>>, rate_hz: Option<f64>) -> R
     let options = RunOptions { keep: true, longest_part_s, go_on: &mut |_| interrupt.goes_on() };
     let result = run(&case, &mut motion, options)?;
     interrupt.check()?;
-    Ok(Simulated { case, warnings, motion, result })
+    Ok(Simulated { case, warnings: source.warnings(), motion, result })
 }
 
 /// Simulates a case: `case` is a path or a dict.

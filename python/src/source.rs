@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use damprig::input::{Refusal, Source};
+use damprig::simulation::case::default_name;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -79,6 +80,11 @@ impl Given {
         let kind = argument.get_type().name()?;
         let message = format!("{name}: must be the path of a file, or a dict with the keys of one, not {kind}");
         Err(input_error(argument.py(), message))
+    }
+
+    /// Name of a case that states none.
+    pub fn name(&self) -> String {
+        if let Self::File(path) = self { default_name(path) } else { "case".into() }
     }
 
     /// The text, for a reader that takes one.

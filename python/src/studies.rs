@@ -7,12 +7,10 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 
 use damprig::continuation::Continuation;
-use damprig::input::Source;
 use damprig::optimise::file::Optimisation;
 use damprig::report::bifurcation_files;
 use damprig::run_folder::read::parquet_file;
 use damprig::simulation::SetValues;
-use damprig::simulation::case::default_name;
 use damprig::study::Study;
 use damprig::study::axis::Value;
 use damprig::study::bifurcation::{self as sweep, Direction, Sweep};
@@ -189,10 +187,8 @@ pub fn bifurcation<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let given = Given::of("case", case)?;
     let columns = work(py, || {
-        let (source, name) = match given {
-            Given::File(path) => (Box::new(Source::read(&path)?), default_name(&path)),
-            Given::Text(source) => (source, "case".into()),
-        };
+        let name = given.name();
+        let source = given.source()?;
         let (settle_cycles, cycles) = counts;
         let sweep = Sweep { key, values, settle_cycles, cycles };
         let set = SetValues { origin: "key and values".into(), lines: String::new() };
@@ -202,9 +198,8 @@ pub fn bifurcation<'py>(
             .filter(|of| directions.iter().any(|name| name == of.name()))
             .collect();
         let samples = watched(|goes_on| sweep::run_all(&cases, &sweep, &directions, &|_| goes_on()))??;
-        Ok(Columns::of(&[
-            bifurcation_files::batch(&samples, &sweep.key, &cases[0]).map_err(|why| Failure::Input(why.0))?
-        ])?)
+        let batch = bifurcation_files::batch(&samples, &sweep.key, &cases[0]);
+        Ok(Columns::of(&[batch.map_err(|why| Failure::Input(why.0))?])?)
     })?;
     columns.into_dict(py)
 }

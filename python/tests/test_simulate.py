@@ -237,27 +237,21 @@ def test_ctrl_c_stops_a_long_simulation(spid, interrupted):
     assert interrupted("damprig.simulate", f"damprig.simulate({long(spid, 1e9)!r})") == "interrupted"
 
 
-CASE = {
-    "structure": {"mass_kg": 1.6, "natural_frequency_hz": 2.5, "damping_ratio": 0.0038},
-    "particle": {"mass_ratio": 0.1, "clearance_ratio": 10, "wall": {"kind": "restitution", "coefficient": 0.5}},
-    "base": {"kind": "sine", "amplitude_m": 0.003, "frequency_hz": 2.5},
-    "run": {"duration_s": 40},
-}
-
-
-def test_an_analysis_is_that_of_the_command(command, tmp_path):
+def test_an_analysis_is_that_of_the_command(command, spid, tmp_path):
+    # Long enough to be on the periodic orbit.
+    case = {**spid, "run": {"duration_s": 40}}
     file = tmp_path / "case.json"
-    file.write_text(json.dumps(CASE))
+    file.write_text(json.dumps(case))
     expected = json.loads(command("simulate", str(file), "--analyse", "--json"))["analysis"]
-    assert damprig.analyse(CASE) == damprig.analyse(file) == expected
-    largest = damprig.analyse(CASE)["driven"]["sensitivities"]["of"][0]
+    assert damprig.analyse(case) == damprig.analyse(file) == expected
+    largest = expected["driven"]["sensitivities"]["of"][0]
     assert largest["key"] == "base.frequency_hz" and largest["max_abs_x"] < -5
 
 
-def test_what_has_no_analysis_is_refused(project):
+def test_what_has_no_analysis_is_refused(project, spid):
     with pytest.raises(damprig.InputError, match="recorded base motion"):
         damprig.analyse(project / "host/cases/record.toml")
     storeys = [{"mass_kg": 1.0, "stiffness_n_per_m": 100.0, "damping_n_s_per_m": 0.1}] * 2
-    frame = {"storey": storeys, "base": CASE["base"], "run": CASE["run"]}
+    frame = {"storey": storeys, "base": spid["base"], "run": spid["run"]}
     with pytest.raises(damprig.InputError, match="analyse is not available for `storey`"):
         damprig.analyse(frame)

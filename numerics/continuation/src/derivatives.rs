@@ -28,6 +28,16 @@ pub struct Derived {
     pub by_parameters: Vec<f64>,
 }
 
+/// The largest of several values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Largest {
+    /// It, with its derivatives.
+    pub of: Derived,
+    /// Whether another one is as large, to within 10⁻⁹, with other derivatives: there is no derivative from both sides then, and that here is of
+    /// one of them.
+    pub is_tie: bool,
+}
+
 /// An impact on a hard wall, or the touch of a soft one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DerivedImpact {
@@ -45,10 +55,9 @@ pub struct Derivatives {
     /// Impacts, in the order of time.
     pub impacts: Vec<DerivedImpact>,
     /// Largest |x|, m.
-    pub largest_abs_x_m: Derived,
-    /// Whether |x| is as large elsewhere, to within 10⁻⁹, with other derivatives: it has no derivative from both sides, and that here is of one
-    /// of them.
-    pub is_tie: bool,
+    pub largest_abs_x_m: Largest,
+    /// Approach speed of the fastest impact, m/s; `None` without impacts.
+    pub fastest_impact_m_per_s: Option<Largest>,
     /// Root of the mean of x² over the motion, m.
     pub rms_x_m: Derived,
     /// Largest growth of a small disturbance of the start, displacements per amplitude and velocities per amplitude × Ω.
@@ -96,10 +105,10 @@ const GRAZING: f64 = 1e-6;
 /// Largest growth. The rounding of the start, 10⁻¹⁶, then changes the derivatives by 10⁻⁹ of their size.
 const MOST_GROWTH: f64 = 1e7;
 
-/// Two largest |x| are equal within this share of them, and their derivatives different beyond it.
+/// Two values are equally large within this share of them.
 const TIE: f64 = 1e-9;
 
-/// Derivatives of two largest |x| differ if they do by this share of them, per relative change.
+/// Derivatives of two equally large values differ if they do by this share of them, per relative change.
 const DIFFERENT: f64 = 1e-6;
 
 /// Longest step between looks at a leg: an angle of its fastest rate, rad.
@@ -220,24 +229,15 @@ impl Followed<'_> {
             time_s: derive(time, &move |column| column.impacts[n].0),
             approach_speed_m_per_s: derive(units[V], &move |column| column.impacts[n].1),
         });
-        let peak = |n: usize| derive(length, &move |column| column.peaks[n]);
-        let height = |n: &usize| first.peaks[*n].value;
-        let largest = (0..first.peaks.len()).max_by(|a, b| height(a).total_cmp(&height(b))).unwrap_or(0);
-        let largest_abs_x_m = peak(largest);
         // By the start in units of the motion, by parameters for relative changes.
         let sizes: Vec<f64> = units.iter().chain(&self.values).map(|size| size.abs()).collect();
-        let all = |of: &Derived| of.by_start.iter().chain(&of.by_parameters).copied().collect::<Vec<f64>>();
-        let differs = |other: usize| {
-            let pairs = all(&peak(other)).into_iter().zip(all(&largest_abs_x_m));
-            pairs.zip(&sizes).any(|((a, b), size)| (a - b).abs() * size > DIFFERENT * largest_abs_x_m.value)
-        };
-        let mut equal = (0..first.peaks.len()).filter(|n| height(n) >= height(&largest) * (1.0 - TIE));
-        let is_tie = equal.any(differs);
+        let peaks = |n: usize| derive(length, &move |column| column.peaks[n]);
+        let impacts: Vec<DerivedImpact> = impacts.collect();
         Ok(Derivatives {
             end: std::array::from_fn(|row| derive(units[row], &move |column| column.end[row])),
-            impacts: impacts.collect(),
-            is_tie,
-            largest_abs_x_m,
+            largest_abs_x_m: largest((0..first.peaks.len()).map(peaks), &sizes).ok_or(UnresolvedEvent)?,
+            fastest_impact_m_per_s: largest(impacts.iter().map(|impact| impact.approach_speed_m_per_s.clone()), &sizes),
+            impacts,
             rms_x_m: derive(length, &|column| column.rms),
             growth,
             holds_within,
@@ -277,6 +277,19 @@ impl Followed<'_> {
         }
         within
     }
+}
+
+/// The largest of some values; `sizes`: those of the quantities that their derivatives are taken by. `None` of none.
+fn largest(values: impl Iterator<Item = Derived>, sizes: &[f64]) -> Option<Largest> {
+    let all: Vec<Derived> = values.collect();
+    let of = all.iter().max_by(|a, b| a.value.total_cmp(&b.value))?.clone();
+    let changes = |of: &Derived| of.by_start.iter().chain(&of.by_parameters).copied().collect::<Vec<f64>>();
+    let differs = |other: &Derived| {
+        let pairs = changes(other).into_iter().zip(changes(&of));
+        pairs.zip(sizes).any(|((a, b), size)| (a - b).abs() * size > DIFFERENT * of.value)
+    };
+    let is_tie = all.iter().filter(|other| other.value >= of.value * (1.0 - TIE)).any(differs);
+    Some(Largest { of, is_tie })
 }
 
 /// Follows the legs along one column: a component of the start, or the parameter along which `equations` have derivatives.

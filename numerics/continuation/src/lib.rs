@@ -5,6 +5,8 @@
 //! finds it with exact derivatives, and pseudo-arclength steps follow it over a parameter through folds, whether it is stable or not.
 //! The Floquet multipliers are eigenvalues of the product of the segments' transition matrices, each corrected for the shift
 //! of its event (saltation).
+//!
+//! A motion that core simulates has the same exact derivatives, by its start and by parameters ([`ReturnMap`], [`Derivatives`]).
 
 mod boundary_problem;
 mod branch;
@@ -31,7 +33,7 @@ mod wall_law;
 pub use boundary_problem::{Condition, When};
 pub use branch::{BranchEnd, Steps};
 pub use curve::Curve;
-pub use derivatives::{Derivatives, Derived, DerivedImpact, NoDerivatives};
+pub use derivatives::{Derivatives, Derived, DerivedImpact, Largest, NoDerivatives};
 pub use explore::{Branch, Diagram, Origin, Task};
 pub use orbit::Orbit;
 pub use parameter::{Parameter, Ties};

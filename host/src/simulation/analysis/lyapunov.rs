@@ -70,7 +70,7 @@ impl Lyapunov {
     /// Whether disturbances grow, beyond doubt: a motion that stays bounded is then chaotic, at least as long as this.
     #[must_use]
     pub fn is_chaotic(&self) -> bool {
-        self.per_period > SURE * self.error && self.per_period > 0.0
+        self.per_period > SURE * self.error
     }
 
     /// Whether they decay, beyond doubt: the motion settles.

@@ -13,3 +13,18 @@ pub use lyapunov::Lyapunov;
 pub use periodic_orbit::{Multiplier, OrbitError, PeriodicOrbit, Stability};
 pub use sensitivities::{Sensitivities, Sensitivity};
 pub use steady_state::{Analysis, ForcedResponse, MotionKind, OrbitSummary, SectionState, TwoImpactOrbit};
+
+use damprig_continuation::ReturnMap;
+use damprig_core::integrator::exact::Excitation;
+use damprig_core::io::Invalid;
+
+use crate::simulation::Case;
+
+/// The map of a case over `periods` periods of its sine, from the drive's phase `from_rad`.
+fn return_map(case: &Case, from_rad: f64, periods: u32) -> Result<ReturnMap, Invalid> {
+    let mut drive = case.excitation;
+    if let Excitation::Sine { phase_rad, .. } | Excitation::ForceSine { phase_rad, .. } = &mut drive {
+        *phase_rad = from_rad;
+    }
+    ReturnMap::new(&case.set_up, &drive, periods)
+}

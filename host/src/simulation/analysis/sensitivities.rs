@@ -1,11 +1,11 @@
 //! How the results of a periodic motion follow its quantities: exact derivatives through every event
 //! ([`damprig_continuation::Derivatives`]).
 
-use damprig_continuation::{Derived, NoDerivatives, Parameter, ReturnMap};
-use damprig_core::integrator::exact::Excitation;
+use damprig_continuation::{Derived, NoDerivatives, Parameter};
 use serde::Serialize;
 
 use super::periodic_orbit::{PeriodicOrbit, initial};
+use super::return_map;
 use crate::simulation::Case;
 use crate::simulation::parameters::PARAMETERS;
 
@@ -22,10 +22,6 @@ const LEFT_OUT: [Parameter; 6] = [
     Parameter::LinkFrequencyRatio,
     Parameter::LinkDampingRatio,
 ];
-
-/// Two impacts are equally fast within this share of their speed, and follow the quantities differently beyond that relative change.
-const EQUAL: f64 = 1e-9;
-const DIFFERENT: f64 = 1e-6;
 
 /// Relative changes of the results of a periodic motion per relative change of a quantity, d ln(result)/d ln(quantity). Every other quantity keeps
 /// its value in SI units, but stiffness and dashpot of the structure follow from M, fn and ζ.
@@ -60,15 +56,11 @@ pub struct Sensitivities {
 impl Sensitivities {
     /// Of an orbit of a case under a sine; without them the reason.
     pub fn of(case: &Case, orbit: &PeriodicOrbit) -> Result<Self, String> {
-        let mut drive = case.excitation;
-        if let Excitation::Sine { phase_rad, .. } | Excitation::ForceSine { phase_rad, .. } = &mut drive {
-            *phase_rad = orbit.section_phase_rad;
-        }
         if orbit.multipliers.iter().any(|multiplier| multiplier.is_neutral) {
             return Err(NoDerivatives::NotIsolated.to_string());
         }
         let set_up = &case.set_up;
-        let map = ReturnMap::new(set_up, &drive, orbit.periods).map_err(|why| why.to_string())?;
+        let map = return_map(case, orbit.section_phase_rad, orbit.periods).map_err(|why| why.to_string())?;
         let second_mass = if set_up.tmd.is_some() { "tmd." } else { "particle." };
         let followed = PARAMETERS.iter().map(|of| (of.key, of.parameter)).chain(MORE);
         let quantities: Vec<(&'static str, Parameter, f64)> = followed
@@ -84,17 +76,7 @@ impl Sensitivities {
             .collect();
         let parameters: Vec<Parameter> = quantities.iter().map(|(_, parameter, _)| *parameter).collect();
         let found = map.orbit_derivatives(&initial(&orbit.start), &parameters).map_err(|why| why.to_string())?;
-        let fastest = found.impacts.iter().map(|impact| &impact.approach_speed_m_per_s);
-        let fastest = fastest.max_by(|a, b| a.value.total_cmp(&b.value));
-        let is_speed_tie = fastest.is_some_and(|fastest| {
-            let speeds = found.impacts.iter().map(|impact| &impact.approach_speed_m_per_s);
-            let equal = speeds.filter(|speed| speed.value >= fastest.value * (1.0 - EQUAL));
-            let changes = |of: &Derived| -> Vec<f64> {
-                of.by_parameters.iter().zip(&quantities).map(|(by, (_, _, value))| by * value / of.value).collect()
-            };
-            let expected = changes(fastest);
-            equal.map(changes).any(|other| other.iter().zip(&expected).any(|(a, b)| (a - b).abs() > DIFFERENT))
-        });
+        let (x, fastest) = (&found.largest_abs_x_m, found.fastest_impact_m_per_s.as_ref());
         let mut of: Vec<Sensitivity> = quantities
             .iter()
             .enumerate()
@@ -103,14 +85,14 @@ impl Sensitivities {
                 Sensitivity {
                     key,
                     value: *value,
-                    max_abs_x: relative(&found.largest_abs_x_m),
+                    max_abs_x: relative(&x.of),
                     rms_x: relative(&found.rms_x_m),
-                    impact_speed: fastest.map(relative),
+                    impact_speed: fastest.map(|fastest| relative(&fastest.of)),
                     holds_within: Some(found.holds_within[p]).filter(|within| within.is_finite()),
                 }
             })
             .collect();
         of.sort_by(|a, b| b.max_abs_x.abs().total_cmp(&a.max_abs_x.abs()));
-        Ok(Self { of, is_tie: found.is_tie, is_speed_tie })
+        Ok(Self { of, is_tie: x.is_tie, is_speed_tie: fastest.is_some_and(|fastest| fastest.is_tie) })
     }
 }

@@ -2,7 +2,6 @@
 
 use std::f64::consts::TAU;
 
-use damprig_continuation::ReturnMap;
 use damprig_core::analysis::energy::{Balance, EnergyMeter};
 use damprig_core::analysis::lock_in::LockIn;
 use damprig_core::analysis::section::Section;
@@ -14,6 +13,7 @@ use serde::Serialize;
 use super::lyapunov::Lyapunov;
 use super::periodic_orbit::{PeriodicOrbit, Stability};
 use super::repetition::Repetition;
+use super::return_map;
 use super::sensitivities::Sensitivities;
 use crate::simulation::Case;
 use crate::simulation::motion::ExactObserver;
@@ -79,8 +79,9 @@ pub struct ForcedResponse {
     /// Growth of small disturbances along a motion that is not periodic, which goes on for it beyond the run; not of [`Analysis::watched`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lyapunov: Option<Lyapunov>,
+    /// The orbit that `orbit` tells of.
     #[serde(skip)]
-    found: Option<PeriodicOrbit>,
+    periodic_orbit: Option<PeriodicOrbit>,
     /// How the results of the orbit follow its quantities, if the run is on it; not of [`Analysis::watched`].
     pub sensitivities: Option<Sensitivities>,
     /// Why they are not known.
@@ -275,7 +276,7 @@ impl ForcedResponse {
     /// Those of the orbit that the run is on.
     fn find_sensitivities(&mut self, case: &Case) {
         let is_on_it = self.orbit.as_ref().is_some_and(|orbit| orbit.is_run_on_it);
-        let found = match &self.found {
+        let found = match &self.periodic_orbit {
             Some(orbit) if is_on_it => Sensitivities::of(case, orbit),
             Some(_) => Err("none: the run is not on a periodic orbit; a longer run may settle".into()),
             None if self.no_orbit.is_some() => Err("none: no periodic orbit was found".into()),
@@ -290,11 +291,8 @@ impl ForcedResponse {
     /// How disturbances grow along a motion that is not periodic.
     fn find_lyapunov(&mut self, case: &Case) {
         let Some(start) = self.section.last().filter(|_| self.motion == MotionKind::NotPeriodic) else { return };
-        let mut drive = case.excitation;
-        if let Excitation::Sine { phase_rad, .. } | Excitation::ForceSine { phase_rad, .. } = &mut drive {
-            *phase_rad = self.section_phase_rad;
-        }
-        let found = ReturnMap::new(&case.set_up, &drive, 1).ok().map(|map| Lyapunov::of(&map, &start.state()));
+        let map = return_map(case, self.section_phase_rad, 1).ok();
+        let found = map.map(|map| Lyapunov::of(&map, &start.state()));
         self.lyapunov = found.and_then(|found| found.ok().flatten());
     }
 
@@ -392,7 +390,7 @@ impl ForcedResponse {
             orbit: summary,
             no_orbit,
             lyapunov: None,
-            found: orbit,
+            periodic_orbit: orbit,
             sensitivities: None,
             no_sensitivities: None,
         })
