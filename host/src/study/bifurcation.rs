@@ -230,12 +230,14 @@ pub fn run_all(
     Ok([first?, second?].concat())
 }
 
-/// The state with a particle that a smaller cavity has no room for put at its wall.
+/// The state with a particle that a smaller cavity has no room for put at its wall. A soft wall without Hertz contact gives way.
 fn inside(state: Initial, case: &Case) -> Initial {
-    let Some(particle) = case.set_up.particle.filter(|_| !case.set_up.has_soft_walls()) else { return state };
+    let Some(particle) = case.set_up.particle else { return state };
     let [low, high] = particle.ends_m();
-    let offset_m = (state.y_m - state.x_m).clamp(low, high);
-    Initial { y_m: state.x_m + offset_m, ..state }
+    let [gives_way_low, gives_way_high] = particle.walls().map(|wall| wall.spring_and_dashpot().is_some());
+    let from = if gives_way_low { f64::NEG_INFINITY } else { low };
+    let to = if gives_way_high { f64::INFINITY } else { high };
+    Initial { y_m: state.x_m + (state.y_m - state.x_m).clamp(from, to), ..state }
 }
 
 #[cfg(test)]

@@ -362,6 +362,25 @@ fn a_run_that_starts_on_an_impact_of_its_orbit_repeats_every_period_and_is_stabl
     assert!(tested > 3, "only {tested} orbits were tested");
 }
 
+/// At drive phase 0, where the analysis takes its section, the particle presses into a soft wall.
+#[test]
+fn an_orbit_that_presses_into_a_soft_wall_at_the_section_is_found() {
+    for release in ["zero_force", "zero_penetration"] {
+        let text = format!(
+            "structure = {{ mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.01 }}
+             base = {{ kind = \"sine\", amplitude_m = 0.002, frequency_hz = 2.2 }}
+             run = {{ duration_s = 200 }}
+             particle = {{ mass_kg = 0.16, clearance_m = 0.01, wall = {{ kind = \"voigt\", stiffness_n_per_m = 400, damping_n_s_per_m = 2, release = \"{release}\" }} }}"
+        );
+        let case = Case::parse(&Source::new("case.toml", text), "case").expect("a case");
+        let driven = Analysis::of(&case).expect("in closed form").driven.expect("a driven motion");
+        let last = driven.section.last().expect("it has a section");
+        assert!((last.y_m - last.x_m).abs() > 0.011, "it does not press: {last:?}");
+        let orbit = driven.orbit.as_ref().expect("the motion is periodic");
+        assert!(orbit.stable && orbit.is_run_on_it, "{release}: {orbit:?}");
+    }
+}
+
 /// Motions without restoring forces or damping: a particle that touches no wall, one held by friction, a stuck structure, an
 /// undamped structure.
 #[test]

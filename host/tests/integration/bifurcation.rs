@@ -71,6 +71,24 @@ fn a_periodic_motion_has_one_point_and_is_the_same_up_and_down() {
     }
 }
 
+/// A value begins with the last state of the one before: a particle that presses into a soft wall goes on pressing.
+#[test]
+fn a_particle_that_presses_into_a_soft_wall_at_the_section_is_followed_from_value_to_value() {
+    let particle =
+        "particle = { mass_ratio = 0.1, clearance_m = 0.01, wall = { kind = \"voigt\", stiffness_n_per_m = 400,
+        damping_n_s_per_m = 6, release = \"zero_force\" } }\n";
+    let case = format!("{STRUCTURE}{particle}{BASE}{RUN}").replace("\n        ", " ").replace("0.05", "0.01");
+    let axis = ["--axis", "base.frequency_hz=2.1:2.2:3", "--settle-cycles", "600", "--cycles", "2"];
+    let table = table(&case, &axis);
+    let (value, offset) = (column(&table, "base.frequency_hz"), column(&table, "y_minus_x_m"));
+    assert!(offset.iter().all(|o| o.abs() > 0.010), "no particle presses: {offset:?}");
+    for wanted in [2.1, 2.15, 2.2] {
+        let there: Vec<f64> =
+            (0..value.len()).filter(|n| (value[*n] - wanted).abs() < 1e-9).map(|n| offset[n]).collect();
+        assert!(there.len() == 4 && there.iter().all(|o| (o / there[0] - 1.0).abs() < 1e-9), "{wanted}: {there:?}");
+    }
+}
+
 #[test]
 fn a_wrong_axis_is_refused_before_anything_is_written() {
     let case = format!("{STRUCTURE}{BASE}{PARTICLE}{RUN}");

@@ -275,6 +275,20 @@ impl SetUp {
     /// # Errors
     /// A value that is not finite, or a particle outside its cavity.
     pub fn validate_initial(&self, initial: &Initial) -> Result<(), Invalid> {
+        self.validate_state(initial, |_| false)
+    }
+
+    /// The same of a state of a motion, in which the particle may press into a soft wall without Hertz contact. What a wall with
+    /// Hertz contact exerts depends on the speed at which the contact began, which a state does not tell.
+    ///
+    /// # Errors
+    /// A value that is not finite, or a particle outside its cavity that does not press into such a wall.
+    pub fn validate_moving(&self, state: &Initial) -> Result<(), Invalid> {
+        self.validate_state(state, |wall| wall.spring_and_dashpot().is_some())
+    }
+
+    /// Checks a state in which the particle may be beyond a wall that it `may_press`.
+    fn validate_state(&self, initial: &Initial, may_press: impl Fn(&Wall) -> bool) -> Result<(), Invalid> {
         finite("initial.x_m", initial.x_m)?;
         finite("initial.v_m_per_s", initial.v_m_per_s)?;
         finite("initial.y_m", initial.y_m)?;
@@ -284,8 +298,9 @@ impl SetUp {
             let offset_m = particle.cavity.offset_m;
             let rounding_m = 4.0 * f64::EPSILON * (initial.x_m.abs() + offset_m.abs());
             let room = particle.clearance_m * (1.0 + 1e-12) + rounding_m;
+            let from_middle_m = initial.y_m - initial.x_m - offset_m;
             require(
-                (initial.y_m - initial.x_m - offset_m).abs() <= room,
+                from_middle_m.abs() <= room || may_press(&particle.walls()[usize::from(from_middle_m > 0.0)]),
                 "initial.y_m",
                 initial.y_m,
                 "within particle.clearance_m of initial.x_m, plus the offset of the cavity (the particle starts inside its cavity)",

@@ -75,7 +75,7 @@ impl Exact {
         set_up.validate()?;
         require(!set_up.is_force_driven, "is_force_driven", 1.0, "false: a force is an excitation here")?;
         excitation.validate()?;
-        set_up.validate_initial(initial)
+        set_up.validate_moving(initial)
     }
 
     /// Restarts from `initial` at time `t_s` and keeps the tables.
@@ -86,7 +86,8 @@ impl Exact {
             // A start "at the wall" is written as y = x ± d and may miss the wall by a rounding.
             let rounding = 4.0 * f64::EPSILON * (initial.x_m.abs() + initial.y_m.abs());
             for side in [-1, 1] {
-                if signed(side, offset_m) >= self.c.end(side) - rounding {
+                let past_m = signed(side, offset_m) - self.c.end(side);
+                if past_m >= -rounding && (past_m <= rounding || self.soft(side).is_none()) {
                     offset_m = self.c.wall(side);
                 }
             }
@@ -100,11 +101,28 @@ impl Exact {
         self.time = Time::at(t_s);
         self.anchor();
         self.next_break_s = self.excitation.next_break_s(t_s);
-        self.touch = Touch::Clear;
+        self.touch = self.touch_of_state();
         self.fresh = Fresh::default();
         self.fastest_m_per_s = 0.0;
         self.started = false;
         self.events_at_once = 0;
+    }
+
+    /// The contact with a soft wall of a motion that starts now: the particle presses into the wall if it is beyond it and the wall pushes;
+    /// else it leaves the wall.
+    fn touch_of_state(&self) -> Touch {
+        let side = self.end_of_travel();
+        let past_m = signed(side, self.state.offset_m) - self.c.end(side);
+        if side == 0 || past_m <= 0.0 || self.soft(side).is_none() || self.squeeze.law(side).is_some() {
+            return Touch::Clear;
+        }
+        let link = self.flows.link(side);
+        let push_n = link.stiffness * past_m + link.damping * signed(side, self.state.slide_m_per_s);
+        if push_n > 0.0 || self.soft(side) == Some(Release::ZeroPenetration) {
+            Touch::Pressing(side)
+        } else {
+            Touch::Leaving(side)
+        }
     }
 
     /// Continues from another state at time `t_s`, with the same set-up and excitation; the fastest impact so far is what
@@ -112,6 +130,7 @@ impl Exact {
     pub fn resume(&mut self, t_s: f64, state: &ExactState, fastest_m_per_s: f64) {
         self.reset(t_s, &Initial::default());
         self.state = *state;
+        self.touch = self.touch_of_state();
         self.fastest_m_per_s = fastest_m_per_s;
     }
 

@@ -31,7 +31,7 @@ impl Exact {
         self.mode = Mode { grip: self.c.grip_at(slip), contact };
         self.set_leg();
         observer.mode(self.time.seconds(), self.mode);
-        if side == 0 {
+        if side == 0 || self.touch != Touch::Clear {
             self.resolve(slip, observer);
         } else {
             self.reach_wall(side, slip, observer);
