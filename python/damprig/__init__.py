@@ -16,6 +16,9 @@ from .errors import *  # noqa: F403
 
 # Where each name is; imported when it is used first.
 _PLACES = {
+    "Bifurcation": "studies",
+    "Branches": "studies",
+    "Optimisation": "studies",
     "Run": "runs",
     "Signals": "rig",
     "Simulation": "simulation",

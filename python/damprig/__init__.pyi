@@ -15,6 +15,9 @@ from .signals import response_spectrum as response_spectrum
 from .simulation import Simulation as Simulation
 from .simulation import analyse as analyse
 from .simulation import simulate as simulate
+from .studies import Bifurcation as Bifurcation
+from .studies import Branches as Branches
+from .studies import Optimisation as Optimisation
 from .studies import Study as Study
 from .studies import bifurcation as bifurcation
 from .studies import continuation as continuation

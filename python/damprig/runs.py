@@ -12,6 +12,7 @@ from typing import Any
 
 from . import _damprig
 from .errors import RunFolderWarning
+from .plots import plot_run
 from .signals import read_signals
 from .tables import Table
 
@@ -86,6 +87,13 @@ class Run:
         for problem in damaged:
             warnings.warn(problem, RunFolderWarning, stacklevel=2)
         return Table(table)
+
+    def plot(self, quantity: str = "x_over_z", ax: Any = None) -> Any:
+        """Draw a column of the results over frequency with matplotlib, a curve for each set-up and experiment; returns the axes.
+
+        Points that are neither steady nor stationary are hollow.
+        """
+        return plot_run(self, quantity, ax)
 
     def signals(self) -> list[dict[str, Any]]:
         """Time histories and frequency responses of the run, as :func:`damprig.read_signals` gives them (SEP005).

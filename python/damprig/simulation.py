@@ -12,6 +12,7 @@ import numpy as np
 from . import _damprig
 from .errors import InputError, UnusualValueWarning
 from .numbers import real_array
+from .plots import plot_motion
 from .tables import Table
 
 if TYPE_CHECKING:
@@ -162,6 +163,10 @@ class Simulation:
         """The motion as a frame of ``"pandas"`` or ``"polars"``, or a Dataset of ``"xarray"``; see :meth:`damprig.Table.frame`."""
         columns = {name: getattr(self, name) for name in self.units}
         return Table({"columns": columns, "units": self.units, "descriptions": dict.fromkeys(columns, "")}).frame(library)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw structure, second mass between its walls, base and impacts over time with matplotlib; returns the axes."""
+        return plot_motion(self, ax)
 
 
 def analyse(case: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:

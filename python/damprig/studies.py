@@ -17,6 +17,7 @@ import numpy as np
 from . import _damprig
 from .errors import InputError
 from .numbers import real_array
+from .plots import plot_bifurcation, plot_branches, plot_optimisation, plot_study
 from .tables import Table
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-__all__ = ["Study", "bifurcation", "continuation", "evaluate", "optimise", "study"]
+__all__ = ["Bifurcation", "Branches", "Optimisation", "Study", "bifurcation", "continuation", "evaluate", "optimise", "study"]
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,8 @@ class Study:
     ----------
     table : Table
         A row for each point: ``row``, the axes by their keys, the metrics; units in ``table.units``.
+    axes : list of str
+        The keys of its axes.
     best : dict or None
         The best point: ``row``, ``objective`` (its value) and the axes by their keys; ``None`` if no point has a value.
     path : str or None
@@ -42,8 +45,50 @@ class Study:
     """
 
     table: Table
+    axes: list[str]
     best: dict[str, Any] | None
     path: str | None
+
+    def plot(self, metric: str | None = None, ax: Any = None) -> Any:
+        """Draw a metric, the first one when left out, over the axes with matplotlib: curves, or a map over two axes of numbers.
+
+        Returns the axes of matplotlib: ``ax``, or those of a new figure.
+        """
+        return plot_study(self, metric, ax)
+
+
+class Bifurcation(Table):
+    """The sampled cycles of a bifurcation diagram: a :class:`damprig.Table` with a row for each.
+
+    Attributes
+    ----------
+    key : str
+        The swept key of the case.
+    """
+
+    def __init__(self, native: dict[str, Any], key: str) -> None:
+        super().__init__(native)
+        self.key = key
+
+    def plot(self, column: str = "cycle_max_m", ax: Any = None) -> Any:
+        """Draw a column over the key with matplotlib, up and down; returns the axes."""
+        return plot_bifurcation(self, column, ax)
+
+
+class Optimisation(dict):
+    """The answer of an optimisation: a dict as ``damprig optimise --json`` prints it."""
+
+    def plot(self, ax: Any = None, *, front: bool = False) -> Any:
+        """Draw the objective's metric over the band with matplotlib, beside alternatives and bare structure, or the ``front``; returns the axes."""
+        return plot_optimisation(self, ax, front=front)
+
+
+class Branches(dict):
+    """Branches of periodic orbits: a dict as ``damprig continue --json`` prints it."""
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the largest ``|x|`` over the parameter with matplotlib: stable orbits solid, unstable ones dashed; returns the axes."""
+        return plot_branches(self, ax)
 
 
 def study(
@@ -75,7 +120,7 @@ def study(
     if out is None and isinstance(given, dict):
         with tempfile.TemporaryDirectory(prefix="damprig-") as folder:
             done = _study(given, Path(folder) / "study", executor)
-        return Study(done.table, done.best, None)
+        return Study(done.table, done.axes, done.best, None)
     folder = Path("studies") / Path(given).stem if out is None else Path(_path("out", out))
     return _study(given, folder, executor)
 
@@ -85,8 +130,8 @@ def _study(given: str | dict[str, Any], folder: Path, executor: Any) -> Study:
         _damprig.study_run(given, folder)
     else:
         _compute_on(executor, given, folder)
-    native, best, address = _damprig.study_merge(given, folder)
-    return Study(Table(native), best and _best(*best), address)
+    native, axes, best, address = _damprig.study_merge(given, folder)
+    return Study(Table(native), axes, best and _best(*best), address)
 
 
 def _given(file: Any) -> str | dict[str, Any]:
@@ -190,7 +235,7 @@ def bifurcation(
     direction: str = "both",
     settle_cycles: int = 200,
     cycles: int = 60,
-) -> Table:
+) -> Bifurcation:
     """Sweeps a key of a case up and down, as ``damprig study bifurcation`` does; the motion goes on from value to value.
 
     Parameters
@@ -208,7 +253,7 @@ def bifurcation(
 
     Returns
     -------
-    Table
+    Bifurcation
         A row for each sampled cycle: ``direction``, the key, ``x_m``, ``v_m_per_s``, ``y_minus_x_m`` and ``u_minus_v_m_per_s`` at the end of the cycle (the
         Poincaré section), and ``cycle_max_m``, its largest ``|x|``. A motion that repeats every k cycles has k points at a
         value, a chaotic one fills a set.
@@ -233,7 +278,7 @@ def bifurcation(
     counts = (_count("settle_cycles", settle_cycles, 0), _count("cycles", cycles, 1))
     if len(directions) * len(swept) * counts[1] > _MAX_CYCLES:
         raise InputError(f"values and cycles: {len(directions) * len(swept) * counts[1]} sampled cycles, must be {_MAX_CYCLES} or fewer")
-    return Table(_damprig.bifurcation(case, key, swept.tolist(), directions, counts))
+    return Bifurcation(_damprig.bifurcation(case, key, swept.tolist(), directions, counts), key)
 
 
 def _count(name: str, given: Any, least: int) -> int:
@@ -246,8 +291,8 @@ def _count(name: str, given: Any, least: int) -> int:
     return number
 
 
-def optimise(file: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:
-    """Optimises keys of a case; the answer of ``damprig optimise --json`` as a dict (docs/OPTIMISE.md).
+def optimise(file: str | os.PathLike[str] | dict[str, Any]) -> Optimisation:
+    """Optimises keys of a case; the answer of ``damprig optimise --json`` as a dict with ``plot()`` (docs/OPTIMISE.md).
 
     Parameters
     ----------
@@ -259,11 +304,11 @@ def optimise(file: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:
     InputError
         The file or its case is wrong.
     """
-    return json.loads(_damprig.optimise(_given(file)))
+    return Optimisation(json.loads(_damprig.optimise(_given(file))))
 
 
-def continuation(file: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:
-    """Follows periodic orbits over a parameter; the answer of ``damprig continue --json`` as a dict (docs/CONTINUE.md).
+def continuation(file: str | os.PathLike[str] | dict[str, Any]) -> Branches:
+    """Follows periodic orbits over a parameter; the answer of ``damprig continue --json`` as a dict with ``plot()`` (docs/CONTINUE.md).
 
     Parameters
     ----------
@@ -275,7 +320,7 @@ def continuation(file: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any
     InputError
         The file or its case is wrong, or there is no periodic orbit to start from.
     """
-    return json.loads(_damprig.continuation(_given(file)))
+    return Branches(json.loads(_damprig.continuation(_given(file))))
 
 
 def _path(name: str, given: Any) -> str:

@@ -7,6 +7,7 @@
 mod columns;
 mod failure;
 mod interrupt;
+mod looks;
 mod native_rig;
 mod plain_toml;
 mod run_reader;
@@ -33,6 +34,8 @@ fn _damprig(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(studies::bifurcation, module)?)?;
     module.add_function(wrap_pyfunction!(studies::optimise, module)?)?;
     module.add_function(wrap_pyfunction!(studies::continuation, module)?)?;
+    module.add_function(wrap_pyfunction!(looks::palette, module)?)?;
+    module.add_function(wrap_pyfunction!(looks::length_unit, module)?)?;
     module.add_class::<run_reader::RunReader>()?;
     module.add_class::<native_rig::NativeRig>()
 }

@@ -111,15 +111,15 @@ pub fn study_write(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf, part:
 /// The best point of a study: its row, the objective there, and the values of the axes.
 type Best = (u64, f64, Vec<(String, Option<f64>, Option<String>)>);
 
-/// Joins the parts of a study: its table, and the best point.
+/// Joins the parts of a study: its table, the keys of its axes, and the best point.
 #[pyfunction]
 pub fn study_merge<'py>(
     py: Python<'py>,
     study: &Bound<'py, PyAny>,
     out: PathBuf,
-) -> PyResult<(Bound<'py, PyDict>, Option<Best>, String)> {
+) -> PyResult<(Bound<'py, PyDict>, Vec<String>, Option<Best>, String)> {
     let design = Design::of("study", study)?;
-    let (columns, best, address) = work(py, || {
+    let (columns, axes, best, address) = work(py, || {
         let (study, data_set) = opened(&design, &out)?;
         let mut progress = Progress::none(study.rows());
         let address = data_set.join(&study, |part, batch| {
@@ -137,10 +137,11 @@ pub fn study_merge<'py>(
             };
             kept.map(value).collect()
         };
+        let axes = study.points.kept().iter().map(|axis| study.axes[*axis].key.clone()).collect();
         let best = progress.best.map(|(row, value)| (row, value, place(row)));
-        Ok((Columns::of(&batches)?, best, shown))
+        Ok((Columns::of(&batches)?, axes, best, shown))
     })?;
-    Ok((columns.into_dict(py)?, best, address))
+    Ok((columns.into_dict(py)?, axes, best, address))
 }
 
 /// The metrics of a study at points from outside: a row for each point, a column for each metric and one for how often too many events fell
