@@ -8,7 +8,7 @@ import os
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from . import _damprig
 from .errors import InputError, RigError, UnusualValueWarning
 from .runs import Run, open_run
 from .tables import Table
+
+if TYPE_CHECKING:
+    from . import keys
 
 __all__ = ["Signals", "VirtualRig"]
 
@@ -96,7 +99,7 @@ class VirtualRig:
     def __init__(
         self,
         settings: str | os.PathLike[str] | dict[str, Any] | None = None,
-        sensors: str | dict[str, Any] = "ideal",
+        sensors: Literal["ideal", "data_sheet"] | keys.CampaignRigSensors | dict[str, Any] = "ideal",
         *,
         seed: int = 1,
         noise_rms_m: float = 0.0,
@@ -112,7 +115,7 @@ class VirtualRig:
         mounted = "nothing mounted" if self._set_up is None else f"{self._set_up['name']} mounted"
         return f"<damprig.VirtualRig: {mounted}, {self.status()['state']}>"
 
-    def mount(self, set_up: dict[str, Any]) -> None:
+    def mount(self, set_up: keys.CampaignSetUp | dict[str, Any]) -> None:
         """Mount a set-up: a dict with the keys of ``[[set_up]]`` of a campaign (structure, dampers, ``base_amplitude_m``). A ``name`` is
         not needed.
 
@@ -169,7 +172,7 @@ class VirtualRig:
         campaign = self._campaign(self._mounted(base_amplitude_m), stepped)
         return Table(self._call(self._native.measure, campaign)["points"]).row(0)
 
-    def experiment(self, experiment: dict[str, Any], *, base_amplitude_m: float | None = None) -> Table:
+    def experiment(self, experiment: keys.CampaignExperiment | dict[str, Any], *, base_amplitude_m: float | None = None) -> Table:
         """Run an experiment on the mounted set-up: a dict with the keys of ``[[experiment]]`` of a campaign.
 
         Returns
@@ -184,7 +187,7 @@ class VirtualRig:
 
     def start(
         self,
-        experiment: dict[str, Any] | None = None,
+        experiment: keys.CampaignExperiment | dict[str, Any] | None = None,
         *,
         frequency_hz: float | None = None,
         duration_s: float = 600.0,
@@ -269,7 +272,7 @@ class VirtualRig:
         """Stop the drive, let time pass until the structure is at rest, and clear a fault."""
         self._native.rest()
 
-    def run(self, campaign: str | os.PathLike[str] | dict[str, Any], out: str | os.PathLike[str] | None = None) -> Run:
+    def run(self, campaign: str | os.PathLike[str] | keys.Campaign | dict[str, Any], out: str | os.PathLike[str] | None = None) -> Run:
         """Run a whole campaign into a run folder, as ``damprig run`` does.
 
         Parameters
@@ -313,7 +316,7 @@ class VirtualRig:
         return {"name": "python", "rig": self._rig, "telemetry": telemetry, "set_up": [set_up], "experiment": [experiment]}
 
 
-def _sensors(sensors: str | dict[str, Any]) -> dict[str, Any]:
+def _sensors(sensors: str | keys.CampaignRigSensors | dict[str, Any]) -> dict[str, Any]:
     if isinstance(sensors, dict):
         return sensors
     if sensors in ("ideal", "data_sheet"):

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from .keys import Case
+
 __all__ = ["Accumulations", "Contacts", "Impacts", "Simulation", "analyse", "simulate"]
 
 
@@ -169,7 +171,7 @@ class Simulation:
         return plot_motion(self, ax)
 
 
-def analyse(case: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:
+def analyse(case: str | os.PathLike[str] | Case | dict[str, Any]) -> dict[str, Any]:
     """Analyse a case: the ``analysis`` of ``damprig simulate --analyse --json`` as a dict.
 
     It has the energy balance (``energy``) and the end of the run (``driven``): whether the motion repeats, its periodic orbit with Floquet
@@ -197,7 +199,7 @@ def analyse(case: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:
 
 
 def simulate(
-    case: str | os.PathLike[str] | dict[str, Any],
+    case: str | os.PathLike[str] | Case | dict[str, Any],
     *,
     sample_times: ArrayLike | None = None,
     rate_hz: float | None = None,

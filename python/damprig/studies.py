@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from . import keys
+    from .keys import Case
+
 __all__ = ["Bifurcation", "Branches", "Optimisation", "Study", "bifurcation", "continuation", "evaluate", "optimise", "study"]
 
 
@@ -92,7 +95,7 @@ class Branches(dict):
 
 
 def study(
-    file: str | os.PathLike[str] | dict[str, Any],
+    file: str | os.PathLike[str] | keys.Study | dict[str, Any],
     out: str | os.PathLike[str] | None = None,
     *,
     executor: Any = None,
@@ -167,13 +170,13 @@ def _compute_on(executor: Any, given: str | dict[str, Any], folder: Path) -> Non
 
 
 def evaluate(
-    case: str | os.PathLike[str] | dict[str, Any],
+    case: str | os.PathLike[str] | Case | dict[str, Any],
     keys: Sequence[str],
     points: ArrayLike,
     metrics: str | Sequence[str],
     *,
-    axis: Sequence[dict[str, Any]] = (),
-    record: dict[str, Any] | None = None,
+    axis: Sequence[keys.StudyAxis | dict[str, Any]] = (),
+    record: keys.StudyRecord | dict[str, Any] | None = None,
 ) -> np.ndarray:
     """Metrics of a case at many points, on all cores: for SALib, pymoo, Optuna, SciPy and what else draws points.
 
@@ -228,7 +231,7 @@ _MAX_CYCLES = 40_000_000
 
 
 def bifurcation(
-    case: str | os.PathLike[str] | dict[str, Any],
+    case: str | os.PathLike[str] | Case | dict[str, Any],
     key: str,
     values: ArrayLike,
     *,
@@ -291,7 +294,7 @@ def _count(name: str, given: Any, least: int) -> int:
     return number
 
 
-def optimise(file: str | os.PathLike[str] | dict[str, Any]) -> Optimisation:
+def optimise(file: str | os.PathLike[str] | keys.Optimisation | dict[str, Any]) -> Optimisation:
     """Optimises keys of a case; the answer of ``damprig optimise --json`` as a dict with ``plot()`` (docs/OPTIMISE.md).
 
     Parameters
@@ -307,7 +310,7 @@ def optimise(file: str | os.PathLike[str] | dict[str, Any]) -> Optimisation:
     return Optimisation(json.loads(_damprig.optimise(_given(file))))
 
 
-def continuation(file: str | os.PathLike[str] | dict[str, Any]) -> Branches:
+def continuation(file: str | os.PathLike[str] | keys.Continuation | dict[str, Any]) -> Branches:
     """Follows periodic orbits over a parameter; the answer of ``damprig continue --json`` as a dict with ``plot()`` (docs/CONTINUE.md).
 
     Parameters

@@ -7,7 +7,7 @@ use clap_complete::Shell;
 use clap_mangen::Man;
 
 use super::outcome::{Failure, Outcome};
-use crate::file_keys::{FileKind, reference, schema};
+use crate::file_keys::{FileKind, reference, schema, typed_dicts};
 
 /// Prints the completions of a shell, for its completion folder or start-up file.
 #[derive(Debug, ClapArgs)]
@@ -62,7 +62,11 @@ first line is
 
 /// Prints all keys of campaigns, cases, set-up files, studies and optimisations, with unit, range, default and meaning (Markdown).
 #[derive(Debug, ClapArgs)]
-pub struct Keys {}
+pub struct Keys {
+    /// Print them as types of Python, the module damprig.keys of the Python package
+    #[arg(long)]
+    python: bool,
+}
 
 /// Prints a JSON Schema.
 ///
@@ -77,8 +81,9 @@ pub fn schema(args: &Schema) -> Outcome {
 ///
 /// # Errors
 /// None.
-pub fn keys(_: &Keys) -> Outcome {
-    say!("{}", reference::reference().trim_end());
+pub fn keys(args: &Keys) -> Outcome {
+    let text = if args.python { typed_dicts::module() } else { reference::reference() };
+    say!("{}", text.trim_end());
     Ok(())
 }
 

@@ -1,5 +1,5 @@
 //! The keys of each kind of input file, as its parser declares them: for editors as a JSON Schema ([`schema`]), for people as a
-//! reference ([`mod@reference`]) and as a new file with comments ([`new_file`]).
+//! reference ([`mod@reference`]), as types of Python ([`typed_dicts`]) and as a new file with comments ([`new_file`]).
 
 pub mod fit;
 pub mod new_file;
@@ -7,6 +7,7 @@ pub mod new_study;
 mod new_sweep;
 pub mod reference;
 pub mod schema;
+pub mod typed_dicts;
 
 use crate::input::key::{MAX_WHOLE, Table};
 use crate::setup::{PARTS, set_up_file};
