@@ -39,9 +39,10 @@ WRONG = [
 
 def checked(text, folder):
     """What mypy says of a program."""
-    (folder / "program.py").write_text(text, encoding="utf-8")
+    program = folder / f"program_{len(list(folder.glob('*.py')))}.py"
+    program.write_text(text, encoding="utf-8")
     mypy = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--cache-dir", str(folder / "cache")]
-    done = subprocess.run([*mypy, "program.py"], cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run([*mypy, program.name], cwd=folder, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout + done.stderr
 
 
