@@ -16,6 +16,7 @@ from .errors import *  # noqa: F403
 
 # Where each name is; imported when it is used first.
 _PLACES = {
+    "Basins": "studies",
     "Bifurcation": "studies",
     "Branches": "studies",
     "Optimisation": "studies",
@@ -26,6 +27,7 @@ _PLACES = {
     "Table": "tables",
     "VirtualRig": "rig",
     "analyse": "simulation",
+    "basins": "studies",
     "bifurcation": "studies",
     "continuation": "studies",
     "evaluate": "studies",

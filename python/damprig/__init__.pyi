@@ -15,10 +15,12 @@ from .signals import response_spectrum as response_spectrum
 from .simulation import Simulation as Simulation
 from .simulation import analyse as analyse
 from .simulation import simulate as simulate
+from .studies import Basins as Basins
 from .studies import Bifurcation as Bifurcation
 from .studies import Branches as Branches
 from .studies import Optimisation as Optimisation
 from .studies import Study as Study
+from .studies import basins as basins
 from .studies import bifurcation as bifurcation
 from .studies import continuation as continuation
 from .studies import evaluate as evaluate

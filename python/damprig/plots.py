@@ -16,9 +16,9 @@ from .errors import InputError
 if TYPE_CHECKING:
     from .runs import Run
     from .simulation import Simulation
-    from .studies import Bifurcation, Branches, Optimisation, Study
+    from .studies import Basins, Bifurcation, Branches, Optimisation, Study
 
-__all__ = ["plot_bifurcation", "plot_branches", "plot_motion", "plot_optimisation", "plot_run", "plot_study"]
+__all__ = ["plot_basins", "plot_bifurcation", "plot_branches", "plot_motion", "plot_optimisation", "plot_run", "plot_study"]
 
 _PALETTE = _damprig.palette()
 _COLOURS: list[str] = _PALETTE["colours"]
@@ -109,6 +109,29 @@ def plot_study(study: Study, metric: str | None = None, ax: Any = None) -> Any:
     if best is not None:
         ax.plot([best[x_key]], [scale * best["objective"]], "o", mfc="none", mec=_MARKED, mew=2, ms=10, label="best")
     return _labelled(ax, _key_label(table, x_key), label, "")
+
+
+def plot_basins(basins: Basins, ax: Any = None) -> Any:
+    """The attractor of each start in its colour; white has none."""
+    from matplotlib.colors import ListedColormap
+
+    ax = _axes(ax)
+    across, up = (np.unique(basins.starts[key]) for key in basins.keys)
+    number = basins.starts["attractor"].astype(int)
+    # Black is that of text. Attractors beyond the colours have them again.
+    colours = _COLOURS[1:]
+    shown = np.where(number == 0, 0, 1 + (number - 1) % len(colours)).reshape(len(up), len(across))
+    drawn = ListedColormap(["#ffffff", *colours])
+    ax.pcolormesh(across, up, shown, shading="nearest", cmap=drawn, vmin=-0.5, vmax=len(colours) + 0.5)
+    rows = [basins.attractors.row(place) for place in range(min(len(basins.attractors), len(colours)))]
+    for row in rows:
+        words = f"{row['attractor']}: {row['impacts']} impacts in {row['period_cycles']} cycles, max |x| {1e3 * row['max_abs_x_m']:.4g} mm"
+        ax.plot([], [], "s", color=colours[row["attractor"] - 1], label=f"{words}, {100 * row['share']:.3g} %")
+    if (number == 0).any():
+        ax.plot([], [], "s", mfc="white", mec=_INK, label=f"no attractor, {100 * (number == 0).mean():.3g} %")
+    _labelled(ax, *(_key_label(basins.starts, key) for key in basins.keys), "")
+    ax.grid(visible=False)
+    return ax
 
 
 def plot_bifurcation(table: Bifurcation, column: str = "cycle_max_m", ax: Any = None) -> Any:

@@ -17,7 +17,7 @@ import numpy as np
 from . import _damprig
 from .errors import InputError
 from .numbers import real_array
-from .plots import plot_bifurcation, plot_branches, plot_optimisation, plot_study
+from .plots import plot_basins, plot_bifurcation, plot_branches, plot_optimisation, plot_study
 from .tables import Table
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from . import keys
     from .keys import Case
 
-__all__ = ["Bifurcation", "Branches", "Optimisation", "Study", "bifurcation", "continuation", "evaluate", "optimise", "study"]
+__all__ = ["Basins", "Bifurcation", "Branches", "Optimisation", "Study", "basins", "bifurcation", "continuation", "evaluate", "optimise", "study"]
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,29 @@ class Bifurcation(Table):
     def plot(self, column: str = "cycle_max_m", ax: Any = None) -> Any:
         """Draw a column over the key with matplotlib, up and down; returns the axes."""
         return plot_bifurcation(self, column, ax)
+
+
+@dataclass(frozen=True)
+class Basins:
+    """Basins of attraction.
+
+    Attributes
+    ----------
+    keys : tuple of str
+        The two keys of the starts.
+    starts : Table
+        A row for each start: its keys, ``attractor`` (a number from 1, 0 if the motion does not repeat) and its last state at drive phase 0.
+    attractors : Table
+        A row for each attractor: ``starts``, ``share``, ``period_cycles``, ``impacts``, ``max_abs_x_m`` and a state at drive phase 0.
+    """
+
+    keys: tuple[str, str]
+    starts: Table
+    attractors: Table
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the attractor of each start with matplotlib; returns the axes."""
+        return plot_basins(self, ax)
 
 
 class Optimisation(dict):
@@ -272,9 +295,7 @@ def bifurcation(
     """
     if not isinstance(key, str) or not re.fullmatch(r"\w+(\.\w+)*", key):
         raise InputError(f"key = {key!r} is not allowed: must be a key with its tables, for example 'particle.clearance_ratio'")
-    swept = real_array("values", values)
-    if swept.ndim != 1 or len(swept) < 2 or not np.isfinite(swept).all() or not (np.diff(swept) > 0).all():
-        raise InputError("values: must be two or more finite numbers in rising order")
+    swept = _rising("values", values)
     directions = {"both": ["up", "down"], "up": ["up"], "down": ["down"]}.get(direction) if isinstance(direction, str) else None
     if directions is None:
         raise InputError(f"direction = {direction!r} is not allowed: must be 'both', 'up' or 'down'")
@@ -282,6 +303,48 @@ def bifurcation(
     if len(directions) * len(swept) * counts[1] > _MAX_CYCLES:
         raise InputError(f"values and cycles: {len(directions) * len(swept) * counts[1]} sampled cycles, must be {_MAX_CYCLES} or fewer")
     return Bifurcation(_damprig.bifurcation(case, key, swept.tolist(), directions, counts), key)
+
+
+def basins(
+    case: str | os.PathLike[str] | Case | dict[str, Any],
+    starts: dict[str, ArrayLike],
+    *,
+    cycles: int = 3000,
+) -> Basins:
+    """Follows every start of a grid until its motion repeats, as ``damprig study basins`` does: which attractor does it end on?
+
+    Parameters
+    ----------
+    case : path or dict
+        A case file (TOML or JSON) under a sine, or a dict with the keys of one (docs/KEYS.md).
+    starts : dict of str to array_like
+        Two keys of ``initial``, each with its rising values: ``{"initial.x_m": np.linspace(-0.05, 0.05, 51), "initial.v_m_per_s": …}``.
+    cycles : int
+        Most cycles of a start; a motion that does not repeat within 16 cycles by then has no attractor.
+
+    Raises
+    ------
+    InputError
+        The case or a start is wrong.
+
+    Notes
+    -----
+    Motions whose states agree within 0.1 % are one attractor. The place of a particle that meets no wall, and of a structure that its friction
+    damper holds, does not count.
+    """
+    if not isinstance(starts, dict) or len(starts) != 2:
+        raise InputError("starts: must be a dict of two keys with their values")
+    axes = [(key, _rising(key, values).tolist()) for key, values in starts.items()]
+    native, attractors = _damprig.basins(case, axes, _count("cycles", cycles, 1))
+    first, second = starts
+    return Basins((first, second), Table(native), Table(attractors))
+
+
+def _rising(name: str, values: ArrayLike) -> np.ndarray:
+    array = real_array(name, values)
+    if array.ndim != 1 or len(array) < 2 or not np.isfinite(array).all() or not (np.diff(array) > 0).all():
+        raise InputError(f"{name}: must be two or more finite numbers in rising order")
+    return array
 
 
 def _count(name: str, given: Any, least: int) -> int:

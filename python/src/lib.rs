@@ -32,6 +32,7 @@ fn _damprig(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(studies::study_merge, module)?)?;
     module.add_function(wrap_pyfunction!(studies::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(studies::bifurcation, module)?)?;
+    module.add_function(wrap_pyfunction!(studies::basins, module)?)?;
     module.add_function(wrap_pyfunction!(studies::optimise, module)?)?;
     module.add_function(wrap_pyfunction!(studies::continuation, module)?)?;
     module.add_function(wrap_pyfunction!(looks::palette, module)?)?;

@@ -8,12 +8,13 @@ use std::thread;
 
 use damprig::continuation::Continuation;
 use damprig::optimise::file::Optimisation;
-use damprig::report::bifurcation_files;
+use damprig::report::{basins_files, bifurcation_files};
 use damprig::run_folder::read::parquet_file;
-use damprig::simulation::SetValues;
+use damprig::simulation::{Case, SetValues};
 use damprig::study::Study;
 use damprig::study::axis::Value;
-use damprig::study::bifurcation::{self as sweep, Direction, Sweep};
+use damprig::study::basins::{self as starts, Grid};
+use damprig::study::bifurcation::{self as sweep, Direction, Sweep, SweepAxis};
 use damprig::study::data_set::{DataSet, Manifest, TABLE};
 use damprig::study::evaluate::{UNRESOLVED, main_column};
 use damprig::study::given_points::GivenPoints;
@@ -203,6 +204,31 @@ pub fn bifurcation<'py>(
         Ok(Columns::of(&[batch.map_err(|why| Failure::Input(why.0))?])?)
     })?;
     columns.into_dict(py)
+}
+
+/// Basins of attraction of a case: the table of the starts and that of the attractors.
+#[pyfunction]
+pub fn basins<'py>(
+    py: Python<'py>,
+    case: &Bound<'py, PyAny>,
+    axes: [(String, Vec<f64>); 2],
+    most_cycles: u32,
+) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
+    let given = Given::of("case", case)?;
+    let (ends, attractors) = work(py, || {
+        let name = given.name();
+        let source = given.source()?;
+        let grid = Grid { axes: axes.map(|(key, values)| SweepAxis { key, values }), most_cycles };
+        let set = SetValues { origin: "starts".into(), lines: String::new() };
+        let texts = (source.name(), source.text(), name.as_str());
+        let found = watched(|goes_on| starts::run(texts, &grid, &set, &|_| goes_on()))??.ok_or_else(interrupted)?;
+        let case = Case::parse(&source, &name)?;
+        let table = |batch: Result<_, bifurcation_files::Unwritten>| -> Result<Columns, Failure> {
+            Ok(Columns::of(&[batch.map_err(|why| Failure::Input(why.0))?])?)
+        };
+        Ok((table(basins_files::starts(&found, &grid, &case))?, table(basins_files::attractors(&found, &case))?))
+    })?;
+    Ok((ends.into_dict(py)?, attractors.into_dict(py)?))
 }
 
 /// Optimises: the answer as JSON.

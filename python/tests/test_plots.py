@@ -96,6 +96,23 @@ def test_a_bifurcation_diagram_has_a_dot_for_each_cycle(spid):
         diagram.plot("y_m")
 
 
+def test_basins_show_the_attractor_of_each_start(spid):
+    spid["base"]["frequency_hz"] = 2.2
+    starts = {"initial.x_m": np.linspace(-0.05, 0.05, 9), "initial.v_m_per_s": np.linspace(-0.8, 0.8, 7)}
+    found = damprig.basins(spid, starts)
+    assert len(found.starts) == 63 and found.attractors["starts"].sum() == (found.starts["attractor"] > 0).sum()
+    ax = found.plot()
+    (drawn,) = ax.collections
+    assert np.array_equal(np.ravel(drawn.get_array()), found.starts["attractor"])
+    assert ax.get_xlabel() == "initial.x_m (m)" and len(lines(ax)) >= len(found.attractors)
+    with pytest.raises(damprig.InputError, match="two keys"):
+        damprig.basins(spid, {"initial.x_m": [0, 1]})
+    with pytest.raises(damprig.InputError, match="initial.x_m: must be two or more"):
+        damprig.basins(spid, {**starts, "initial.x_m": [1, 0]})
+    with pytest.raises(damprig.InputError, match="is no start"):
+        damprig.basins(spid, {"initial.x_m": [0, 1], "base.frequency_hz": [2, 3]})
+
+
 def test_branches_are_solid_where_stable_and_name_their_special_points(spid):
     found = damprig.continuation({"case": spid, "parameter": "particle.clearance_ratio", "from": 9, "to": 15})
     ax = found.plot()

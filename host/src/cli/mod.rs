@@ -18,6 +18,7 @@ macro_rules! warn {
 }
 
 mod arguments;
+mod basins;
 mod bifurcation;
 mod calibrate;
 mod calibrate_operator;

@@ -8,13 +8,13 @@ use std::time::Instant;
 use clap::{Args as ClapArgs, Subcommand};
 
 use super::arguments::QuietArg;
-use super::bifurcation;
 use super::examples;
 use super::outcome::{Failure, Outcome};
 use super::output::print_always;
 use super::progress::StudyBar;
 use super::study_figures::say_result;
 use super::study_work;
+use super::{basins, bifurcation};
 use crate::file_keys::FileKind;
 use crate::report::numbers::{about, duration, significant};
 use crate::report::terminal;
@@ -45,6 +45,8 @@ enum What {
     Merge(study_work::PlaceArgs),
     /// Draw a bifurcation diagram: sweep a key of a case up and down
     Bifurcation(bifurcation::Args),
+    /// Draw basins of attraction: which motion each start ends on
+    Basins(basins::Args),
 }
 
 /// Runs a study on all cores and writes its table; goes on where an earlier run stopped.
@@ -102,6 +104,7 @@ pub fn run(args: &Args) -> Outcome {
         What::Verify(args) => study_work::verify(args),
         What::Merge(args) => study_work::merge(args),
         What::Bifurcation(args) => bifurcation::run(args),
+        What::Basins(args) => basins::run(args),
     }
 }
 

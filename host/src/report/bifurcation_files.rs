@@ -22,7 +22,7 @@ pub const TABLE: &str = "bifurcation.parquet";
 pub struct Unwritten(pub String);
 
 impl Unwritten {
-    fn of(error: impl std::fmt::Display) -> Self {
+    pub(super) fn of(error: impl std::fmt::Display) -> Self {
         Self(error.to_string())
     }
 }

@@ -5,6 +5,7 @@
 //! other. The modules named after files write what a command leaves in its folder.
 
 pub mod backbone_table;
+pub mod basins_files;
 pub mod bifurcation_files;
 pub mod branch_table;
 pub mod case_files;

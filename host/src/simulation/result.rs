@@ -75,6 +75,9 @@ pub struct Summary {
     /// How often the event search was given up because too many events fell on one instant or one step of a record.
     #[serde(skip_serializing_if = "is_zero")]
     pub unresolved: u32,
+    /// How far the particle is beyond a soft wall that it has passed, at the end, m ([`Case::passed_wall_by_m`]).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub passed_wall_by_m: Option<f64>,
     /// Velocity with which a displacement record starts, m/s: the jump from rest is smoothed over its first interval, which
     /// changes the first moments of the motion. Absent if it starts at rest.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -138,6 +141,7 @@ impl Summary {
             steady_max_abs_x_m: steady.map(|s| s.0),
             steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
             unresolved,
+            passed_wall_by_m: None,
             record_start_jump_m_per_s: case.record.as_ref().and_then(Record::start_jump_m_per_s),
             peak_contact_force_n: wall_force::largest_n(case, response),
             first_contact_duration_s: contact.map(|c| c.0),

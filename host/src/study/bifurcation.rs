@@ -104,6 +104,26 @@ pub struct Sample {
     pub cycle_max_m: f64,
 }
 
+/// The case of a file or a dict, with other values, for what needs a sine.
+///
+/// # Errors
+/// A case that is refused, that is not driven by a sine, or that has spheres or, unless they are allowed, several places.
+pub(super) fn sine_case(
+    (source_name, text, name): (&str, &str, &str),
+    values: &SetValues,
+    what: &str,
+    several_places: bool,
+) -> Result<Case, Refusal> {
+    let case = Case::parse_changed(&Source::new(source_name, text), name, values)?;
+    case.refuse_other_engines((source_name, text), values, what, several_places)?;
+    match case.excitation {
+        Excitation::Sine { .. } | Excitation::ForceSine { .. } if case.record.is_none() => Ok(case),
+        _ => Err(Refusal(format!(
+            "{source_name}: {what} needs a sine\n  write base = {{ kind = \"sine\", … }} or force = {{ kind = \"sine\", … }}"
+        ))),
+    }
+}
+
 /// The cases of a sweep, one for each value, with the values of `set` too, whose origin names who gives key and values.
 ///
 /// # Errors
@@ -112,14 +132,7 @@ pub fn cases(source_name: &str, text: &str, name: &str, sweep: &Sweep, set: &Set
     let case = |value: &f64| {
         let lines = format!("{}{} = {value:?}\n", set.lines, sweep.key);
         let values = SetValues { origin: set.origin.clone(), lines };
-        let case = Case::parse_changed(&Source::new(source_name, text), name, &values)?;
-        case.refuse_other_engines((source_name, text), &values, "a bifurcation diagram", true)?;
-        match case.excitation {
-            Excitation::Sine { .. } | Excitation::ForceSine { .. } if case.record.is_none() => Ok(case),
-            _ => Err(Refusal(format!(
-                "{source_name}: a bifurcation diagram needs a sine\n  write base = {{ kind = \"sine\", … }} or force = {{ kind = \"sine\", … }}"
-            ))),
-        }
+        sine_case((source_name, text, name), &values, "a bifurcation diagram", true)
     };
     let cases: Vec<Case> = sweep.values.iter().map(case).collect::<Result<_, _>>()?;
     let modes = |case: &Case| case.multi_degree.as_ref().map(|several| several.set_up.structure.clone());

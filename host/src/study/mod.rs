@@ -8,6 +8,7 @@
 
 pub mod axis;
 pub mod band;
+pub mod basins;
 pub mod bifurcation;
 pub mod data_set;
 pub mod direct;

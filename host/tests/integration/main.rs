@@ -2,6 +2,7 @@
 
 mod analysis;
 mod analysis_account;
+mod basins;
 mod bifurcation;
 mod bit_flips;
 mod calibrate;

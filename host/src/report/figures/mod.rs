@@ -2,6 +2,7 @@
 //! [`peak_motion`], [`simulated_motion`]); [`campaign`] supplies the data of a run.
 
 pub mod backbone;
+pub mod basins;
 pub mod bifurcation;
 pub mod branches;
 pub mod campaign;

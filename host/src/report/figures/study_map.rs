@@ -43,7 +43,7 @@ pub struct MapAxis {
 
 impl MapAxis {
     /// Borders of the points' rectangles: half-way between them, one more than points.
-    fn borders(&self) -> Vec<f64> {
+    pub(super) fn borders(&self) -> Vec<f64> {
         let at = |value: f64| if self.is_log { value.ln() } else { value };
         let back = |value: f64| if self.is_log { value.exp() } else { value };
         let values: Vec<f64> = self.values.iter().map(|value| at(*value)).collect();
@@ -54,7 +54,7 @@ impl MapAxis {
         all.map(back).collect()
     }
 
-    fn axis(&self) -> Axis {
+    pub(super) fn axis(&self) -> Axis {
         let borders = self.borders();
         let scale = if self.is_log { Scale::Log } else { Scale::Linear };
         Axis { label: self.label.clone(), from: borders[0], to: borders[borders.len() - 1], scale }
@@ -183,7 +183,7 @@ fn colour_scale(label: &str, values: &[f64]) -> Axis {
 }
 
 /// Runs of neighbours that are alike: first place and the place after the last.
-fn runs(values: &[f64], alike: impl Fn(f64, f64) -> bool) -> Vec<(usize, usize)> {
+pub(super) fn runs(values: &[f64], alike: impl Fn(f64, f64) -> bool) -> Vec<(usize, usize)> {
     let mut runs = Vec::new();
     let mut from = 0;
     for to in 1..=values.len() {

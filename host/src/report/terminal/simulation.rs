@@ -251,6 +251,14 @@ pub fn summary(case: &Case, result: &SimulationResult) -> String {
         );
         lines.push(("unresolved", text));
     }
+    if let Some(beyond_m) = s.passed_wall_by_m {
+        let text = format!(
+            "the particle is {} mm beyond its wall: with release = \"zero_force\" a wall acts again only when the particle is back; from then on \
+             nothing here is that of a damper",
+            significant(1e3 * beyond_m, 4)
+        );
+        lines.push(("passed the wall", text));
+    }
     if let Some(force) = s.peak_contact_force_n {
         lines.push(("wall force", format!("at most {} N", significant(force, 5))));
     }

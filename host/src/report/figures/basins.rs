@@ -1,0 +1,84 @@
+//! Draws basins of attraction: a rectangle for each start, in the colour of its attractor; a mark where an attractor itself lies.
+
+use super::study_map::{MapAxis, runs};
+use crate::report::numbers::significant;
+use crate::report::plot::axis::Frame;
+use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::palette::{COLOURS, GREY, INK, WHITE, colour};
+use crate::report::plot::svg::{Bounds, Colour, Font, Svg};
+use crate::report::plot::{Picture, SMALL, TITLE};
+use crate::study::basins::{Attractor, Basins, Grid};
+
+const BOUNDS: Bounds = (92.0, 44.0, 720.0, 540.0);
+const SIZE: (f64, f64) = (1100.0, 620.0);
+
+/// Most values of an axis that are drawn.
+const MAX_VALUES: usize = 400;
+
+/// The colour of an attractor: those of curves without black, in which text could not be told from a basin.
+fn tint(place: usize) -> Colour {
+    colour(1 + place % (COLOURS - 1))
+}
+
+/// Draws the basins. `labels`: quantity and unit of the keys.
+#[must_use]
+pub fn draw(basins: &Basins, grid: &Grid, labels: [String; 2], title: &str) -> Picture {
+    let [across, up] = grid.axes.each_ref().map(|axis| taken(axis.values.len()));
+    let [x, y] = [(0, &across), (1, &up)].map(|(n, places)| MapAxis {
+        label: labels[n].clone(),
+        values: places.iter().map(|place| grid.axes[n].values[*place]).collect(),
+        is_log: false,
+    });
+    let frame = Frame { x: x.axis(), y: y.axis(), bounds: BOUNDS };
+    let (columns, edges) = (grid.axes[0].values.len(), (x.borders(), y.borders()));
+    let mut picture = Picture::new(SIZE.0, SIZE.1);
+    for (row, place) in up.iter().enumerate() {
+        // −1 is no attractor.
+        let ends = across.iter().map(|column| basins.ends[place * columns + column].map_or(-1.0, |end| end as f64));
+        let ends: Vec<f64> = ends.collect();
+        for (from, to) in runs(&ends, |a, b| a == b) {
+            let cell = frame.cell((edges.0[from], edges.1[row]), (edges.0[to], edges.1[row + 1]));
+            let fill = if ends[from] < 0.0 { WHITE } else { tint(ends[from] as usize) };
+            picture.rectangle(cell, fill.fill());
+        }
+    }
+    picture.add(&frame.ticks());
+    picture.add(&frame.edges());
+    picture.text(title, (BOUNDS.0, BOUNDS.1 - 20.0), Font::new(TITLE, INK));
+    legend::column(&mut picture, (BOUNDS.2 + 24.0, BOUNDS.1 + 10.0), &entries(basins));
+    if across.len() < columns || up.len() < grid.axes[1].values.len() {
+        let words = "Every value of an axis is in the table; the figure has some of them.";
+        picture.text(words, (BOUNDS.0, SIZE.1 - 16.0), Font::new(SMALL, GREY));
+    }
+    picture
+}
+
+/// Places of the drawn values of an axis.
+fn taken(count: usize) -> Vec<usize> {
+    let kept = count.min(MAX_VALUES);
+    (0..kept).map(|n| n * (count - 1) / (kept - 1)).collect()
+}
+
+fn entries(basins: &Basins) -> Vec<Entry> {
+    let share =
+        |starts: usize| format!("{} % of the starts", significant(100.0 * starts as f64 / basins.ends.len() as f64, 3));
+    let sample = |fill: Colour| {
+        let mut svg = Svg::default();
+        svg.rectangle((-9.0, -8.0, 9.0, 8.0), fill.fill().edged(INK, 0.6));
+        svg
+    };
+    let entry = |(place, of): (usize, &Attractor)| {
+        Entry::mark(format!("{}: {}", place + 1, of.description()), &sample(tint(place))).with_detail(share(of.starts))
+    };
+    let mut entries: Vec<Entry> = basins.attractors.iter().take(COLOURS - 1).enumerate().map(entry).collect();
+    let rest: usize = basins.attractors.iter().skip(COLOURS - 1).map(|of| of.starts).sum();
+    if rest > 0 {
+        let words = format!("{} more, in the same colours again", basins.attractors.len() + 1 - COLOURS);
+        entries.push(Entry::mark(words, &Svg::default()).with_detail(share(rest)));
+    }
+    let lost = basins.ends.iter().filter(|end| end.is_none()).count();
+    if lost > 0 {
+        entries.push(Entry::mark("no attractor", &sample(WHITE)).with_detail(share(lost)));
+    }
+    entries
+}
