@@ -112,13 +112,12 @@ pub fn study_write(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf, part:
 /// The best point of a study: its row, the objective there, and the values of the axes.
 type Best = (u64, f64, Vec<(String, Option<f64>, Option<String>)>);
 
+/// The table of a study, the keys of its axes, its best point, and where the table is.
+type Merged<'py> = (Bound<'py, PyDict>, Vec<String>, Option<Best>, String);
+
 /// Joins the parts of a study: its table, the keys of its axes, and the best point.
 #[pyfunction]
-pub fn study_merge<'py>(
-    py: Python<'py>,
-    study: &Bound<'py, PyAny>,
-    out: PathBuf,
-) -> PyResult<(Bound<'py, PyDict>, Vec<String>, Option<Best>, String)> {
+pub fn study_merge<'py>(py: Python<'py>, study: &Bound<'py, PyAny>, out: PathBuf) -> PyResult<Merged<'py>> {
     let design = Design::of("study", study)?;
     let (columns, axes, best, address) = work(py, || {
         let (study, data_set) = opened(&design, &out)?;
