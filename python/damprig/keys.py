@@ -55,6 +55,18 @@ class BaseVersine(TypedDict, total=False):
     """T, the length of the pulse (s)"""
 
 
+class BaseSamples(TypedDict, total=False):
+    """Samples of the base's motion: any sweep, sum of sines or shape, as a program computes it."""
+
+    kind: Literal["samples"]
+    displacement_m: Sequence[float]
+    """z at each instant, joined by cubics; before the first one the base rests there, after the last one too (m)"""
+    acceleration_m_per_s2: Sequence[float]
+    """z″ at each instant, joined by lines; z starts from 0 at rest (m/s²), in place of displacement_m"""
+    time_step_s: float
+    """time between two samples (s)"""
+
+
 class BaseNoiseEnvelope(TypedDict, total=False):
     """Envelope of the noise."""
 
@@ -105,7 +117,7 @@ class BaseRecord(TypedDict, total=False):
     """largest |z| of the noise (m)"""
 
 
-Base = Union[BaseFixed, BaseSine, BaseHalfSine, BaseVersine, BaseRecord]
+Base = Union[BaseFixed, BaseSine, BaseHalfSine, BaseVersine, BaseSamples, BaseRecord]
 
 
 class ForceSine(TypedDict, total=False):

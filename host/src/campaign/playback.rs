@@ -131,7 +131,7 @@ fn recorded(
         kind: "playback",
         sample_rate_hz: rate_hz,
         samples_m,
-        origin: record.file.map_or(Origin::Noise, Origin::File),
+        origin: record.origin.file().map_or(Origin::Noise, |file| Origin::File(file.into())),
         about,
         ramp_s: ends.ramp_s,
         tail_s: ends.tail_s,

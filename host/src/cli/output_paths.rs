@@ -22,7 +22,8 @@ pub fn check(
 ) -> Result<(), Failure> {
     // The tables beside --out are written for a case with walls only.
     let has_walls = case.has_impacts();
-    let record = case.record.as_ref().and_then(|record| Some(("the record of the case", record.file.clone()?)));
+    let record =
+        case.record.as_ref().and_then(|record| Some(("the record of the case", record.origin.file()?.to_path_buf())));
     let read = [Some(("the case file", path.to_path_buf())), record];
     let history = out.map(|out| ("--out", out.path().to_path_buf()));
     let beside = out.filter(|_| has_walls);

@@ -12,4 +12,4 @@ pub(crate) use keys::{BASE_RECORD, ENVELOPE, Motion, NOISE, OF_FILE, read_motion
 pub use noise::Noise;
 pub use read::{RecordError, Spec, Which, read, resolve};
 pub(crate) use read::{Rows, rows};
-pub use record::{Play, Quantity, Record};
+pub use record::{Play, Quantity, Record, RecordOrigin};

@@ -11,7 +11,7 @@ use damprig_core::io::TICK_HZ;
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use super::record::{Quantity, Record};
+use super::record::{Quantity, Record, RecordOrigin};
 
 /// A base motion of noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,7 +77,13 @@ impl Noise {
         }
         let scale = peak_m / largest.max(f64::MIN_POSITIVE);
         samples.iter_mut().for_each(|z| *z *= scale);
-        Record { file: None, quantity: Quantity::Displacement, step_s: 1.0 / rate_hz, samples, resampling: None }
+        Record {
+            origin: RecordOrigin::Noise,
+            quantity: Quantity::Displacement,
+            step_s: 1.0 / rate_hz,
+            samples,
+            resampling: None,
+        }
     }
 
     /// Its properties in words.

@@ -6,7 +6,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::record::{Quantity, Record};
+use super::record::{Quantity, Record, RecordOrigin};
 use super::units::{ToSi, unit_list};
 use crate::input::key::Unit;
 use crate::input::{Files, near};
@@ -96,7 +96,7 @@ fn parse(selected: &Selector, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> R
     if let Some(refusal) = Unit::of("time_step_s").and_then(|unit| unit.refusal(step_s)) {
         return Err(answer(format!("a time step of {step_s:e} s is not allowed: {refusal}")));
     }
-    Ok(Record { file: Some(path.to_path_buf()), quantity, step_s, samples, resampling: None })
+    Ok(Record { origin: RecordOrigin::File(path.to_path_buf()), quantity, step_s, samples, resampling: None })
 }
 
 /// The record of a signal of another program's file, which states quantity, unit and time step itself.
@@ -169,7 +169,7 @@ fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, R
         return Err(refuse(format!("{kind}, {name:?}: {} samples; a motion has at least 2", samples.len())));
     }
     let resampling = (even.rms_error > 0.0).then(|| even.rms_error / rms);
-    Ok(Record { file: Some(selected.path), quantity, step_s: even.step_s, samples, resampling })
+    Ok(Record { origin: RecordOrigin::File(selected.path), quantity, step_s: even.step_s, samples, resampling })
 }
 
 /// "did you mean": files beside a missing one.

@@ -11,7 +11,7 @@
 //! a record that starts with a velocity, as a sine does, starts with half of it, and the jump is smoothed over the first
 //! interval ([`Record::start_jump_m_per_s`]).
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use damprig_core::integrator::base::BaseSegment;
 
@@ -36,11 +36,30 @@ impl Quantity {
     }
 }
 
+/// Where a record is from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum RecordOrigin {
+    /// A file.
+    File(PathBuf),
+    /// A seed.
+    Noise,
+    /// The samples that a case has itself.
+    Samples,
+}
+
+impl RecordOrigin {
+    /// Its file, if it has one.
+    #[must_use]
+    pub fn file(&self) -> Option<&Path> {
+        if let Self::File(file) = self { Some(file) } else { None }
+    }
+}
+
 /// Evenly spaced samples of the base's motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
-    /// File it was read from; none if it was generated.
-    pub file: Option<PathBuf>,
+    /// Where it is from.
+    pub origin: RecordOrigin,
     /// Quantity of the samples.
     pub quantity: Quantity,
     /// Time step, s; greater than 0.
@@ -154,7 +173,7 @@ mod tests {
     use super::*;
 
     fn record(quantity: Quantity, samples: &[f64]) -> Record {
-        Record { file: None, quantity, step_s: 0.1, samples: samples.to_vec(), resampling: None }
+        Record { origin: RecordOrigin::Noise, quantity, step_s: 0.1, samples: samples.to_vec(), resampling: None }
     }
 
     #[test]

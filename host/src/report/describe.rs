@@ -8,7 +8,7 @@ use damprig_core::model::{Cavity, Dissipation, Particle, Wall};
 use super::numbers::{millimetres, significant, trimmed};
 use crate::campaign::{CampaignSetUp, Experiment};
 use crate::input::shown_in_line;
-use crate::motion_record::Quantity;
+use crate::motion_record::{Quantity, RecordOrigin};
 use crate::simulation::Case;
 
 /// The parameters in which set-ups and published results differ: `d/Z = 10, e = 0.47, γF = 0.6, Z = 1.5 mm`.
@@ -107,8 +107,11 @@ fn sentence(text: &str) -> String {
 #[must_use]
 pub fn excitation(case: &Case) -> String {
     if let Some(record) = &case.record {
-        let file = record.file.as_ref().and_then(|file| file.file_name());
-        let file = file.map_or("noise".into(), |name| name.to_string_lossy());
+        let file = match &record.origin {
+            RecordOrigin::File(file) => file.file_name().unwrap_or_default().to_string_lossy(),
+            RecordOrigin::Noise => "noise".into(),
+            RecordOrigin::Samples => "samples".into(),
+        };
         let peak = match record.quantity {
             Quantity::Acceleration => format!("acceleration, peak {} m/s²", significant(record.peak(), 4)),
             Quantity::Displacement => format!("displacement, peak {}", millimetres(record.peak())),

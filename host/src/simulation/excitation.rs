@@ -5,10 +5,11 @@ use std::path::PathBuf;
 
 use damprig_core::integrator::exact::Excitation;
 
-use super::keys::{base_fixed, base_half_sine, base_sine, base_versine, force_half_sine, force_sine};
+use super::keys::{base_fixed, base_half_sine, base_samples, base_sine, base_versine, force_half_sine, force_sine};
 use crate::input::Section;
 use crate::input::key::Quantity as Declared;
-use crate::motion_record::{BASE_RECORD, Motion, Record, read_motion, read_peak};
+use crate::input::section::Given;
+use crate::motion_record::{BASE_RECORD, Motion, Quantity, Record, RecordOrigin, read_motion, read_peak};
 use crate::setup::BASE_AMPLITUDE;
 
 /// Excitation of a case.
@@ -76,7 +77,14 @@ fn sine(is_ratio: bool, excitation: Excitation) -> CaseExcitation {
 
 /// Reads `base`. `stated_m` is the Z stated in the set-up; `find` resolves the path of a record.
 pub(super) fn base(s: &Section, stated_m: Option<f64>, find: &dyn Fn(&str) -> PathBuf) -> Option<CaseExcitation> {
-    let tables = [base_fixed::TABLE, base_sine::TABLE, base_half_sine::TABLE, base_versine::TABLE, BASE_RECORD];
+    let tables = [
+        base_fixed::TABLE,
+        base_sine::TABLE,
+        base_half_sine::TABLE,
+        base_versine::TABLE,
+        BASE_RECORD,
+        base_samples::TABLE,
+    ];
     let base = match s.variant(&tables)? {
         0 => Some(CaseExcitation::ClosedForm(Excitation::Fixed)),
         1 => {
@@ -98,6 +106,7 @@ pub(super) fn base(s: &Section, stated_m: Option<f64>, find: &dyn Fn(&str) -> Pa
                 })
             })
         }
+        5 => samples(s).map(CaseExcitation::Recorded),
         _ => {
             let (motion, peak_m) = (read_motion(s, find), read_peak(s));
             match motion {
@@ -110,6 +119,20 @@ pub(super) fn base(s: &Section, stated_m: Option<f64>, find: &dyn Fn(&str) -> Pa
     };
     s.finish();
     base
+}
+
+/// A base motion whose samples are in the case.
+fn samples(s: &Section) -> Option<Record> {
+    let (values, step_s) = (s.given(&base_samples::VALUES), s.scalar(&base_samples::TIME_STEP));
+    let ((place, Given::Numbers(values)), step_s) = (values?, step_s?) else { return None };
+    if values.len() < 2 {
+        let name = base_samples::VALUES.keys[place].name;
+        s.reject(name, format!("has {} samples: a motion has at least 2", values.len()), None);
+        return None;
+    }
+    let quantity = [Quantity::Displacement, Quantity::Acceleration][place];
+    let samples = values.into_iter().map(|number| number.value).collect();
+    Some(Record { origin: RecordOrigin::Samples, quantity, step_s, samples, resampling: None })
 }
 
 /// Z, m, from the table `base` or from the set-up, not from both.

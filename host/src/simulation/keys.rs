@@ -82,6 +82,15 @@ tables! {
         DURATION: Required, [number("duration_s", Positive, "T, the length of the pulse").usual(1e-3, 60.0)];
     }
 
+    "Samples of the base's motion: any sweep, sum of sines or shape, as a program computes it."
+    base_samples("base", "samples") {
+        VALUES: Required, [
+            key("displacement_m", Kind::Numbers(Any), "z at each instant, joined by cubics; before the first one the base rests there, after the last one too"),
+            key("acceleration_m_per_s2", Kind::Numbers(Any), "z″ at each instant, joined by lines; z starts from 0 at rest"),
+        ];
+        TIME_STEP: Required, [number("time_step_s", Positive, "time between two samples")];
+    }
+
     "A harmonic force: P sin(Ωt + φ)."
     force_sine("force", "sine") {
         AMPLITUDE: Required, [number("amplitude_n", NotNegative, "P").usual(0.0, 1000.0)];

@@ -98,6 +98,27 @@ fn an_at2_file_of_velocities_or_of_an_unknown_unit_is_refused() {
 }
 
 #[test]
+fn wrong_samples_of_the_base_are_refused_and_a_long_list_is_not_printed_whole() {
+    let long = format!("[{}]", vec!["0.001"; 20_000].join(", "));
+    let both = format!("displacement_m = {long}, acceleration_m_per_s2 = {long}, time_step_s = 0.001");
+    for (keys, words) in [
+        ("displacement_m = [0.001], time_step_s = 0.1", "has 1 samples: a motion has at least 2"),
+        ("displacement_m = [0, nan], time_step_s = 0.1", "must be a finite number"),
+        ("displacement_m = [0, 1]", "`base.time_step_s` is missing"),
+        ("time_step_s = 0.1", "`base.displacement_m` or `base.acceleration_m_per_s2` is missing"),
+        ("displacement_m = [0, 1], time_step_s = 0", "must be greater than 0"),
+        (&both, "is given too, and says the same quantity"),
+    ] {
+        let case = format!("{STRUCTURE}base = {{ kind = \"samples\", {keys} }}\nrun = {{ duration_s = 1 }}\n");
+        let folder = folder(&[("case.toml", &case)]);
+        let output = simulate(&folder, &["case.toml"]);
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && told.contains(words), "no {words:?} in:\n{told}");
+        assert!(told.len() < 3_000, "{} characters", told.len());
+    }
+}
+
+#[test]
 fn steady_cycles_that_the_run_does_not_have_are_refused() {
     let told = |run: &str, expected: &[&str]| {
         refused(&[("case.toml", &format!("{STRUCTURE}run = {run}\n"))], &["case.toml"], expected);

@@ -3,13 +3,13 @@
 use std::f64::consts::{PI, TAU};
 
 use damprig::input::Files;
-use damprig::motion_record::{Quantity, Record, Spec, read};
+use damprig::motion_record::{Quantity, Record, RecordOrigin, Spec, read};
 use damprig::spectrum::{Method, Point, periods, spectra};
 
 use crate::common::{damprig, field, folder_with};
 
 fn record(step_s: f64, samples: Vec<f64>) -> Record {
-    Record { file: None, quantity: Quantity::Acceleration, step_s, samples, resampling: None }
+    Record { origin: RecordOrigin::Samples, quantity: Quantity::Acceleration, step_s, samples, resampling: None }
 }
 
 fn one(record: &Record, zeta: f64, period_s: f64, method: Method) -> Point {

@@ -20,6 +20,9 @@ pub use quantities::Given;
 use super::key::{Key, Range, number};
 use super::{Problem, Source, Span, suggest};
 
+/// Most characters of a value in a message.
+const LONGEST: usize = 200;
+
 /// A number and its place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Number {
@@ -105,7 +108,7 @@ impl<'a> Section<'a> {
             _ => self.full(key),
         };
         self.source.report(Problem {
-            title: format!("`{name}` = {value} is not allowed"),
+            title: format!("`{name}` = {} is not allowed", beginning(value)),
             span: span.clone(),
             allowed: allowed.into(),
             help,
@@ -310,4 +313,12 @@ fn finite(value: &Spanned<DeValue>) -> Option<f64> {
         _ => None,
     };
     number.filter(|value| f64::is_finite(*value))
+}
+
+/// A value as a message shows it: of a long list its beginning.
+fn beginning(value: &str) -> std::borrow::Cow<'_, str> {
+    match value.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{} …", &value[..end]).into(),
+        None => value.into(),
+    }
 }

@@ -145,7 +145,7 @@ measure_s = 2
 cycles = 4
 "#;
 
-pub const MORE_CASES: [&str; 23] = [
+pub const MORE_CASES: [&str; 25] = [
     r#"
 places = ["a"]
 run = { duration_s = 1 }
@@ -347,6 +347,16 @@ run = { duration_s = 4 }
 structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
 base = { kind = "record", target_peak_m = 0.002, noise = { seed = 3, from_hz = 0.5, to_hz = 8, duration_s = 5, envelope = { rise_s = 0.5, fall_s = 0.5 } } }
 run = { duration_s = 4 }
+"#,
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+base = { kind = "samples", displacement_m = [0, 0.001, 0.003, 0.002], time_step_s = 0.1 }
+run = { duration_s = 0.3 }
+"#,
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+base = { kind = "samples", acceleration_m_per_s2 = [0, 1, -1, 0.5], time_step_s = 0.1 }
+run = { duration_s = 0.3 }
 "#,
 ];
 
