@@ -9,6 +9,7 @@ required here: which of them a table needs depends on the others.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import Literal, TypedDict, Union
 
@@ -944,7 +945,7 @@ class Study(TypedDict, total=False):
 
     name: str
     """name of the study in figures; the file name when left out"""
-    case: Union[str, Case]
+    case: Union[str, os.PathLike[str], Case]
     """the case that the study varies; relative to this file"""
     metrics: Sequence[str]
     """what is computed at each point, e.g. metrics = ['x_over_z']; docs/STUDIES.md lists them"""
@@ -1004,7 +1005,7 @@ class OptimisationAlternative(TypedDict, total=False):
 
     name: str
     """name of the alternative"""
-    case: Union[str, Case]
+    case: Union[str, os.PathLike[str], Case]
     """its case: a file, or tables that take the place of the case's own and of all its dampers: case = { friction_damper = { force_n = 5 } }"""
     variable: Sequence[OptimisationVariable]
     """as [[variable]]; none: the case as it is"""
@@ -1050,7 +1051,7 @@ class Optimisation(TypedDict, total=False):
 
     name: str
     """name of the optimisation; the file name when left out"""
-    case: Union[str, Case]
+    case: Union[str, os.PathLike[str], Case]
     """the case that the optimisation varies: its file, relative to this one, or its tables here ([case.structure] and so on)"""
     objective: Literal["x_over_z", "max_x_over_z", "rms_over_z", "mean_cycle_max_m", "max_abs_x_m", "max_abs_x_minus_z_m", "rms_x_m", "cycle_spread", "impacts_per_cycle", "peak_contact_force_n", "period_cycles", "largest_multiplier", "loss_factor", "collective_motion"]
     """the metric that is to be best; docs/STUDIES.md has their meanings"""
@@ -1094,7 +1095,7 @@ ContinuationSecond = TypedDict(
 Continuation = TypedDict(
     "Continuation",
     {
-        "case": "Union[str, Case]",  # the case file, relative to this file
+        "case": "Union[str, os.PathLike[str], Case]",  # the case file, relative to this file
         "parameter": "str",  # the parameter by its key in a case, e.g. 'particle.clearance_m'
         "from": "float",  # lower end of the range, in the unit of the parameter
         "to": "float",  # upper end of the range

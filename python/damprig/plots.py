@@ -27,6 +27,15 @@ _INK, _WALL, _MARKED = _PALETTE["ink"], _PALETTE["wall"], _PALETTE["marked"]
 # Most curves of a figure.
 _MAX_CURVES = 24
 
+# Labels of the columns of a bifurcation diagram.
+_SAMPLED = {
+    "x_m": "x at drive phase 0 (mm)",
+    "v_m_per_s": "x′ at drive phase 0 (m/s)",
+    "y_minus_x_m": "y − x at drive phase 0 (mm)",
+    "u_minus_v_m_per_s": "y′ − x′ at drive phase 0 (m/s)",
+    "cycle_max_m": "cycle maximum of |x| (mm)",
+}
+
 # Marks of special points: the shapes of the command's figures.
 _MARKS = {
     "fold": ("F", "^"),
@@ -44,6 +53,9 @@ def plot_motion(simulation: Simulation, ax: Any = None) -> Any:
     scale, unit = _length_scale(simulation.x, simulation.y, simulation.z)
     time = simulation.time
     walls = _walls(simulation)
+    impacts = simulation.impacts
+    # Impacts of a damper at another place have no y here.
+    seen = np.isfinite(impacts.y)
     has_second = bool(np.any(simulation.y != simulation.x))
     for offset_m in walls:
         ax.plot(time, scale * (simulation.x + offset_m), color=_WALL, lw=0.8, label="walls" if offset_m == walls[0] else None)
@@ -52,9 +64,8 @@ def plot_motion(simulation: Simulation, ax: Any = None) -> Any:
     if has_second:
         ax.plot(time, scale * simulation.y, color=_COLOURS[3], lw=1, label="y second mass")
     ax.plot(time, scale * simulation.x, color=_COLOURS[0], lw=1.4, label="x structure")
-    impacts = simulation.impacts
-    if len(impacts):
-        ax.plot(impacts.time, scale * impacts.y, ".", color=_MARKED, ms=4, label="impacts")
+    if seen.any():
+        ax.plot(impacts.time[seen], scale * impacts.y[seen], ".", color=_MARKED, ms=4, label="impacts")
     return _labelled(ax, "Time (s)", f"Displacement ({unit})", simulation.name)
 
 
@@ -71,15 +82,15 @@ def plot_study(study: Study, metric: str | None = None, ax: Any = None) -> Any:
     """A metric over the axes: curves, or a map of two axes with numbers; the best point is ringed if it is that of the metric."""
     table = study.table
     metrics = [name for name in table.columns if name not in ("row", "unresolved", *study.axes)]
-    metric = _one_of("metric", metrics[0] if metric is None else metric, metrics)
+    metric = _one_of("metric", study.objective if metric is None else metric, metrics)
     varied = [key for key in study.axes if len(_distinct(table[key])) > 1]
     numbers = [key for key in varied if table[key].dtype != object]
     if not numbers:
-        raise InputError("the study has no axis with numbers: see `study.table`")
+        raise InputError("plot() needs an axis with two or more numbers, and the study has none: see `study.table`")
     scale, label = _shown(table, metric)
     values = scale * np.asarray(table[metric], dtype=float)
     ax = _axes(ax)
-    best = study.best if metric == metrics[0] else None
+    best = study.best if metric == study.objective else None
     if len(varied) == 2 and len(numbers) == 2:
         across, up = (_distinct(table[key]) for key in numbers)
         x, y = (np.asarray(table[key], dtype=float) for key in numbers)
@@ -92,6 +103,8 @@ def plot_study(study: Study, metric: str | None = None, ax: Any = None) -> Any:
         if best is not None:
             ax.plot([best[numbers[0]]], [best[numbers[1]]], "o", mfc="none", mec=_MARKED, mew=2, ms=10, label="best")
         _labelled(ax, _key_label(table, numbers[0]), _key_label(table, numbers[1]), "")
+        ax.set_xscale(study.axes[numbers[0]])
+        ax.set_yscale(study.axes[numbers[1]])
         ax.grid(visible=False)
         return ax
     x_key, others = numbers[0], [key for key in varied if key != numbers[0]]
@@ -107,7 +120,8 @@ def plot_study(study: Study, metric: str | None = None, ax: Any = None) -> Any:
         name = ", ".join(f"{key} = {value:.6g}" if not isinstance(value, str) else value for key, value in zip(others, combination))
         ax.plot(x[order], values[order], ".-" if len(order) < 60 else "-", color=_COLOURS[place % len(_COLOURS)], label=name or None)
     if best is not None:
-        ax.plot([best[x_key]], [scale * best["objective"]], "o", mfc="none", mec=_MARKED, mew=2, ms=10, label="best")
+        ax.plot([best[x_key]], values[np.asarray(table["row"]) == best["row"]], "o", mfc="none", mec=_MARKED, mew=2, ms=10, label="best")
+    ax.set_xscale(study.axes[x_key])
     return _labelled(ax, _key_label(table, x_key), label, "")
 
 
@@ -119,16 +133,19 @@ def plot_basins(basins: Basins, ax: Any = None) -> Any:
     across, up = (np.unique(basins.starts[key]) for key in basins.keys)
     number = basins.starts["attractor"].astype(int)
     # Black is that of text. Attractors beyond the colours have them again.
-    colours = _COLOURS[1:]
-    shown = np.where(number == 0, 0, 1 + (number - 1) % len(colours)).reshape(len(up), len(across))
-    drawn = ListedColormap(["#ffffff", *colours])
-    ax.pcolormesh(across, up, shown, shading="nearest", cmap=drawn, vmin=-0.5, vmax=len(colours) + 0.5)
+    colours = _COLOURS[1:-1]
+    passed = basins.starts["passed_wall"]
+    place = np.where(number == 0, np.where(passed, -1, 0), 1 + (number - 1) % len(colours))
+    drawn = ListedColormap([_WALL, "#ffffff", *colours])
+    shown = place.reshape(len(up), len(across))
+    ax.pcolormesh(across, up, shown, shading="nearest", cmap=drawn, vmin=-1.5, vmax=len(colours) + 0.5)
     rows = [basins.attractors.row(place) for place in range(min(len(basins.attractors), len(colours)))]
     for row in rows:
-        words = f"{row['attractor']}: {row['impacts']} impacts in {row['period_cycles']} cycles, max |x| {1e3 * row['max_abs_x_m']:.4g} mm"
+        words = f"{row['attractor']}: {_counted(row['impacts'], 'impact')} in {_counted(row['period_cycles'], 'cycle')}, max |x| {1e3 * row['max_abs_x_m']:.4g} mm"
         ax.plot([], [], "s", color=colours[row["attractor"] - 1], label=f"{words}, {100 * row['share']:.3g} %")
-    if (number == 0).any():
-        ax.plot([], [], "s", mfc="white", mec=_INK, label=f"no attractor, {100 * (number == 0).mean():.3g} %")
+    for starts, face, words in ((place == 0, "white", "does not settle or repeat"), (place == -1, _WALL, "particle passes its wall")):
+        if starts.any():
+            ax.plot([], [], "s", mfc=face, mec=_INK, label=f"{words}, {100 * starts.mean():.3g} %")
     _labelled(ax, *(_key_label(basins.starts, key) for key in basins.keys), "")
     ax.grid(visible=False)
     return ax
@@ -138,12 +155,14 @@ def plot_bifurcation(table: Bifurcation, column: str = "cycle_max_m", ax: Any = 
     """A column of the sampled cycles over the swept key, up and down."""
     ax = _axes(ax)
     columns = [name for name in table.columns if name not in ("direction", table.key)]
-    scale, label = _shown(table, _one_of("column", column, columns))
+    scale, _ = _shown(table, _one_of("column", column, columns))
+    label = _SAMPLED[column]
+    # The many dots of a diagram are small.
+    size = 1.2 if len(table) > 5_000 else 4
     for direction, colour in (("up", _COLOURS[3]), ("down", _COLOURS[5])):
         own = table["direction"] == direction
         if own.any():
-            ax.plot(table[table.key][own], scale * table[column][own], ",", color=colour)
-            # A pixel is too small for the legend.
+            ax.plot(table[table.key][own], scale * table[column][own], ".", ms=size, mew=0, color=colour)
             ax.plot([], [], "o", ms=4, color=colour, label=direction)
     return _labelled(ax, _key_label(table, table.key), label, "")
 
@@ -263,7 +282,9 @@ def _distinct(values: np.ndarray) -> list[Any]:
 def _shown(table: Any, column: str) -> tuple[float, str]:
     """Factor and label of a column in the unit that people read."""
     scale, unit = _scale_of(table.units[column])
-    words = table.descriptions[column].split(":")[0].split(";")[0] or column
+    words = table.descriptions[column].split(":")[0].split(";")[0]
+    if not 0 < len(words) <= 40:
+        words = column
     return scale, _with_unit(words, unit)
 
 
@@ -287,6 +308,10 @@ def _key_label(table: Any, key: str) -> str:
 
 def _with_unit(words: str, unit: str) -> str:
     return f"{words} ({unit})" if unit else words
+
+
+def _counted(count: int, word: str) -> str:
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
 
 
 def _one_of(name: str, given: str, allowed: list[str]) -> str:

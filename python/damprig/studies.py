@@ -8,7 +8,7 @@ import os
 import re
 import tempfile
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,8 +39,10 @@ class Study:
     ----------
     table : Table
         A row for each point: ``row``, the axes by their keys, the metrics; units in ``table.units``.
-    axes : list of str
-        The keys of its axes.
+    axes : dict of str to str
+        The keys of its axes, each with its scale: ``"linear"`` or ``"log"``.
+    objective : str
+        The column whose best value ``best`` has.
     best : dict or None
         The best point: ``row``, ``objective`` (its value) and the axes by their keys; ``None`` if no point has a value.
     path : str or None
@@ -48,7 +50,8 @@ class Study:
     """
 
     table: Table
-    axes: list[str]
+    axes: dict[str, str]
+    objective: str
     best: dict[str, Any] | None
     path: str | None
 
@@ -87,7 +90,7 @@ class Basins:
     keys : tuple of str
         The two keys of the starts.
     starts : Table
-        A row for each start: its keys, ``attractor`` (a number from 1, 0 if the motion does not repeat) and its last state at drive phase 0.
+        A row for each start: its keys, ``attractor`` (a number from 1, 0 if there is none), ``passed_wall`` and its last state at drive phase 0.
     attractors : Table
         A row for each attractor: ``starts``, ``share``, ``period_cycles``, ``impacts``, ``max_abs_x_m`` and a state at drive phase 0.
     """
@@ -146,7 +149,7 @@ def study(
     if out is None and isinstance(given, dict):
         with tempfile.TemporaryDirectory(prefix="damprig-") as folder:
             done = _study(given, Path(folder) / "study", executor)
-        return Study(done.table, done.axes, done.best, None)
+        return replace(done, path=None)
     folder = Path("studies") / Path(given).stem if out is None else Path(_path("out", out))
     return _study(given, folder, executor)
 
@@ -156,8 +159,9 @@ def _study(given: str | dict[str, Any], folder: Path, executor: Any) -> Study:
         _damprig.study_run(given, folder)
     else:
         _compute_on(executor, given, folder)
-    native, axes, best, address = _damprig.study_merge(given, folder)
-    return Study(Table(native), axes, best and _best(*best), address)
+    native, axes, objective, best, address = _damprig.study_merge(given, folder)
+    scales = {key: "log" if is_log else "linear" for key, is_log in axes}
+    return Study(Table(native), scales, objective, best and _best(*best), address)
 
 
 def _given(file: Any) -> str | dict[str, Any]:
@@ -320,7 +324,7 @@ def basins(
     starts : dict of str to array_like
         Two keys of ``initial``, each with its rising values: ``{"initial.x_m": np.linspace(-0.05, 0.05, 51), "initial.v_m_per_s": …}``.
     cycles : int
-        Most cycles of a start; a motion that does not repeat within 16 cycles by then has no attractor.
+        Most cycles of a start, at least 264; a motion that has not settled by then, or does not repeat within 16 cycles, has no attractor.
 
     Raises
     ------
@@ -330,20 +334,26 @@ def basins(
     Notes
     -----
     Motions whose states agree within 0.1 % are one attractor. The place of a particle that meets no wall, and of a structure that its friction
-    damper holds, does not count.
+    damper holds, does not count. Ctrl-C raises KeyboardInterrupt.
     """
-    if not isinstance(starts, dict) or len(starts) != 2:
-        raise InputError("starts: must be a dict of two keys with their values")
+    if not isinstance(starts, dict) or len(starts) != 2 or not all(isinstance(key, str) for key in starts):
+        raise InputError("starts: must be a dict of two keys of `initial` with their values, for example 'initial.x_m' and 'initial.v_m_per_s'")
     axes = [(key, _rising(key, values).tolist()) for key, values in starts.items()]
-    native, attractors = _damprig.basins(case, axes, _count("cycles", cycles, 1))
+    native, attractors, unresolved = _damprig.basins(case, axes, _count("cycles", cycles, 264))
+    if unresolved:
+        message = f"too many events fell on one instant in {unresolved} of {len(axes[0][1]) * len(axes[1][1])} motions"
+        warnings.warn(message, UserWarning, stacklevel=2)
     first, second = starts
     return Basins((first, second), Table(native), Table(attractors))
 
 
 def _rising(name: str, values: ArrayLike) -> np.ndarray:
     array = real_array(name, values)
-    if array.ndim != 1 or len(array) < 2 or not np.isfinite(array).all() or not (np.diff(array) > 0).all():
-        raise InputError(f"{name}: must be two or more finite numbers in rising order")
+    if array.ndim != 1 or len(array) < 2:
+        raise InputError(f"{name} has the shape {array.shape}: must be a list of two or more numbers in rising order")
+    wrong = np.flatnonzero(~np.isfinite(array) | np.append(False, ~(np.diff(array) > 0)))
+    if len(wrong):
+        raise InputError(f"{name}: value {wrong[0]} is {array[wrong[0]]}: must be finite numbers in rising order")
     return array
 
 

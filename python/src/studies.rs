@@ -112,14 +112,14 @@ pub fn study_write(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf, part:
 /// The best point of a study: its row, the objective there, and the values of the axes.
 type Best = (u64, f64, Vec<(String, Option<f64>, Option<String>)>);
 
-/// The table of a study, the keys of its axes, its best point, and where the table is.
-type Merged<'py> = (Bound<'py, PyDict>, Vec<String>, Option<Best>, String);
+/// The table of a study, the keys of its axes with whether each is logarithmic, the column of its objective, its best point, and where the table is.
+type Merged<'py> = (Bound<'py, PyDict>, Vec<(String, bool)>, String, Option<Best>, String);
 
-/// Joins the parts of a study: its table, the keys of its axes, and the best point.
+/// Joins the parts of a study.
 #[pyfunction]
 pub fn study_merge<'py>(py: Python<'py>, study: &Bound<'py, PyAny>, out: PathBuf) -> PyResult<Merged<'py>> {
     let design = Design::of("study", study)?;
-    let (columns, axes, best, address) = work(py, || {
+    let (columns, axes, objective, best, address) = work(py, || {
         let (study, data_set) = opened(&design, &out)?;
         let mut progress = Progress::none(study.rows());
         let address = data_set.join(&study, |part, batch| {
@@ -137,11 +137,13 @@ pub fn study_merge<'py>(py: Python<'py>, study: &Bound<'py, PyAny>, out: PathBuf
             };
             kept.map(value).collect()
         };
-        let axes = study.points.kept().iter().map(|axis| study.axes[*axis].key.clone()).collect();
+        let axes =
+            study.points.kept().iter().map(|axis| (study.axes[*axis].key.clone(), study.axes[*axis].is_log)).collect();
+        let objective = main_column(&study, study.objective);
         let best = progress.best.map(|(row, value)| (row, value, place(row)));
-        Ok((Columns::of(&batches)?, axes, best, shown))
+        Ok((Columns::of(&batches)?, axes, objective, best, shown))
     })?;
-    Ok((columns.into_dict(py)?, axes, best, address))
+    Ok((columns.into_dict(py)?, axes, objective, best, address))
 }
 
 /// The metrics of a study at points from outside: a row for each point, a column for each metric and one for how often too many events fell
@@ -205,16 +207,16 @@ pub fn bifurcation<'py>(
     columns.into_dict(py)
 }
 
-/// Basins of attraction of a case: the table of the starts and that of the attractors.
+/// Basins of attraction of a case: the table of the starts, that of the attractors, and the number of motions with instants of too many events.
 #[pyfunction]
 pub fn basins<'py>(
     py: Python<'py>,
     case: &Bound<'py, PyAny>,
     axes: [(String, Vec<f64>); 2],
     most_cycles: u32,
-) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
+) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, usize)> {
     let given = Given::of("case", case)?;
-    let (ends, attractors) = work(py, || {
+    let (ends, attractors, unresolved) = work(py, || {
         let name = given.name();
         let source = given.source()?;
         let grid = Grid { axes: axes.map(|(key, values)| SweepAxis { key, values }), most_cycles };
@@ -225,9 +227,13 @@ pub fn basins<'py>(
         let table = |batch: Result<_, bifurcation_files::Unwritten>| -> Result<Columns, Failure> {
             Ok(Columns::of(&[batch.map_err(|why| Failure::Input(why.0))?])?)
         };
-        Ok((table(basins_files::starts(&found, &grid, &case))?, table(basins_files::attractors(&found, &case))?))
+        Ok((
+            table(basins_files::starts(&found, &grid, &case))?,
+            table(basins_files::attractors(&found, &case))?,
+            found.unresolved,
+        ))
     })?;
-    Ok((ends.into_dict(py)?, attractors.into_dict(py)?))
+    Ok((ends.into_dict(py)?, attractors.into_dict(py)?, unresolved))
 }
 
 /// Optimises: the answer as JSON.

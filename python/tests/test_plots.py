@@ -51,7 +51,8 @@ def test_a_motion_shows_structure_particle_walls_base_and_impacts(spid):
 
 @pytest.mark.parametrize("name", ["boring-bar", "frame", "hybrid", "many-particles", "soft-wall", "tmd"])
 def test_every_kind_of_case_has_a_figure(project, name):
-    assert len(damprig.simulate(project / f"host/cases/{name}.toml").plot().lines) >= 2
+    drawn = lines(damprig.simulate(project / f"host/cases/{name}.toml").plot())
+    assert "x structure" in drawn and all(len(line.get_xdata()) for line in drawn.values())
 
 
 def test_a_study_over_one_axis_is_a_curve_with_its_best_point(spid):
@@ -65,6 +66,15 @@ def test_a_study_over_one_axis_is_a_curve_with_its_best_point(spid):
     assert other.get_ylabel() == "largest |x| (mm)" and "best" not in lines(other)
 
 
+def test_the_best_point_is_that_of_the_objective_and_an_axis_keeps_its_scale(spid):
+    file = {"case": spid, "metrics": ["x_over_z", "impacts_per_cycle"], "objective": "impacts_per_cycle", "axis": [{**CLEARANCE, "scale": "log"}]}
+    computed = damprig.study(file)
+    ax = computed.plot()
+    row = computed.table.row(computed.best["row"])
+    assert lines(ax)["best"].get_xydata().tolist() == [[row["particle.clearance_ratio"], row["impacts_per_cycle"]]]
+    assert ax.get_xscale() == "log" and "best" not in lines(computed.plot("x_over_z"))
+
+
 def test_a_study_over_two_axes_is_a_map_of_its_table(spid):
     computed = study(spid, CLEARANCE, RESTITUTION)
     ax = computed.plot()
@@ -73,7 +83,7 @@ def test_a_study_over_two_axes_is_a_map_of_its_table(spid):
     for x, y, value in zip(*(computed.table[name] for name in (*computed.axes, "x_over_z"))):
         column, row = np.flatnonzero(np.linspace(8, 14, 4) == x)[0], round((y - 0.3) / 0.15)
         assert shown[row, column] == value
-    assert computed.axes == ["particle.clearance_ratio", "particle.wall.coefficient"]
+    assert computed.axes == {"particle.clearance_ratio": "linear", "particle.wall.coefficient": "linear"}
 
 
 def test_a_study_over_three_axes_has_a_curve_for_each_combination_of_the_others(spid):
@@ -91,7 +101,7 @@ def test_a_bifurcation_diagram_has_a_dot_for_each_cycle(spid):
     dots = [line for line in ax.lines if len(line.get_xdata())]
     assert [len(line.get_xdata()) for line in dots] == [15, 15]
     assert np.array_equal(dots[0].get_ydata(), 1e3 * diagram["cycle_max_m"][diagram["direction"] == "up"])
-    assert diagram.plot("x_m").get_ylabel() == "structure (mm)"
+    assert diagram.plot("x_m").get_ylabel() == "x at drive phase 0 (mm)"
     with pytest.raises(damprig.InputError, match="must be one of x_m, "):
         diagram.plot("y_m")
 
@@ -107,8 +117,10 @@ def test_basins_show_the_attractor_of_each_start(spid):
     assert ax.get_xlabel() == "initial.x_m (m)" and len(lines(ax)) >= len(found.attractors)
     with pytest.raises(damprig.InputError, match="two keys"):
         damprig.basins(spid, {"initial.x_m": [0, 1]})
-    with pytest.raises(damprig.InputError, match="initial.x_m: must be two or more"):
+    with pytest.raises(damprig.InputError, match="initial.x_m: value 1 is 0.0: must be finite numbers in rising order"):
         damprig.basins(spid, {**starts, "initial.x_m": [1, 0]})
+    with pytest.raises(damprig.InputError, match="two keys of `initial`"):
+        damprig.basins(spid, {"initial.x_m": [0, 1], 3: [2, 3]})
     with pytest.raises(damprig.InputError, match="is no start"):
         damprig.basins(spid, {"initial.x_m": [0, 1], "base.frequency_hz": [2, 3]})
 

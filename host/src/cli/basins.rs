@@ -17,7 +17,7 @@ use crate::report::basins_files;
 use crate::report::numbers::significant;
 use crate::simulation::case::default_name;
 use crate::simulation::{Case, SetValues};
-use crate::study::basins::{self, Grid, MAX_PERIODS};
+use crate::study::basins::{self, Grid, LEAST_CYCLES, MAX_PERIODS};
 use crate::study::bifurcation::SweepAxis;
 
 /// Draws basins of attraction: which motion each start of a grid ends on.
@@ -33,7 +33,7 @@ pub struct Args {
     axis: Vec<SweepAxis>,
 
     /// Most cycles of a start; a motion that does not repeat by then has no attractor
-    #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(i64::from(LEAST_CYCLES)..=1_000_000))]
     cycles: u32,
 
     /// Set another key in place of the file's value; may be repeated
@@ -65,9 +65,6 @@ Exit codes:
   2    the command line or the case is wrong; nothing was written
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); nothing was written";
 
-/// Most starts: their table has 50 MB.
-const MAX_STARTS: usize = 1_000_000;
-
 /// Most attractors that are told one by one.
 const TOLD: usize = 12;
 
@@ -82,9 +79,6 @@ pub fn run(args: &Args) -> Outcome {
         return Err(Failure::Input(words));
     };
     let grid = Grid { axes, most_cycles: args.cycles };
-    if grid.starts() > MAX_STARTS {
-        return Err(Failure::Input(format!("--axis: {} starts are too many: at most {MAX_STARTS}", grid.starts())));
-    }
     let set = SetValues::from_arguments(&args.set).map_err(Failure::input)?;
     let set = SetValues { origin: "--axis and --set".into(), ..set };
     let file = examples::find(FileKind::Case, &args.case)?;
@@ -116,12 +110,16 @@ pub fn run(args: &Args) -> Outcome {
     if let Some(more) = found.attractors.get(TOLD..).filter(|more| !more.is_empty()) {
         say!("{} more: {} of the starts", more.len(), share(more.iter().map(|of| of.starts).sum()));
     }
-    let lost = found.ends.iter().filter(|end| end.is_none()).count() - found.passed;
+    let [lost, passed] = found.without_attractor();
     if lost > 0 {
-        say!("{} of the starts do not repeat within {MAX_PERIODS} cycles by cycle {}", share(lost), args.cycles);
+        say!(
+            "{} of the starts have not settled on a motion that repeats within {MAX_PERIODS} cycles by cycle {}",
+            share(lost),
+            args.cycles
+        );
     }
-    if found.passed > 0 {
-        say!("{} of the starts: the particle passes its soft wall (docs/WALLS.md)", share(found.passed));
+    if passed > 0 {
+        say!("{} of the starts: the particle passes its soft wall (docs/WALLS.md)", share(passed));
     }
     if found.unresolved > 0 {
         warn!(

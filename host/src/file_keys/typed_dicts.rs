@@ -20,6 +20,7 @@ required here: which of them a table needs depends on the others.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import Literal, TypedDict, Union
 ";
@@ -117,11 +118,11 @@ impl Builder {
                 format!("Literal[{}]", words.join(", "))
             }
             // In Python a dict names its case by a file or has its tables.
-            Kind::Text if key.name == CASE => "Union[str, Case]".into(),
+            Kind::Text if key.name == CASE => "Union[str, os.PathLike[str], Case]".into(),
             Kind::Text => "str".into(),
             Kind::Texts => "Sequence[str]".into(),
             Kind::TextOrPlace => "Union[str, int]".into(),
-            Kind::TextOrCase => "Union[str, Case]".into(),
+            Kind::TextOrCase => "Union[str, os.PathLike[str], Case]".into(),
             Kind::Table => self.table(&inner),
             Kind::OneOrMoreTables if self.file != FileKind::Case => self.table(&inner),
             Kind::OneOrMoreTables => {

@@ -46,8 +46,11 @@ pub fn starts(basins: &Basins, grid: &Grid, case: &Case) -> Result<RecordBatch, 
         let unit = crate::input::key::Unit::of(&axis.key).map_or("1", |unit| unit.symbol);
         table = table.column(Column::new(&axis.key, unit, "the start"), move |row| grid.at(*row)[n]);
     }
-    let number = Column::new("attractor", "1", "number of the attractor, from 1; 0 if the motion does not repeat");
+    let number = Column::new("attractor", "1", "number of the attractor, from 1; 0 if there is none");
     let table = table.column(number, |row| basins.ends[*row].map_or(0, |place| place as u32 + 1));
+    let passed =
+        Column::new("passed_wall", "", "whether the particle has passed a soft wall: there is no attractor then");
+    let table = table.column(passed, |row| basins.passed[*row]);
     state_of(table, "at the end, at drive phase 0", |row| &basins.states[*row])
         .finish(case.description().with(DESCRIPTION, "a row for each start"))
         .map_err(Unwritten)

@@ -28,5 +28,6 @@ pub(super) fn run<V: Viewer>(
         motion.time_s()
     });
     response.finish(motion.time_s());
-    Ok((Summary::of(case, &response, motion.time_s(), motion.unresolved()), *motion.state()))
+    let summary = Summary::of(case, &response, motion.time_s(), motion.unresolved());
+    Ok((Summary { passed_wall_by_m: case.passed_wall_by_m(&motion), ..summary }, *motion.state()))
 }

@@ -35,8 +35,7 @@ pub fn simulate<V: Viewer>(case: &Case, viewer: &mut V, options: RunOptions) -> 
         (None, Some(record)) => sampled_driver::run(case, record, wanted, &mut collector, options)?,
         (None, None) => exact_driver::run(case, wanted, &mut collector, options)?,
     };
-    let passed_wall_by_m = case.passed_wall_by_m(&end);
-    let summary = Summary { contacts: collector.events.contact_figures, passed_wall_by_m, ..summary };
+    let summary = Summary { contacts: collector.events.contact_figures, ..summary };
     let is_complete = summary.simulated_s >= case.run.duration_s;
     if is_complete {
         collector.samples.fill(end);

@@ -7,7 +7,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use damprig_core::analysis::section::Section;
-use damprig_core::integrator::exact::{Arc, Exact, ExactState, Impact, Observer};
+use damprig_core::integrator::exact::{Arc, Exact, ExactState, Excitation, Impact, Observer};
 use damprig_core::integrator::modes::Grip;
 use damprig_core::io::Invalid;
 use rayon::prelude::*;
@@ -23,14 +23,26 @@ pub const MAX_PERIODS: usize = 16;
 /// Periods between two looks at whether the motion repeats.
 const BLOCK: u32 = 100;
 
-/// States repeat within this share of the motion.
-const REPEATS: f64 = 1e-7;
+/// Periods that a look takes.
+const LOOK: u32 = 2 * MAX_PERIODS as u32;
 
-/// The same after the most cycles, for motions that settle slowly.
-const NEARLY_REPEATS: f64 = 1e-5;
+/// Fewest periods of a start: those of two looks.
+pub const LEAST_CYCLES: u32 = 2 * (BLOCK + LOOK);
 
-/// States of one attractor agree within this share of the motion: those of a start that comes nearer to it by 1 % in a period do.
+/// Most starts: their table has 60 MB.
+pub const MAX_STARTS: usize = 1_000_000;
+
+/// The keys of a start.
+const KEYS: [&str; 4] = ["initial.x_m", "initial.v_m_per_s", "initial.y_m", "initial.u_m_per_s"];
+
+/// States of one attractor agree within this share of the motion.
 const SAME: f64 = 1e-3;
+
+/// A motion has settled when, as its states approach each other, it is within this share of where it goes.
+const SETTLED: f64 = 1e-4;
+
+/// Changes of this share from period to period are roundings.
+const ROUNDED: f64 = 1e-10;
 
 /// Impacts slower than this share of the motion's speeds are those of a particle that drifts from wall to wall, slower from time to time: the
 /// motion that it approaches has none.
@@ -82,6 +94,15 @@ pub struct Attractor {
     is_held: bool,
 }
 
+impl Basins {
+    /// Numbers of starts whose motion does not repeat, and of those whose particle passes a soft wall.
+    #[must_use]
+    pub fn without_attractor(&self) -> [usize; 2] {
+        let passed = self.passed.iter().filter(|passed| **passed).count();
+        [self.ends.iter().filter(|end| end.is_none()).count() - passed, passed]
+    }
+}
+
 impl Attractor {
     /// What it is, in words: "repeats every cycle, 2 impacts, max |x| 12.3 mm".
     #[must_use]
@@ -97,18 +118,24 @@ impl Attractor {
 
     /// Whether it is the same motion, begun anywhere.
     fn is(&self, other: &Self) -> bool {
-        if self.is_held && other.is_held {
-            return true;
-        }
         if (self.periods, self.impacts > 0, self.is_held) != (other.periods, other.impacts > 0, other.is_held) {
             return false;
         }
+        let (count, compared) = (self.periods, Compared { place: !self.is_held, second: self.impacts > 0 });
         let size = Size::of(&self.section);
-        let (count, strikes) = (self.periods, self.impacts > 0);
         (0..count).any(|shift| {
-            (0..count).all(|n| size.are_near(&self.section[n], &other.section[(n + shift) % count], strikes, SAME))
+            (0..count).all(|n| size.apart(&self.section[n], &other.section[(n + shift) % count], compared) <= SAME)
         })
     }
+}
+
+/// What of two states is compared beside the velocity of the structure.
+#[derive(Clone, Copy)]
+struct Compared {
+    /// Its place.
+    place: bool,
+    /// The second mass.
+    second: bool,
 }
 
 /// Sizes of a motion.
@@ -126,19 +153,25 @@ impl Size {
         }
     }
 
-    /// Whether two states agree within a share; the second mass counts if it `strikes`.
-    fn are_near(&self, a: &ExactState, b: &ExactState, strikes: bool, share: f64) -> bool {
-        let near = |a: f64, b: f64, size: f64| (a - b).abs() <= share * size;
-        near(a.x_m, b.x_m, self.length_m)
-            && near(a.v_m_per_s, b.v_m_per_s, self.speed_m_per_s)
-            && (!strikes
-                || near(a.offset_m, b.offset_m, self.length_m)
-                    && near(a.slide_m_per_s, b.slide_m_per_s, self.speed_m_per_s))
+    /// The difference of two states as a share of the motion.
+    fn apart(&self, a: &ExactState, b: &ExactState, compared: Compared) -> f64 {
+        let share = |difference: f64, size: f64| if difference == 0.0 { 0.0 } else { difference.abs() / size };
+        let mut most = share(a.v_m_per_s - b.v_m_per_s, self.speed_m_per_s);
+        if compared.place {
+            most = most.max(share(a.x_m - b.x_m, self.length_m));
+        }
+        if compared.second {
+            most = most.max(share(a.offset_m - b.offset_m, self.length_m));
+            most = most.max(share(a.slide_m_per_s - b.slide_m_per_s, self.speed_m_per_s));
+        }
+        most
     }
 
-    /// The smallest number of periods after which the states repeat within a share.
-    fn period(&self, states: &[ExactState], strikes: bool, share: f64) -> Option<usize> {
-        (1..=MAX_PERIODS).find(|k| states.iter().zip(&states[*k..]).all(|(a, b)| self.are_near(a, b, strikes, share)))
+    /// The smallest number of periods after which the states repeat, and their largest change over it.
+    fn period(&self, states: &[ExactState], compared: Compared) -> Option<(usize, f64)> {
+        let change =
+            |k: usize| states.iter().zip(&states[k..]).map(|(a, b)| self.apart(a, b, compared)).fold(0.0, f64::max);
+        (1..=MAX_PERIODS).map(|k| (k, change(k))).find(|(_, change)| *change <= SAME)
     }
 }
 
@@ -151,25 +184,53 @@ pub struct Basins {
     pub ends: Vec<Option<usize>>,
     /// Of each start the last state, at drive phase 0.
     pub states: Vec<ExactState>,
-    /// Starts from which the particle passes a soft wall ([`Case::passed_wall_by_m`]); they have no attractor.
-    pub passed: usize,
+    /// Of each start whether the particle has passed a soft wall ([`Case::passed_wall_by_m`]): it has no attractor then.
+    pub passed: Vec<bool>,
     /// Starts in whose motion too many events fell on one instant.
     pub unresolved: usize,
 }
 
-/// Counts impacts that are not slow, and sees whether the structure moves against its friction damper.
-#[derive(Default)]
+/// Counts impacts that are not slow, and measures how far the structure slips in its friction damper.
 struct Course {
+    excitation: Excitation,
     /// Slower impacts are not counted, m/s.
     slow_m_per_s: f64,
     impacts: u32,
     fastest_m_per_s: f64,
-    moves: bool,
+    slipped_m: f64,
+    /// Whether it has been held at all.
+    was_held: bool,
+}
+
+impl Course {
+    fn new(excitation: Excitation, slow_m_per_s: f64) -> Self {
+        Self { excitation, slow_m_per_s, impacts: 0, fastest_m_per_s: 0.0, slipped_m: 0.0, was_held: false }
+    }
+
+    /// Whether the friction damper holds the structure: it slips by no more than this share of the motion in a period.
+    fn is_held(&self, periods: usize, length_m: f64) -> bool {
+        self.was_held && self.slipped_m <= SAME * length_m * periods as f64
+    }
+
+    /// Displacement of the base, m.
+    fn base_m(&self, t_s: f64) -> f64 {
+        match self.excitation {
+            Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad } => {
+                amplitude_m * (angular_frequency_rad_per_s * t_s + phase_rad).sin()
+            }
+            _ => 0.0,
+        }
+    }
 }
 
 impl Observer for Course {
     fn arc(&mut self, arc: &Arc<'_>) {
-        self.moves |= arc.mode.grip != Grip::Stuck;
+        if arc.mode.grip == Grip::Stuck {
+            self.was_held = true;
+        } else if self.was_held {
+            let base_m = self.base_m(arc.start_s + arc.length_s) - self.base_m(arc.start_s);
+            self.slipped_m += (arc.end.x_m - arc.start.x_m - base_m).abs();
+        }
     }
 
     fn impact(&mut self, impact: &Impact) {
@@ -189,18 +250,22 @@ struct End {
 /// Follows every start of a case on all cores. `go_on` sees how many starts are done; its `false` ends the work, and nothing is answered.
 ///
 /// # Errors
-/// A key that is none of `initial`, a start that is refused, or a case that is not driven by a sine or has several places.
+/// A key that is none of `initial`, too many starts, a start that is refused, or a case that is not driven by a sine or has several places.
 pub fn run(
     (source_name, text, name): (&str, &str, &str),
     grid: &Grid,
     set: &SetValues,
     go_on: &(dyn Fn(u64) -> bool + Sync),
 ) -> Result<Option<Basins>, Refusal> {
-    if let Some(axis) = grid.axes.iter().find(|axis| !axis.key.starts_with("initial.")) {
+    if let Some(axis) = grid.axes.iter().find(|axis| !KEYS.contains(&axis.key.as_str())) {
+        let keys = KEYS.join(", ");
         return Err(Refusal(format!(
-            "`{}` is no start\n  a basin is a set of starts of one case: take two of initial.x_m, initial.v_m_per_s, initial.y_m, initial.u_m_per_s",
+            "`{}` is no start\n  a basin is a set of starts of one case: take two of {keys}",
             axis.key
         )));
+    }
+    if grid.starts() > MAX_STARTS {
+        return Err(Refusal(format!("{} starts are too many: at most {MAX_STARTS}", grid.starts())));
     }
     if grid.axes[0].key == grid.axes[1].key {
         return Err(Refusal(format!("both axes have the key `{}`: take two keys", grid.axes[0].key)));
@@ -227,18 +292,21 @@ fn end(case: &Case, most_cycles: u32) -> Result<End, Invalid> {
     motion.run(SECTION * cycle_s, &mut ());
     let mut section = Section::new(motion, cycle_s);
     let (mut taken, mut repeats, mut slow_m_per_s) = (0, None, 0.0);
-    while repeats.is_none() && taken < most_cycles {
+    let mut before: Option<(usize, f64)> = None;
+    while repeats.is_none() && taken + BLOCK + LOOK <= most_cycles {
         section.skip(BLOCK.into());
-        let mut course = Course::default();
-        let states: Vec<ExactState> = (0..2 * MAX_PERIODS).map(|_| section.next(&mut course)).collect();
-        taken += BLOCK + states.len() as u32;
+        let mut course = Course::new(case.excitation, 0.0);
+        let states: Vec<ExactState> = (0..LOOK).map(|_| section.next(&mut course)).collect();
+        taken += BLOCK + LOOK;
         let size = Size::of(&states);
         slow_m_per_s = SLOW * size.speed_m_per_s;
-        let strikes = course.fastest_m_per_s > slow_m_per_s;
-        let within = if taken < most_cycles { REPEATS } else { NEARLY_REPEATS };
-        // What is left of the transient may repeat sooner after several periods than after one.
-        let repeated = size.period(&states, strikes, within).and_then(|_| size.period(&states, strikes, SAME));
-        repeats = repeated.map(|periods| states[states.len() - periods..].to_vec());
+        let held = course.is_held(LOOK as usize, size.length_m);
+        let compared = Compared { place: !held, second: course.fastest_m_per_s > slow_m_per_s };
+        let found = size.period(&states, compared);
+        if let Some((periods, _)) = found.filter(|found| is_settled(*found, before)) {
+            repeats = Some(states[states.len() - periods..].to_vec());
+        }
+        before = found;
     }
     let mut motion = section.into_motion();
     let first = taken + 1;
@@ -252,7 +320,7 @@ fn end(case: &Case, most_cycles: u32) -> Result<End, Invalid> {
         section: Vec::new(),
         is_held: false,
     };
-    let mut course = Course { slow_m_per_s, ..Course::default() };
+    let mut course = Course::new(case.excitation, slow_m_per_s);
     for cycle in first..first + found.periods as u32 {
         if motion.state().x_m < found.state.x_m {
             found.state = *motion.state();
@@ -262,8 +330,8 @@ fn end(case: &Case, most_cycles: u32) -> Result<End, Invalid> {
         response.finish(motion.time_s());
         found.max_abs_x_m = found.max_abs_x_m.max(response.last_cycle_max_m().unwrap_or(0.0));
     }
-    (found.impacts, found.is_held) = (course.impacts, !course.moves);
-    let has_passed = case.passed_wall_by_m(motion.state()).is_some();
+    (found.impacts, found.is_held) = (course.impacts, course.is_held(found.periods, found.max_abs_x_m));
+    let has_passed = case.passed_wall_by_m(&motion).is_some();
     Ok(End {
         attractor: repeats.filter(|_| !has_passed).map(|section| Attractor { section, ..found }),
         state: *motion.state(),
@@ -272,12 +340,25 @@ fn end(case: &Case, most_cycles: u32) -> Result<End, Invalid> {
     })
 }
 
+/// Whether a motion has settled whose states change by a share over some periods, and did at the look before: what is left of its transient follows
+/// from how much smaller the change has become.
+fn is_settled((periods, change): (usize, f64), before: Option<(usize, f64)>) -> bool {
+    if change <= ROUNDED {
+        return true;
+    }
+    let Some((_, earlier)) = before.filter(|before| before.0 == periods) else { return false };
+    let rate = (change / earlier).powf(periods as f64 / f64::from(BLOCK + LOOK));
+    rate < 1.0 && change / (1.0 - rate) <= SETTLED
+}
+
 /// Gathers equal attractors, those of the most starts first.
 fn gathered(ends: Vec<End>) -> Basins {
     let mut found: Vec<Attractor> = Vec::new();
-    let count = |of: fn(&End) -> bool| ends.iter().filter(|end| of(end)).count();
-    let (passed, unresolved) = (count(|end| end.has_passed), count(|end| end.is_unresolved));
-    let mut basins = Basins { passed, unresolved, ..Basins::default() };
+    let mut basins = Basins {
+        passed: ends.iter().map(|end| end.has_passed).collect(),
+        unresolved: ends.iter().filter(|end| end.is_unresolved).count(),
+        ..Basins::default()
+    };
     for end in ends {
         basins.states.push(end.state);
         basins.ends.push(end.attractor.map(|attractor| {

@@ -52,9 +52,7 @@ impl FromStr for SweepAxis {
         let (from, to) = (number(from)?, number(to)?);
         let count: u32 = count.trim().parse().map_err(|_| format!("{count:?} is not a whole number; {form}"))?;
         if to <= from {
-            return Err(format!(
-                "the last value {to} must be greater than the first, {from}; --direction selects up or down"
-            ));
+            return Err(format!("the last value {to} must be greater than the first, {from}"));
         }
         if !(2..=1_000_000).contains(&count) {
             return Err(format!("the number of values is {count}; it must be from 2 to 1000000"));

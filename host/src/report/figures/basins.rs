@@ -1,10 +1,10 @@
-//! Draws basins of attraction: a rectangle for each start, in the colour of its attractor; a mark where an attractor itself lies.
+//! Draws basins of attraction: a rectangle for each start, in the colour of its attractor.
 
 use super::study_map::{MapAxis, runs};
 use crate::report::numbers::significant;
 use crate::report::plot::axis::Frame;
 use crate::report::plot::legend::{self, Entry};
-use crate::report::plot::palette::{COLOURS, GREY, INK, WHITE, colour};
+use crate::report::plot::palette::{COLOURS, GREY, INK, WALL, WHITE, colour};
 use crate::report::plot::svg::{Bounds, Colour, Font, Svg};
 use crate::report::plot::{Picture, SMALL, TITLE};
 use crate::study::basins::{Attractor, Basins, Grid};
@@ -12,12 +12,18 @@ use crate::study::basins::{Attractor, Basins, Grid};
 const BOUNDS: Bounds = (92.0, 44.0, 720.0, 540.0);
 const SIZE: (f64, f64) = (1100.0, 620.0);
 
+/// In place of an attractor: none, and a particle that has passed its wall.
+const LOST: f64 = -1.0;
+const PASSED: f64 = -2.0;
+
 /// Most values of an axis that are drawn.
 const MAX_VALUES: usize = 400;
 
-/// The colour of an attractor: those of curves without black, in which text could not be told from a basin.
+/// Colours of attractors: those of curves without black and without the grey of walls.
+const TINTS: usize = COLOURS - 2;
+
 fn tint(place: usize) -> Colour {
-    colour(1 + place % (COLOURS - 1))
+    colour(1 + place % TINTS)
 }
 
 /// Draws the basins. `labels`: quantity and unit of the keys.
@@ -33,12 +39,20 @@ pub fn draw(basins: &Basins, grid: &Grid, labels: [String; 2], title: &str) -> P
     let (columns, edges) = (grid.axes[0].values.len(), (x.borders(), y.borders()));
     let mut picture = Picture::new(SIZE.0, SIZE.1);
     for (row, place) in up.iter().enumerate() {
-        // −1 is no attractor.
-        let ends = across.iter().map(|column| basins.ends[place * columns + column].map_or(-1.0, |end| end as f64));
+        let end = |start: usize| match basins.ends[start] {
+            Some(end) => end as f64,
+            None if basins.passed[start] => PASSED,
+            None => LOST,
+        };
+        let ends = across.iter().map(|column| end(place * columns + column));
         let ends: Vec<f64> = ends.collect();
         for (from, to) in runs(&ends, |a, b| a == b) {
             let cell = frame.cell((edges.0[from], edges.1[row]), (edges.0[to], edges.1[row + 1]));
-            let fill = if ends[from] < 0.0 { WHITE } else { tint(ends[from] as usize) };
+            let fill = match ends[from] {
+                LOST => WHITE,
+                PASSED => WALL,
+                place => tint(place as usize),
+            };
             picture.rectangle(cell, fill.fill());
         }
     }
@@ -56,7 +70,7 @@ pub fn draw(basins: &Basins, grid: &Grid, labels: [String; 2], title: &str) -> P
 /// Places of the drawn values of an axis.
 fn taken(count: usize) -> Vec<usize> {
     let kept = count.min(MAX_VALUES);
-    (0..kept).map(|n| n * (count - 1) / (kept - 1)).collect()
+    (0..kept).map(|n| n * (count - 1) / (kept - 1).max(1)).collect()
 }
 
 fn entries(basins: &Basins) -> Vec<Entry> {
@@ -70,15 +84,19 @@ fn entries(basins: &Basins) -> Vec<Entry> {
     let entry = |(place, of): (usize, &Attractor)| {
         Entry::mark(format!("{}: {}", place + 1, of.description()), &sample(tint(place))).with_detail(share(of.starts))
     };
-    let mut entries: Vec<Entry> = basins.attractors.iter().take(COLOURS - 1).enumerate().map(entry).collect();
-    let rest: usize = basins.attractors.iter().skip(COLOURS - 1).map(|of| of.starts).sum();
+    let mut entries: Vec<Entry> = basins.attractors.iter().take(TINTS).enumerate().map(entry).collect();
+    let rest: usize = basins.attractors.iter().skip(TINTS).map(|of| of.starts).sum();
     if rest > 0 {
-        let words = format!("{} more, in the same colours again", basins.attractors.len() + 1 - COLOURS);
+        let words = format!("{} more, in the same colours again", basins.attractors.len() - TINTS);
         entries.push(Entry::mark(words, &Svg::default()).with_detail(share(rest)));
     }
-    let lost = basins.ends.iter().filter(|end| end.is_none()).count();
-    if lost > 0 {
-        entries.push(Entry::mark("no attractor", &sample(WHITE)).with_detail(share(lost)));
+    let [lost, passed] = basins.without_attractor();
+    for (starts, fill, words) in
+        [(lost, WHITE, "does not settle or repeat"), (passed, WALL, "particle passes its wall")]
+    {
+        if starts > 0 {
+            entries.push(Entry::mark(words, &sample(fill)).with_detail(share(starts)));
+        }
     }
     entries
 }
