@@ -146,7 +146,7 @@ fn wrong_axes_are_refused_before_anything_is_written() {
         (vec![x], "--axis is given 1 times: a map has two axes"),
         (vec![x, x], "both axes have the key `initial.x_m`"),
         (vec![x, "base.frequency_hz=2:3:3"], "`base.frequency_hz` is no start"),
-        (vec![x, "initial.z_m=2:3:3"], "unknown key"),
+        (vec![x, "initial.z_m=2:3:3"], "`initial.z_m` is no start"),
         (vec!["initial.x_m=-1:1:2000", "initial.v_m_per_s=-1:1:2000"], "4000000 starts are too many"),
     ] {
         let arguments: Vec<&str> = axes.into_iter().flat_map(|axis| ["--axis", axis]).collect();

@@ -94,7 +94,7 @@ fn a_wrong_axis_is_refused_before_anything_is_written() {
     let case = format!("{STRUCTURE}{BASE}{PARTICLE}{RUN}");
     let fixed = format!("{STRUCTURE}{PARTICLE}{RUN}");
     for (case, axis, words) in [
-        (&case, "particle.clearance_ratio=10:9:3", ["greater than the first", "--direction"]),
+        (&case, "particle.clearance_ratio=10:9:3", ["greater than the first", "the last value 9"]),
         (&case, "particle.clearance_ratio=10:12", ["FROM:TO:COUNT", "particle.clearance_ratio=10:16:301"]),
         (&case, "particle.wall.coefficient=0.5:1.5:3", ["--axis and --set", "from 0 to 1"]),
         (&case, "particle.clearence=1:2:3", ["unknown key", "clearance"]),

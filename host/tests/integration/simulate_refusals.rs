@@ -105,7 +105,7 @@ fn wrong_samples_of_the_base_are_refused_and_a_long_list_is_not_printed_whole() 
         ("displacement_m = [0.001], time_step_s = 0.1", "has 1 samples: a motion has at least 2"),
         ("displacement_m = [0, nan], time_step_s = 0.1", "must be a finite number"),
         ("displacement_m = [0, 1]", "`base.time_step_s` is missing"),
-        ("time_step_s = 0.1", "`base.displacement_m` or `base.acceleration_m_per_s2` is missing"),
+        ("time_step_s = 0.1", "`base.displacement_m` is missing"),
         ("displacement_m = [0, 1], time_step_s = 0", "must be greater than 0"),
         (&both, "is given too, and says the same quantity"),
     ] {
