@@ -192,10 +192,12 @@ impl Job<'_> {
         };
         warn!("The page stays until its last viewer has left ({how}).");
         let was_stopped = stop.load(Ordering::Relaxed);
-        let (begun, mut seen) = (Instant::now(), Instant::now());
+        let (begun, mut seen, mut asked) = (Instant::now(), Instant::now(), monitor.files_asked());
         while seen.elapsed() < VIEWERS_RETURN && (was_stopped || !stop.load(Ordering::Relaxed)) {
-            if monitor.viewers() > 0 {
-                seen = Instant::now();
+            // A page that is loaded again on a slow machine takes its place late.
+            let now_asked = monitor.files_asked();
+            if monitor.viewers() > 0 || now_asked != asked {
+                (seen, asked) = (Instant::now(), now_asked);
             }
             if has_typed_line(TURN) || !has_person && begun.elapsed() > WITHOUT_PERSON {
                 return;

@@ -153,6 +153,12 @@ impl Monitor {
         self.page.as_ref().map_or(0, |page| page.places.viewers())
     }
 
+    /// How many files of the page were asked for so far: a browser that loads the page is no viewer yet.
+    #[must_use]
+    pub fn files_asked(&self) -> u64 {
+        self.page.as_ref().map_or(0, |page| page.places.files_asked())
+    }
+
     /// The source's end.
     #[must_use]
     pub fn feed(&self) -> Feed {

@@ -1,5 +1,6 @@
 //! Places of the viewers: some for everybody, and some that only those with the token can take.
 
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::Notify;
@@ -12,7 +13,11 @@ pub(super) const MAX_WITH_TOKEN: usize = 16;
 
 /// The places.
 #[derive(Debug, Default)]
-pub(super) struct Places(Mutex<Vec<Arc<Taken>>>);
+pub(super) struct Places {
+    all: Mutex<Vec<Arc<Taken>>>,
+    /// Files of the page that were asked for: a browser asks for them before it takes a place.
+    files_asked: AtomicU64,
+}
 
 /// A place that is taken.
 #[derive(Debug)]
@@ -31,7 +36,17 @@ pub(super) struct Place {
 
 impl Places {
     fn taken(&self) -> MutexGuard<'_, Vec<Arc<Taken>>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.all.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Notes that a file of the page was asked for.
+    pub(super) fn ask_for_file(&self) {
+        self.files_asked.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// How many files of the page were asked for so far.
+    pub(super) fn files_asked(&self) -> u64 {
+        self.files_asked.load(Ordering::Relaxed)
     }
 
     /// Number of viewers.

@@ -61,7 +61,9 @@ pub(super) struct Shared {
 pub(super) fn routes(shared: Arc<Shared>) -> Router {
     let files = page::FILES.iter().fold(Router::new(), |router, file| {
         let answer = move |headers: HeaderMap, State(shared): State<Arc<Shared>>| async move {
-            check(&headers, &shared).map_or_else(|refusal| refusal, |()| file.response())
+            let answer = check(&headers, &shared).map(|()| file.response());
+            shared.places.ask_for_file();
+            answer.unwrap_or_else(|refusal| refusal)
         };
         router.route(file.path, get(answer))
     });
