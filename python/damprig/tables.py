@@ -6,7 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from . import _damprig
+
 __all__ = ["Table"]
+
+_damprig.load_numpy()
 
 FRAMES = ("pandas", "polars", "xarray")
 

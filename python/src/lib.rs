@@ -16,11 +16,19 @@ mod simulation;
 mod source;
 mod studies;
 
+use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
+
+/// Loads what calls need of NumPy. Within a call Ctrl-C could interrupt it there, which its library answers with a panic.
+#[pyfunction]
+fn load_numpy(py: Python<'_>) {
+    let _ = PyArray1::<f64>::zeros(py, 0, false).readonly();
+}
 
 #[pymodule]
 fn _damprig(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_function(wrap_pyfunction!(load_numpy, module)?)?;
     module.add_function(wrap_pyfunction!(simulation::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(simulation::analyse, module)?)?;
     module.add_function(wrap_pyfunction!(signals::read_signals, module)?)?;
