@@ -32,7 +32,7 @@ pub struct Args {
     #[arg(long, value_name = "KEY=FROM:TO:COUNT", required = true)]
     axis: Vec<SweepAxis>,
 
-    /// Most cycles of a start; a motion that does not repeat by then has no attractor
+    /// Most cycles of a start; a motion that has not settled by then has no attractor
     #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(i64::from(LEAST_CYCLES)..=1_000_000))]
     cycles: u32,
 
@@ -56,7 +56,7 @@ Examples:
   damprig study basins spid --axis initial.x_m=-0.05:0.05:101 --axis initial.v_m_per_s=-0.8:0.8:101
   damprig study basins spid --axis initial.x_m=-0.05:0.05:51 --axis initial.y_m=-0.02:0.02:51 --set base.frequency_hz=2.7
 
-A motion repeats if its states do within 16 cycles. The folder gets basins.svg, .png, basins.parquet with the attractor of each
+A motion has an attractor if it settles and repeats within 16 cycles. The folder gets basins.svg, .png, basins.parquet with the attractor of each
 start and its last state (at drive phase 0), and attractors.parquet with a state of each attractor.
 
 Exit codes:

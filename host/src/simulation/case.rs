@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use arrow_schema::Metadata;
-use damprig_core::integrator::exact::{Exact, Excitation, Touch};
+use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Initial, SetUp, Structure, Tmd};
 use damprig_particles::Damper;
 
@@ -210,17 +210,6 @@ impl Case {
     pub fn has_soft_walls(&self) -> bool {
         let several = self.multi_degree.iter().flat_map(|several| &several.set_up.impact_dampers);
         self.set_up.has_soft_walls() || several.flat_map(|damper| damper.particle.walls()).any(|wall| wall.is_soft())
-    }
-
-    /// How far the particle is beyond a soft wall that it has passed, m: a wall with `release = "zero_force"` does not act again until the particle
-    /// that left it is back inside, so that one which turns round before goes on. It has passed when it is beyond the wall by the width of the cavity.
-    #[must_use]
-    pub fn passed_wall_by_m(&self, motion: &Exact) -> Option<f64> {
-        let Touch::Leaving(_) = motion.touch() else { return None };
-        let [low, high] = self.set_up.particle?.ends_m();
-        let offset_m = motion.state().offset_m;
-        let beyond_m = (low - offset_m).max(offset_m - high);
-        (beyond_m > high - low).then_some(beyond_m)
     }
 
     /// Whether a particle or spheres may hit walls of the structure.

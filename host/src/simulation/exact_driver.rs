@@ -29,5 +29,5 @@ pub(super) fn run<V: Viewer>(
     });
     response.finish(motion.time_s());
     let summary = Summary::of(case, &response, motion.time_s(), motion.unresolved());
-    Ok((Summary { passed_wall_by_m: case.passed_wall_by_m(&motion), ..summary }, *motion.state()))
+    Ok((Summary { passed_wall_by_m: motion.passed_wall_by_m(), ..summary }, *motion.state()))
 }

@@ -46,6 +46,7 @@ pub use damprig_motion::{self as motion, cycle_maxima, statistics};
 pub use case::Case;
 pub use collector::RunOptions;
 pub use keys::TABLES;
+pub(crate) use keys::initial;
 pub use motion::{AccumulationRecord, ImpactRecord, StateSamples, Viewer};
 pub use result::SimulationResult;
 pub use set_values::{SetValues, fixed_parameters};

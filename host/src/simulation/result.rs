@@ -75,7 +75,7 @@ pub struct Summary {
     /// How often the event search was given up because too many events fell on one instant or one step of a record.
     #[serde(skip_serializing_if = "is_zero")]
     pub unresolved: u32,
-    /// How far the particle is beyond a soft wall that it has passed, at the end, m ([`Case::passed_wall_by_m`]).
+    /// How far the particle is beyond a soft wall that it has passed, at the end, m ([`Exact::passed_wall_by_m`](damprig_core::integrator::exact::Exact::passed_wall_by_m)).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub passed_wall_by_m: Option<f64>,
     /// Velocity with which a displacement record starts, m/s: the jump from rest is smoothed over its first interval, which

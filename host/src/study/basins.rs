@@ -7,15 +7,16 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use damprig_core::analysis::section::Section;
-use damprig_core::integrator::exact::{Arc, Exact, ExactState, Excitation, Impact, Observer};
+use damprig_core::integrator::exact::{Arc, Exact, ExactState, Impact, Observer};
 use damprig_core::integrator::modes::Grip;
 use damprig_core::io::Invalid;
 use rayon::prelude::*;
 
 use super::bifurcation::{SweepAxis, sine_case};
 use crate::input::Refusal;
+use crate::simulation::motion::Piece;
 use crate::simulation::multi_degree::driver::response_of_cycle;
-use crate::simulation::{Case, SetValues};
+use crate::simulation::{Case, SetValues, initial};
 
 /// Most drive periods after which a motion repeats.
 pub const MAX_PERIODS: usize = 16;
@@ -31,9 +32,6 @@ pub const LEAST_CYCLES: u32 = 2 * (BLOCK + LOOK);
 
 /// Most starts: their table has 60 MB.
 pub const MAX_STARTS: usize = 1_000_000;
-
-/// The keys of a start.
-const KEYS: [&str; 4] = ["initial.x_m", "initial.v_m_per_s", "initial.y_m", "initial.u_m_per_s"];
 
 /// States of one attractor agree within this share of the motion.
 const SAME: f64 = 1e-3;
@@ -92,15 +90,6 @@ pub struct Attractor {
     section: Vec<ExactState>,
     /// Whether the friction damper holds the structure all the time.
     is_held: bool,
-}
-
-impl Basins {
-    /// Numbers of starts whose motion does not repeat, and of those whose particle passes a soft wall.
-    #[must_use]
-    pub fn without_attractor(&self) -> [usize; 2] {
-        let passed = self.passed.iter().filter(|passed| **passed).count();
-        [self.ends.iter().filter(|end| end.is_none()).count() - passed, passed]
-    }
 }
 
 impl Attractor {
@@ -184,15 +173,24 @@ pub struct Basins {
     pub ends: Vec<Option<usize>>,
     /// Of each start the last state, at drive phase 0.
     pub states: Vec<ExactState>,
-    /// Of each start whether the particle has passed a soft wall ([`Case::passed_wall_by_m`]): it has no attractor then.
+    /// Of each start whether the particle has passed a soft wall ([`Exact::passed_wall_by_m`]): it has no attractor then.
     pub passed: Vec<bool>,
     /// Starts in whose motion too many events fell on one instant.
     pub unresolved: usize,
 }
 
+impl Basins {
+    /// Numbers of starts whose motion does not repeat, and of those whose particle passes a soft wall.
+    #[must_use]
+    pub fn without_attractor(&self) -> [usize; 2] {
+        let passed = self.passed.iter().filter(|passed| **passed).count();
+        [self.ends.iter().filter(|end| end.is_none()).count() - passed, passed]
+    }
+}
+
 /// Counts impacts that are not slow, and measures how far the structure slips in its friction damper.
+#[derive(Default)]
 struct Course {
-    excitation: Excitation,
     /// Slower impacts are not counted, m/s.
     slow_m_per_s: f64,
     impacts: u32,
@@ -203,23 +201,9 @@ struct Course {
 }
 
 impl Course {
-    fn new(excitation: Excitation, slow_m_per_s: f64) -> Self {
-        Self { excitation, slow_m_per_s, impacts: 0, fastest_m_per_s: 0.0, slipped_m: 0.0, was_held: false }
-    }
-
-    /// Whether the friction damper holds the structure: it slips by no more than this share of the motion in a period.
-    fn is_held(&self, periods: usize, length_m: f64) -> bool {
-        self.was_held && self.slipped_m <= SAME * length_m * periods as f64
-    }
-
-    /// Displacement of the base, m.
-    fn base_m(&self, t_s: f64) -> f64 {
-        match self.excitation {
-            Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad } => {
-                amplitude_m * (angular_frequency_rad_per_s * t_s + phase_rad).sin()
-            }
-            _ => 0.0,
-        }
+    /// Whether the friction damper holds the structure during a look: in a period it slips by no more than this share of the motion.
+    fn is_held(&self, size: &Size) -> bool {
+        self.was_held && self.slipped_m <= SAME * size.length_m * f64::from(LOOK)
     }
 }
 
@@ -228,8 +212,8 @@ impl Observer for Course {
         if arc.mode.grip == Grip::Stuck {
             self.was_held = true;
         } else if self.was_held {
-            let base_m = self.base_m(arc.start_s + arc.length_s) - self.base_m(arc.start_s);
-            self.slipped_m += (arc.end.x_m - arc.start.x_m - base_m).abs();
+            let [from_m, to_m] = [0.0, arc.length_s].map(|after_s| arc.at(after_s)).map(|at| at.state.x_m - at.z_m);
+            self.slipped_m += (to_m - from_m).abs();
         }
     }
 
@@ -257,8 +241,10 @@ pub fn run(
     set: &SetValues,
     go_on: &(dyn Fn(u64) -> bool + Sync),
 ) -> Result<Option<Basins>, Refusal> {
-    if let Some(axis) = grid.axes.iter().find(|axis| !KEYS.contains(&axis.key.as_str())) {
-        let keys = KEYS.join(", ");
+    let keys =
+        [&initial::X, &initial::V, &initial::Y, &initial::U].map(|quantity| format!("initial.{}", quantity.name()));
+    if let Some(axis) = grid.axes.iter().find(|axis| !keys.contains(&axis.key)) {
+        let keys = keys.join(", ");
         return Err(Refusal(format!(
             "`{}` is no start\n  a basin is a set of starts of one case: take two of {keys}",
             axis.key
@@ -291,17 +277,17 @@ fn end(case: &Case, most_cycles: u32) -> Result<End, Invalid> {
     let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
     motion.run(SECTION * cycle_s, &mut ());
     let mut section = Section::new(motion, cycle_s);
-    let (mut taken, mut repeats, mut slow_m_per_s) = (0, None, 0.0);
+    let (mut taken, mut repeats, mut slow_m_per_s, mut is_held) = (0, None, 0.0, false);
     let mut before: Option<(usize, f64)> = None;
     while repeats.is_none() && taken + BLOCK + LOOK <= most_cycles {
         section.skip(BLOCK.into());
-        let mut course = Course::new(case.excitation, 0.0);
+        let mut course = Course::default();
         let states: Vec<ExactState> = (0..LOOK).map(|_| section.next(&mut course)).collect();
         taken += BLOCK + LOOK;
         let size = Size::of(&states);
         slow_m_per_s = SLOW * size.speed_m_per_s;
-        let held = course.is_held(LOOK as usize, size.length_m);
-        let compared = Compared { place: !held, second: course.fastest_m_per_s > slow_m_per_s };
+        is_held = course.is_held(&size);
+        let compared = Compared { place: !is_held, second: course.fastest_m_per_s > slow_m_per_s };
         let found = size.period(&states, compared);
         if let Some((periods, _)) = found.filter(|found| is_settled(*found, before)) {
             repeats = Some(states[states.len() - periods..].to_vec());
@@ -318,9 +304,9 @@ fn end(case: &Case, most_cycles: u32) -> Result<End, Invalid> {
         state: *motion.state(),
         starts: 0,
         section: Vec::new(),
-        is_held: false,
+        is_held,
     };
-    let mut course = Course::new(case.excitation, slow_m_per_s);
+    let mut course = Course { slow_m_per_s, ..Course::default() };
     for cycle in first..first + found.periods as u32 {
         if motion.state().x_m < found.state.x_m {
             found.state = *motion.state();
@@ -330,8 +316,8 @@ fn end(case: &Case, most_cycles: u32) -> Result<End, Invalid> {
         response.finish(motion.time_s());
         found.max_abs_x_m = found.max_abs_x_m.max(response.last_cycle_max_m().unwrap_or(0.0));
     }
-    (found.impacts, found.is_held) = (course.impacts, course.is_held(found.periods, found.max_abs_x_m));
-    let has_passed = case.passed_wall_by_m(&motion).is_some();
+    found.impacts = course.impacts;
+    let has_passed = motion.passed_wall_by_m().is_some();
     Ok(End {
         attractor: repeats.filter(|_| !has_passed).map(|section| Attractor { section, ..found }),
         state: *motion.state(),

@@ -1,6 +1,6 @@
 //! Draws basins of attraction: a rectangle for each start, in the colour of its attractor.
 
-use super::study_map::{MapAxis, runs};
+use super::study_map::{MapAxis, drawn, runs};
 use crate::report::numbers::significant;
 use crate::report::plot::axis::Frame;
 use crate::report::plot::legend::{self, Entry};
@@ -16,9 +16,6 @@ const SIZE: (f64, f64) = (1100.0, 620.0);
 const LOST: f64 = -1.0;
 const PASSED: f64 = -2.0;
 
-/// Most values of an axis that are drawn.
-const MAX_VALUES: usize = 400;
-
 /// Colours of attractors: those of curves without black and without the grey of walls.
 const TINTS: usize = COLOURS - 2;
 
@@ -29,7 +26,7 @@ fn tint(place: usize) -> Colour {
 /// Draws the basins. `labels`: quantity and unit of the keys.
 #[must_use]
 pub fn draw(basins: &Basins, grid: &Grid, labels: [String; 2], title: &str) -> Picture {
-    let [across, up] = grid.axes.each_ref().map(|axis| taken(axis.values.len()));
+    let [across, up] = grid.axes.each_ref().map(|axis| drawn(axis.values.len()));
     let [x, y] = [(0, &across), (1, &up)].map(|(n, places)| MapAxis {
         label: labels[n].clone(),
         values: places.iter().map(|place| grid.axes[n].values[*place]).collect(),
@@ -65,12 +62,6 @@ pub fn draw(basins: &Basins, grid: &Grid, labels: [String; 2], title: &str) -> P
         picture.text(words, (BOUNDS.0, SIZE.1 - 16.0), Font::new(SMALL, GREY));
     }
     picture
-}
-
-/// Places of the drawn values of an axis.
-fn taken(count: usize) -> Vec<usize> {
-    let kept = count.min(MAX_VALUES);
-    (0..kept).map(|n| n * (count - 1) / (kept - 1).max(1)).collect()
 }
 
 fn entries(basins: &Basins) -> Vec<Entry> {

@@ -73,11 +73,7 @@ impl MapAxis {
 impl Map {
     /// The map with some values of its longest axes, evenly taken; the best point stays.
     fn thinned(&self) -> Self {
-        let places = |count: usize| -> Vec<usize> {
-            let kept = count.min(MAX_VALUES);
-            (0..kept).map(|n| n * (count - 1) / (kept - 1)).collect()
-        };
-        let (columns, across, up) = (self.x.values.len(), places(self.x.values.len()), places(self.y.values.len()));
+        let (columns, across, up) = (self.x.values.len(), drawn(self.x.values.len()), drawn(self.y.values.len()));
         let axis = |axis: &MapAxis, places: &[usize]| {
             let values = places.iter().map(|place| axis.values[*place]).collect();
             MapAxis { values, ..axis.clone() }
@@ -114,6 +110,12 @@ const LOG_FROM: f64 = 20.0;
 
 /// Most values of an axis that are drawn: more are closer than the pixels of a screen, and too many shapes for an SVG.
 const MAX_VALUES: usize = 400;
+
+/// Places of the values of an axis that are drawn: all, or some evenly taken of many.
+pub(super) fn drawn(count: usize) -> Vec<usize> {
+    let kept = count.min(MAX_VALUES);
+    (0..kept).map(|n| n * (count - 1) / (kept - 1).max(1)).collect()
+}
 
 /// Draws a map.
 ///

@@ -8,7 +8,7 @@ use super::motion::{ARCS_PER_ANCHOR, Exact, Fresh, ROUNDINGS, Touch, Work};
 use super::observe::Observer;
 use super::squeeze::Squeeze;
 use super::time::Time;
-use crate::integrator::modes::{Coefficients, Contact, Grip, Mode, signed};
+use crate::integrator::modes::{Coefficients, Contact, Grip, Mode, Sign, signed};
 use crate::io::{Invalid, require};
 use crate::model::{Initial, Release, SetUp};
 
@@ -53,6 +53,7 @@ impl Exact {
             time: Time::default(),
             mode,
             touch: Touch::Clear,
+            left_past_m: 0.0,
             leg,
             fresh: Fresh::default(),
             fastest_m_per_s: 0.0,
@@ -87,7 +88,7 @@ impl Exact {
             let rounding = 4.0 * f64::EPSILON * (initial.x_m.abs() + initial.y_m.abs());
             for side in [-1, 1] {
                 let past_m = signed(side, offset_m) - self.c.end(side);
-                if past_m >= -rounding && (past_m <= rounding || self.soft(side).is_none()) {
+                if past_m >= -rounding && (past_m <= rounding || !self.gives_way(side)) {
                     offset_m = self.c.wall(side);
                 }
             }
@@ -101,28 +102,32 @@ impl Exact {
         self.time = Time::at(t_s);
         self.anchor();
         self.next_break_s = self.excitation.next_break_s(t_s);
-        self.touch = self.touch_of_state();
+        self.take_touch();
         self.fresh = Fresh::default();
         self.fastest_m_per_s = 0.0;
         self.started = false;
         self.events_at_once = 0;
     }
 
-    /// The contact with a soft wall of a motion that starts now: the particle presses into the wall if it is beyond it and the wall pushes;
-    /// else it leaves the wall.
-    fn touch_of_state(&self) -> Touch {
+    /// Whether the wall of `side` is one into which a state may press: what a Hertz wall exerts does not follow from a state.
+    pub(super) fn gives_way(&self, side: Sign) -> bool {
+        self.soft(side).is_some() && self.squeeze.law(side).is_none()
+    }
+
+    /// Takes the contact with a soft wall from the state of a motion that starts now: the particle presses into the wall if it is beyond it and
+    /// the wall pushes; else it leaves the wall.
+    fn take_touch(&mut self) {
         let side = self.end_of_travel();
         let past_m = signed(side, self.state.offset_m) - self.c.end(side);
-        if side == 0 || past_m <= 0.0 || self.soft(side).is_none() || self.squeeze.law(side).is_some() {
-            return Touch::Clear;
+        if side == 0 || past_m <= 0.0 || !self.gives_way(side) {
+            self.touch = Touch::Clear;
+            return;
         }
         let link = self.flows.link(side);
         let push_n = link.stiffness * past_m + link.damping * signed(side, self.state.slide_m_per_s);
-        if push_n > 0.0 || self.soft(side) == Some(Release::ZeroPenetration) {
-            Touch::Pressing(side)
-        } else {
-            Touch::Leaving(side)
-        }
+        let presses = push_n > 0.0 || self.soft(side) == Some(Release::ZeroPenetration);
+        self.touch = if presses { Touch::Pressing(side) } else { Touch::Leaving(side) };
+        self.left_past_m = past_m;
     }
 
     /// Continues from another state at time `t_s`, with the same set-up and excitation; the fastest impact so far is what
@@ -130,7 +135,7 @@ impl Exact {
     pub fn resume(&mut self, t_s: f64, state: &ExactState, fastest_m_per_s: f64) {
         self.reset(t_s, &Initial::default());
         self.state = *state;
-        self.touch = self.touch_of_state();
+        self.take_touch();
         self.fastest_m_per_s = fastest_m_per_s;
     }
 

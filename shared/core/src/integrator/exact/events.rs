@@ -300,6 +300,7 @@ impl Exact {
         // A Hertz wall is left where the penetration ends.
         if self.soft(side) == Some(Release::ZeroForce) && past > 0.0 && self.squeeze.law(side).is_none() {
             self.touch = Touch::Leaving(side);
+            self.left_past_m = past;
         } else {
             self.touch = Touch::Clear;
             self.state.offset_m = self.c.wall(side);

@@ -87,6 +87,8 @@ pub struct Exact {
     pub(super) time: Time,
     pub(super) mode: Mode,
     pub(super) touch: Touch,
+    /// Penetration at which the soft wall that the particle leaves let it go, m.
+    pub(super) left_past_m: f64,
     pub(super) leg: Leg,
     pub(super) fresh: Fresh,
     /// Approach speed of the fastest impact since the start, m/s.
@@ -122,6 +124,18 @@ impl Exact {
     #[must_use]
     pub fn touch(&self) -> Touch {
         self.touch
+    }
+
+    /// How far the particle is beyond a soft wall that it has left and passed, m: further than where the wall let it go, and by more than the width of
+    /// its cavity. With [`Release::ZeroForce`] a wall does not act again until the particle is back inside, so one that turns round before goes on.
+    #[must_use]
+    pub fn passed_wall_by_m(&self) -> Option<f64> {
+        let Touch::Leaving(side) = self.touch else { return None };
+        if !self.gives_way(side) {
+            return None;
+        }
+        let past_m = signed(side, self.state.offset_m) - self.c.end(side);
+        (past_m > self.left_past_m.max(self.c.end(1) + self.c.end(-1))).then_some(past_m)
     }
 
     /// Number of times that more than 64 events fell on one instant and a millionth of an arc was taken without guards.
