@@ -10,6 +10,7 @@ pub mod cli;
 pub mod client;
 pub mod compare;
 pub mod continuation;
+pub mod failure;
 pub mod file_keys;
 pub mod host_time;
 pub mod identify;

@@ -6,12 +6,13 @@ use std::time::Instant;
 
 use crate::campaign::Campaign;
 use crate::client::session::Session;
+use crate::failure::Failure;
 use crate::host_time;
 use crate::prediction::Predicted;
 use crate::report::figures::campaign::{self as figures, PlottedPoint};
 use crate::report::figures::peak_motion::draw as draw_motions;
 use crate::report::page::page;
-use crate::report::plot::{Breadth, FigureError, Picture};
+use crate::report::plot::{Breadth, Picture};
 use crate::run_folder::checksum;
 use crate::run_folder::journal::{Begin, CopiedFile, Ended, Entry, Journal, Withdrawn};
 use crate::run_folder::read::folder::id_of;
@@ -21,7 +22,7 @@ use crate::run_folder::schema::manifest::{Durations, Ending, Manifest, SetUpReco
 use crate::run_folder::schema::self_description;
 use crate::run_folder::write::writer::{Layout, Writer};
 use crate::run_folder::write::{OutputFolder, Recorder};
-use crate::run_folder::{ResultRow, RunFolder, StorageError};
+use crate::run_folder::{ResultRow, RunFolder};
 use crate::runner::{RunError, Selection, Tally, device_record};
 
 /// Journal entry for the start or resumption of a run.
@@ -93,9 +94,9 @@ pub struct EndedRun {
     /// How the run ended.
     pub result: Result<(), RunError>,
     /// Whether the files could be written.
-    pub written: Result<(), StorageError>,
+    pub written: Result<(), Failure>,
     /// Whether the figures could be drawn.
-    pub drawn: Result<(), FigureError>,
+    pub drawn: Result<(), Failure>,
 }
 
 impl<'a> RecordedRun<'a> {
@@ -108,7 +109,7 @@ impl<'a> RecordedRun<'a> {
         predicted: &Predicted,
         folder: &'a OutputFolder,
         start: RunStart,
-    ) -> Result<Self, StorageError> {
+    ) -> Result<Self, Failure> {
         let RunStart { mut begin, journal, taken, withdrawn, waits_for_room } = start;
         let name = || id_of(folder.path());
         begin.run =

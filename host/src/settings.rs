@@ -10,8 +10,9 @@ use damprig_core::settings::{Prepared, Settings, Source as Origin};
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
+use crate::failure::Failure;
 use crate::host_time::date_text;
-use crate::input::{Problem, Refusal, Source, Span, replacement};
+use crate::input::{Problem, Source, Span, replacement};
 
 /// A setting: its path in the file and its value.
 pub type Entry = (Vec<String>, f32);
@@ -132,7 +133,7 @@ pub fn number_of(value: f32) -> f64 {
 ///
 /// # Errors
 /// A file that cannot be read; else as [`from_toml`].
-pub fn read_board(path: &Path) -> Result<Settings, Refusal> {
+pub fn read_board(path: &Path) -> Result<Settings, Failure> {
     from_toml(&Source::read(path)?, &Settings::default())
 }
 
@@ -151,7 +152,7 @@ pub fn differences(before: &Settings, now: &Settings, is_meant: impl Fn(&[String
 ///
 /// # Errors
 /// All problems of the file with their lines: unknown keys with near candidates, values that are not numbers or out of range.
-pub fn from_toml(source: &Source, present: &Settings) -> Result<Settings, Refusal> {
+pub fn from_toml(source: &Source, present: &Settings) -> Result<Settings, Failure> {
     let document = match DeTable::parse(source.text()) {
         Ok(document) => document,
         Err(error) => {

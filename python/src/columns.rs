@@ -6,7 +6,7 @@ use arrow_array::cast::AsArray;
 use arrow_array::types::{ArrowPrimitiveType, Float32Type, Float64Type, Int32Type, UInt32Type, UInt64Type};
 use arrow_array::{Array, RecordBatch};
 use arrow_schema::Field;
-use damprig::run_folder::ReadError;
+use damprig::failure::Failure;
 use damprig::table::values::{description, unit};
 use numpy::{Element, IntoPyArray};
 use pyo3::prelude::*;
@@ -60,17 +60,18 @@ impl Columns {
     ///
     /// # Errors
     /// A column of a type that run folders do not have, or batches that differ.
-    pub fn of(batches: &[RecordBatch]) -> Result<Self, ReadError> {
+    pub fn of(batches: &[RecordBatch]) -> Result<Self, Failure> {
         let Some(first) = batches.first() else { return Ok(Self::default()) };
         let schema = first.schema();
-        let column = |(place, field): (usize, &std::sync::Arc<Field>)| -> Result<Column, ReadError> {
+        let column = |(place, field): (usize, &std::sync::Arc<Field>)| -> Result<Column, Failure> {
             let arrays: Vec<&dyn Array> = batches
                 .iter()
                 .map(|batch| batch.columns().get(place).map(AsRef::as_ref))
                 .collect::<Option<_>>()
-                .ok_or_else(|| ReadError(format!("a part of the table lacks its column `{}`", field.name())))?;
-            let values = values(&arrays)
-                .ok_or_else(|| ReadError(format!("column `{}` has the type {}", field.name(), field.data_type())))?;
+                .ok_or_else(|| Failure::Storage(format!("a part of the table lacks its column `{}`", field.name())))?;
+            let values = values(&arrays).ok_or_else(|| {
+                Failure::Storage(format!("column `{}` has the type {}", field.name(), field.data_type()))
+            })?;
             Ok(Column {
                 name: field.name().clone(),
                 unit: unit(field).into(),

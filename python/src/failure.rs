@@ -4,39 +4,33 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use damprig::client::session::SessionError;
-use damprig::input::Refusal;
-use damprig::run_folder::{ReadError, StorageError};
+use damprig::failure::Failure;
 use damprig::runner::RunError;
-use damprig::study::failure::StudyFailure;
 use damprig_core::control::fault::FaultCause;
 use damprig_core::io::Invalid;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 
-/// Why a call failed.
-pub enum Failure {
-    /// `InputError`: an argument or a file is wrong.
-    Input(String),
-    /// `RigError`: the rig or the link failed, or refused.
-    Rig(String),
+/// Why a call failed, as Python gets to know it.
+pub enum Raised {
+    /// `InputError`, `RunFolderError`, `RigError` or `KeyboardInterrupt`.
+    Failure(Failure),
     /// `FaultError`: an interlock or the friction damper's spring ended the experiment.
     Fault { message: String, cause: FaultCause, value: f32, limit: f32 },
-    /// `RunFolderError`: a run folder cannot be read or written.
-    Folder(String),
     /// An exception that is one already: of a signal, or of an argument.
-    Raised(PyErr),
+    Exception(PyErr),
 }
 
-impl Failure {
+impl Raised {
     fn exception(self, py: Python<'_>) -> PyErr {
-        let (class, message) = match self {
-            Self::Raised(error) => return error,
-            Self::Fault { message, cause, value, limit } => return fault(py, message, cause, value, limit),
-            Self::Input(message) => ("InputError", message),
-            Self::Rig(message) => ("RigError", message),
-            Self::Folder(message) => ("RunFolderError", message),
-        };
-        made(py, class, (message,))
+        match self {
+            Self::Exception(error) => error,
+            Self::Fault { message, cause, value, limit } => fault(py, message, cause, value, limit),
+            Self::Failure(Failure::Input(message)) => made(py, "InputError", (message,)),
+            Self::Failure(Failure::Storage(message)) => made(py, "RunFolderError", (message,)),
+            Self::Failure(Failure::Failed(message)) => made(py, "RigError", (message,)),
+            Self::Failure(Failure::Interrupted(message)) => PyKeyboardInterrupt::new_err(message),
+        }
     }
 }
 
@@ -59,7 +53,7 @@ pub fn input_error(py: Python<'_>, message: String) -> PyErr {
 ///
 /// # Errors
 /// Those of the work; a panic is an `InternalError`.
-pub fn work<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T, Failure> + Send) -> PyResult<T> {
+pub fn work<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T, Raised> + Send) -> PyResult<T> {
     match py.detach(|| catch_unwind(AssertUnwindSafe(work))) {
         Ok(done) => done.map_err(|failure| failure.exception(py)),
         Err(panic) => Err(made(py, "InternalError", (panic_text(panic.as_ref()),))),
@@ -71,68 +65,44 @@ fn panic_text(panic: &(dyn Any + Send)) -> String {
     format!("a defect of damprig, please report it: {}", text.unwrap_or("no message"))
 }
 
-/// The exception of Ctrl-C.
-pub fn interrupted() -> Failure {
-    Failure::Raised(PyKeyboardInterrupt::new_err("interrupted"))
-}
-
-impl From<Refusal> for Failure {
-    fn from(refusal: Refusal) -> Self {
-        Self::Input(refusal.to_string())
+impl From<Failure> for Raised {
+    fn from(failure: Failure) -> Self {
+        Self::Failure(failure)
     }
 }
 
-impl From<Invalid> for Failure {
+impl From<serde_json::Error> for Raised {
+    fn from(error: serde_json::Error) -> Self {
+        Self::Failure(error.into())
+    }
+}
+
+impl From<Invalid> for Raised {
     fn from(invalid: Invalid) -> Self {
-        Self::Input(invalid.to_string())
+        Self::Failure(invalid.into())
     }
 }
 
-impl From<ReadError> for Failure {
-    fn from(error: ReadError) -> Self {
-        Self::Folder(error.to_string())
-    }
-}
-
-impl From<StorageError> for Failure {
-    fn from(error: StorageError) -> Self {
-        Self::Folder(error.to_string())
-    }
-}
-
-impl From<StudyFailure> for Failure {
-    fn from(error: StudyFailure) -> Self {
-        match error {
-            StudyFailure::Refused(refusal) => refusal.into(),
-            StudyFailure::Storage(error) => error.into(),
-            StudyFailure::Damaged(error) => error.into(),
-        }
-    }
-}
-
-impl From<SessionError> for Failure {
+impl From<SessionError> for Raised {
     fn from(error: SessionError) -> Self {
-        RunError::from(error).into()
+        Self::Failure(error.into())
     }
 }
 
-impl From<RunError> for Failure {
+impl From<RunError> for Raised {
     fn from(error: RunError) -> Self {
         let message = error.to_string();
         match error {
-            RunError::Refused(_) => Self::Input(message),
-            RunError::Interrupted => interrupted(),
-            RunError::Storage(_) => Self::Folder(message),
             RunError::Fault { cause, value, limit, .. } | RunError::Spring { cause, value, limit, .. } => {
                 Self::Fault { message, cause, value, limit }
             }
-            _ => Self::Rig(message),
+            error => Self::Failure(error.into()),
         }
     }
 }
 
-impl From<PyErr> for Failure {
+impl From<PyErr> for Raised {
     fn from(error: PyErr) -> Self {
-        Self::Raised(error)
+        Self::Exception(error)
     }
 }

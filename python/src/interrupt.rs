@@ -4,7 +4,8 @@ use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
 
-use crate::failure::{Failure, interrupted};
+use crate::failure::Raised;
+use damprig::failure::Failure;
 
 /// Time between two looks.
 pub const EVERY: Duration = Duration::from_millis(50);
@@ -12,7 +13,7 @@ pub const EVERY: Duration = Duration::from_millis(50);
 /// Remembers what a signal's handler raised. Python runs handlers in the main thread only; in another thread nothing is found.
 pub struct Interrupt {
     looked: Instant,
-    raised: Option<Failure>,
+    raised: Option<Raised>,
 }
 
 impl Interrupt {
@@ -27,9 +28,9 @@ impl Interrupt {
             self.looked = Instant::now();
             self.raised = match Python::try_attach(|py| py.check_signals()) {
                 Some(Ok(())) => None,
-                Some(Err(error)) => Some(Failure::Raised(error)),
+                Some(Err(error)) => Some(Raised::Exception(error)),
                 // The interpreter is shutting down.
-                None => Some(interrupted()),
+                None => Some(Failure::stopped().into()),
             };
         }
         self.raised.is_none()
@@ -39,7 +40,7 @@ impl Interrupt {
     ///
     /// # Errors
     /// The exception of the handler: `KeyboardInterrupt` for Ctrl-C.
-    pub fn check(self) -> Result<(), Failure> {
+    pub fn check(self) -> Result<(), Raised> {
         self.raised.map_or(Ok(()), Err)
     }
 }

@@ -8,17 +8,18 @@ use std::time::Duration;
 use damprig::campaign::{Campaign, CampaignSetUp};
 use damprig::client::link::VirtualRig;
 use damprig::client::session::{Report, Session};
+use damprig::failure::Failure;
 use damprig::host_time;
 use damprig::input::Source;
 use damprig::prediction::Predicted;
 use damprig::recorded_run::{RecordedRun, RunStart, begin_entry};
+use damprig::run_folder::ResultRow;
 use damprig::run_folder::journal::Entry;
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::schema::results;
 use damprig::run_folder::schema::transients::{self, TransientRow};
 use damprig::run_folder::write::OutputFolder;
 use damprig::run_folder::write::recorder::{Recording, Rows};
-use damprig::run_folder::{ReadError, ResultRow, StorageError};
 use damprig::runner::rehearsal::accept;
 use damprig::runner::{Run, RunError, Selection, Watcher};
 use damprig_core::control::fault::Fault;
@@ -34,7 +35,7 @@ use pyo3::types::PyDict;
 use serde_json::{Value, json};
 
 use crate::columns::Columns;
-use crate::failure::{Failure, work};
+use crate::failure::{Raised, work};
 use crate::interrupt::Interrupt;
 use crate::source::Given;
 
@@ -59,7 +60,7 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(settings: Option<&Settings>, single: bool) -> Result<Self, Failure> {
+    fn new(settings: Option<&Settings>, single: bool) -> Result<Self, Raised> {
         let session = Session::over(Box::new(VirtualRig::new(single, settings)), "virtual".into(), TIMEOUT)?;
         Ok(Self {
             session,
@@ -73,9 +74,11 @@ impl Bench {
     }
 
     /// A campaign that this rig accepts, with its predictions. Keeps the warnings.
-    fn prepared(&mut self, source: Source) -> Result<Prepared, Failure> {
+    fn prepared(&mut self, source: Source) -> Result<Prepared, Raised> {
         if self.is_emergency_stop_pressed {
-            return Err(Failure::Rig("the emergency stop is pressed: release it, then clear the fault".into()));
+            return Err(
+                Failure::Failed("the emergency stop is pressed: release it, then clear the fault".into()).into()
+            );
         }
         let mut campaign = Campaign::parse(source)?;
         self.warnings.extend(campaign.source.warnings());
@@ -88,7 +91,7 @@ impl Bench {
     }
 
     /// Runs a campaign without a folder.
-    fn measure(&mut self, source: Source) -> Result<Measured, Failure> {
+    fn measure(&mut self, source: Source) -> Result<Measured, Raised> {
         let Prepared { campaign, selection, .. } = self.prepared(source)?;
         let stop = AtomicBool::new(false);
         let mut watch = Watch::new(&stop);
@@ -98,12 +101,12 @@ impl Bench {
         let Watch { interrupt, points, transients, .. } = watch;
         interrupt.check()?;
         result?;
-        let table = |made: Result<_, String>| made.map_err(ReadError).and_then(|batch| Columns::of(&[batch]));
+        let table = |made: Result<_, Failure>| Columns::of(&[made?]);
         Ok(Measured { points: table(results::table(&points))?, transients: table(transients::table(&transients))? })
     }
 
     /// Runs a campaign into a folder; returns where it is.
-    fn run(&mut self, source: Source, out: Option<&Path>) -> Result<PathBuf, Failure> {
+    fn run(&mut self, source: Source, out: Option<&Path>) -> Result<PathBuf, Raised> {
         let Prepared { campaign, selection, predicted } = self.prepared(source)?;
         let now = host_time::now();
         let folder = match out {
@@ -121,17 +124,17 @@ impl Bench {
         let run = Run::new(&campaign, &mut self.session, recorder, &mut watch, &stop, selection, taken);
         let (tally, result) = run.carry_out();
         let Some(ended) = recorded.end(tally, result) else {
-            return Err(Failure::Folder("the recorder thread has stopped; the run is incomplete".into()));
+            return Err(Failure::Storage("the recorder thread has stopped; the run is incomplete".into()).into());
         };
         watch.interrupt.check()?;
         ended.result?;
         ended.written?;
-        ended.drawn.map_err(|error| Failure::Folder(error.to_string()))?;
+        ended.drawn?;
         Ok(folder.path().to_path_buf())
     }
 
     /// Starts the campaign's first experiment on its first set-up; [`Bench::advance`] follows it.
-    fn start(&mut self, source: Source) -> Result<(), Failure> {
+    fn start(&mut self, source: Source) -> Result<(), Raised> {
         let Prepared { campaign, selection, .. } = self.prepared(source)?;
         let stop = AtomicBool::new(false);
         let mut watch = Watch::new(&stop);
@@ -147,7 +150,7 @@ impl Bench {
     }
 
     /// Lets ticks pass and keeps what the controller sends.
-    fn advance(&mut self, ticks: u32) -> Result<(), Failure> {
+    fn advance(&mut self, ticks: u32) -> Result<(), Raised> {
         let mut interrupt = Interrupt::new();
         let mut left = ticks;
         while left > 0 && interrupt.goes_on() {
@@ -183,7 +186,7 @@ impl Bench {
     }
 
     /// Presses or releases the emergency stop.
-    fn emergency_stop(&mut self, pressed: bool) -> Result<(), Failure> {
+    fn emergency_stop(&mut self, pressed: bool) -> Result<(), Raised> {
         let message = ToSimulator::Inject(InjectedFault::EmergencyStop { pressed });
         self.session.execute("press or release the emergency stop", message.request())?;
         self.is_emergency_stop_pressed = pressed;
@@ -191,9 +194,11 @@ impl Bench {
     }
 
     /// Stops, waits for rest and clears a fault.
-    fn rest(&mut self) -> Result<(), Failure> {
+    fn rest(&mut self) -> Result<(), Raised> {
         if self.is_emergency_stop_pressed {
-            return Err(Failure::Rig("the emergency stop is pressed: release it, then clear the fault".into()));
+            return Err(
+                Failure::Failed("the emergency stop is pressed: release it, then clear the fault".into()).into()
+            );
         }
         self.session.bring_to_idle(|_| (), &AtomicBool::new(false))?;
         self.take_reports();
@@ -254,7 +259,7 @@ impl Watcher for Watch<'_> {
 struct Unrecorded;
 
 impl Recording for Unrecorded {
-    fn check(&self) -> Result<(), StorageError> {
+    fn check(&self) -> Result<(), Failure> {
         Ok(())
     }
 
@@ -334,7 +339,7 @@ impl NativeRig {
     fn new(py: Python<'_>, settings: Option<&Bound<'_, PyAny>>, single: bool) -> PyResult<Self> {
         let given = settings.map(|settings| Given::of("settings", settings)).transpose()?;
         work(py, || {
-            let read = |given: Given| -> Result<Settings, Failure> {
+            let read = |given: Given| -> Result<Settings, Raised> {
                 Ok(damprig::settings::from_toml(&given.source()?, &Settings::default())?)
             };
             let settings = given.map(read).transpose()?;

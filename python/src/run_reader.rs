@@ -4,17 +4,18 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use arrow_array::RecordBatch;
+use damprig::failure::Failure;
 use damprig::report::exports::uff::Uff;
 use damprig::report::exports::{ExportSelection, Exporter, RunTable};
+use damprig::run_folder::RunFolder;
 use damprig::run_folder::read::folder::find;
 use damprig::run_folder::read::verify::{Finding, verify};
-use damprig::run_folder::{ReadError, RunFolder};
 use damprig::storage::out_file::OutFile;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::columns::Columns;
-use crate::failure::{Failure, work};
+use crate::failure::work;
 
 /// An opened run folder.
 #[pyclass(frozen, module = "damprig._damprig")]
@@ -24,7 +25,7 @@ impl RunReader {
     fn table<'py>(
         &self,
         py: Python<'py>,
-        read: fn(&RunFolder) -> Result<Vec<RecordBatch>, ReadError>,
+        read: fn(&RunFolder) -> Result<Vec<RecordBatch>, Failure>,
     ) -> PyResult<Bound<'py, PyDict>> {
         work(py, || Ok(Columns::of(&read(&self.0)?)?))?.into_dict(py)
     }
@@ -35,7 +36,7 @@ impl RunReader {
     /// Opens a folder: a path, or the name of a run below `runs/`.
     #[new]
     fn open(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
-        work(py, || Ok(Self(RunFolder::open(&find(&folder)?)?)))
+        work(py, || Ok(Self(RunFolder::open(&find(&folder).map_err(Failure::storage)?)?)))
     }
 
     /// Where it is.
@@ -46,7 +47,7 @@ impl RunReader {
 
     /// The manifest as JSON.
     fn manifest(&self, py: Python<'_>) -> PyResult<String> {
-        work(py, || serde_json::to_string(self.0.manifest()).map_err(|error| Failure::Folder(error.to_string())))
+        work(py, || Ok(serde_json::to_string(self.0.manifest())?))
     }
 
     /// How the run ended, in words.

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use damprig::failure::Failure;
 use damprig::input::Files;
 use damprig::motion_record::{Quantity, Spec, read};
 use damprig::signal_file::unit::Unit;
@@ -11,7 +12,7 @@ use numpy::{Complex64, IntoPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::failure::{Failure, input_error, work};
+use crate::failure::{input_error, work};
 
 fn dict(py: Python<'_>, signal: Signal) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);
@@ -49,11 +50,10 @@ fn dict(py: Python<'_>, signal: Signal) -> PyResult<Bound<'_, PyDict>> {
 pub fn read_signals(py: Python<'_>, file: PathBuf) -> PyResult<Vec<Bound<'_, PyDict>>> {
     let signals = work(py, || {
         let selector = Selector::of(&file);
-        let read = match selector.which {
-            Some(_) => selector.read().map(|signal| vec![signal]),
-            None => read_file(&file).map(|contents| contents.signals),
-        };
-        read.map_err(|error| Failure::Input(error.0))
+        Ok(match selector.which {
+            Some(_) => vec![selector.read()?],
+            None => read_file(&file)?.signals,
+        })
     })?;
     signals.into_iter().map(|signal| dict(py, signal)).collect()
 }
@@ -98,9 +98,9 @@ pub fn response_spectrum<'py>(
         ..Spec::default()
     };
     let points = work(py, || {
-        let read = read(&record, &spec, &Files::default()).map_err(|error| Failure::Input(error.0))?;
-        spectra(&read, &damping, &periods_s, method)
-            .map_err(|why| Failure::Input(format!("{}: {why}", record.display())))
+        let read = read(&record, &spec, &Files::default())?;
+        let points = spectra(&read, &damping, &periods_s, method);
+        Ok(points.map_err(|why| Failure::Input(format!("{}: {why}", record.display())))?)
     })?;
     let dict = PyDict::new(py);
     let column = |name: &str, value: fn(&damprig::spectrum::Point) -> f64| {

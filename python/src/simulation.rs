@@ -1,5 +1,6 @@
 //! Simulates a case and hands its motion over as arrays.
 
+use damprig::failure::Failure;
 use damprig::input::Source;
 use damprig::simulation::{
     AccumulationRecord, Case, ImpactRecord, RunOptions, SetValues, SimulationResult, Viewer,
@@ -13,7 +14,7 @@ use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::failure::{Failure, work};
+use crate::failure::{Raised, work};
 use crate::interrupt::Interrupt;
 use crate::source::Given;
 
@@ -72,27 +73,29 @@ impl Viewer for Motion {
 }
 
 /// Reads the case; also its text, which has the warnings of unusual values.
-fn read(given: Given) -> Result<(Case, Source), Failure> {
+fn read(given: Given) -> Result<(Case, Source), Raised> {
     let name = given.name();
     let source = given.source()?;
     Ok((Case::parse(&source, &name)?, source))
 }
 
 /// The times that are wanted: given ones, a rate, those of the case, or the usual rate.
-fn times(case: &Case, times_s: Option<Vec<f64>>, rate_hz: Option<f64>) -> Result<Times, Failure> {
+fn times(case: &Case, times_s: Option<Vec<f64>>, rate_hz: Option<f64>) -> Result<Times, Raised> {
     let duration_s = case.run.duration_s;
     if let Some(times_s) = times_s {
         let is_allowed =
             |i: usize, t_s: f64| (0.0..=duration_s * (1.0 + 1e-12)).contains(&t_s) && (i == 0 || times_s[i - 1] <= t_s);
         if let Some((i, t_s)) = times_s.iter().enumerate().find(|(i, t_s)| !is_allowed(*i, **t_s)) {
             let allowed = format!("must be in rising order, from 0 to duration_s = {duration_s}");
-            return Err(Failure::Input(format!("sample_times[{i}] = {t_s} is not allowed: {allowed}")));
+            return Err(Failure::Input(format!("sample_times[{i}] = {t_s} is not allowed: {allowed}")).into());
         }
         return Ok(Times::Given(times_s));
     }
     let rate_hz = match rate_hz {
         Some(rate_hz) if rate_hz > 0.0 && rate_hz.is_finite() => rate_hz,
-        Some(rate_hz) => return Err(Failure::Input(format!("rate_hz = {rate_hz} is not allowed: must be above 0"))),
+        Some(rate_hz) => {
+            return Err(Failure::Input(format!("rate_hz = {rate_hz} is not allowed: must be above 0")).into());
+        }
         None if !case.run.sample_times_s.is_empty() => return Ok(Times::Given(case.run.sample_times_s.clone())),
         None => case.usual_rate_hz(),
     };
@@ -101,7 +104,7 @@ fn times(case: &Case, times_s: Option<Vec<f64>>, rate_hz: Option<f64>) -> Result
         return Err(Failure::Input(format!(
             "rate_hz = {rate_hz} over duration_s = {duration_s} gives {rows:.3e} rows: must be {MAX_ROWS:.0e} or fewer; \
              lower rate_hz, or let `damprig simulate --out` write a file"
-        )));
+        )).into());
     }
     Ok(Times::Rate(rate_hz))
 }
@@ -134,7 +137,7 @@ pub fn analyse(py: Python<'_>, case: &Bound<'_, PyAny>) -> PyResult<(Vec<String>
                 source.name()
             ))
         })?;
-        let text = serde_json::to_string(&analysis).map_err(|error| Failure::Input(error.to_string()))?;
+        let text = serde_json::to_string(&analysis)?;
         Ok((source.warnings(), text))
     })
 }
@@ -147,7 +150,7 @@ struct Simulated {
     result: SimulationResult,
 }
 
-fn simulated(given: Given, times_s: Option<Vec<f64>>, rate_hz: Option<f64>) -> Result<Simulated, Failure> {
+fn simulated(given: Given, times_s: Option<Vec<f64>>, rate_hz: Option<f64>) -> Result<Simulated, Raised> {
     let (mut case, source) = read(given)?;
     let times = times(&case, times_s, rate_hz)?;
     let rate_hz = if let Times::Rate(rate_hz) = times { Some(rate_hz) } else { None };

@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use damprig::input::{Refusal, Source};
+use damprig::failure::Failure;
+use damprig::input::Source;
 use damprig::simulation::case::default_name;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::failure::{Failure, input_error};
+use crate::failure::{Raised, input_error};
 use crate::plain_toml;
 
 /// Where an input comes from.
@@ -55,9 +56,9 @@ impl Design {
     /// Those of the reader.
     pub fn read<T>(
         &self,
-        file: impl FnOnce(&Path) -> Result<T, Refusal>,
-        text: impl FnOnce(&Source, &Path, Option<&Source>) -> Result<T, Refusal>,
-    ) -> Result<T, Failure> {
+        file: impl FnOnce(&Path) -> Result<T, Failure>,
+        text: impl FnOnce(&Source, &Path, Option<&Source>) -> Result<T, Failure>,
+    ) -> Result<T, Raised> {
         Ok(match self {
             Self::File(path) => file(path)?,
             Self::Texts(source, case) => text(source, Path::new(source.name()), case.as_deref())?,
@@ -91,7 +92,7 @@ impl Given {
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn source(self) -> Result<Source, Failure> {
+    pub fn source(self) -> Result<Source, Raised> {
         Ok(match self {
             Self::File(path) => Source::read(&path)?,
             Self::Text(source) => *source,

@@ -7,6 +7,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 
 use damprig::continuation::Continuation;
+use damprig::failure::Failure;
 use damprig::optimise::file::Optimisation;
 use damprig::report::{basins_files, bifurcation_files};
 use damprig::run_folder::read::parquet_file;
@@ -26,13 +27,13 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::columns::Columns;
-use crate::failure::{Failure, interrupted, work};
+use crate::failure::{Raised, work};
 use crate::interrupt::{EVERY, Interrupt};
 use crate::source::{Design, Given};
 
 /// Does work that asks whether to go on, on a thread of its own, while this one looks for Ctrl-C: Python runs the handlers of signals in
 /// its main thread alone.
-fn watched<T: Send>(work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> T + Send) -> Result<T, Failure> {
+fn watched<T: Send>(work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> T + Send) -> Result<T, Raised> {
     let (stop, mut interrupt) = (AtomicBool::new(false), Interrupt::new());
     let (ended, end) = mpsc::channel::<()>();
     let stop_at = &stop;
@@ -53,7 +54,7 @@ fn watched<T: Send>(work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> T + Send) -
     done.map_err(|panic| resume_unwind(panic))
 }
 
-fn opened(design: &Design, out: &Path) -> Result<(Study, DataSet), Failure> {
+fn opened(design: &Design, out: &Path) -> Result<(Study, DataSet), Raised> {
     let study = design.read(Study::read, Study::parse)?;
     let data_set = DataSet::open(&study, Store::at(out)?)?;
     Ok((study, data_set))
@@ -67,7 +68,7 @@ pub fn study_run(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf) -> PyRe
         let (study, data_set) = opened(&design, &out)?;
         match watched(|goes_on| run::run(&study, &data_set, &|_: &Progress| goes_on()))?? {
             (Ending::Complete, _) => Ok(()),
-            (Ending::Stopped, _) => Err(interrupted()),
+            (Ending::Stopped, _) => Err(Failure::stopped().into()),
         }
     })
 }
@@ -90,7 +91,7 @@ pub fn study_rows(py: Python<'_>, study: &Bound<'_, PyAny>, part: u64) -> PyResu
         let study = design.read(Study::read, Study::parse)?;
         let manifest = Manifest::of(&study);
         let rows = watched(|goes_on| run::compute(&study, manifest.rows_of(part), &|_| goes_on()))??;
-        Ok((manifest.sha256.unwrap_or_default(), rows.ok_or_else(interrupted)?))
+        Ok((manifest.sha256.unwrap_or_default(), rows.ok_or_else(Failure::stopped)?))
     })
 }
 
@@ -103,7 +104,7 @@ pub fn study_write(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf, part:
         let (digest, rows) = rows;
         if Manifest::of(&study).sha256 != Some(digest) {
             let what = "a worker has another study, case or version of damprig";
-            return Err(Failure::Input(format!("{what}: give all workers the same files and version")));
+            return Err(Failure::Input(format!("{what}: give all workers the same files and version")).into());
         }
         Ok(data_set.write_part(&study, part, &rows)?)
     })
@@ -126,7 +127,7 @@ pub fn study_merge<'py>(py: Python<'py>, study: &Bound<'py, PyAny>, out: PathBuf
             progress.meet_part(&study, data_set.manifest().rows_of(part).start, batch);
         })?;
         let shown = address.display().to_string();
-        let bytes = data_set.store().get(TABLE)?.ok_or_else(|| Failure::Folder(format!("{shown} is missing")))?;
+        let bytes = data_set.store().get(TABLE)?.ok_or_else(|| Failure::Storage(format!("{shown} is missing")))?;
         let batches = parquet_file::content(&shown, bytes)?.batches;
         let place = |row: u64| {
             let values = study.points.values(&study.axes, row, 0);
@@ -161,15 +162,16 @@ pub fn evaluate<'py>(
         let count = points.len() as u64;
         let points = GivenPoints::new(keys, points).map_err(|why| Failure::Input(format!("points: {why}")))?;
         let Design::Texts(source, case) = &design else {
-            return Err(Failure::Input("evaluate takes the keys of a study".into()));
+            return Err(Failure::Input("evaluate takes the keys of a study".into()).into());
         };
         let study = Study::parse_at(source, Path::new(source.name()), case.as_deref(), Some(points))?;
         if study.rows() != count {
             return Err(Failure::Input(
                 "axis: every axis must have `reduce`: a point has one value of each metric".into(),
-            ));
+            )
+            .into());
         }
-        let rows = watched(|goes_on| run::compute(&study, 0..count, &|_| goes_on()))??.ok_or_else(interrupted)?;
+        let rows = watched(|goes_on| run::compute(&study, 0..count, &|_| goes_on()))??.ok_or_else(Failure::stopped)?;
         let names = study.metrics.iter().map(|metric| main_column(&study, *metric)).chain([UNRESOLVED.into()]);
         let places: Vec<usize> = names.map(|name| run::place_of(&study, &name)).collect();
         let wanted = |row: Vec<f64>| places.iter().map(|place| row[*place]).collect::<Vec<f64>>();
@@ -202,7 +204,7 @@ pub fn bifurcation<'py>(
             .collect();
         let samples = watched(|goes_on| sweep::run_all(&cases, &sweep, &directions, &|_| goes_on()))??;
         let batch = bifurcation_files::batch(&samples, &sweep.key, &cases[0]);
-        Ok(Columns::of(&[batch.map_err(|why| Failure::Input(why.0))?])?)
+        Ok(Columns::of(&[batch?])?)
     })?;
     columns.into_dict(py)
 }
@@ -222,11 +224,10 @@ pub fn basins<'py>(
         let grid = Grid { axes: axes.map(|(key, values)| SweepAxis { key, values }), most_cycles };
         let set = SetValues { origin: "starts".into(), lines: String::new() };
         let texts = (source.name(), source.text(), name.as_str());
-        let found = watched(|goes_on| starts::run(texts, &grid, &set, &|_| goes_on()))??.ok_or_else(interrupted)?;
+        let found =
+            watched(|goes_on| starts::run(texts, &grid, &set, &|_| goes_on()))??.ok_or_else(Failure::stopped)?;
         let case = Case::parse(&source, &name)?;
-        let table = |batch: Result<_, bifurcation_files::Unwritten>| -> Result<Columns, Failure> {
-            Ok(Columns::of(&[batch.map_err(|why| Failure::Input(why.0))?])?)
-        };
+        let table = |batch: Result<_, Failure>| Columns::of(&[batch?]);
         Ok((
             table(basins_files::starts(&found, &grid, &case))?,
             table(basins_files::attractors(&found, &case))?,
@@ -243,7 +244,7 @@ pub fn optimise(py: Python<'_>, optimisation: &Bound<'_, PyAny>) -> PyResult<Str
     work(py, || {
         let optimisation = design.read(Optimisation::read, Optimisation::parse)?;
         let (_, answer) = watched(|goes_on| damprig::optimise::run::run(&optimisation, &|_| goes_on()))??;
-        if answer.is_stopped { Err(interrupted()) } else { json(&answer) }
+        if answer.is_stopped { Err(Failure::stopped().into()) } else { json(&answer) }
     })
 }
 
@@ -254,6 +255,6 @@ pub fn continuation(py: Python<'_>, continuation: &Bound<'_, PyAny>) -> PyResult
     work(py, || json(&design.read(Continuation::read, Continuation::parse)?.follow()?))
 }
 
-fn json(answer: &impl serde::Serialize) -> Result<String, Failure> {
-    serde_json::to_string(answer).map_err(|error| Failure::Input(error.to_string()))
+fn json(answer: &impl serde::Serialize) -> Result<String, Raised> {
+    Ok(serde_json::to_string(answer)?)
 }

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::keys::{METHODS, bifurcation as sweep_keys, item as item_keys, items as items_keys, part as part_keys};
+use damprig::failure::Failure;
 use damprig::input::section::{FreeKey, FreeValue, Given, Text};
-use damprig::input::{Problem, Refusal, Section, Source, listed, near};
+use damprig::input::{Problem, Section, Source, listed, near};
 use damprig::simulation::case::default_name;
 use damprig::study::bifurcation::SweepAxis;
 
@@ -170,7 +171,7 @@ impl Catalogue {
     ///
     /// # Errors
     /// Lists all problems of the file: line, key, value, what is allowed.
-    pub fn read(folder: &Path) -> Result<Self, Refusal> {
+    pub fn read(folder: &Path) -> Result<Self, Failure> {
         let source = Source::read(&folder.join(ITEMS))?;
         let items = source.read_toml(source.text(), "this is not TOML", |root| {
             root.tables_of(&items_keys::ITEM)
@@ -179,10 +180,10 @@ impl Catalogue {
                 .collect::<Option<Vec<_>>>()
         });
         source.verdict()?;
-        let items = items.ok_or_else(|| Refusal(format!("{}: the items could not be read", source.name())))?;
+        let items = items.ok_or_else(|| Failure::Input(format!("{}: the items could not be read", source.name())))?;
         for (place, item) in items.iter().enumerate() {
             if items[..place].iter().any(|other| other.name == item.name) {
-                return Err(Refusal(format!("{}: two items have the name {:?}", source.name(), item.name)));
+                return Err(Failure::Input(format!("{}: two items have the name {:?}", source.name(), item.name)));
             }
         }
         Ok(Self { folder: folder.to_path_buf(), items })
@@ -192,14 +193,14 @@ impl Catalogue {
     ///
     /// # Errors
     /// Without such an item, names those that look like it.
-    pub fn find(&self, name: &str) -> Result<&Item, Refusal> {
+    pub fn find(&self, name: &str) -> Result<&Item, Failure> {
         self.items.iter().find(|item| item.name == name).ok_or_else(|| {
             let names = || self.items.iter().map(|item| item.name.as_str());
             let help = match near(name, names())[..] {
                 [] => format!("items: {}", listed(names())),
                 ref candidates => format!("did you mean {}?", candidates.join(", ")),
             };
-            Refusal(format!("there is no item {name:?}\n  {help}\n  `damprig-thesis --list` shows all"))
+            Failure::Input(format!("there is no item {name:?}\n  {help}\n  `damprig-thesis --list` shows all"))
         })
     }
 }

@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 
 use include_dir::{Dir, File, include_dir};
 
-use damprig::input::Refusal;
-use damprig::run_folder::StorageError;
+use damprig::failure::Failure;
 use damprig::run_folder::own_files;
 
 static FILES: Dir = include_dir!("$CARGO_MANIFEST_DIR/files");
@@ -29,36 +28,25 @@ fn all() -> Vec<&'static File<'static>> {
 ///
 /// # Errors
 /// A file there that differs: it may be a user's own. A file that cannot be written.
-pub fn write_out(out: &Path) -> Result<PathBuf, WriteOut> {
+pub fn write_out(out: &Path) -> Result<PathBuf, Failure> {
     let folder = out.join(FOLDER);
     for file in all() {
         let path = folder.join(file.path());
         match std::fs::read(&path) {
             Ok(there) if there == file.contents() => {}
             Ok(_) => {
-                return Err(WriteOut::Differs(Refusal(format!(
+                return Err(Failure::Input(format!(
                     "{} is not the file of this version of damprig\n  compute with the files there: --files {}; or move it away; nothing was changed",
                     path.display(),
                     folder.display()
-                ))));
+                )));
             }
             Err(_) => {
                 let parent = path.parent().unwrap_or(&folder);
-                std::fs::create_dir_all(parent).map_err(|error| StorageError::new("create", parent, error))?;
+                std::fs::create_dir_all(parent).map_err(|error| Failure::cannot("create", parent, error))?;
                 own_files::replace(&path, file.contents())?;
             }
         }
     }
     Ok(folder)
-}
-
-/// Why the files could not be written out.
-#[derive(Clone, Debug, thiserror::Error)]
-pub enum WriteOut {
-    /// A file there is another one.
-    #[error("{0}")]
-    Differs(Refusal),
-    /// A file cannot be written.
-    #[error("{0}")]
-    Failed(#[from] StorageError),
 }

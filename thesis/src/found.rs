@@ -57,8 +57,7 @@ fn at_row(
     match &part.work {
         Work::Study(file) => {
             let table = results.study(&item.name, name)?;
-            let study =
-                Study::read_unchecked(&catalogue.folder.join(file)).map_err(|error| ResultError::Wrong(error.0))?;
+            let study = Study::read_unchecked(&catalogue.folder.join(file))?;
             let row = best_row(&study, &table, &rows_at(&table, at)?)?;
             // The quantity may be a metric, whose column over several starts is their median.
             let column = study.metrics.iter().find(|metric| metric.name() == quantity);
@@ -89,7 +88,7 @@ pub fn along(
 ) -> Result<Vec<f64>, ResultError> {
     let Work::Study(file) = &part.work else { return wrong("only studies have curves") };
     let table = results.study(&item.name, &part.name)?;
-    let study = Study::read_unchecked(&catalogue.folder.join(file)).map_err(|error| ResultError::Wrong(error.0))?;
+    let study = Study::read_unchecked(&catalogue.folder.join(file))?;
     let column = study.metrics.iter().find(|metric| metric.name() == curve.quantity);
     let column = column.map_or_else(|| curve.quantity.clone(), |metric| main_column(&study, *metric));
     let rows = rows_at(&table, &part.row_for(&curve.at))?;

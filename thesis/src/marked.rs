@@ -5,9 +5,10 @@ use std::path::Path;
 use super::catalogue::{Catalogue, Item, Part, Work};
 use super::published::{Origin, Published, PublishedValue, compared_part};
 use super::results::Results;
+use damprig::failure::Failure;
 use damprig::input::section::{FreeKey, FreeValue};
 use damprig::report::figures::study::{PublishedPoints, draw_with};
-use damprig::run_folder::{StorageError, own_files};
+use damprig::run_folder::own_files;
 use damprig::study::Study;
 use damprig::study::axis::Value;
 
@@ -18,7 +19,7 @@ pub const WITH_PUBLISHED: &str = "published.svg";
 ///
 /// # Errors
 /// A file that cannot be written or removed.
-pub fn draw(catalogue: &Catalogue, published: &Published, results: &Results) -> Result<(), StorageError> {
+pub fn draw(catalogue: &Catalogue, published: &Published, results: &Results) -> Result<(), Failure> {
     for item in &catalogue.items {
         for part in &item.parts {
             let file = results.part(&item.name, &part.name).join(WITH_PUBLISHED);
@@ -31,9 +32,9 @@ pub fn draw(catalogue: &Catalogue, published: &Published, results: &Results) -> 
     Ok(())
 }
 
-fn remove(file: &Path) -> Result<(), StorageError> {
+fn remove(file: &Path) -> Result<(), Failure> {
     match std::fs::remove_file(file) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(StorageError::new("remove", file, error)),
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(Failure::cannot("remove", file, error)),
         _ => Ok(()),
     }
 }

@@ -6,8 +6,9 @@ use std::path::Path;
 use super::catalogue::{Catalogue, Item, Part};
 use super::keys::{published as root_keys, value as keys};
 use super::published_curve::{self, PublishedCurve};
+use damprig::failure::Failure;
 use damprig::input::section::{FreeKey, Number};
-use damprig::input::{Refusal, Section, Source, Span, near};
+use damprig::input::{Section, Source, Span, near};
 
 /// Name of the file with the published values.
 pub const PUBLISHED: &str = "published.toml";
@@ -89,7 +90,7 @@ impl Published {
     ///
     /// # Errors
     /// Lists all problems of the file, an unknown item or part among them.
-    pub fn read(catalogue: &Catalogue) -> Result<Self, Refusal> {
+    pub fn read(catalogue: &Catalogue) -> Result<Self, Failure> {
         let source = Source::read(&catalogue.folder.join(PUBLISHED))?;
         let mut all = Self::default();
         source.read_toml(source.text(), NOT_TOML, |root| {
@@ -118,7 +119,7 @@ impl Published {
     ///
     /// # Errors
     /// Lists all problems of the file: an unknown item or label, a value that the document prints otherwise.
-    pub fn fill(&mut self, file: &Path) -> Result<(), Refusal> {
+    pub fn fill(&mut self, file: &Path) -> Result<(), Failure> {
         let source = Source::read(file)?;
         source.read_toml(source.text(), NOT_TOML, |root| {
             for s in &root.tables_of(&root_keys::VALUE) {

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
+use damprig::failure::Failure;
 use damprig::report::bifurcation_files;
-use damprig::run_folder::{ReadError, RunFolder};
+use damprig::run_folder::RunFolder;
 use damprig::simulation::result::Summary;
 use damprig::study::table::StudyTable;
 
@@ -39,9 +40,9 @@ pub enum ResultError {
     Wrong(String),
 }
 
-impl From<ReadError> for ResultError {
-    fn from(error: ReadError) -> Self {
-        Self::Wrong(error.0)
+impl From<Failure> for ResultError {
+    fn from(error: Failure) -> Self {
+        Self::Wrong(error.to_string())
     }
 }
 

@@ -5,11 +5,13 @@ use damprig_core::control::friction_spring::SpringStage;
 use damprig_core::measure::point::PointResult;
 use damprig_core::settings::Settings;
 
+use super::Channel;
 use super::fit;
 use super::moving::{blows, drive, dwell_s, matched, spring};
 use super::readings::{Kept, Point};
 use super::rig::{CalibratedRig, Reading};
-use super::{CannotCalibrate, Channel};
+
+use crate::failure::Failure;
 
 /// Share of the usable span that a target at rest may drift during a reading.
 const MAX_DRIFT: f64 = 1e-4;
@@ -88,7 +90,7 @@ pub trait Operator {
     ///
     /// # Errors
     /// Ctrl-C, no more answers, or a broken link.
-    fn ask(&mut self, rig: &mut CalibratedRig<'_>, ask: &Ask<'_>) -> Result<Answer, CannotCalibrate>;
+    fn ask(&mut self, rig: &mut CalibratedRig<'_>, ask: &Ask<'_>) -> Result<Answer, Failure>;
 
     /// Tells something.
     fn tell(&mut self, line: &str);
@@ -120,7 +122,7 @@ pub fn measure(
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
     kept: &Kept,
-) -> Result<Vec<Point>, CannotCalibrate> {
+) -> Result<Vec<Point>, Failure> {
     match plan.channel {
         Channel::X | Channel::Z | Channel::Spring => at_rest(plan, rig, operator, kept),
         Channel::Match => matched(plan, rig, operator, kept),
@@ -135,12 +137,12 @@ fn at_rest(
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
     kept: &Kept,
-) -> Result<Vec<Point>, CannotCalibrate> {
+) -> Result<Vec<Point>, Failure> {
     let settings = rig.session.settings;
     if plan.channel == Channel::Spring && rig.spring_stage()? != SpringStage::Unhomed {
-        return Err(CannotCalibrate::values(
+        return Err(Failure::Input(
             "the friction damper's spring was homed: its reading has the force without contact subtracted\n  switch the board off \
-             and on, then calibrate",
+             and on, then calibrate".into(),
         ));
     }
     let mut points: Vec<Point> = Vec::new();
@@ -186,7 +188,7 @@ fn one(
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
     settings: &Settings,
-) -> Result<Taken, CannotCalibrate> {
+) -> Result<Taken, Failure> {
     let channel = plan.channel;
     let mut refused = 0;
     while refused < MAX_REFUSED {
@@ -219,7 +221,7 @@ fn one(
         }
         refused += 1;
     }
-    Err(CannotCalibrate::Failed(format!("{MAX_REFUSED} readings in a row were none; the points so far are kept")))
+    Err(Failure::Failed(format!("{MAX_REFUSED} readings in a row were none; the points so far are kept")))
 }
 
 /// Checks a reference of a channel at rest against the usable span of its sensor.
@@ -282,7 +284,7 @@ fn repeat_outliers(
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
     settings: &Settings,
-) -> Result<(), CannotCalibrate> {
+) -> Result<(), Failure> {
     let Some(line) = fit::straight(points) else { return Ok(()) };
     let (unit, factor) = plan.channel.shown_reading();
     for outlier in line.outliers {
@@ -306,11 +308,7 @@ fn repeat_outliers(
 ///
 /// # Errors
 /// As [`measure`].
-pub fn check(
-    plan: &Plan,
-    rig: &mut CalibratedRig<'_>,
-    operator: &mut dyn Operator,
-) -> Result<Vec<Point>, CannotCalibrate> {
+pub fn check(plan: &Plan, rig: &mut CalibratedRig<'_>, operator: &mut dyn Operator) -> Result<Vec<Point>, Failure> {
     let settings = rig.session.settings;
     match plan.channel {
         Channel::X | Channel::Z | Channel::Spring => {
@@ -338,13 +336,9 @@ pub fn check(
 }
 
 /// Asks for something to be made ready.
-pub(super) fn ready(
-    rig: &mut CalibratedRig<'_>,
-    operator: &mut dyn Operator,
-    what: &str,
-) -> Result<(), CannotCalibrate> {
+pub(super) fn ready(rig: &mut CalibratedRig<'_>, operator: &mut dyn Operator, what: &str) -> Result<(), Failure> {
     match operator.ask(rig, &Ask::Ready(what))? {
-        Answer::Skip | Answer::End => Err(CannotCalibrate::Interrupted),
+        Answer::Skip | Answer::End => Err(Failure::stopped()),
         _ => Ok(()),
     }
 }

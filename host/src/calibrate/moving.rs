@@ -3,10 +3,11 @@
 use damprig_core::control::friction_spring::{SpringCommand, SpringEvent, Target};
 use damprig_core::io::DriveScale;
 
-use super::CannotCalibrate;
 use super::guide::{Answer, Ask, Operator, Plan, ready};
 use super::readings::{Kept, Point};
 use super::rig::CalibratedRig;
+
+use crate::failure::Failure;
 
 /// Both displacement sensors on the moving base: three amplitudes at each frequency.
 pub(super) fn matched(
@@ -14,7 +15,7 @@ pub(super) fn matched(
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
     kept: &Kept,
-) -> Result<Vec<Point>, CannotCalibrate> {
+) -> Result<Vec<Point>, Failure> {
     ready(
         rig,
         operator,
@@ -50,7 +51,7 @@ pub(super) fn drive(
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
     kept: &Kept,
-) -> Result<Vec<Point>, CannotCalibrate> {
+) -> Result<Vec<Point>, Failure> {
     ready(rig, operator, "Take the structure off the base. z must be calibrated. The base will move.")?;
     let scale = rig.session.settings.calibration.drive;
     let steps = [0.25, 0.5, 0.75, 1.0, -0.25, -0.5, -0.75, -1.0, 0.0].map(|part| part * plan.amplitude_m);
@@ -108,8 +109,8 @@ pub(super) fn blows(
     plan: &Plan,
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
-    keep: &mut dyn FnMut(&[Point]) -> Result<(), CannotCalibrate>,
-) -> Result<Vec<Point>, CannotCalibrate> {
+    keep: &mut dyn FnMut(&[Point]) -> Result<(), Failure>,
+) -> Result<Vec<Point>, Failure> {
     let mut points: Vec<Point> = Vec::new();
     'walls: for side in [-1i8, 1] {
         let first = points.len();
@@ -165,7 +166,7 @@ pub(super) fn spring(
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
     kept: &Kept,
-) -> Result<Vec<Point>, CannotCalibrate> {
+) -> Result<Vec<Point>, Failure> {
     ready(rig, operator, "Mount the structure and let it come to rest. The friction damper will touch it and press.")?;
     let measured = deflections(plan, rig, operator, kept);
     rig.release_spring();
@@ -177,13 +178,13 @@ fn deflections(
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
     kept: &Kept,
-) -> Result<Vec<Point>, CannotCalibrate> {
+) -> Result<Vec<Point>, Failure> {
     let is_on_target = |event: &SpringEvent| matches!(event, SpringEvent::OnTarget { .. });
     rig.spring(SpringCommand::Home, |event| matches!(event, SpringEvent::Homed))?;
     rig.spring(SpringCommand::TouchOff, is_on_target)?;
     let (status, _) = rig.session.status()?;
     let Some(zero) = status.spring.zero else {
-        return Err(CannotCalibrate::Failed("the touch-off gave no zero reading".into()));
+        return Err(Failure::Failed("the touch-off gave no zero reading".into()));
     };
     operator.tell(&format!(
         "touched at {:.3} mm ± {:.3} mm, stiffness of the touch-off {:.1} N/m",

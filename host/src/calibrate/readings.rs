@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use damprig_core::settings::Settings;
 use serde::Serialize;
 
-use super::{CannotCalibrate, Channel};
+use super::Channel;
+use crate::failure::Failure;
 use crate::identify::table::{Quantity, Table};
 use crate::storage::whole_file::replace;
 
@@ -54,7 +55,7 @@ const LEAD: Quantity = Quantity {
 ///
 /// # Errors
 /// An unreadable file, missing columns, values that are no numbers or not probable in their unit: file, line and what to do.
-pub fn read(path: &Path, channel: Channel, settings: &Settings) -> Result<Vec<Point>, CannotCalibrate> {
+pub fn read(path: &Path, channel: Channel, settings: &Settings) -> Result<Vec<Point>, Failure> {
     let table = Table::read(path)?;
     let references = table.column(&channel.reference())?;
     let readings = match channel.counts().filter(|counts| table.has(counts)) {
@@ -69,7 +70,7 @@ pub fn read(path: &Path, channel: Channel, settings: &Settings) -> Result<Vec<Po
     if let Some(row) = sides.iter().flatten().position(|side| side.abs() != 1.0) {
         let line = table.line(row);
         let text = format!("line {line}: side must be −1 (the wall at −d) or 1 (the wall at +d)");
-        return Err(table.refuse(text).into());
+        return Err(table.refuse(text));
     }
     let point = |(row, (reference, reading)): (usize, (&f64, &f64))| Point {
         side: at(&sides, row) as i8,
@@ -130,11 +131,11 @@ impl Kept {
     ///
     /// # Errors
     /// It exists or cannot be written.
-    pub fn create(path: PathBuf, channel: Channel) -> Result<Self, CannotCalibrate> {
+    pub fn create(path: PathBuf, channel: Channel) -> Result<Self, Failure> {
         if path.symlink_metadata().is_ok() {
             let text =
                 format!("cannot keep the readings in {}: it exists; give another name with --keep", path.display());
-            return Err(CannotCalibrate::Values(text));
+            return Err(Failure::Input(text));
         }
         let kept = Self { path, channel };
         kept.write(&[])?;
@@ -145,7 +146,7 @@ impl Kept {
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn create_new(stem: &str, channel: Channel) -> Result<Self, CannotCalibrate> {
+    pub fn create_new(stem: &str, channel: Channel) -> Result<Self, Failure> {
         let names = std::iter::once(format!("{stem}.csv")).chain((2..).map(|n| format!("{stem}-{n}.csv")));
         let path = names.map(PathBuf::from).find(|path| path.symlink_metadata().is_err());
         Self::create(path.unwrap_or_else(|| PathBuf::from(format!("{stem}.csv"))), channel)
@@ -155,9 +156,9 @@ impl Kept {
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn write(&self, points: &[Point]) -> Result<(), CannotCalibrate> {
+    pub fn write(&self, points: &[Point]) -> Result<(), Failure> {
         let failed = |e: &dyn std::fmt::Display| {
-            CannotCalibrate::Failed(format!("cannot keep the readings in {}: {e}", self.path.display()))
+            Failure::Failed(format!("cannot keep the readings in {}: {e}", self.path.display()))
         };
         replace(&self.path, to_csv(self.channel, points).as_bytes()).map_err(|e| failed(&e))
     }
@@ -179,7 +180,7 @@ impl Kept {
 mod tests {
     use super::*;
 
-    fn read_text(text: &str, channel: Channel) -> Result<Vec<Point>, CannotCalibrate> {
+    fn read_text(text: &str, channel: Channel) -> Result<Vec<Point>, Failure> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("readings.csv");
         std::fs::write(&path, text).unwrap();

@@ -5,9 +5,10 @@ use std::fmt::Write;
 use damprig_core::settings::Settings;
 use serde::Serialize;
 
+use super::Channel;
 use super::readings::{Point, to_csv};
 use super::solve::Solved;
-use super::{CannotCalibrate, Channel};
+use crate::failure::Failure;
 use crate::host_time::date_text;
 use crate::identify::Estimate;
 use crate::settings::{Entry, check, decimal, entries, toml_of, with_values};
@@ -94,7 +95,7 @@ impl Record {
         solved: Solved,
         old: &Settings,
         validity: Validity,
-    ) -> Result<Self, CannotCalibrate> {
+    ) -> Result<Self, Failure> {
         let mut remarks = solved.remarks;
         let values: Vec<(&str, f32)> =
             solved.estimates.iter().filter_map(|estimate| Some((estimate.key?, estimate.value as f32))).collect();
@@ -103,7 +104,7 @@ impl Record {
         remarks.extend(tighten(&mut settings));
         check(&settings).map_err(|invalid| {
             let what = format!("the board would refuse the new settings of {channel}: {invalid}");
-            CannotCalibrate::Values(format!("{what}\n  change that setting first (`damprig settings set`)"))
+            Failure::Input(format!("{what}\n  change that setting first (`damprig settings set`)"))
         })?;
         for outlier in &solved.outliers {
             let (unit, factor) = channel.shown_reading();

@@ -9,9 +9,11 @@ use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::walls::WallSensors;
 use damprig_simulator::plant::{Bench, Blow, DataSheet, PlantConfig, SensorModel, Target, TrueScales};
 
+use super::Channel;
 use super::guide::{Answer, Ask, Operator, question};
 use super::rig::CalibratedRig;
-use super::{CannotCalibrate, Channel};
+
+use crate::failure::Failure;
 
 /// Standard error of placing a target, m: a gauge block against a stop.
 const PLACING_M: f64 = 10e-6;
@@ -113,7 +115,7 @@ impl SimulatedOperator {
     ///
     /// # Errors
     /// The rig is no virtual one, or refuses the plant.
-    pub fn new(truth: Truth, rig: &mut CalibratedRig<'_>, tell: fn(&str)) -> Result<Self, CannotCalibrate> {
+    pub fn new(truth: Truth, rig: &mut CalibratedRig<'_>, tell: fn(&str)) -> Result<Self, Failure> {
         let settings = rig.session.settings;
         rig.session.execute("take the plant of the rehearsal", set_plant(truth.plant(&settings)))?;
         // Apart from the draws of the truth.
@@ -138,7 +140,7 @@ impl SimulatedOperator {
         (0..12).map(|_| self.rng.f64()).sum::<f64>() - 6.0
     }
 
-    fn place(&mut self, rig: &mut CalibratedRig<'_>, bench: Bench) -> Result<(), CannotCalibrate> {
+    fn place(&mut self, rig: &mut CalibratedRig<'_>, bench: Bench) -> Result<(), Failure> {
         Ok(rig.session.execute("place a target", ToSimulator::Place(bench).request())?)
     }
 
@@ -148,7 +150,7 @@ impl SimulatedOperator {
 }
 
 impl Operator for SimulatedOperator {
-    fn ask(&mut self, rig: &mut CalibratedRig<'_>, ask: &Ask<'_>) -> Result<Answer, CannotCalibrate> {
+    fn ask(&mut self, rig: &mut CalibratedRig<'_>, ask: &Ask<'_>) -> Result<Answer, Failure> {
         rig.go_on()?;
         match *ask {
             Ask::Reference { channel, reference, .. } => {

@@ -16,8 +16,8 @@ use damprig_core::rig::State;
 use damprig_protocol::upload::checksum;
 use damprig_protocol::{Event, Request};
 
-use super::CannotCalibrate;
 use crate::client::session::{Report, Session};
+use crate::failure::Failure;
 
 /// Time limit of a move of the spring: longer than the whole travel there and back at the search rate.
 const LONGEST_MOVE: Duration = Duration::from_secs(300);
@@ -79,7 +79,7 @@ impl<'a> CalibratedRig<'a> {
     ///
     /// # Errors
     /// A rig that does not come to rest, or a broken link.
-    pub fn new(session: &'a mut Session, stop: &'a AtomicBool) -> Result<Self, CannotCalibrate> {
+    pub fn new(session: &'a mut Session, stop: &'a AtomicBool) -> Result<Self, Failure> {
         session.bring_to_idle(|_| {}, stop)?;
         Ok(Self { session, stop, taken: 0 })
     }
@@ -88,15 +88,15 @@ impl<'a> CalibratedRig<'a> {
     ///
     /// # Errors
     /// As said.
-    pub fn go_on(&self) -> Result<(), CannotCalibrate> {
-        if self.stop.load(Ordering::Relaxed) { Err(CannotCalibrate::Interrupted) } else { Ok(()) }
+    pub fn go_on(&self) -> Result<(), Failure> {
+        if self.stop.load(Ordering::Relaxed) { Err(Failure::stopped()) } else { Ok(()) }
     }
 
     /// Keeps the link alive for a moment.
     ///
     /// # Errors
     /// Ctrl-C, or a broken link.
-    pub fn idle_turn(&mut self) -> Result<(), CannotCalibrate> {
+    pub fn idle_turn(&mut self) -> Result<(), Failure> {
         self.go_on()?;
         Ok(self.session.idle_turn()?)
     }
@@ -105,10 +105,10 @@ impl<'a> CalibratedRig<'a> {
     ///
     /// # Errors
     /// The rig is not idle, has no such signal, or the link breaks.
-    pub fn read<const N: usize>(&mut self, names: [&str; N], measure_s: f64) -> Result<[Reading; N], CannotCalibrate> {
+    pub fn read<const N: usize>(&mut self, names: [&str; N], measure_s: f64) -> Result<[Reading; N], Failure> {
         let (status, _) = self.session.status()?;
         if status.state != State::Idle {
-            return Err(CannotCalibrate::Failed(format!("the rig is {}, not idle", status.state.text())));
+            return Err(Failure::Failed(format!("the rig is {}, not idle", status.state.text())));
         }
         let wanted = (measure_s * f64::from(TICK_HZ)).ceil() as usize + DROPPED_ROWS;
         self.telemetry(&names, false)?;
@@ -130,13 +130,11 @@ impl<'a> CalibratedRig<'a> {
     }
 
     /// Selects every tick of these signals, or none, and impacts.
-    fn telemetry(&mut self, names: &[&str], impacts: bool) -> Result<(), CannotCalibrate> {
+    fn telemetry(&mut self, names: &[&str], impacts: bool) -> Result<(), Failure> {
         let table = &self.session.signals;
         let place = |name: &&str| {
             let found = table.iter().position(|signal| signal.name == **name);
-            found
-                .map(|place| place as u8)
-                .ok_or_else(|| CannotCalibrate::Failed(format!("the rig has no signal {name}")))
+            found.map(|place| place as u8).ok_or_else(|| Failure::Failed(format!("the rig has no signal {name}")))
         };
         let places = names.iter().map(place).collect::<Result<Vec<u8>, _>>()?;
         let every_ticks = u16::from(!names.is_empty());
@@ -146,7 +144,7 @@ impl<'a> CalibratedRig<'a> {
     }
 
     /// Ends the telemetry and drops what is under way.
-    fn quiet(&mut self) -> Result<(), CannotCalibrate> {
+    fn quiet(&mut self) -> Result<(), Failure> {
         self.telemetry(&[], false)?;
         self.session.use_up_credit()?;
         while self.session.report_at_hand().is_some() {}
@@ -162,7 +160,7 @@ impl<'a> CalibratedRig<'a> {
         amplitude_m: f64,
         frequencies_hz: &[f64],
         dwell_s: f64,
-    ) -> Result<Vec<PointResult>, CannotCalibrate> {
+    ) -> Result<Vec<PointResult>, Failure> {
         let sine = SteppedSine {
             // The sensor of x may look anywhere: nothing is waited for.
             start: Start::FromRest { level_m: f32::MAX },
@@ -185,7 +183,7 @@ impl<'a> CalibratedRig<'a> {
         if results.len() == frequencies_hz.len() {
             return Ok(results);
         }
-        Err(CannotCalibrate::Failed(format!("{} of {} sines were measured", results.len(), frequencies_hz.len())))
+        Err(Failure::Failed(format!("{} of {} sines were measured", results.len(), frequencies_hz.len())))
     }
 
     fn next_index(&mut self, count: usize) -> u16 {
@@ -195,7 +193,7 @@ impl<'a> CalibratedRig<'a> {
     }
 
     /// Starts the configured experiment and follows it to its end; stops the drive on every error.
-    fn experiment(&mut self, on_event: &mut dyn FnMut(&Event)) -> Result<(), CannotCalibrate> {
+    fn experiment(&mut self, on_event: &mut dyn FnMut(&Event)) -> Result<(), Failure> {
         let followed = self.follow(on_event);
         if followed.is_err() && self.session.stop_drive().is_err() {
             self.session.stop_without_reply();
@@ -203,7 +201,7 @@ impl<'a> CalibratedRig<'a> {
         followed
     }
 
-    fn follow(&mut self, on_event: &mut dyn FnMut(&Event)) -> Result<(), CannotCalibrate> {
+    fn follow(&mut self, on_event: &mut dyn FnMut(&Event)) -> Result<(), Failure> {
         self.session.start()?;
         loop {
             self.go_on()?;
@@ -231,7 +229,7 @@ impl<'a> CalibratedRig<'a> {
     ///
     /// # Errors
     /// As [`CalibratedRig::sines`].
-    pub fn steps(&mut self, demands_m: &[f64], hold_s: f64) -> Result<Vec<(f64, Reading)>, CannotCalibrate> {
+    pub fn steps(&mut self, demands_m: &[f64], hold_s: f64) -> Result<Vec<(f64, Reading)>, Failure> {
         let samples = |seconds: f64| (seconds * f64::from(STEP_RATE_HZ)).round() as usize;
         let (move_s, mut record, mut holds) = (1.0, Vec::new(), Vec::new());
         let mut before = 0.0;
@@ -264,7 +262,7 @@ impl<'a> CalibratedRig<'a> {
         let rows = rows?;
         // The record begins some samples before the demand first leaves zero.
         let Some(begun) = rows.iter().position(|(drive, _)| *drive != 0.0) else {
-            return Err(CannotCalibrate::Failed("the drive was not demanded to move".into()));
+            return Err(Failure::Failed("the drive was not demanded to move".into()));
         };
         let per_sample = (TICK_HZ / STEP_RATE_HZ) as usize;
         let half = samples(hold_s) * per_sample / 2;
@@ -275,11 +273,11 @@ impl<'a> CalibratedRig<'a> {
             Some((demand, Reading::of(&part.iter().map(|(_, z)| *z).collect::<Vec<f64>>())))
         };
         let held: Option<Vec<(f64, Reading)>> = holds[..demands_m.len()].iter().map(hold).collect();
-        held.ok_or_else(|| CannotCalibrate::Failed("rows of the steps were lost".into()))
+        held.ok_or_else(|| Failure::Failed("rows of the steps were lost".into()))
     }
 
     /// Drive and z of every tick of the configured experiment.
-    fn rows_of_experiment(&mut self) -> Result<Vec<(f64, f64)>, CannotCalibrate> {
+    fn rows_of_experiment(&mut self) -> Result<Vec<(f64, f64)>, Failure> {
         let followed = self.follow_rows();
         if followed.is_err() && self.session.stop_drive().is_err() {
             self.session.stop_without_reply();
@@ -287,7 +285,7 @@ impl<'a> CalibratedRig<'a> {
         followed
     }
 
-    fn follow_rows(&mut self) -> Result<Vec<(f64, f64)>, CannotCalibrate> {
+    fn follow_rows(&mut self) -> Result<Vec<(f64, f64)>, Failure> {
         let mut rows = Vec::new();
         self.session.start()?;
         loop {
@@ -295,7 +293,7 @@ impl<'a> CalibratedRig<'a> {
             match self.session.next_report()? {
                 Some(Report::Telemetry(message)) if message.width == 2 => {
                     if message.first_tick as usize != rows.len() {
-                        return Err(CannotCalibrate::Failed("rows of the steps were lost on the link".into()));
+                        return Err(Failure::Failed("rows of the steps were lost on the link".into()));
                     }
                     rows.extend(message.values.chunks_exact(2).map(|row| (f64::from(row[0]), f64::from(row[1]))));
                 }
@@ -310,7 +308,7 @@ impl<'a> CalibratedRig<'a> {
     ///
     /// # Errors
     /// The link.
-    pub fn listen_for_blows(&mut self) -> Result<(), CannotCalibrate> {
+    pub fn listen_for_blows(&mut self) -> Result<(), Failure> {
         self.telemetry(&[], true)
     }
 
@@ -318,7 +316,7 @@ impl<'a> CalibratedRig<'a> {
     ///
     /// # Errors
     /// Ctrl-C, a fault, or a broken link.
-    pub fn blow(&mut self) -> Result<ImpactRecord, CannotCalibrate> {
+    pub fn blow(&mut self) -> Result<ImpactRecord, Failure> {
         let mut strongest: Option<(ImpactRecord, Instant)> = None;
         loop {
             self.go_on()?;
@@ -346,7 +344,7 @@ impl<'a> CalibratedRig<'a> {
     ///
     /// # Errors
     /// The link.
-    pub fn end_blows(&mut self) -> Result<(), CannotCalibrate> {
+    pub fn end_blows(&mut self) -> Result<(), Failure> {
         self.quiet()
     }
 
@@ -358,7 +356,7 @@ impl<'a> CalibratedRig<'a> {
         &mut self,
         command: SpringCommand,
         is_done: impl Fn(&SpringEvent) -> bool,
-    ) -> Result<SpringEvent, CannotCalibrate> {
+    ) -> Result<SpringEvent, Failure> {
         self.session.execute("move the friction damper's spring", Request::Spring(command))?;
         let begun = Instant::now();
         loop {
@@ -378,7 +376,7 @@ impl<'a> CalibratedRig<'a> {
                 None if begun.elapsed() > LONGEST_MOVE => {
                     let (status, _) = self.session.status()?;
                     let stage = status.spring.stage.text();
-                    return Err(CannotCalibrate::Failed(format!("the spring did not finish its move; it is {stage}")));
+                    return Err(Failure::Failed(format!("the spring did not finish its move; it is {stage}")));
                 }
                 None => {}
             }
@@ -389,7 +387,7 @@ impl<'a> CalibratedRig<'a> {
     ///
     /// # Errors
     /// The link.
-    pub fn spring_stage(&mut self) -> Result<SpringStage, CannotCalibrate> {
+    pub fn spring_stage(&mut self) -> Result<SpringStage, Failure> {
         Ok(self.session.status()?.0.spring.stage)
     }
 
@@ -401,9 +399,9 @@ impl<'a> CalibratedRig<'a> {
     }
 }
 
-fn failed(fault: Fault) -> CannotCalibrate {
+fn failed(fault: Fault) -> Failure {
     let Fault { cause, value, limit, .. } = fault;
-    CannotCalibrate::Failed(format!("{} (value {value}, limit {limit}); nothing was saved", cause.text()))
+    Failure::Failed(format!("{} (value {value}, limit {limit}); nothing was saved", cause.text()))
 }
 
 #[cfg(test)]

@@ -4,7 +4,8 @@ use damprig_core::settings::Settings;
 
 use super::fit::{self, Line, Outlier};
 use super::readings::Point;
-use super::{CannotCalibrate, Channel, walls};
+use super::{Channel, walls};
+use crate::failure::Failure;
 use crate::identify::Estimate;
 use crate::identify::statistics::{Value, line};
 
@@ -42,7 +43,7 @@ pub fn solve(
     points: &[Point],
     settings: &Settings,
     allows_reversed: bool,
-) -> Result<Solved, CannotCalibrate> {
+) -> Result<Solved, Failure> {
     match channel {
         Channel::Walls => walls::solve(points, settings),
         Channel::Drive => drive(points, settings, allows_reversed),
@@ -50,12 +51,7 @@ pub fn solve(
     }
 }
 
-fn by_line(
-    channel: Channel,
-    points: &[Point],
-    settings: &Settings,
-    allows_reversed: bool,
-) -> Result<Solved, CannotCalibrate> {
+fn by_line(channel: Channel, points: &[Point], settings: &Settings, allows_reversed: bool) -> Result<Solved, Failure> {
     let line = checked_line(channel, points, allows_reversed)?;
     let change = gain_change(channel, line.slope, settings);
     plausible(channel, change.value)?;
@@ -78,12 +74,12 @@ fn by_line(
 }
 
 /// The line through the points, if it rises.
-fn checked_line(channel: Channel, points: &[Point], allows_reversed: bool) -> Result<Line, CannotCalibrate> {
+fn checked_line(channel: Channel, points: &[Point], allows_reversed: bool) -> Result<Line, Failure> {
     let line = fit::straight(points).ok_or_else(|| too_few(channel, points))?;
     let slope = line.slope;
     // A small reading over a large range of references has no slope at all.
     if slope.value.abs() <= 3.0 * slope.standard_uncertainty {
-        return Err(CannotCalibrate::values(format!(
+        return Err(Failure::Input(format!(
             "the readings do not follow the references: slope {:.3e} ± {:.1e}\n  is the sensor of {channel} the one that looks at \
              the target, and was the target moved?",
             slope.value, slope.standard_uncertainty
@@ -96,7 +92,7 @@ fn checked_line(channel: Channel, points: &[Point], allows_reversed: bool) -> Re
         } else {
             "check the signs that were typed, and the direction of the force on the sensor"
         };
-        return Err(CannotCalibrate::values(format!(
+        return Err(Failure::Input(format!(
             "reversed sign: the reading of {channel} falls where the reference rises\n  {help}"
         )));
     }
@@ -114,11 +110,11 @@ fn gain_change(channel: Channel, slope: Value, settings: &Settings) -> Value {
     }
 }
 
-fn too_few(channel: Channel, points: &[Point]) -> CannotCalibrate {
+fn too_few(channel: Channel, points: &[Point]) -> Failure {
     let mut references: Vec<f64> = points.iter().map(|p| p.reference).collect();
     references.sort_by(f64::total_cmp);
     references.dedup();
-    CannotCalibrate::values(format!(
+    Failure::Input(format!(
         "too few points for {channel}: {} at {} different references\n  at least {} points at two references or more are needed, \
          better seven over the span",
         points.len(),
@@ -129,7 +125,7 @@ fn too_few(channel: Channel, points: &[Point]) -> CannotCalibrate {
 
 /// Refuses a gain that differs from the old one by more than an error of assumption.
 /// Of a sensor that is mounted the other way round, the sign is meant.
-pub(super) fn plausible(channel: Channel, change: f64) -> Result<(), CannotCalibrate> {
+pub(super) fn plausible(channel: Channel, change: f64) -> Result<(), Failure> {
     let change = change.abs();
     // The stiffness in the settings may be a guess.
     if channel == Channel::FrictionSpring || (1.0 / MAX_CHANGE..=MAX_CHANGE).contains(&change) {
@@ -141,7 +137,7 @@ pub(super) fn plausible(channel: Channel, change: f64) -> Result<(), CannotCalib
     } else {
         "check the references, their unit, and whether the old settings are of this sensor"
     };
-    Err(CannotCalibrate::values(format!(
+    Err(Failure::Input(format!(
         "the new gain of {channel} would be {change:.4} times the old one, which no sensor of this rig explains\n  {help}"
     )))
 }
@@ -199,9 +195,9 @@ const SAME_GAIN: f64 = 0.02;
 /// The drive: the zero from steps, as the demand for which the base stands where it rests without the drive. The gain from steps
 /// too, unless the base does not follow them as it follows a sine; then that of the sine, at which the drive is used. A sine
 /// that z reads is smaller by the response of its sensor, so that steps are the better measure.
-fn drive(points: &[Point], settings: &Settings, allows_reversed: bool) -> Result<Solved, CannotCalibrate> {
+fn drive(points: &[Point], settings: &Settings, allows_reversed: bool) -> Result<Solved, Failure> {
     let (moving, still): (Vec<usize>, Vec<usize>) = (0..points.len()).partition(|i| points[*i].frequency_hz > 0.0);
-    let line_of = |places: &[usize]| -> Result<Option<Line>, CannotCalibrate> {
+    let line_of = |places: &[usize]| -> Result<Option<Line>, Failure> {
         let own: Vec<Point> = places.iter().map(|i| points[*i]).collect();
         if own.is_empty() { Ok(None) } else { checked_line(Channel::Drive, &own, allows_reversed).map(Some) }
     };

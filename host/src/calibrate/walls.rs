@@ -2,10 +2,11 @@
 
 use damprig_core::settings::Settings;
 
+use super::Channel;
 use super::fit::{self, Outlier};
 use super::readings::Point;
 use super::solve::{Solved, plausible};
-use super::{CannotCalibrate, Channel};
+use crate::failure::Failure;
 use crate::identify::Estimate;
 use crate::identify::statistics::Value;
 
@@ -15,10 +16,10 @@ const METHOD: &str = "mean of the ratios";
 const KEY: &str = "calibration.walls.newtons_per_count";
 
 /// Both walls share a scale: the mean of their ratios.
-pub(super) fn solve(points: &[Point], settings: &Settings) -> Result<Solved, CannotCalibrate> {
+pub(super) fn solve(points: &[Point], settings: &Settings) -> Result<Solved, Failure> {
     let unusable = points.iter().position(|p| p.reference <= 0.0 || p.reading <= 0.0);
     if let Some(at) = unusable {
-        return Err(CannotCalibrate::values(format!(
+        return Err(Failure::Input(format!(
             "blow {}: an impulse of {} N·s with a reading of {} N·s: both must be greater than 0",
             at + 1,
             points[at].reference,
@@ -31,7 +32,7 @@ pub(super) fn solve(points: &[Point], settings: &Settings) -> Result<Solved, Can
         .filter(|(_, p)| !p.is_empty())
         .collect();
     if points.len() < fit::MIN_POINTS || sides.iter().any(|(_, points)| points.len() < 3) {
-        return Err(CannotCalibrate::values(format!(
+        return Err(Failure::Input(format!(
             "too few blows: {} in all\n  at least three on each wall that was hit are needed, better ten",
             points.len()
         )));

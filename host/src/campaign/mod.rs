@@ -21,7 +21,8 @@ use std::path::Path;
 
 use damprig_core::settings::Settings;
 
-use crate::input::{Refusal, Section, Source};
+use crate::failure::Failure;
+use crate::input::{Section, Source};
 use crate::setup::{SetUpFile, set_up_file};
 
 pub use crate::setup::{SetUpSpec, SpringSpec, SpringTarget};
@@ -65,7 +66,7 @@ impl Campaign {
     ///
     /// # Errors
     /// All problems, each with file, line, key, value, what is allowed and the likely fix.
-    pub fn read(path: &Path) -> Result<Self, Refusal> {
+    pub fn read(path: &Path) -> Result<Self, Failure> {
         Self::parse(Source::read(path)?)
     }
 
@@ -73,11 +74,11 @@ impl Campaign {
     ///
     /// # Errors
     /// As [`Campaign::read`].
-    pub fn parse(source: Source) -> Result<Self, Refusal> {
+    pub fn parse(source: Source) -> Result<Self, Failure> {
         let parts = source.read_toml(source.text(), "this is not TOML", parts);
         source.verdict()?;
         let Some((name, rig, telemetry, plan, set_ups, experiments, set_up_file)) = parts else {
-            return Err(Refusal("the campaign is incomplete".into()));
+            return Err(Failure::Input("the campaign is incomplete".into()));
         };
         let run_order = plan.run_order(&set_ups, &experiments);
         Ok(Self { name, rig, telemetry, plan, run_order, set_ups, experiments, set_up_file, source })
@@ -88,7 +89,7 @@ impl Campaign {
     ///
     /// # Errors
     /// Every limit of the campaign that is looser than the board's, with both values.
-    pub fn on_board(&mut self, board: &Settings, is_simulated: bool) -> Result<(), Refusal> {
+    pub fn on_board(&mut self, board: &Settings, is_simulated: bool) -> Result<(), Failure> {
         let rig = &mut self.rig;
         rig.board = *board;
         rig.acting = rig.limits.acting(&self.source, &board.safety);

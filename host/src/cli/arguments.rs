@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
-use super::outcome::{Failure, Outcome};
 use super::output::be_quiet;
 use crate::client::devices::{Answer, only, ports, query};
 use crate::client::link::{Address, Speed};
+use crate::failure::{Failure, Outcome};
 use crate::settings::read_board;
 use crate::signal_file::unit::Unit;
-use crate::signal_file::{Calibration, Selector, Sensitivity, SignalError, Stated};
+use crate::signal_file::{Calibration, Selector, Sensitivity, Stated};
 use crate::storage::out_file::{EXISTS, OutFile};
 
 /// The value of `--rig`.
@@ -42,7 +42,7 @@ impl Rig {
         match self {
             Self::At(address) => {
                 if let Some(board) = address.board() {
-                    read_board(board).map_err(Failure::input)?;
+                    read_board(board)?;
                 }
                 Ok(address.clone())
             }
@@ -149,7 +149,7 @@ impl StatedArgs {
     ///
     /// # Errors
     /// A recording of a calibrator that cannot be used.
-    pub(super) fn stated(&self) -> Result<Stated, SignalError> {
+    pub(super) fn stated(&self) -> Result<Stated, Failure> {
         let given = self.calibration.as_ref().zip(self.calibration_rms.as_ref());
         let calibration = given.map(|(file, rms)| Calibration::of(&Selector::of(file), rms)).transpose()?;
         Ok(Stated { unit: self.unit, sensitivity: self.sensitivity, calibration })

@@ -8,9 +8,9 @@ use clap::Args as ClapArgs;
 
 use super::arguments::{ForceArg, QuietArg};
 use super::examples;
-use super::outcome::{Failure, Outcome};
 use super::output::print_always;
 use super::progress::StudyBar;
+use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
 use crate::input::Source;
 use crate::report::basins_files;
@@ -79,12 +79,12 @@ pub fn run(args: &Args) -> Outcome {
         return Err(Failure::Input(words));
     };
     let grid = Grid { axes, most_cycles: args.cycles };
-    let set = SetValues::from_arguments(&args.set).map_err(Failure::input)?;
+    let set = SetValues::from_arguments(&args.set)?;
     let set = SetValues { origin: "--axis and --set".into(), ..set };
     let file = examples::find(FileKind::Case, &args.case)?;
-    let source = Source::read(&file).map_err(Failure::input)?;
+    let source = Source::read(&file)?;
     let name = default_name(&file);
-    let case = Case::parse_changed(&source, &name, &set).map_err(Failure::input)?;
+    let case = Case::parse_changed(&source, &name, &set)?;
     let table = args.out.join(basins_files::STARTS);
     args.force.check(&table)?;
     let stop = Arc::new(AtomicBool::new(false));
@@ -96,12 +96,12 @@ pub fn run(args: &Args) -> Outcome {
     };
     let found = basins::run((source.name(), source.text(), &name), &grid, &set, &go_on);
     bar.end();
-    let Some(found) = found.map_err(Failure::input)? else {
+    let Some(found) = found? else {
         return Err(Failure::Interrupted("interrupted; nothing was written".into()));
     };
     std::fs::create_dir_all(&args.out)
         .map_err(|e| Failure::Failed(format!("cannot create {}: {e}", args.out.display())))?;
-    basins_files::write(&args.out, &case, &found, &grid).map_err(Failure::failed)?;
+    basins_files::write(&args.out, &case, &found, &grid)?;
     let all = found.ends.len();
     let share = |starts: usize| format!("{} %", significant(100.0 * starts as f64 / all as f64, 3));
     for (number, of) in (1..).zip(found.attractors.iter().take(TOLD)) {

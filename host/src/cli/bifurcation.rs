@@ -8,9 +8,9 @@ use clap::{Args as ClapArgs, ValueEnum};
 
 use super::arguments::{ForceArg, QuietArg};
 use super::examples;
-use super::outcome::{Failure, Outcome};
 use super::output::print_always;
 use super::progress::StudyBar;
+use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
 use crate::input::Source;
 use crate::report::bifurcation_files;
@@ -100,12 +100,12 @@ pub fn run(args: &Args) -> Outcome {
         settle_cycles: args.settle_cycles,
         cycles: args.cycles,
     };
-    let set = SetValues::from_arguments(&args.set).map_err(Failure::input)?;
+    let set = SetValues::from_arguments(&args.set)?;
     let set = SetValues { origin: "--axis and --set".into(), ..set };
     let file = examples::find(FileKind::Case, &args.case)?;
-    let source = Source::read(&file).map_err(Failure::input)?;
+    let source = Source::read(&file)?;
     let name = default_name(&file);
-    let cases = bifurcation::cases(source.name(), source.text(), &name, &sweep, &set).map_err(Failure::input)?;
+    let cases = bifurcation::cases(source.name(), source.text(), &name, &sweep, &set)?;
     let table = args.out.join(bifurcation_files::TABLE);
     args.force.check(&table)?;
     std::fs::create_dir_all(&args.out)
@@ -124,9 +124,8 @@ pub fn run(args: &Args) -> Outcome {
     };
     let samples = bifurcation::run_all(&cases, &sweep, directions, &go_on);
     bar.end();
-    let samples = samples.map_err(Failure::input)?;
-    let section =
-        bifurcation_files::write(&args.out, &cases[0], &samples, &sweep, args.section).map_err(Failure::failed)?;
+    let samples = samples?;
+    let section = bifurcation_files::write(&args.out, &cases[0], &samples, &sweep, args.section)?;
     say!("Figure: {}", args.out.join("bifurcation.svg").display());
     if let Some(title) = section {
         say!("Section: {} ({title})", args.out.join("section.svg").display());

@@ -13,7 +13,6 @@ use damprig_protocol::{PlantKind, Request};
 use super::arguments::{ForceArg, JsonArg, Rig, not_negative, seconds};
 use super::calibrate_operator::Person;
 use super::consent::ConsentArg;
-use super::outcome::{Failure, Outcome};
 use crate::calibrate::fit::MIN_POINTS;
 use crate::calibrate::guide::{self, Operator, Plan};
 use crate::calibrate::readings::{self, Kept};
@@ -21,9 +20,10 @@ use crate::calibrate::record::{Record, Validity};
 use crate::calibrate::rehearsal::{SimulatedOperator, Truth};
 use crate::calibrate::rig::CalibratedRig;
 use crate::calibrate::solve::solve;
-use crate::calibrate::{CannotCalibrate, Channel, Point};
+use crate::calibrate::{Channel, Point};
 use crate::client::link::Address;
 use crate::client::session::Session;
+use crate::failure::{Failure, Outcome};
 use crate::host_time;
 use crate::report::terminal::calibration;
 use crate::settings::read_board;
@@ -164,8 +164,7 @@ impl Args {
         let virtual_rig = Rig::At(Address::VIRTUAL);
         let given = self.rig.as_ref();
         let rig = given.unwrap_or(if self.rehearse.is_some() { &virtual_rig } else { &Rig::Auto });
-        let mut session =
-            Session::open(&rig.find()?, Duration::from_secs_f64(self.timeout)).map_err(Failure::failed)?;
+        let mut session = Session::open(&rig.find()?, Duration::from_secs_f64(self.timeout))?;
         warn!("{}", session.settings_line());
         // The other settings would be saved with those of the channel.
         let drives = matches!(self.channel, Channel::Match | Channel::Drive | Channel::FrictionSpring);
@@ -176,7 +175,7 @@ impl Args {
     }
 
     /// The record of points, printed and written.
-    fn record(&self, taken_from: String, points: Vec<Point>, old: &Settings) -> Result<Record, CannotCalibrate> {
+    fn record(&self, taken_from: String, points: Vec<Point>, old: &Settings) -> Result<Record, Failure> {
         let solved = solve(self.channel, &points, old, self.reversed)?;
         Record::new(self.channel, taken_from, points, solved, old, self.validity())
     }
@@ -207,10 +206,10 @@ fn from_file(args: &Args, file: &std::path::Path) -> Outcome {
     let mut session = (args.rig.is_some() || args.save).then(|| args.session()).transpose()?;
     let settings = match (&session, &args.settings) {
         (Some(session), _) => session.settings,
-        (None, Some(board)) => read_board(board).map_err(Failure::input)?,
+        (None, Some(board)) => read_board(board)?,
         (None, None) => Settings::default(),
     };
-    let points = readings::read(file, args.channel, &settings).map_err(Failure::input)?;
+    let points = readings::read(file, args.channel, &settings)?;
     let record = args
         .record(file.display().to_string(), points, &settings)
         .map_err(|error| Failure::Input(format!("{}: {error}", file.display())))?;
@@ -233,33 +232,41 @@ fn guided(args: &Args) -> Outcome {
         );
         return Err(Failure::Input(message));
     }
-    let settings = session.settings;
     let plan = Plan {
         channel: args.channel,
-        references: args.references(&settings)?,
+        references: args.references(&session.settings)?,
         measure_s: args.measure_s,
         blows: usize::from(args.blows),
         amplitude_m: args.amplitude_m.unwrap_or(if args.channel == Channel::Drive { 5e-4 } else { 2e-3 }),
         frequencies_hz: args.frequency_hz.clone(),
     };
+    on_the_rig(args, &plan, &mut session).map_err(|error| match error {
+        Failure::Interrupted(error) => Failure::Interrupted(format!("{error}\n  the board has its settings of before")),
+        error => error,
+    })
+}
+
+/// Calibrates the rig of an open session.
+fn on_the_rig(args: &Args, plan: &Plan, session: &mut Session) -> Outcome {
+    let settings = session.settings;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     let stamp = host_time::now().strftime("%Y%m%d-%H%M%S");
     let kept = match &args.keep {
-        Some(path) => Kept::create(path.clone(), args.channel).map_err(|e| Failure::Input(e.to_string()))?,
-        None => Kept::create_new(&format!("calibrate-{}-{stamp}", args.channel), args.channel).map_err(failure)?,
+        Some(path) => Kept::create(path.clone(), args.channel).map_err(Failure::input)?,
+        None => Kept::create_new(&format!("calibrate-{}-{stamp}", args.channel), args.channel)?,
     };
     let name = session.name().to_string();
-    let mut rig = CalibratedRig::new(&mut session, &stop).map_err(failure)?;
+    let mut rig = CalibratedRig::new(session, &stop)?;
     let mut operator: Box<dyn Operator> = match args.rehearse {
         Some(seed) => {
             let truth = Truth::draw(args.channel, seed, &settings);
-            Box::new(SimulatedOperator::new(truth, &mut rig, |line| warn!("{line}")).map_err(failure)?)
+            Box::new(SimulatedOperator::new(truth, &mut rig, |line| warn!("{line}"))?)
         }
         None => Box::new(Person::new(args.channel)),
     };
     let taken_from = args.rehearse.map_or(name.clone(), |seed| format!("{name}, rehearsal {seed}"));
-    let measured = guide::measure(&plan, &mut rig, operator.as_mut(), &kept);
+    let measured = guide::measure(plan, &mut rig, operator.as_mut(), &kept);
     let record = measured.and_then(|points| args.record(taken_from, points, &settings));
     let mut record = record.map_err(|error| with_kept(error, args.channel, &kept))?;
     warn!("readings kept in {}", kept.path().display());
@@ -269,14 +276,14 @@ fn guided(args: &Args) -> Outcome {
         save(rig.session, &record)?;
         rig.session.settings = *record.settings();
         warn!("once more with the new settings:");
-        record.checked = guide::check(&plan, &mut rig, operator.as_mut()).map_err(failure)?;
+        record.checked = guide::check(plan, &mut rig, operator.as_mut())?;
     }
     print(args, &record)
 }
 
 fn print(args: &Args, record: &Record) -> Outcome {
     if args.json.is_given() {
-        say!("{}", serde_json::to_string(record).map_err(Failure::failed)?);
+        say!("{}", serde_json::to_string(record)?);
     } else {
         say!("{}", calibration::text(record));
         if !args.save {
@@ -293,7 +300,6 @@ fn write(args: &Args, record: &Record) -> Outcome {
     let Some(path) = &args.out else { return Ok(()) };
     let failed = to_failure(path);
     write_new(&args.force.file(path), |file| file.write_all(record.to_toml().as_bytes()).map_err(|e| failed(&e)))
-        .map_err(Failure::failed)
 }
 
 /// Refuses to save points that do not belong together, and shows them.
@@ -312,8 +318,8 @@ fn may_save(args: &Args, record: &Record) -> Outcome {
 
 /// Uses the new settings and saves them.
 fn save(session: &mut Session, record: &Record) -> Outcome {
-    session.execute("use the settings", Request::SetSettings(*record.settings())).map_err(Failure::failed)?;
-    session.execute("save its settings", Request::SaveSettings).map_err(Failure::failed)?;
+    session.execute("use the settings", Request::SetSettings(*record.settings()))?;
+    session.execute("save its settings", Request::SaveSettings)?;
     warn!("saved on {}", session.name());
     if session.name().starts_with("virtual") {
         warn!("note: the virtual rig ends with this command; --out FILE.toml keeps the settings");
@@ -321,26 +327,16 @@ fn save(session: &mut Session, record: &Record) -> Outcome {
     Ok(())
 }
 
-fn failure(error: CannotCalibrate) -> Failure {
-    match error {
-        CannotCalibrate::Interrupted => Failure::Interrupted(error.to_string()),
-        error => Failure::failed(error),
-    }
-}
-
-/// The failure with where the readings are.
-fn with_kept(error: CannotCalibrate, channel: Channel, kept: &Kept) -> Failure {
+/// The failure with where the readings are. Readings of the rig that cannot be used are a failure of the rig.
+fn with_kept(error: Failure, channel: Channel, kept: &Kept) -> Failure {
+    let error = if let Failure::Input(text) = error { Failure::Failed(text) } else { error };
     let is_empty = std::fs::read_to_string(kept.path()).is_ok_and(|text| text.lines().count() < 2);
     if is_empty {
         kept.remove();
-        return failure(error);
+        return error;
     }
     let path = kept.path().display();
-    let text = format!(
-        "{error}\n  the readings are kept in {path}; `damprig calibrate {channel} --readings {path}` fits them"
-    );
-    match error {
-        CannotCalibrate::Interrupted => Failure::Interrupted(text),
-        _ => Failure::Failed(text),
-    }
+    error.with(|error| {
+        format!("{error}\n  the readings are kept in {path}; `damprig calibrate {channel} --readings {path}` fits them")
+    })
 }

@@ -3,9 +3,10 @@
 use std::io::{BufRead, Write, stderr, stdin};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
+use crate::calibrate::Channel;
 use crate::calibrate::guide::{Answer, Ask, Operator, question};
 use crate::calibrate::rig::CalibratedRig;
-use crate::calibrate::{CannotCalibrate, Channel};
+use crate::failure::Failure;
 use crate::input::shown;
 
 /// A person at the terminal. Lines are read in a thread of their own, so that the link stays alive while nobody types.
@@ -36,13 +37,13 @@ impl Person {
     }
 
     /// The next line; keeps the link alive.
-    fn line(&self, rig: &mut CalibratedRig<'_>) -> Result<String, CannotCalibrate> {
+    fn line(&self, rig: &mut CalibratedRig<'_>) -> Result<String, Failure> {
         loop {
             rig.idle_turn()?;
             match self.lines.try_recv() {
                 Ok(line) => return Ok(line.trim().to_string()),
                 Err(TryRecvError::Empty) => {}
-                Err(TryRecvError::Disconnected) => return Err(CannotCalibrate::Interrupted),
+                Err(TryRecvError::Disconnected) => return Err(Failure::stopped()),
             }
         }
     }
@@ -61,7 +62,7 @@ fn lines() -> Receiver<String> {
 }
 
 impl Operator for Person {
-    fn ask(&mut self, rig: &mut CalibratedRig<'_>, ask: &Ask<'_>) -> Result<Answer, CannotCalibrate> {
+    fn ask(&mut self, rig: &mut CalibratedRig<'_>, ask: &Ask<'_>) -> Result<Answer, Failure> {
         self.prompt(ask);
         if matches!(ask, Ask::Blow { .. }) {
             // The blow is the answer.

@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 use clap::Args as ClapArgs;
 
 use super::arguments::{ForceArg, JsonArg, positive};
-use super::outcome::{Failure, Outcome};
 use super::progress::bar;
 use crate::campaign::Campaign;
-use crate::compare::{CannotCompare, Comparison, Options, compare};
+use crate::compare::{Comparison, Options, compare};
+use crate::failure::{Failure, Outcome};
 use crate::report::exports::comparison::write_csv;
 use crate::report::page::comparison::comparison_page;
 use crate::report::terminal;
@@ -77,15 +77,15 @@ const FILES: [&str; 3] = ["comparison.html", "comparison.csv", "comparison.json"
 /// # Errors
 /// No such run, a damaged run, a wrong campaign, an unwritable file, an interruption.
 pub fn run(args: &Args) -> Outcome {
-    let path = find(&args.run).map_err(Failure::input)?;
+    let path = find(&args.run)?;
     if let Some(out) = &args.out {
         check_target(out, args.force)?;
     }
-    let set_ups = args.set_ups.as_ref().map(|file| new_campaign(file)).transpose().map_err(Failure::input)?;
-    let run = RunFolder::open(&path).map_err(Failure::failed)?;
+    let set_ups = args.set_ups.as_ref().map(|file| new_campaign(file)).transpose()?;
+    let run = RunFolder::open(&path)?;
     let comparison = compared(&run, set_ups, args.scale_uncertainty)?;
     if args.json.is_given() {
-        say!("{}", serde_json::to_string(&comparison).map_err(Failure::failed)?);
+        say!("{}", serde_json::to_string(&comparison)?);
     } else {
         say!("Run {} ({}), set-ups of {}", comparison.run, comparison.state, comparison.set_ups_from);
         say!("{}", terminal::comparison::text(&comparison));
@@ -143,12 +143,7 @@ fn compared(
         work.join()
     });
     bar.finish_and_clear();
-    let comparison = comparison.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-    comparison.map_err(|error| match error {
-        CannotCompare::Run(message) => Failure::Failed(message),
-        CannotCompare::Campaign(message) => Failure::Input(message),
-        CannotCompare::Stopped => Failure::Interrupted(error.to_string()),
-    })
+    comparison.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
 fn write(comparison: &Comparison, out: &Path, force: ForceArg) -> Outcome {
@@ -157,11 +152,11 @@ fn write(comparison: &Comparison, out: &Path, force: ForceArg) -> Outcome {
     let page = comparison_page(comparison);
     let mut table = Vec::new();
     write_csv(comparison, &mut table).map_err(Failure::failed)?;
-    let json = serde_json::to_vec_pretty(comparison).map_err(Failure::failed)?;
+    let json = serde_json::to_vec_pretty(comparison)?;
     for (name, bytes) in FILES.iter().zip([page.as_bytes(), &table, &json]) {
         let file = force.file(&out.join(name));
         let failed = to_failure(&file.path);
-        write_new(&file, |to| to.write_all(bytes).map_err(|error| failed(&error))).map_err(Failure::failed)?;
+        write_new(&file, |to| to.write_all(bytes).map_err(|error| failed(&error)))?;
     }
     Ok(())
 }

@@ -2,8 +2,8 @@
 
 use clap::Args as ClapArgs;
 
-use super::outcome::{Failure, Outcome};
 use crate::client::session::Session;
+use crate::failure::{Failure, Outcome};
 
 /// The flag.
 #[derive(Clone, Copy, Debug, ClapArgs)]

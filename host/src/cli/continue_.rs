@@ -6,9 +6,9 @@ use clap::Args as ClapArgs;
 
 use super::arguments::{ForceArg, JsonArg};
 use super::examples;
-use super::outcome::{Failure, Outcome};
 use super::simulate::picture;
 use crate::continuation::{Continuation, Found};
+use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
 use crate::optimise::table::check_folder;
 use crate::report::branch_table;
@@ -67,7 +67,7 @@ Exit codes:
 /// Bad input, no orbit to start from, an unwritable file.
 pub fn run(args: &Args) -> Outcome {
     let input = examples::find(FileKind::Continuation, &args.file)?;
-    let continuation = Continuation::read(&input).map_err(Failure::input)?;
+    let continuation = Continuation::read(&input)?;
     if args.plot_curves.is_some() && continuation.curve_parameters().is_none() {
         let file = input.display();
         return Err(Failure::Input(format!(
@@ -76,7 +76,7 @@ pub fn run(args: &Args) -> Outcome {
     }
     let folder = args.out.as_deref().filter(|path| path.extension().is_none());
     if let Some(folder) = folder.filter(|_| !args.force.is_given()) {
-        check_folder(folder).map_err(Failure::input)?;
+        check_folder(folder)?;
     }
     let table = args.out.clone().filter(|_| folder.is_none());
     let outputs = [("--out", &table), ("--plot", &args.plot), ("--plot-curves", &args.plot_curves)];
@@ -91,15 +91,15 @@ pub fn run(args: &Args) -> Outcome {
             )));
         }
     }
-    let found = continuation.follow().map_err(Failure::input)?;
+    let found = continuation.follow()?;
     if args.json.is_given() {
-        say!("{}", serde_json::to_string(&found).map_err(Failure::failed)?);
+        say!("{}", serde_json::to_string(&found)?);
     } else {
         say!("{}", terminal::continuation::text(&found));
     }
     if let Some(path) = &table {
         let rows = branch_table::write(branch_table::orbits(&found), &args.force.file(path));
-        let rows = rows.map_err(Failure::failed)?;
+        let rows = rows?;
         if !args.json.is_given() {
             say!("Table: {} ({rows} orbits)", path.display());
         }
@@ -107,7 +107,7 @@ pub fn run(args: &Args) -> Outcome {
     let branches = args.plot.as_ref().map(|path| (path, branches::draw(&found)));
     let curves = args.plot_curves.as_ref().map(|path| (path, curves::draw(&found)));
     for (path, picture) in branches.into_iter().chain(curves) {
-        picture.and_then(|picture| picture.save(path)).map_err(Failure::failed)?;
+        picture.and_then(|picture| picture.save(path))?;
         if !args.json.is_given() {
             say!("Figure: {}", path.display());
         }

@@ -7,9 +7,9 @@ use comfy_table::Table;
 use serde_json::{Value, json};
 
 use super::arguments::{JsonArg, Rig};
-use super::outcome::{Failure, Outcome};
 use crate::client::devices::{Answer, Usb, ask, ports, query};
 use crate::client::link::Address;
+use crate::failure::{Failure, Outcome};
 use crate::report::terminal::plain_table;
 
 /// Lists the serial ports and the boards connected to them, or the board at one address.
@@ -57,7 +57,7 @@ pub fn run(args: &Args) -> Outcome {
     let timeout = Duration::from_secs_f64(args.timeout);
     let found: Vec<(Address, Option<Usb>, Answer)> = if let Some(rig) = &args.rig {
         let address = rig.find()?;
-        let answer = ask(&address, timeout).map_err(Failure::failed)?;
+        let answer = ask(&address, timeout)?;
         let usb = usb_behind(&address);
         vec![(address, usb, answer)]
     } else {

@@ -6,7 +6,7 @@ use clap::Command;
 use clap_complete::Shell;
 use clap_mangen::Man;
 
-use super::outcome::{Failure, Outcome};
+use crate::failure::{Failure, Outcome};
 use crate::file_keys::{FileKind, reference, schema, typed_dicts};
 
 /// Prints the completions of a shell, for its completion folder or start-up file.

@@ -8,8 +8,8 @@ use clap::Args as ClapArgs;
 use serde::Serialize;
 
 use super::arguments::{ForceArg, JsonArg};
-use super::outcome::{Failure, Outcome};
 use super::output::is_quiet;
+use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
 use crate::input::shipped::{FILES, ROOT, plain};
 use crate::input::{Source, near};
@@ -169,7 +169,7 @@ fn list(json: JsonArg) -> Outcome {
                 bytes: example.text.len(),
             })
             .collect();
-        say!("{}", serde_json::to_string(&all).map_err(Failure::failed)?);
+        say!("{}", serde_json::to_string(&all)?);
         return Ok(());
     }
     for (kind, (folder, command)) in FileKind::ALL.into_iter().filter_map(|kind| Some((kind, kind.shipped()?))) {
@@ -208,8 +208,7 @@ fn copy(wanted: &str, json: JsonArg, force: ForceArg) -> Outcome {
             std::fs::create_dir_all(folder)
                 .map_err(|error| Failure::Failed(format!("cannot create {}: {error}", folder.display())))?;
         }
-        write_new(&force.file(to), |file| file.write_all(text.as_bytes()).map_err(|e| to_failure(to)(&e)))
-            .map_err(Failure::failed)?;
+        write_new(&force.file(to), |file| file.write_all(text.as_bytes()).map_err(|e| to_failure(to)(&e)))?;
     }
     let names: Vec<String> = new.iter().map(|(to, _)| to.display().to_string()).collect();
     let next = format!("{} {}.toml", example.command, example.name);

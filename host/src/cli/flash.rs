@@ -8,7 +8,6 @@ use clap::Args as ClapArgs;
 use damprig_protocol::{ClockSource, Counters, Reset};
 
 use super::arguments::{ForceArg, Rig};
-use super::outcome::{Failure, Outcome};
 use crate::board::BOARD;
 use crate::board::drive::{Drive, NoDrive};
 use crate::board::hex::to_hex;
@@ -19,6 +18,7 @@ use crate::client::controller::Controller;
 use crate::client::devices::{only, ports, query};
 use crate::client::link::Address;
 use crate::client::session::{Session, hex};
+use crate::failure::{Failure, Outcome};
 use crate::host_time;
 use crate::storage::out_file::{OutFile, to_failure, write_new};
 
@@ -185,7 +185,7 @@ pub fn run(args: &Args) -> Outcome {
 /// Writes the image as a hex file and prints its SHA-256.
 fn write_hex(image: &Image, out: &OutFile) -> Outcome {
     let (text, file) = (to_hex(&image.pieces), &out.path);
-    write_new(out, |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e))).map_err(Failure::failed)?;
+    write_new(out, |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e)))?;
     say!(
         "{}: {:.1} KB of flash, {} {}",
         file.display(),
@@ -210,8 +210,7 @@ fn keep_settings(args: &Args, way: &Way) -> Result<(PathBuf, Backup), Failure> {
         .clone()
         .unwrap_or_else(|| format!("settings-{BOARD}-{}.toml", host_time::now().strftime("%Y-%m-%d-%H%M%S")).into());
     let text = backup.to_text();
-    write_new(&args.force.file(&file), |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(&file)(&e)))
-        .map_err(Failure::failed)?;
+    write_new(&args.force.file(&file), |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(&file)(&e)))?;
     warn!("settings of the board kept in {}: {}", file.display(), backup.summary());
     Ok((file, backup))
 }

@@ -8,10 +8,10 @@ use indicatif::ProgressBar;
 use probe_rs::flashing::{ProgressEvent, ProgressOperation};
 pub(super) use probe_rs::probe::DebugProbeSelector as Selector;
 
-use super::outcome::{Failure, Outcome};
 use crate::board::image::Image;
 use crate::board::probe::{Attached, NoProbe, candidates};
 pub(super) use crate::board::probe::{Candidate, selector};
+use crate::failure::{Failure, Outcome};
 
 /// Which image and which probe, as `damprig log` takes them.
 #[derive(Debug, ClapArgs)]

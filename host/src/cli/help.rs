@@ -8,8 +8,8 @@ use clap::Args as ClapArgs;
 use clap::Command;
 use clap::error::ErrorKind;
 
-use super::outcome::{Failure, Outcome};
 use super::output;
+use crate::failure::{Failure, Outcome};
 use crate::manual::{self, Found, PAGES, Page};
 
 /// Prints the help of a command, or a page of the manual.

@@ -6,8 +6,8 @@ use clap::Args as ClapArgs;
 use serde_json::{Value, json};
 
 use super::arguments::{ForceArg, JsonArg};
-use super::outcome::{Failure, Outcome};
 use super::simulate::picture;
+use crate::failure::Outcome;
 use crate::file_keys::FileKind;
 use crate::input::regular;
 use crate::report::figures;
@@ -56,9 +56,9 @@ pub fn run(args: &Args) -> Outcome {
         say!("{}: {own}", args.file.display());
         return Ok(());
     }
-    let overview = overview::read(&args.file).map_err(Failure::input)?;
+    let overview = overview::read(&args.file)?;
     if let Some(path) = &args.plot {
-        figures::signals::draw(&overview).and_then(|picture| picture.save(path)).map_err(Failure::failed)?;
+        figures::signals::draw(&overview).and_then(|picture| picture.save(path))?;
     }
     if args.json.is_given() {
         say!("{:#}", as_json(&overview));

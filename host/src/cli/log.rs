@@ -16,8 +16,8 @@ use std::time::Duration;
 use clap::Args as ClapArgs;
 
 use super::flash_probe::ImageAndProbe;
-use super::outcome::{Failure, Outcome};
 use crate::board::CHIP;
+use crate::failure::{Failure, Outcome};
 
 /// Shows the log of the controller's firmware until Ctrl-C: level, source line and device time.
 ///

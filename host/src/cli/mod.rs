@@ -40,7 +40,6 @@ mod inspect;
 mod log;
 mod monitor;
 mod optimise;
-mod outcome;
 pub mod output;
 mod output_paths;
 pub mod progress;
@@ -65,7 +64,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-pub use outcome::{Failure, Outcome};
+use crate::failure::{Failure, Outcome};
 
 /// Runs, records, simulates and reports experiments on a vibration-damper rig, real or virtual.
 #[derive(Debug, Parser)]
@@ -170,7 +169,7 @@ fn start_as<A: Parser>(mut command: clap::Command, run: impl FnOnce(A) -> Outcom
     // A file beyond `ulimit -f` then fails like a full disk: with a message, and the rig is stopped.
     #[cfg(unix)]
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
-    run(arguments).map_or_else(Failure::report, |()| output::finish())
+    run(arguments).map_or_else(|failure| output::report(&failure), |()| output::finish())
 }
 
 fn run(command: Command) -> Outcome {

@@ -11,9 +11,9 @@ use std::time::Duration;
 use clap::Args as ClapArgs;
 
 use super::arguments::{Rig, SpeedArg, seconds};
-use super::outcome::{Failure, Outcome};
 use crate::client::link::{Address, Cable, cable};
 use crate::client::session::Session;
+use crate::failure::{Failure, Outcome};
 use crate::monitor::terminal::{TerminalView, TerminalWatcher};
 use crate::monitor::{Handles, Monitor, Permissions, Serving, Token, folder, rig};
 use crate::run_folder::RunFolder;
@@ -52,13 +52,13 @@ impl PageArgs {
         let token = self.control.then(Token::new).transpose().map_err(Failure::Failed)?;
         let permissions = Permissions { can_control: self.control, can_inject, where_to_stop };
         let serving = Serving { listen: self.listen, token };
-        Monitor::prepare(Some(serving), permissions, handles).map_err(Failure::failed)
+        Monitor::prepare(Some(serving), permissions, handles)
     }
 }
 
 /// Serves the page of a monitor, if it has one, and prints its address.
 pub(super) fn serve(monitor: &mut Monitor) -> Outcome {
-    monitor.serve().map_err(Failure::failed)?;
+    monitor.serve()?;
     monitor.url().iter().for_each(|url| warn!("Monitor: {url}"));
     if monitor.is_public() {
         let what = if monitor.can_control() {
@@ -191,8 +191,8 @@ fn watch_folder(args: &Args, wanted: &std::path::Path, stop: &Arc<AtomicBool>) -
             "--control: a run in a folder can only be watched; `damprig run --monitor --control` controls a run";
         return Err(Failure::Input(message.into()));
     }
-    let path = find(wanted).map_err(Failure::input)?;
-    RunFolder::open(&path).map_err(Failure::failed)?;
+    let path = find(wanted)?;
+    RunFolder::open(&path)?;
     let mut monitor = args.page.prepare(
         &Address::VIRTUAL,
         ABOUT_FOLDERS.into(),
@@ -202,7 +202,7 @@ fn watch_folder(args: &Args, wanted: &std::path::Path, stop: &Arc<AtomicBool>) -
     let terminal = args.tui.then(|| open_terminal(&monitor, stop, false, true)).transpose()?;
     let (feed, actions) = (monitor.feed(), monitor.take_actions());
     let watched = match actions {
-        Some(actions) => folder::watch(&path, speed, &feed, &actions, stop).map_err(Failure::failed),
+        Some(actions) => folder::watch(&path, speed, &feed, &actions, stop),
         None => Ok(()),
     };
     monitor.end();
@@ -223,7 +223,7 @@ fn watch_rig(args: &Args, rig: &Rig, stop: &Arc<AtomicBool>) -> Outcome {
         Session::open(found.as_ref().unwrap_or(&address), timeout)
     };
     // The rig is there before its page: it has the cable, and a wrong one is refused at once.
-    let session = open().map_err(Failure::failed)?;
+    let session = open()?;
     say!("{}", session.settings_line());
     if session.needs_consent() {
         warn!(

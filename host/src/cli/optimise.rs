@@ -9,8 +9,8 @@ use clap::Args as ClapArgs;
 
 use super::arguments::{ForceArg, JsonArg};
 use super::examples;
-use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
+use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
 use crate::optimise::evaluate::Evaluated;
 use crate::optimise::run::{self, Reached};
@@ -63,12 +63,12 @@ Exit codes:
 /// Bad input, constraints that no point keeps, an unwritable file, an interrupted search.
 pub fn run(args: &Args) -> Outcome {
     let file = examples::find(FileKind::Optimisation, &args.file)?;
-    let optimisation = Optimisation::read(&file).map_err(Failure::input)?;
+    let optimisation = Optimisation::read(&file)?;
     if let Some(folder) = args.out.as_ref().filter(|_| !args.force.is_given()) {
-        table::check_folder(folder).map_err(Failure::input)?;
+        table::check_folder(folder)?;
     }
     let cores = rayon::current_num_threads();
-    let estimate_s = run::estimate_s(&optimisation).map_err(Failure::input)? / cores as f64;
+    let estimate_s = run::estimate_s(&optimisation)? / cores as f64;
     let scope = format!("{}; {} on {cores} cores", terminal::optimise::scope(&optimisation), about(estimate_s));
     if args.dry_run {
         say!("{scope}");
@@ -89,19 +89,19 @@ pub fn run(args: &Args) -> Outcome {
     };
     let (found, answer) = match run::run(&optimisation, &report) {
         Err(refusal) if stop.load(Ordering::Relaxed) => return Err(Failure::Interrupted(refusal.to_string())),
-        run => run.map_err(Failure::input)?,
+        run => run?,
     };
     bar.end();
     if args.json.is_given() {
-        say!("{}", serde_json::to_string(&answer).map_err(Failure::failed)?);
+        say!("{}", serde_json::to_string(&answer)?);
     } else {
         say!("{}", terminal::optimise::answer(&optimisation, &answer));
         let took = duration(start.elapsed().as_secs_f64());
         say!("\n{} points, {} simulations in {took}", answer.evaluations, answer.simulations);
     }
     if let Some(folder) = &args.out {
-        table::write(&optimisation, &found, &answer, folder).map_err(Failure::failed)?;
-        optimum_files::write(&optimisation, &answer, &scope, folder).map_err(Failure::failed)?;
+        table::write(&optimisation, &found, &answer, folder)?;
+        optimum_files::write(&optimisation, &answer, &scope, folder)?;
         if !args.json.is_given() {
             say!("Page:  {}", folder.join(optimum_files::PAGE).display());
         }

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::outcome::Failure;
+use crate::failure::Failure;
 use crate::input::shown;
 
 /// The first error of standard output.
@@ -82,7 +82,13 @@ pub(super) fn finish() -> ExitCode {
         // The reader wanted no more, as `head` does.
         Some(error) if error.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Some(error) => {
-            Failure::Failed(format!("the work is done, but standard output could not be written: {error}")).report()
+            report(&Failure::Failed(format!("the work is done, but standard output could not be written: {error}")))
         }
     }
+}
+
+/// Prints the message of a failure to standard error and gives its exit code.
+pub(super) fn report(failure: &Failure) -> ExitCode {
+    warn!("error: {failure}");
+    ExitCode::from(failure.exit_code())
 }

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use super::arguments::ForceArg;
-use super::outcome::Failure;
+use crate::failure::Failure;
 use crate::simulation::Case;
 use crate::simulation::time_history::TablePath;
 

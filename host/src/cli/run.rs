@@ -12,7 +12,6 @@ use super::arguments::{QuietArg, Rig, SpeedArg, seconds, seconds_or_zero};
 use super::consent::ConsentArg;
 use super::examples;
 use super::monitor::{PageArgs, check_terminal};
-use super::outcome::{Failure, Outcome};
 use super::output::is_quiet;
 use super::run_job::{Job, LiveViews};
 use super::run_progress::Log;
@@ -20,6 +19,7 @@ use crate::campaign::Campaign;
 use crate::client::board_check;
 use crate::client::link::Address;
 use crate::client::session::Session;
+use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
 use crate::host_time;
 use crate::prediction::{Predicted, settling};
@@ -163,11 +163,11 @@ pub fn run(args: &Args) -> Outcome {
 fn begin(args: &Args, file: &Path) -> Outcome {
     refuse_taken(args.out.as_deref())?;
     let file = &examples::find(FileKind::Campaign, file)?;
-    let mut campaign = new_campaign(file).map_err(Failure::input)?;
+    let mut campaign = new_campaign(file)?;
     campaign.source.warnings().iter().for_each(|warning| warn!("warning: {warning}"));
     let rig = args.speed.apply(args.rig.as_ref().unwrap_or(&Rig::At(Address::VIRTUAL)).find()?)?;
     let mut session = open(&rig, args)?;
-    let (selection, warnings) = accept(&mut campaign, &session).map_err(Failure::input)?;
+    let (selection, warnings) = accept(&mut campaign, &session)?;
     args.consent.check(&mut session, "this campaign is refused")?;
     let points = campaign.points();
     let (shortest, longest) = (duration(campaign.expected_s()), duration(campaign.longest_s()));
@@ -180,7 +180,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         terminal::campaign::steps(&campaign).iter().for_each(|line| say!("{line}"));
     }
     terminal::campaign::hertz_walls(&campaign).iter().for_each(|line| say!("{line}"));
-    let predicted = Predicted::of(&campaign).map_err(Failure::input)?;
+    let predicted = Predicted::of(&campaign)?;
     settling::advice(&campaign).iter().for_each(|line| say!("{line}"));
     if !predicted.swings.is_empty() {
         say!("{}", terminal::campaign::plan(&campaign, &predicted.swings));
@@ -206,10 +206,9 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     let folder = match &args.out {
         Some(path) => OutputFolder::create_at(path),
         None => OutputFolder::create_dated(Path::new("."), &campaign.name, &now),
-    }
-    .map_err(Failure::failed)?;
-    let journal = folder.keep_campaign(&campaign).map_err(Failure::failed)?;
-    let records = folder.records(&campaign).map_err(Failure::failed)?;
+    }?;
+    let journal = folder.keep_campaign(&campaign)?;
+    let records = folder.records(&campaign)?;
     let begin = begin_entry(&campaign, &session, &selection, records, &now);
     let job = Job {
         given_rig: args.rig.as_ref(),
@@ -242,7 +241,7 @@ fn refuse_taken(out: Option<&Path>) -> Outcome {
 }
 
 fn resume(args: &Args, wanted: &Path) -> Outcome {
-    let path = find(wanted).map_err(Failure::input)?;
+    let path = find(wanted)?;
     // Holding the journal keeps other processes from changing the run.
     let held = match Journal::existing(&path) {
         Err(error) if journal::is_being_written(&path) == Some(true) => return Err(Failure::failed(error)),
@@ -268,18 +267,18 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     };
     let rig = args.speed.apply(rig)?;
     let mut session = open(&rig, args)?;
-    let (selection, warnings) = accept(&mut earlier.campaign, &session).map_err(Failure::input)?;
+    let (selection, warnings) = accept(&mut earlier.campaign, &session)?;
     args.consent.check(&mut session, "the run is not resumed")?;
     warnings.iter().for_each(|warning| warn!("warning: {warning}"));
     let campaign = &earlier.campaign;
-    let predicted = Predicted::of(campaign).map_err(Failure::input)?;
+    let predicted = Predicted::of(campaign)?;
     check(campaign, &predicted, &session)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     let log = args.log.as_deref().map(Log::open).transpose()?;
     let live = args.live_views(&rig, &stop)?;
     let folder = OutputFolder::existing(&path);
-    let records = folder.records(campaign).map_err(Failure::failed)?;
+    let records = folder.records(campaign)?;
     let begin = begin_entry(campaign, &session, &selection, records, &host_time::now());
     let different = earlier.differences(&begin);
     if !different.is_empty() {
@@ -293,7 +292,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     for changed in earlier.changed_limits(&begin) {
         warn!("note: a limit of the board has changed: {changed}");
     }
-    let journal = held.and_then(|held| held.map_or_else(|| Journal::open(&path), Ok)).map_err(Failure::failed)?;
+    let journal = held.and_then(|held| held.map_or_else(|| Journal::open(&path), Ok))?;
     let job = Job {
         given_rig: args.rig.as_ref(),
         timeout: args.timeout(),
@@ -316,7 +315,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
 /// Rejects predicted displacements beyond limits, stroke or drive, and predicted forces far beyond the limit.
 fn check(campaign: &Campaign, predicted: &Predicted, session: &Session) -> Outcome {
     let drive_m = f64::from(session.settings.calibration.drive.range().amplitude_m());
-    let warnings = predicted.check(campaign, drive_m).map_err(Failure::input)?;
+    let warnings = predicted.check(campaign, drive_m)?;
     warnings.iter().for_each(|warning| warn!("warning: {warning}"));
     Ok(())
 }
@@ -333,7 +332,7 @@ fn settings_line(args: &Args, session: &Session) -> String {
 }
 
 fn open(rig: &Address, args: &Args) -> Result<Session, Failure> {
-    let session = Session::open(rig, args.timeout()).map_err(Failure::failed)?;
+    let session = Session::open(rig, args.timeout())?;
     say!("{}", session.settings_line());
     if let Some(crash) = session.description.last_crash {
         warn!(

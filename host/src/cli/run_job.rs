@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 
 use super::arguments::Rig;
 use super::monitor::{PageArgs, handles, open_terminal, serve, where_to_stop};
-use super::outcome::{Failure, Outcome};
 use super::run_progress::{Display, Log, RunProgress};
 use super::terminal_line::has_typed_line;
 use crate::campaign::Campaign;
 use crate::client::link::Address;
 use crate::client::session::Session;
+use crate::failure::{Failure, Outcome};
 use crate::monitor::run::{MonitoredRun, RunFacts};
 use crate::monitor::terminal::{TerminalView, TerminalWatcher};
 use crate::monitor::{Actions, Handles, Monitor, Permissions, rig};
@@ -58,7 +58,7 @@ impl LiveViews {
             Some(page) => page.prepare(rig, where_to_stop(), handles)?,
             None if terminal => {
                 let permissions = Permissions { where_to_stop: where_to_stop(), ..Permissions::default() };
-                Monitor::start(None, permissions, handles).map_err(Failure::failed)?
+                Monitor::start(None, permissions, handles)?
             }
             None => return Ok(None),
         };
@@ -113,8 +113,7 @@ impl Job<'_> {
         let taken = std::mem::take(&mut self.taken);
         let withdrawn = std::mem::take(&mut self.withdrawn);
         let start = RunStart { begin, journal, taken, withdrawn, waits_for_room: session.is_granted() };
-        let mut recorded =
-            RecordedRun::begin(self.campaign, self.predicted, &self.folder, start).map_err(Failure::failed)?;
+        let mut recorded = RecordedRun::begin(self.campaign, self.predicted, &self.folder, start)?;
         let taken = recorded.taken().clone();
         let display = Display {
             is_hidden: self.is_quiet || has_terminal_view,
@@ -230,25 +229,15 @@ impl Job<'_> {
         say!("{}", compared::IN_A_LINE);
         say!("{}", terminal::campaign::summary(&manifest));
         super::output::print_always(&format!("Run folder: {}", self.folder.path().display()));
-        if let Err(error) = &result {
+        if let Err(error) = result {
             let (taken, planned) = (manifest.points_taken, manifest.points_planned);
             let shown = self.folder.path().display();
             let kept = format!(
                 "\n  {taken} of {planned} points are kept in {shown}; continue with `damprig run --resume {shown}`"
             );
-            return Err(failure(error, &kept));
+            return Err(Failure::from(error).with(|error| format!("{error}{kept}")));
         }
-        written.map_err(Failure::failed)?;
-        drawn.map_err(Failure::failed)
-    }
-}
-
-/// The failure of a run, with a note on the recorded data.
-fn failure(error: &RunError, kept: &str) -> Failure {
-    let message = format!("{error}{kept}");
-    match error {
-        RunError::Refused(_) => Failure::Input(message),
-        RunError::Interrupted => Failure::Interrupted(message),
-        _ => Failure::Failed(message),
+        written?;
+        drawn
     }
 }

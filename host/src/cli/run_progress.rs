@@ -10,11 +10,11 @@ use std::time::{Duration, Instant};
 use damprig_core::control::friction_spring::SpringEvent;
 use indicatif::ProgressBar;
 
-use super::outcome::Failure;
 use super::progress::bar_without_time;
 use super::terminal_line::{forget_typed, typed_line};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::client::session::Session;
+use crate::failure::Failure;
 use crate::host_time;
 use crate::input::shown_in_line;
 use crate::report::describe;

@@ -10,8 +10,8 @@ use clap::{Args as ClapArgs, Subcommand};
 use serde_json::{Value, json};
 
 use super::arguments::{ForceArg, JsonArg};
-use super::outcome::{Failure, Outcome};
 use super::progress::bar;
+use crate::failure::{Failure, Outcome};
 use crate::input::{near, shown_in_line};
 use crate::report::exports::csv::Csv;
 use crate::report::exports::hdf5::Hdf5;
@@ -21,11 +21,11 @@ use crate::report::exports::{ExportSelection, ExportSummary, Exporter, RunTable}
 use crate::report::page::{page, page_of_runs};
 use crate::report::terminal::campaign::unresolved_peaks;
 use crate::report::terminal::plain_table as table;
+use crate::run_folder::RunFolder;
 use crate::run_folder::read::campaign_copy;
 use crate::run_folder::read::folder::{below, find, is_run};
 use crate::run_folder::read::verify::{Finding, verify};
 use crate::run_folder::schema::results::steadiness_text;
-use crate::run_folder::{ReadError, RunFolder};
 use crate::storage::out_file::{OutFile, to_failure, write_new};
 
 /// Lists, shows, verifies, reports and exports run folders. Never changes a run folder.
@@ -176,7 +176,7 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 fn open(wanted: &Path) -> Result<RunFolder, Failure> {
-    RunFolder::open(&find(wanted).map_err(Failure::input)?).map_err(Failure::failed)
+    RunFolder::open(&find(wanted)?)
 }
 
 fn list(dir: &Path, json: JsonArg) -> Outcome {
@@ -187,7 +187,7 @@ fn list(dir: &Path, json: JsonArg) -> Outcome {
         )));
     }
     let folders = if is_run(dir) { vec![dir.to_path_buf()] } else { below(dir) };
-    let mut runs: Vec<(PathBuf, Result<RunFolder, ReadError>)> =
+    let mut runs: Vec<(PathBuf, Result<RunFolder, Failure>)> =
         folders.into_iter().map(|path| (path.clone(), RunFolder::open(&path))).collect();
     // Latest first; runs without a readable start last.
     runs.sort_by_key(|(_, run)| std::cmp::Reverse(run.as_ref().ok().and_then(|r| r.manifest().started_at())));
@@ -220,7 +220,7 @@ fn list(dir: &Path, json: JsonArg) -> Outcome {
                     String::new(),
                     String::new(),
                     String::new(),
-                    error.0.clone(),
+                    error.to_string(),
                 ]);
             }
         }
@@ -230,10 +230,10 @@ fn list(dir: &Path, json: JsonArg) -> Outcome {
 }
 
 /// A run of the list, for programs; of one that cannot be read, `error` says why.
-fn listed(path: &Path, run: &Result<RunFolder, ReadError>) -> Value {
+fn listed(path: &Path, run: &Result<RunFolder, Failure>) -> Value {
     let run = match run {
         Ok(run) => run,
-        Err(error) => return json!({ "folder": path.display().to_string(), "error": error.0 }),
+        Err(error) => return json!({ "folder": path.display().to_string(), "error": error.to_string() }),
     };
     let m = run.manifest();
     json!({
@@ -251,8 +251,8 @@ fn listed(path: &Path, run: &Result<RunFolder, ReadError>) -> Value {
 
 /// Prints the manifest and the results for programs.
 fn show_json(run: &RunFolder) -> Outcome {
-    let results = run.result_rows().map_err(Failure::failed)?;
-    let transients = run.transient_rows().map_err(Failure::failed)?;
+    let results = run.result_rows()?;
+    let transients = run.transient_rows()?;
     let all = json!({
         "folder": run.path().display().to_string(),
         "state": run.manifest().ending_text(),
@@ -314,7 +314,7 @@ fn show(run: &RunFolder) -> Outcome {
         "phase (rad)",
         "steadiness",
     ]);
-    let rows = run.result_rows().map_err(Failure::failed)?;
+    let rows = run.result_rows()?;
     for row in &rows {
         table.add_row([
             row.set_up.clone(),
@@ -342,7 +342,7 @@ fn show_transients(run: &RunFolder) -> Outcome {
     let mut table =
         table(&["set-up", "experiment", "kind", "largest |x|\n(mm)", "RMS of x\n(mm)", "impacts", "ζ", "f (Hz)"]);
     let shown = |value: f64, digits: usize| if value.is_nan() { "–".into() } else { format!("{value:.digits$}") };
-    for row in run.transient_rows().map_err(Failure::failed)? {
+    for row in run.transient_rows()? {
         table.add_row([
             row.set_up,
             row.experiment,
@@ -361,8 +361,8 @@ fn show_transients(run: &RunFolder) -> Outcome {
 }
 
 fn check(wanted: &Path, json: JsonArg) -> Outcome {
-    let folder = find(wanted).map_err(Failure::input)?;
-    let found = verify(&folder).map_err(Failure::failed)?;
+    let folder = find(wanted)?;
+    let found = verify(&folder)?;
     let checks = found.iter().map(|finding| match finding {
         Finding::Good(text) => (true, text),
         Finding::Wrong(text) => (false, text),
@@ -385,8 +385,7 @@ fn report(runs: &[RunFolder], out: Option<&Path>, force: ForceArg) -> Outcome {
     let out = out.map_or_else(|| PathBuf::from(format!("{name}.html")), Path::to_path_buf);
     force.check(&out)?;
     let page = if let [run] = runs { page(run) } else { page_of_runs(runs) };
-    write_new(&force.file(&out), |file| file.write_all(page.html.as_bytes()).map_err(|e| to_failure(&out)(&e)))
-        .map_err(Failure::failed)?;
+    write_new(&force.file(&out), |file| file.write_all(page.html.as_bytes()).map_err(|e| to_failure(&out)(&e)))?;
     say!("Report: {}", out.display());
     if page.unreadable.is_empty() {
         return Ok(());
@@ -402,7 +401,7 @@ fn exported_with_a_bar(
     run: &RunFolder,
     selection: &ExportSelection,
     file: &OutFile,
-) -> Result<ExportSummary, ReadError> {
+) -> Result<ExportSummary, Failure> {
     if !selection.tables.contains(&RunTable::Samples) {
         return exporter.export(run, selection, file);
     }
@@ -450,7 +449,7 @@ fn export(args: &Export) -> Outcome {
     let names: Vec<&str> = tables.iter().map(|t| t.name()).collect();
     let (set_up, samples_read) = (args.set_up.clone(), Arc::default());
     let selection = ExportSelection { tables, set_up, from_s: args.from_s, to_s: args.to_s, samples_read };
-    let exported = exported_with_a_bar(exporter, &run, &selection, &args.force.file(&out)).map_err(Failure::failed)?;
+    let exported = exported_with_a_bar(exporter, &run, &selection, &args.force.file(&out))?;
     say!("{} rows of {} in {}", exported.rows, names.join(" and "), out.display());
     exported.notes.iter().for_each(|note| say!("{note}"));
     if !run.manifest().is_complete() {

@@ -10,9 +10,9 @@ use damprig_protocol::Request;
 
 use super::arguments::{ForceArg, Rig};
 use super::consent::ConsentArg;
-use super::outcome::{Failure, Outcome};
 use crate::client::backup::{Backup, NotRestored, Restored};
 use crate::client::session::{AnyBoard, Session};
+use crate::failure::{Failure, Outcome};
 use crate::input::{Source, near};
 use crate::settings::{decimal, entries, from_toml, states_limits, to_toml};
 use crate::storage::out_file::{to_failure, write_new};
@@ -119,7 +119,7 @@ pub fn run(args: &Args) -> Outcome {
         _ => {}
     }
     let file = match &args.action {
-        Action::Import { file, .. } => Some(Source::read(file).map_err(Failure::input)?),
+        Action::Import { file, .. } => Some(Source::read(file)?),
         Action::Set { values, .. } => {
             changed(values, &Settings::default())?;
             None
@@ -127,7 +127,7 @@ pub fn run(args: &Args) -> Outcome {
         _ => None,
     };
     let address = args.rig.find()?;
-    let mut session = Session::open(&address, timeout).map_err(Failure::failed)?;
+    let mut session = Session::open(&address, timeout)?;
     let present = session.settings;
     match &args.action {
         Action::Show => {
@@ -152,7 +152,7 @@ pub fn run(args: &Args) -> Outcome {
         Action::Import { save, consent, .. } => {
             // Read above.
             let Some(source) = file else { return Ok(()) };
-            let wanted = from_toml(&source, &present).map_err(Failure::input)?;
+            let wanted = from_toml(&source, &present)?;
             if *save && !states_limits(source.text()) {
                 consent.check(&mut session, "not imported: the file does not state every limit (safety.…)")?;
             }
@@ -170,21 +170,21 @@ pub fn run(args: &Args) -> Outcome {
 
 /// Keeps what a board of any protocol has saved.
 fn backup(args: &Args, file: &Path, force: ForceArg, timeout: Duration) -> Outcome {
-    let mut board = AnyBoard::open(&args.rig.find()?, timeout).map_err(Failure::failed)?;
-    let backup = Backup::of(&mut board).map_err(Failure::failed)?;
+    let mut board = AnyBoard::open(&args.rig.find()?, timeout)?;
+    let backup = Backup::of(&mut board)?;
     say!("Settings of {}, firmware {}: {}", backup.board, backup.firmware, backup.summary());
     export(file, force, &backup.to_text())
 }
 
 fn restore(args: &Args, file: &Path, timeout: Duration) -> Outcome {
-    let backup = Backup::read(file).map_err(Failure::input)?;
+    let backup = Backup::read(file)?;
     let failed = |error: NotRestored| {
         let message = format!("{}: {error}", file.display());
         if matches!(error, NotRestored::Unreadable(_)) { Failure::Input(message) } else { Failure::Failed(message) }
     };
     // Before the board is asked for anything.
     backup.restorable().map_err(failed)?;
-    let mut session = Session::open(&args.rig.find()?, timeout).map_err(Failure::failed)?;
+    let mut session = Session::open(&args.rig.find()?, timeout)?;
     let own = &session.identity.board;
     if *backup.board != **own {
         warn!(
@@ -220,8 +220,7 @@ fn head(session: &Session) -> String {
 
 fn export(file: &Path, force: ForceArg, text: &str) -> Outcome {
     // Written atomically: an incomplete file would import without an error.
-    write_new(&force.file(file), |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e)))
-        .map_err(Failure::failed)?;
+    write_new(&force.file(file), |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e)))?;
     say!("written to {}", file.display());
     Ok(())
 }
@@ -229,7 +228,7 @@ fn export(file: &Path, force: ForceArg, text: &str) -> Outcome {
 fn send(session: &mut Session, present: &Settings, wanted: &Settings, and_save: bool) -> Outcome {
     let is_changed = wanted != present;
     if is_changed {
-        session.execute("use the settings", Request::SetSettings(*wanted)).map_err(Failure::failed)?;
+        session.execute("use the settings", Request::SetSettings(*wanted))?;
     } else {
         say!("nothing changed: no setting differs from those in use");
     }
@@ -248,7 +247,7 @@ fn send(session: &mut Session, present: &Settings, wanted: &Settings, and_save: 
 }
 
 fn save(session: &mut Session) -> Outcome {
-    session.execute("save its settings", Request::SaveSettings).map_err(Failure::failed)?;
+    session.execute("save its settings", Request::SaveSettings)?;
     say!("saved");
     if session.name().starts_with("virtual") {
         say!("note: the virtual rig ends with this command; use a file with --rig virtual:BOARD.toml");
@@ -294,5 +293,5 @@ fn changed(values: &[String], present: &Settings) -> Result<Settings, Failure> {
         let number = if number.parse::<toml::Value>().is_ok() { number.to_string() } else { format!("{value:?}") };
         text.push_str(&format!("{key} = {number}\n"));
     }
-    from_toml(&Source::new("command line", text), present).map_err(Failure::input)
+    from_toml(&Source::new("command line", text), present)
 }

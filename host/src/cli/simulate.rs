@@ -8,8 +8,8 @@ use clap::Args as ClapArgs;
 
 use super::arguments::{ForceArg, JsonArg, not_negative, positive};
 use super::examples;
-use super::outcome::{Failure, Outcome};
 use super::progress::SimulationBar;
+use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
 use crate::input::Source;
 use crate::report::case_files::{Answer, Simulated};
@@ -108,9 +108,9 @@ pub fn run(args: &Args) -> Outcome {
             second.display()
         )));
     }
-    let values = SetValues::from_arguments(&args.set).map_err(Failure::input)?;
+    let values = SetValues::from_arguments(&args.set)?;
     let paths = args.cases.iter().map(|path| examples::find(FileKind::Case, path)).collect::<Result<Vec<_>, _>>()?;
-    let read = |path: &PathBuf| Case::read_changed(path, &values).map_err(Failure::input);
+    let read = |path: &PathBuf| Case::read_changed(path, &values);
     let cases = paths.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
@@ -138,21 +138,21 @@ fn simulate_one(
     stop: &AtomicBool,
 ) -> Outcome {
     if args.analyse {
-        let source = Source::read(path).map_err(Failure::input)?;
+        let source = Source::read(path)?;
         let text = (source.name(), source.text());
-        case.refuse_other_engines(text, values, "--analyse", false).map_err(Failure::input)?;
+        case.refuse_other_engines(text, values, "--analyse", false)?;
     }
     super::output_paths::check(path, case, args.out.as_ref(), args.plot.as_deref(), args.force)?;
     let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| case.usual_rate_hz()));
     let envelopes = envelopes(args, case)?;
-    let cost = cost::estimate(case).map_err(Failure::input)?;
-    let longest_part_s = cost::longest_part_s(case, rate_hz).map_err(Failure::input)?;
+    let cost = cost::estimate(case)?;
+    let longest_part_s = cost::longest_part_s(case, rate_hz)?;
     unusual.iter().for_each(|warning| warn!("warning: {warning}"));
     for warning in terminal::simulation::warnings(case, &cost, args.out.as_ref().zip(rate_hz)) {
         warn!("warning: {warning}");
     }
     let mut history = match (&args.out, rate_hz) {
-        (Some(path), Some(rate_hz)) => Some(TimeHistory::create(path, rate_hz, case).map_err(Failure::failed)?),
+        (Some(path), Some(rate_hz)) => Some(TimeHistory::create(path, rate_hz, case)?),
         _ => None,
     };
     let mut viewer = (&mut history, envelopes);
@@ -162,7 +162,7 @@ fn simulate_one(
         !stop.load(Ordering::Relaxed)
     };
     let options = RunOptions { keep: args.json.is_given(), longest_part_s, go_on: &mut go_on };
-    let result = simulate(case, &mut viewer, options).map_err(Failure::input);
+    let result = simulate(case, &mut viewer, options);
     bar.end();
     let result = result?;
     let (whole, last) = viewer.1;
@@ -182,15 +182,15 @@ fn simulate_one(
             warn!("warning: the result lists the first {kept} of {all} impacts; --out writes them all");
         }
         let answer = Answer { case: Simulated::of(case, &values.lines), result: &result, analysis, cycle_max_m: None };
-        say!("{}", serde_json::to_string(&answer).map_err(Failure::failed)?);
+        say!("{}", serde_json::to_string(&answer)?);
     } else {
         say!("{}", terminal::simulation::summary(case, &result));
         if let Some(analysis) = &analysis {
             say!("\n{}", terminal::analysis::text(analysis));
         }
     }
-    written.map_err(Failure::failed)?;
-    drawn.map_err(Failure::failed)?;
+    written?;
+    drawn?;
     if !args.json.is_given() {
         if let (Some(path), Some(rows), Some(rate_hz)) = (&args.out, rows, rate_hz) {
             say!("Time history: {} ({rows} rows at {} Hz)", path.path().display(), significant(rate_hz, 6));

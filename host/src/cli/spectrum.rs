@@ -7,8 +7,8 @@ use clap::{Args as ClapArgs, ValueEnum};
 use serde::Serialize;
 
 use super::arguments::{ForceArg, JsonArg, StatedArgs, positive, table_file};
-use super::outcome::{Failure, Outcome};
 use super::simulate::picture;
+use crate::failure::{Failure, Outcome};
 use crate::input::Files;
 use crate::motion_record::{Quantity, Spec, Which, read};
 use crate::report::figures;
@@ -162,7 +162,7 @@ pub fn run(args: &Args) -> Outcome {
     let which = |column: &String| column.parse().map_or_else(|_| Which::Name(column.clone()), Which::Place);
     let spec = Spec {
         quantity: Some(Quantity::Acceleration),
-        stated: args.stated.stated().map_err(Failure::input)?,
+        stated: args.stated.stated()?,
         scale: None,
         time_step_s: args.time_step_s,
         column: args.column.as_ref().map(which),
@@ -178,11 +178,10 @@ pub fn run(args: &Args) -> Outcome {
     let points = spectra(&record, &args.damping, &args.periods.0, method)
         .map_err(|why| Failure::Input(format!("{name}: {why}")))?;
     if let Some(path) = &args.out {
-        branch_table::write(spectrum_table::table(&points, &name, method), &args.force.file(path))
-            .map_err(Failure::failed)?;
+        branch_table::write(spectrum_table::table(&points, &name, method), &args.force.file(path))?;
     }
     if let Some(path) = &args.plot {
-        figures::spectrum::draw(&points).and_then(|picture| picture.save(path)).map_err(Failure::failed)?;
+        figures::spectrum::draw(&points).and_then(|picture| picture.save(path))?;
     }
     if args.json.is_given() {
         let answer = Answer {
@@ -195,7 +194,7 @@ pub fn run(args: &Args) -> Outcome {
             peak_m_per_s2: record.peak(),
             spectra: &points,
         };
-        say!("{}", serde_json::to_string(&answer).map_err(Failure::failed)?);
+        say!("{}", serde_json::to_string(&answer)?);
         return Ok(());
     }
     say!(

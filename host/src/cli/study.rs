@@ -9,18 +9,17 @@ use clap::{Args as ClapArgs, Subcommand};
 
 use super::arguments::QuietArg;
 use super::examples;
-use super::outcome::{Failure, Outcome};
 use super::output::print_always;
 use super::progress::StudyBar;
 use super::study_figures::say_result;
 use super::study_work;
 use super::{basins, bifurcation};
+use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
 use crate::report::numbers::{about, duration, significant};
 use crate::report::terminal;
 use crate::study::Study;
 use crate::study::data_set::DataSet;
-use crate::study::failure::StudyFailure;
 use crate::study::run::{self, Ending, Progress};
 use crate::study::store::Store;
 
@@ -111,11 +110,11 @@ pub fn run(args: &Args) -> Outcome {
 fn run_study(args: &RunArgs) -> Outcome {
     args.quiet.apply();
     let file = examples::find(FileKind::Study, &args.study)?;
-    let study = Study::read(&file).map_err(Failure::input)?;
+    let study = Study::read(&file)?;
     let cores = rayon::current_num_threads();
-    let estimate_s = run::estimate_s(&study).map_err(Failure::input)? / cores as f64;
+    let estimate_s = run::estimate_s(&study)? / cores as f64;
     let scope = terminal::study::scope(&study, run::cycles(&study));
-    study.settling().map_err(Failure::input)?.iter().for_each(|text| warn!("warning: {text}"));
+    study.settling()?.iter().for_each(|text| warn!("warning: {text}"));
     if args.dry_run {
         say!("{scope}");
         say!("{} on {cores} cores", about(estimate_s));
@@ -129,7 +128,7 @@ fn run_study(args: &RunArgs) -> Outcome {
         )));
     }
     let place = place(&args.study, args.out.as_deref());
-    let data_set = DataSet::open(&study, Store::at(&place).map_err(Failure::input)?)?;
+    let data_set = DataSet::open(&study, Store::at(&place)?)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     say!("{scope}; {} on {cores} cores", about(estimate_s));
@@ -160,17 +159,18 @@ pub(super) fn say_table(study: &Study, table: &Path, start: Instant) {
 }
 
 /// A failure with what is there already, and how to go on.
-pub(super) fn kept(data_set: &DataSet, error: StudyFailure) -> Failure {
+pub(super) fn kept(data_set: &DataSet, error: Failure) -> Failure {
     let parts = data_set.parts().map_or(0, |parts| parts.len());
-    if parts == 0 || !matches!(error, StudyFailure::Storage(_)) {
-        return error.into();
+    if parts == 0 || !matches!(error, Failure::Storage(_)) {
+        return error;
     }
     let (all, place) = (data_set.manifest().parts(), data_set.store().path(""));
-    Failure::Failed(format!(
-        "{error}\n  {parts} of {all} parts are kept in {}: when it can be written (a full disk: free space), the same command goes on \
-         with them",
-        place.display()
-    ))
+    error.with(|error| {
+        format!(
+            "{error}\n  {parts} of {all} parts are kept in {}: the same command goes on with them (a full disk: free space first)",
+            place.display()
+        )
+    })
 }
 
 /// Where the results of a study are.

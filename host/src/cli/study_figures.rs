@@ -1,6 +1,6 @@
 //! What `damprig study run` and `merge` end with: the best point, the figures and the page.
 
-use super::outcome::{Failure, Outcome};
+use crate::failure::{Failure, Outcome};
 use crate::report::study_files::{self, MAX_DRAWN};
 use crate::report::terminal;
 use crate::study::data_set::{DataSet, TABLE};

@@ -11,10 +11,10 @@ use jiff::tz::TimeZone;
 
 use super::arguments::QuietArg;
 use super::examples;
-use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
 use super::study::{kept, place, say_table};
 use super::study_figures::{say_result, without_digest};
+use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
 use crate::report::numbers::duration;
 use crate::report::terminal;
@@ -71,7 +71,7 @@ Exit codes:
 
 pub(super) fn work(args: &WorkArgs) -> Outcome {
     args.quiet.apply();
-    let study = Study::read(&examples::find(FileKind::Study, &args.place.study)?).map_err(Failure::input)?;
+    let study = Study::read(&examples::find(FileKind::Study, &args.place.study)?)?;
     let store = store(&args.place)?;
     let data_set = DataSet::open(&study, store)?;
     let stop = Arc::new(AtomicBool::new(false));
@@ -88,7 +88,7 @@ pub(super) fn work(args: &WorkArgs) -> Outcome {
             "stopped; the parts so far are kept, and the same command goes on with them".into(),
         ));
     }
-    let missing = data_set.missing().map_err(Failure::failed)?;
+    let missing = data_set.missing()?;
     if missing.is_empty() {
         say!("all parts are there: `damprig study merge` joins them");
     } else {
@@ -110,7 +110,7 @@ pub(super) fn status(args: &PlaceArgs) -> Outcome {
         say!("about {} left at the pace of the latest {latest} parts", duration(left_s));
     } else {
         let cores = rayon::current_num_threads();
-        let whole_s = run::estimate_s(&study).map_err(Failure::input)? / cores as f64;
+        let whole_s = run::estimate_s(&study)? / cores as f64;
         let left = duration(whole_s * parts.missing.len() as f64 / all as f64);
         say!("about {left} left on {cores} cores of this machine");
     }
@@ -178,12 +178,12 @@ pub(super) fn merge(args: &PlaceArgs) -> Outcome {
 }
 
 fn store(args: &PlaceArgs) -> Result<Store, Failure> {
-    Store::at(&place(&args.study, args.out.as_deref())).map_err(Failure::input)
+    Store::at(&place(&args.study, args.out.as_deref()))
 }
 
 /// A study and its results; nothing is created.
 fn existing(args: &PlaceArgs) -> Result<(Study, DataSet), Failure> {
-    let study = Study::read(&examples::find(FileKind::Study, &args.study)?).map_err(Failure::input)?;
+    let study = Study::read(&examples::find(FileKind::Study, &args.study)?)?;
     let store = store(args)?;
     let place = store.path("");
     match DataSet::existing(&study, store)? {

@@ -2,7 +2,7 @@
 
 use clap::Args as ClapArgs;
 
-use super::outcome::{Failure, Outcome};
+use crate::failure::{Failure, Outcome};
 
 /// Needs a program built with the feature `probe`.
 #[derive(Debug, ClapArgs)]

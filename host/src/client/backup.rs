@@ -15,8 +15,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::client::link::Address;
 use crate::client::session::{AnyBoard, Session, SessionError, hex};
+use crate::failure::Failure;
 use crate::host_time;
-use crate::input::{Refusal, Source};
+use crate::input::Source;
 use crate::settings::{differences, origin_text, to_toml};
 
 /// The settings that a board kept when they were read.
@@ -102,10 +103,10 @@ impl Backup {
     ///
     /// # Errors
     /// It cannot be read, or is no backup.
-    pub fn read(path: &Path) -> Result<Self, Refusal> {
+    pub fn read(path: &Path) -> Result<Self, Failure> {
         let source = Source::read(path)?;
         let refused = |why: &str| {
-            Refusal(format!(
+            Failure::Input(format!(
                 "{}: this is not a backup of settings: {why}\n  `damprig settings backup FILE` writes one; `damprig settings import` reads \
                  files of `damprig settings export`",
                 path.display()

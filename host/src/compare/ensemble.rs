@@ -11,9 +11,10 @@ use std::path::Path;
 use damprig_core::model::{Initial, SetUp};
 use toml::{Table, Value};
 
+use super::COVERAGE_FACTOR;
 use super::metric::Values;
-use super::{COVERAGE_FACTOR, CannotCompare};
 use crate::campaign::{Campaign, CampaignSetUp};
+use crate::failure::Failure;
 use crate::identify::statistics::student_95;
 use crate::input::{Copies, Source};
 use crate::quantity::Quantity;
@@ -264,12 +265,12 @@ fn vary(values: &mut Table, key: &str, by: f64) -> Result<(), String> {
 }
 
 /// The set-up to simulate for one of the run.
-pub(super) fn model_of(own: &CampaignSetUp, model: &Campaign) -> Result<CampaignSetUp, CannotCompare> {
+pub(super) fn model_of(own: &CampaignSetUp, model: &Campaign) -> Result<CampaignSetUp, Failure> {
     let found = model.set_ups.iter().find(|other| other.name == own.name);
     if let Some(other) = found.filter(|other| other.model().is_force_driven != own.model().is_force_driven) {
         let (forced, moved) = ("is driven by a force", "stands on a base that moves");
         let [run, given] = if own.model().is_force_driven { [forced, moved] } else { [moved, forced] };
-        return Err(CannotCompare::Campaign(format!(
+        return Err(Failure::Input(format!(
             "{}: its set-up {:?} {given}, that of the run {run}\n  give it `{}` as the run's",
             model.source.name(),
             other.name,
@@ -278,7 +279,7 @@ pub(super) fn model_of(own: &CampaignSetUp, model: &Campaign) -> Result<Campaign
     }
     found.cloned().ok_or_else(|| {
         let names: Vec<&str> = model.set_ups.iter().map(|other| other.name.as_str()).collect();
-        CannotCompare::Campaign(format!(
+        Failure::Input(format!(
             "{}: it has no set-up {:?} of the run; it has {}\n  give its set-ups the names of the run's",
             model.source.name(),
             own.name,

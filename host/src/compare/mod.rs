@@ -24,6 +24,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use damprig_core::measure::impacts::{ImpactConfig, ImpactRecord};
 
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
+use crate::failure::Failure;
 use crate::host_time::plain;
 use crate::identify::sensors::Sensors;
 use crate::prediction::contact_s;
@@ -39,20 +40,6 @@ use ensemble::Models;
 use metric::{WallKind, Walls};
 use motion::TICK_S;
 use recorded::AllRecorded;
-
-/// Why nothing can be compared.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum CannotCompare {
-    /// The run cannot be read, or has no results.
-    #[error("{0}")]
-    Run(String),
-    /// The campaign with other set-ups is wrong, or does not fit the run.
-    #[error("{0}")]
-    Campaign(String),
-    /// A person stopped the comparison.
-    #[error("the comparison was interrupted")]
-    Stopped,
-}
 
 /// What to compare with, and how to report progress.
 #[derive(Clone, Copy, Debug)]
@@ -81,11 +68,7 @@ struct Compared<'a> {
 ///
 /// # Errors
 /// A run without results or without a readable campaign; set-ups that do not fit; an interruption.
-pub fn compare(
-    run: &RunFolder,
-    mut set_ups_from: Option<Campaign>,
-    options: &Options,
-) -> Result<Comparison, CannotCompare> {
+pub fn compare(run: &RunFolder, mut set_ups_from: Option<Campaign>, options: &Options) -> Result<Comparison, Failure> {
     let (campaign, state, mut unreadable) = source::read(run)?;
     let manifest = run.manifest();
     let is_simulated = manifest.device.as_ref().is_some_and(|device| device.simulated);
@@ -104,7 +87,7 @@ pub fn compare(
     assumptions.push(ensemble::about_parameters(model, &varied));
     let varied = varied.unwrap_or_default().set_ups;
     let go_on = || !options.stop.load(Ordering::Relaxed);
-    let recorded = AllRecorded::of(run, go_on).map_err(CannotCompare::Run)?;
+    let recorded = AllRecorded::of(run, go_on)?;
     unreadable.extend(recorded.unreadable.iter().cloned());
     let missing = source::missing(run, &campaign, &state);
     let compared = Compared {
@@ -128,7 +111,7 @@ pub fn compare(
                 compared.transient(own, experiment, &models)
             };
             if compared.is_stopped() {
-                return Err(CannotCompare::Stopped);
+                return Err(Failure::Interrupted("the comparison was interrupted".into()));
             }
             if !points.is_empty() {
                 experiments.push(ComparedExperiment {

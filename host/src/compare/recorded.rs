@@ -8,6 +8,7 @@ use std::sync::{Mutex, PoisonError};
 
 use arrow_array::RecordBatch;
 
+use crate::failure::Failure;
 use crate::run_folder::RunFolder;
 use crate::run_folder::schema::segment_id::SegmentId;
 use crate::table::values::{numbers, texts};
@@ -178,7 +179,7 @@ impl AllRecorded {
     ///
     /// # Errors
     /// When the temporary file cannot be written.
-    pub(super) fn of(run: &RunFolder, go_on: impl Fn() -> bool) -> Result<Self, String> {
+    pub(super) fn of(run: &RunFolder, go_on: impl Fn() -> bool) -> Result<Self, Failure> {
         let mut all = Self::default();
         let has = |name: &str| run.manifest().signals.iter().any(|signal| signal.name == name);
         if !has("z_m") {
@@ -186,13 +187,15 @@ impl AllRecorded {
         }
         // A run may have recorded z alone.
         (all.has_x, all.has_spring) = (has("x_m"), has("spring_force_n"));
-        let failed = |error: std::io::Error| format!("cannot write a temporary file: {error}; is the disk full?");
+        let failed = |error: std::io::Error| {
+            Failure::Storage(format!("cannot write a temporary file: {error}; is the disk full?"))
+        };
         let mut file = tempfile::tempfile().map_err(failed)?;
         for batch in run.samples().take_while(|_| go_on()) {
-            let read = batch.map_err(|error| error.to_string()).and_then(|batch| all.note(&batch));
+            let read = batch.and_then(|batch| all.note(&batch));
             match read {
                 Ok(bytes) => file.write_all(&bytes).map_err(failed)?,
-                Err(error) => all.unreadable.push(error),
+                Err(error) => all.unreadable.push(error.to_string()),
             }
         }
         all.file = Some(Mutex::new(file));
@@ -208,9 +211,9 @@ impl AllRecorded {
     }
 
     /// Notes where the rows of a batch will be, and gives their bytes.
-    fn note(&mut self, batch: &RecordBatch) -> Result<Vec<u8>, String> {
-        let read = |name: &str| numbers(batch, name).map_err(|error| error.to_string());
-        let names = |name: &str| texts(batch, name).map_err(|error| error.to_string());
+    fn note(&mut self, batch: &RecordBatch) -> Result<Vec<u8>, Failure> {
+        let read = |name: &str| numbers(batch, name);
+        let names = |name: &str| texts(batch, name);
         let (set_ups, experiments, segments) = (names("set_up")?, names("experiment")?, read("segment")?);
         let (ticks, z_m) = (read("tick")?, read("z_m")?);
         let optional = |has: bool, name: &str| if has { read(name) } else { Ok(vec![f64::NAN; ticks.len()]) };

@@ -1,16 +1,16 @@
 //! The run that is compared: its campaign as run, its journal, and what is missing.
 
-use super::CannotCompare;
 use crate::campaign::Campaign;
+use crate::failure::Failure;
 use crate::run_folder::RunFolder;
 use crate::run_folder::journal::{self, JOURNAL};
 use crate::run_folder::read::campaign_copy;
 use crate::run_folder::schema::journal_state::JournalState;
 
 /// The campaign as run, the journal's sum, and what cannot be read.
-pub(super) fn read(run: &RunFolder) -> Result<(Campaign, JournalState, Vec<String>), CannotCompare> {
-    let failed = |error: String| CannotCompare::Run(format!("{}: {error}", run.path().display()));
-    let lines = journal::read(run.path()).map_err(|error| CannotCompare::Run(error.to_string()))?;
+pub(super) fn read(run: &RunFolder) -> Result<(Campaign, JournalState, Vec<String>), Failure> {
+    let failed = |error: String| Failure::Storage(format!("{}: {error}", run.path().display()));
+    let lines = journal::read(run.path())?;
     let mut unreadable = Vec::new();
     if !lines.damaged.is_empty() {
         let list: Vec<String> = lines.damaged.iter().map(usize::to_string).collect();
@@ -24,7 +24,7 @@ pub(super) fn read(run: &RunFolder) -> Result<(Campaign, JournalState, Vec<Strin
         return Err(failed("no point has been measured: there is nothing to compare".into()));
     }
     let (board, is_simulated) = (begin.device.settings.clone(), begin.device.simulated);
-    let mut campaign = campaign_copy::campaign(run.path()).map_err(|error| CannotCompare::Run(error.to_string()))?;
+    let mut campaign = campaign_copy::campaign(run.path())?;
     if let Some(board) = &board {
         // Limits were checked before the run.
         let _ = campaign.on_board(&board.settings, is_simulated);

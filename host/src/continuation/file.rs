@@ -8,8 +8,9 @@ use toml::Value;
 
 use super::found::{Found, FoundCurve};
 use super::keys::{file, second};
+use crate::failure::Failure;
 use crate::input::key::Quantity;
-use crate::input::{Problem, Refusal, Section, Source, near};
+use crate::input::{Problem, Section, Source, near};
 use crate::motion_record::resolve;
 use crate::setup::StatedContact;
 use crate::simulation::case::default_name;
@@ -52,7 +53,7 @@ impl Continuation {
     ///
     /// # Errors
     /// Lists all problems of the file: file, line, key, value, allowed values, likely fix; or those of the case.
-    pub fn read(path: &Path) -> Result<Self, Refusal> {
+    pub fn read(path: &Path) -> Result<Self, Failure> {
         Self::parse(&Source::read(path)?, path, None)
     }
 
@@ -60,10 +61,10 @@ impl Continuation {
     ///
     /// # Errors
     /// As [`Continuation::read`].
-    pub fn parse(source: &Source, path: &Path, case: Option<&Source>) -> Result<Self, Refusal> {
+    pub fn parse(source: &Source, path: &Path, case: Option<&Source>) -> Result<Self, Failure> {
         let wanted = source.read_toml(source.text(), "this is not TOML", |root| read(root, path));
         source.verdict()?;
-        let wanted = wanted.ok_or_else(|| Refusal(format!("{}: the file could not be read", path.display())))?;
+        let wanted = wanted.ok_or_else(|| Failure::Input(format!("{}: the file could not be read", path.display())))?;
         let case_source = match case {
             Some(given) => Source::new(given.name(), given.text()),
             None => Source::read(&wanted.case_file)?,
@@ -74,19 +75,19 @@ impl Continuation {
         case.refuse_other_engines(text, &SetValues::default(), "a continuation", false)?;
         let case = case.without_hertz();
         if !matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. }) || case.record.is_some() {
-            return Err(Refusal(format!(
+            return Err(Failure::Input(format!(
                 "{name}: `base` or `force` must be a sine: only then does a motion repeat with the drive\n  \
                  write base = {{ kind = \"sine\", amplitude_m = …, frequency_hz = … }}"
             )));
         }
         let ties = ties(case_source.text());
         let system = System::new(&case.set_up, &case.excitation, ties)
-            .map_err(|invalid| Refusal(format!("{name}: {invalid}")))?;
+            .map_err(|invalid| Failure::Input(format!("{name}: {invalid}")))?;
         let of_this = Self::of_this(&system, &case);
         let second = wanted.second.map(|(parameter, _)| ("second.parameter", parameter));
         for (key, parameter) in [("parameter", wanted.parameter)].into_iter().chain(second) {
             if !of_this.contains(&parameter.key) {
-                return Err(Refusal(format!(
+                return Err(Failure::Input(format!(
                     "{}: `{key}` = {:?} is not allowed: the case {name} has no such parameter\n  allowed: {}",
                     path.display(),
                     parameter.key,
@@ -97,7 +98,7 @@ impl Continuation {
         if let Some((parameter, (low, high))) = wanted.second {
             let value = system.value(parameter.parameter);
             if !(low..=high).contains(&value) {
-                return Err(Refusal(format!(
+                return Err(Failure::Input(format!(
                     "{}: the range of `second`, from {low} to {high}, is not allowed: {} = {value} of the case must lie in it\n  \
                      change `second.from` or `second.to`: the curves start at the value of the case",
                     path.display(),
@@ -158,7 +159,7 @@ impl Continuation {
     ///
     /// # Errors
     /// Why there is no orbit to start from, with the value of the parameter and what to try.
-    pub fn follow(&self) -> Result<Found, Refusal> {
+    pub fn follow(&self) -> Result<Found, Failure> {
         let diagram = self.system.explore(&self.task).map_err(|why| self.no_start(&why))?;
         let mut found = Found::of(&self.name, &self.parameter, &diagram);
         found.case_text.clone_from(&self.case_text);
@@ -178,7 +179,7 @@ impl Continuation {
         Ok(found)
     }
 
-    fn no_start(&self, why: &NoStart) -> Refusal {
+    fn no_start(&self, why: &NoStart) -> Failure {
         let fix = match why {
             NoStart::NoRepetition { .. } => {
                 "give another `start_at`, where the motion is periodic, or a larger `settle_periods`"
@@ -188,7 +189,7 @@ impl Continuation {
             NoStart::Invalid(_) => "give another `start_at` or range",
             NoStart::NoConvergence => "give a slightly different `start_at`",
         };
-        Refusal(format!(
+        Failure::Input(format!(
             "no periodic orbit of {} found at {} = {}: {why}\n  {fix}",
             self.case_file.display(),
             self.parameter.key,

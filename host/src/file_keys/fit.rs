@@ -3,7 +3,7 @@
 use super::new_file::{Damper, Fitted};
 use crate::campaign::Campaign;
 use crate::campaign::transient::two_digits_down;
-use crate::input::Refusal;
+use crate::failure::Failure;
 use crate::prediction::predict;
 
 /// Largest |x| that a new campaign aims at, m: two thirds of the board's limit as delivered.
@@ -14,7 +14,7 @@ const AIM_M: f64 = 0.053;
 ///
 /// # Errors
 /// As [`predict`].
-pub fn too_large(campaign: &Campaign, dampers: &[Damper]) -> Result<Vec<Fitted>, Refusal> {
+pub fn too_large(campaign: &Campaign, dampers: &[Damper]) -> Result<Vec<Fitted>, Failure> {
     let (predictions, _) = predict(campaign)?;
     let fitted = predictions.iter().filter(|p| p.swing.max_x_m > AIM_M).filter_map(|prediction| {
         let (set_up, max_x_m) = (campaign.set_ups.get(prediction.set_up)?, prediction.swing.max_x_m);

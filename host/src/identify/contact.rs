@@ -20,8 +20,9 @@ use damprig_core::model::SetUp;
 use super::from_run::Choice;
 use super::statistics::Value;
 use super::table::Table;
-use super::{CannotIdentify, Estimate, Identification, force_record};
-use crate::run_folder::{ReadError, RunFolder};
+use super::{Estimate, Identification, force_record};
+use crate::failure::Failure;
+use crate::run_folder::RunFolder;
 use crate::table::values::{numbers, texts};
 
 /// Interval of a board's force samples, s.
@@ -46,9 +47,9 @@ const POSITIVE_TIME: &str = "particle.positive_wall.contact_time_s";
 ///
 /// # Errors
 /// No run, no impacts or those of several experiments, a set-up without a model or with a soft wall, fewer than two pulses on a wall.
-pub fn of_run(path: &Path, choice: &Choice) -> Result<Identification, CannotIdentify> {
-    let run = RunFolder::open(path).map_err(|e| CannotIdentify(e.to_string()))?;
-    let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", path.display()));
+pub fn of_run(path: &Path, choice: &Choice) -> Result<Identification, Failure> {
+    let run = RunFolder::open(path)?;
+    let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let all = pulses(&run).map_err(|e| failed(&e))?;
     let mut pairs: Vec<Pair> = all.iter().map(|(pair, _)| pair.clone()).collect();
     pairs.sort();
@@ -63,7 +64,7 @@ pub fn of_run(path: &Path, choice: &Choice) -> Result<Identification, CannotIden
         )));
     };
     let own: Vec<Pulse> = all.into_iter().filter(|(of, _)| *of == pair).map(|(_, pulse)| pulse).collect();
-    let mut identified = of_pulses(&own, &model).map_err(|why| failed(&why.0))?;
+    let mut identified = of_pulses(&own, &model).map_err(|why| failed(&why))?;
     identified.taken_from = format!("{}, set-up {:?}, experiment {:?}", run.id(), pair.0, pair.1);
     Ok(identified)
 }
@@ -72,7 +73,7 @@ pub fn of_run(path: &Path, choice: &Choice) -> Result<Identification, CannotIden
 type Pair = (String, String);
 
 /// The whole pulses of a run, with set-up and experiment: neither clipped nor held.
-fn pulses(run: &RunFolder) -> Result<Vec<(Pair, Pulse)>, ReadError> {
+fn pulses(run: &RunFolder) -> Result<Vec<(Pair, Pulse)>, Failure> {
     let mut all = Vec::new();
     for batch in run.impacts()? {
         let read = |column: &str| numbers(&batch, column);
@@ -92,11 +93,11 @@ fn pulses(run: &RunFolder) -> Result<Vec<(Pair, Pulse)>, ReadError> {
 ///
 /// # Errors
 /// No particle, a soft wall, fewer than two pulses.
-pub fn of_pulses(pulses: &[Pulse], set_up: &SetUp) -> Result<Identification, CannotIdentify> {
+pub fn of_pulses(pulses: &[Pulse], set_up: &SetUp) -> Result<Identification, Failure> {
     let Some(particle) = set_up.particle.filter(|particle| particle.walls().iter().all(|wall| !wall.is_soft())) else {
         let text = "only a particle between hard walls has contacts that take no time in the model\n  the contact of a soft wall follows \
                     from its stiffness and damping";
-        return Err(CannotIdentify(text.into()));
+        return Err(Failure::Input(text.into()));
     };
     let on = |is_positive: bool| pulses.iter().filter(move |pulse| pulse.is_positive == is_positive).copied().collect();
     let (negative, positive): (Vec<Pulse>, Vec<Pulse>) = (on(false), on(true));
@@ -120,7 +121,7 @@ pub fn of_pulses(pulses: &[Pulse], set_up: &SetUp) -> Result<Identification, Can
             negative.len(),
             positive.len()
         );
-        return Err(CannotIdentify(text));
+        return Err(Failure::Input(text));
     }
     let reduced_kg = particle.mass_kg * set_up.structure.mass_kg / (particle.mass_kg + set_up.structure.mass_kg);
     let sides = [
@@ -245,13 +246,13 @@ const SHAPE: &str = "peak times contact time over impulse";
 ///
 /// # Errors
 /// Missing columns, a force without a pulse, a sensor at its limit.
-pub fn of_records(tables: &[Table], reduced_mass_kg: Option<f64>) -> Result<Identification, CannotIdentify> {
+pub fn of_records(tables: &[Table], reduced_mass_kg: Option<f64>) -> Result<Identification, Failure> {
     let mut all = Vec::new();
     for table in tables {
         all.extend(force_record::pulses(table)?);
     }
     let Some(strongest) = all.iter().max_by(|a, b| a.peak_n.total_cmp(&b.peak_n)) else {
-        return Err(CannotIdentify(
+        return Err(Failure::Input(
             "there is no force record
   name a CSV file"
                 .into(),

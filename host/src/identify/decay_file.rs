@@ -3,9 +3,9 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use super::CannotIdentify;
 use super::decay::{Decay, Model, identify};
 use super::table::{TIME, Table, X};
+use crate::failure::Failure;
 use crate::input::regular;
 use crate::signal_file::unit::Kind;
 use crate::signal_file::{EvenSignal, Selector, Signal, Stated, Unsettled, is_plain_table};
@@ -35,7 +35,7 @@ impl DecayFile {
     /// # Errors
     /// A file that cannot be read, or has no displacement, velocity or acceleration over time in a known unit; several of them without a
     /// choice (`FILE#name`).
-    pub fn read(path: &Path, stated: &Stated) -> Result<Self, CannotIdentify> {
+    pub fn read(path: &Path, stated: &Stated) -> Result<Self, Failure> {
         let selector = Selector::of(path);
         let table = (selector.which.is_none() && *stated == Stated::default()).then(|| Table::read(path));
         if let Some(Ok(table)) = &table
@@ -51,14 +51,14 @@ impl DecayFile {
             // What is wrong with a table of t_s and x_m is said of those.
             Err(error) => Err(match table {
                 Some(Err(own)) if is_text(path) => own,
-                _ => CannotIdentify(error.0),
+                _ => error,
             }),
         }
     }
 
-    fn of_signal(path: &Path, signal: &Signal, stated: &Stated) -> Result<Self, CannotIdentify> {
+    fn of_signal(path: &Path, signal: &Signal, stated: &Stated) -> Result<Self, Failure> {
         let taken_from = path.display().to_string();
-        let refuse = |why: String| CannotIdentify(format!("{taken_from}: {why}"));
+        let refuse = |why: String| Failure::Input(format!("{taken_from}: {why}"));
         let name = &signal.name;
         let unit = signal.measured(stated).map_err(|why| match why {
             Unsettled::Contradiction(why) => refuse(why),
@@ -98,8 +98,8 @@ impl DecayFile {
     ///
     /// # Errors
     /// As [`identify`].
-    pub fn identify(&self, model: Model) -> Result<(Decay, Vec<String>), CannotIdentify> {
-        let named = |error: CannotIdentify| CannotIdentify(format!("{}: {error}", self.taken_from));
+    pub fn identify(&self, model: Model) -> Result<(Decay, Vec<String>), Failure> {
+        let named = |error: Failure| Failure::Input(format!("{}: {error}", self.taken_from));
         let power = match self.kind {
             Kind::Velocity => 1,
             Kind::Acceleration => 2,

@@ -6,10 +6,11 @@ use std::path::Path;
 use damprig_core::io::TICK_HZ;
 use damprig_core::model::SetUp;
 
+use super::Sensors;
 use super::flights::{Hit, Record};
 use super::from_run::Choice;
-use super::{CannotIdentify, Sensors};
-use crate::run_folder::{ReadError, RunFolder};
+use crate::failure::Failure;
+use crate::run_folder::RunFolder;
 use crate::table::values::{numbers, texts};
 
 /// The impacts and x of an experiment with an impact damper.
@@ -44,9 +45,9 @@ type Key = (String, String, u64);
 ///
 /// # Errors
 /// No run, no impacts or those of several experiments; a set-up without a model; no samples of x.
-pub fn particle_run(path: &Path, choice: &Choice) -> Result<ParticleRun, CannotIdentify> {
-    let run = RunFolder::open(path).map_err(|e| CannotIdentify(e.to_string()))?;
-    let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", path.display()));
+pub fn particle_run(path: &Path, choice: &Choice) -> Result<ParticleRun, Failure> {
+    let run = RunFolder::open(path)?;
+    let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let mut segments = impacts(&run).map_err(|e| failed(&e))?;
     let pairs: Vec<(String, String)> = segments.keys().map(|key| (key.0.clone(), key.1.clone())).collect();
     let (set_up, experiment) = pairs[choice.only(&run, &pairs, "experiment with impacts")?].clone();
@@ -72,7 +73,7 @@ pub fn particle_run(path: &Path, choice: &Choice) -> Result<ParticleRun, CannotI
 }
 
 /// The impacts of all segments.
-fn impacts(run: &RunFolder) -> Result<BTreeMap<Key, Segment>, ReadError> {
+fn impacts(run: &RunFolder) -> Result<BTreeMap<Key, Segment>, Failure> {
     let mut segments: BTreeMap<Key, Segment> = BTreeMap::new();
     for batch in run.impacts()? {
         let read = |column: &str| numbers(&batch, column);
@@ -94,8 +95,8 @@ fn impacts(run: &RunFolder) -> Result<BTreeMap<Key, Segment>, ReadError> {
 }
 
 /// Adds the samples of x to the segments.
-fn add_samples(run: &RunFolder, segments: &mut BTreeMap<Key, Segment>) -> Result<(), CannotIdentify> {
-    let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", run.path().display()));
+fn add_samples(run: &RunFolder, segments: &mut BTreeMap<Key, Segment>) -> Result<(), Failure> {
+    let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", run.path().display()));
     let tick_hz = run.manifest().device.as_ref().map_or(f64::from(TICK_HZ), |device| device.tick_hz);
     for batch in run.samples() {
         let batch = batch.map_err(|e| failed(&e))?;

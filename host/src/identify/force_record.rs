@@ -4,9 +4,10 @@ use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::CannotIdentify;
 use super::statistics::fit;
 use super::table::{Quantity, Table};
+
+use crate::failure::Failure;
 
 /// Force on a wall.
 pub const FORCE: Quantity =
@@ -42,7 +43,7 @@ const PULSE: f64 = 0.2;
 ///
 /// # Errors
 /// Missing columns, a force without a pulse, a sensor at its limit.
-pub fn pulses(table: &Table) -> Result<Vec<Pulse>, CannotIdentify> {
+pub fn pulses(table: &Table) -> Result<Vec<Pulse>, Failure> {
     let (t_s, force_n) = (table.times()?, table.column(&FORCE)?);
     let mut sorted = force_n.clone();
     sorted.sort_by(f64::total_cmp);

@@ -3,9 +3,11 @@
 //! On a slope θ a body slides with a = g·(sin θ − μ·cos θ), so μ = tan θ − a/(g·cos θ). At the angle at which it just slides
 //! on, a = 0. From rest, a = 2s/t².
 
+use super::Estimate;
 use super::statistics::{Value, line};
 use super::table::{METRES, Quantity, SECONDS, Table};
-use super::{CannotIdentify, Estimate};
+
+use crate::failure::Failure;
 
 const ANGLE: Quantity = Quantity {
     stem: "angle",
@@ -23,7 +25,7 @@ const FORCE: Quantity = Quantity { stem: "force", units: &[("n", 1.0)], about: "
 ///
 /// # Errors
 /// Other columns, too few rows, a body that does not slide.
-pub fn identify(table: &Table, gravity_m_per_s2: f64) -> Result<Vec<Estimate>, CannotIdentify> {
+pub fn identify(table: &Table, gravity_m_per_s2: f64) -> Result<Vec<Estimate>, Failure> {
     if table.has(&ANGLE) {
         Ok(vec![of_incline(table, gravity_m_per_s2)?])
     } else if table.has(&DEFLECTION) {
@@ -36,7 +38,7 @@ pub fn identify(table: &Table, gravity_m_per_s2: f64) -> Result<Vec<Estimate>, C
     }
 }
 
-fn of_incline(table: &Table, gravity_m_per_s2: f64) -> Result<Estimate, CannotIdentify> {
+fn of_incline(table: &Table, gravity_m_per_s2: f64) -> Result<Estimate, Failure> {
     let angles = table.column(&ANGLE)?;
     let slides = table.has(&DISTANCE) || table.has(&DURATION);
     let (distances, durations) = if slides {
@@ -68,7 +70,7 @@ fn of_incline(table: &Table, gravity_m_per_s2: f64) -> Result<Estimate, CannotId
     Ok(Estimate::new("friction coefficient of the particle", "", method, &mean).of_key("particle.friction_coefficient"))
 }
 
-fn of_spring(table: &Table) -> Result<Vec<Estimate>, CannotIdentify> {
+fn of_spring(table: &Table) -> Result<Vec<Estimate>, Failure> {
     let (deflections, forces) = (table.column(&DEFLECTION)?, table.column(&FORCE)?);
     let line = line(&deflections, &forces, |_| 1.0)
         .ok_or_else(|| table.refuse("a line needs at least three rows with different deflections"))?;

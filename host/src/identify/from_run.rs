@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use super::Sensors;
 use super::response::{DrivenBy, MIN, Point, Response};
-use super::{CannotIdentify, Sensors};
+use crate::failure::Failure;
 use crate::run_folder::RunFolder;
 use crate::run_folder::schema::results::steadiness_of;
 use crate::table::values::{numbers, texts};
@@ -34,12 +35,7 @@ pub struct Choice {
 
 impl Choice {
     /// The one pair of set-up and experiment that fits. `what` names the kind of experiment in messages.
-    pub(super) fn only(
-        &self,
-        run: &RunFolder,
-        pairs: &[(String, String)],
-        what: &str,
-    ) -> Result<usize, CannotIdentify> {
+    pub(super) fn only(&self, run: &RunFolder, pairs: &[(String, String)], what: &str) -> Result<usize, Failure> {
         let is_wanted = |wanted: &Option<String>, name: &String| wanted.as_ref().is_none_or(|wanted| wanted == name);
         let fitting: Vec<usize> = (0..pairs.len())
             .filter(|n| is_wanted(&self.set_up, &pairs[*n].0) && is_wanted(&self.experiment, &pairs[*n].1))
@@ -53,16 +49,16 @@ impl Choice {
         match fitting[..] {
             // A later start of the same experiment supersedes the earlier one.
             [.., last] if fitting.iter().all(|n| pairs[*n] == pairs[last]) => Ok(last),
-            [] if pairs.is_empty() => Err(CannotIdentify(format!(
+            [] if pairs.is_empty() => Err(Failure::Input(format!(
                 "{}: the run has no {what}\n  add an experiment of this kind to the campaign",
                 run.path().display()
             ))),
-            [] => Err(CannotIdentify(format!(
+            [] => Err(Failure::Input(format!(
                 "{}: no {what} of the run has these names; it has\n  {}",
                 run.path().display(),
                 list()
             ))),
-            _ => Err(CannotIdentify(format!(
+            _ => Err(Failure::Input(format!(
                 "{}: the run has several experiments of this kind ({what}); choose one\n  {}",
                 run.path().display(),
                 list()
@@ -77,8 +73,8 @@ pub(super) fn signal(
     (set_up, experiment, segment): (&str, &str, f64),
     ticks: std::ops::Range<f64>,
     name: &str,
-) -> Result<(Vec<f64>, Vec<f64>), CannotIdentify> {
-    let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", run.path().display()));
+) -> Result<(Vec<f64>, Vec<f64>), Failure> {
+    let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", run.path().display()));
     let (mut times, mut values) = (Vec::new(), Vec::new());
     let tick_hz = run.manifest().device.as_ref().map_or(f64::from(damprig_core::io::TICK_HZ), |d| d.tick_hz);
     for batch in run.samples() {
@@ -106,9 +102,9 @@ pub(super) fn signal(
 ///
 /// # Errors
 /// No run, no free vibration or several of them; a damper that is not friction; missing samples.
-pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, CannotIdentify> {
-    let run = RunFolder::open(path).map_err(|e| CannotIdentify(e.to_string()))?;
-    let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", path.display()));
+pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Failure> {
+    let run = RunFolder::open(path)?;
+    let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let mut found: Vec<((String, String), [f64; 3])> = Vec::new();
     for batch in run.transients().map_err(|e| failed(&e))? {
         let names = |column: &str| texts(&batch, column).map_err(|e| failed(&e));
@@ -126,7 +122,7 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Can
     let ((set_up, experiment), [segment, start, end]) = &found[chosen];
     let record = run.manifest().set_ups.iter().find(|s| s.name == *set_up);
     if let Some(damper) = record.and_then(|record| record.damper_besides_friction()) {
-        return Err(CannotIdentify(format!(
+        return Err(Failure::Input(format!(
             "{}: set-up {set_up:?} has {damper}: its free vibration is not that of the structure\n  measure one of the bare \
              structure, or with the friction damper alone",
             path.display()
@@ -148,9 +144,9 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Can
 ///
 /// # Errors
 /// No run, no stepped sine or several of them; a set-up with a damper; too few settled points.
-pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, CannotIdentify> {
-    let run = RunFolder::open(path).map_err(|e| CannotIdentify(e.to_string()))?;
-    let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", path.display()));
+pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, Failure> {
+    let run = RunFolder::open(path)?;
+    let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let mut found: Vec<((String, String), Point, bool)> = Vec::new();
     for batch in run.results().map_err(|e| failed(&e))? {
         let names = |column: &str| texts(&batch, column).map_err(|e| failed(&e));

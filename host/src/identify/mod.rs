@@ -35,11 +35,6 @@ pub use motion_of_run::{OfRun, response_of_run};
 pub use sensors::Sensors;
 pub use statistics::Value;
 
-/// Why nothing could be identified: file, place, value, what is allowed, and what to do.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct CannotIdentify(pub String);
-
 /// An identified quantity.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Estimate {

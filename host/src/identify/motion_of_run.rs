@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::CannotIdentify;
 use super::from_run::{Choice, check_gaps, signal, stepped_sine};
 use super::response::Response;
 use super::time_response::Motion;
+use crate::failure::Failure;
 use crate::run_folder::RunFolder;
 use crate::table::values::{numbers, texts};
 
@@ -29,9 +29,9 @@ struct Played {
 ///
 /// # Errors
 /// No run, none or several such experiments; a set-up with a damper; missing samples.
-pub fn response_of_run(path: &Path, choice: &Choice) -> Result<OfRun, CannotIdentify> {
-    let run = RunFolder::open(path).map_err(|e| CannotIdentify(e.to_string()))?;
-    let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", path.display()));
+pub fn response_of_run(path: &Path, choice: &Choice) -> Result<OfRun, Failure> {
+    let run = RunFolder::open(path)?;
+    let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let played = played(&run).map_err(|e| failed(&e))?;
     let mut pairs: Vec<(String, String)> = played.iter().map(|played| played.names.clone()).collect();
     for batch in run.results().map_err(|e| failed(&e))? {
@@ -64,7 +64,7 @@ pub fn response_of_run(path: &Path, choice: &Choice) -> Result<OfRun, CannotIden
 }
 
 /// The records and pulses of a run.
-fn played(run: &RunFolder) -> Result<Vec<Played>, crate::run_folder::ReadError> {
+fn played(run: &RunFolder) -> Result<Vec<Played>, Failure> {
     let mut all = Vec::new();
     for batch in run.transients()? {
         let (set_ups, experiments) = (texts(&batch, "set_up")?, texts(&batch, "experiment")?);

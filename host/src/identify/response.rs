@@ -9,7 +9,8 @@ use std::f64::consts::{PI, TAU};
 
 use super::statistics::{Fit, fit};
 use super::table::{Quantity, Table, X, Z};
-use super::{CannotIdentify, Estimate, Sensors};
+use super::{Estimate, Sensors};
+use crate::failure::Failure;
 
 const FREQUENCY: Quantity = Quantity { stem: "frequency", units: &[("hz", 1.0)], about: "drive frequency", most: 1e4 };
 const PHASE: Quantity = Quantity {
@@ -64,12 +65,12 @@ pub struct Point {
 ///
 /// # Errors
 /// Missing columns; values that are not positive.
-pub fn points(table: &Table) -> Result<Response, CannotIdentify> {
+pub fn points(table: &Table) -> Result<Response, Failure> {
     let driven_by = if table.has(&FORCE) && !table.has(&Z) { DrivenBy::Force } else { DrivenBy::Base };
     let drive = if driven_by == DrivenBy::Force { &FORCE } else { &Z };
     let (f, x, z) = (table.column(&FREQUENCY)?, table.column(&X)?, table.column(drive)?);
     let phase = if table.has(&PHASE) { Some(table.column(&PHASE)?) } else { None };
-    let points: Result<Vec<Point>, CannotIdentify> = (0..f.len())
+    let points: Result<Vec<Point>, Failure> = (0..f.len())
         .map(|row| {
             if !(f[row] > 0.0 && x[row] > 0.0 && z[row] > 0.0) {
                 let text = format!("line {}: frequency and amplitudes must be greater than 0", table.line(row));
@@ -154,8 +155,8 @@ pub(crate) const REPORT: &str = "report the damping ratio of a free vibration (`
 ///
 /// # Errors
 /// Too few points, none near the resonance, a response of another kind.
-pub fn identify(points: &[Point], driven_by: DrivenBy, sensors: &Sensors) -> Result<Vec<Estimate>, CannotIdentify> {
-    let refuse = |text: String| Err(CannotIdentify(text));
+pub fn identify(points: &[Point], driven_by: DrivenBy, sensors: &Sensors) -> Result<Vec<Estimate>, Failure> {
+    let refuse = |text: String| Err(Failure::Input(text));
     if points.len() < MIN {
         return refuse(format!("{} points are too few: at least {MIN} about the resonance are needed", points.len()));
     }

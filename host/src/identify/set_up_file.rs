@@ -4,7 +4,8 @@
 
 use toml::{Table, Value};
 
-use super::{CannotIdentify, Identification};
+use super::Identification;
+use crate::failure::Failure;
 use crate::setup::IDENTIFIED;
 
 /// The text of a set-up file with these results. `earlier` is the text of the file that they are added to: values of the same
@@ -12,11 +13,11 @@ use crate::setup::IDENTIFIED;
 ///
 /// # Errors
 /// When `earlier` is not TOML, or has something else under a table's name.
-pub fn text(identified: &Identification, earlier: Option<&str>) -> Result<String, CannotIdentify> {
+pub fn text(identified: &Identification, earlier: Option<&str>) -> Result<String, Failure> {
     let mut file: Table = earlier
         .unwrap_or_default()
         .parse()
-        .map_err(|e| CannotIdentify(format!("the set-up file to add to is not TOML: {e}")))?;
+        .map_err(|e| Failure::Input(format!("the set-up file to add to is not TOML: {e}")))?;
     let keyed: Vec<_> = identified.estimates.iter().filter(|estimate| estimate.key.is_some()).collect();
     // The words of a kind decide which other keys are allowed, so they replace a table of another kind.
     for (key, word) in &identified.words {
@@ -48,7 +49,7 @@ pub fn text(identified: &Identification, earlier: Option<&str>) -> Result<String
         table.insert(name.into(), Value::Float(estimate.value));
     }
     let Some(Value::Array(list)) = file.remove(IDENTIFIED).or(Some(Value::Array(vec![]))) else {
-        return Err(CannotIdentify(format!("`{IDENTIFIED}` must be a list of tables, each headed `[[{IDENTIFIED}]]`")));
+        return Err(Failure::Input(format!("`{IDENTIFIED}` must be a list of tables, each headed `[[{IDENTIFIED}]]`")));
     };
     let is_kept = |entry: &Value| {
         let key = entry.get("key").and_then(Value::as_str);
@@ -73,20 +74,20 @@ pub fn text(identified: &Identification, earlier: Option<&str>) -> Result<String
         list.push(Value::Table(entry));
     }
     file.insert(IDENTIFIED.into(), Value::Array(list));
-    let body = toml::to_string(&file).map_err(|e| CannotIdentify(format!("cannot write the set-up file: {e}")))?;
+    let body = toml::to_string(&file).map_err(|e| Failure::Input(format!("cannot write the set-up file: {e}")))?;
     let head = "# Identified parameters, written by `damprig identify`. A campaign or case reads them with\n# \
                 set_up_file = \"THIS FILE\" at its top; its own keys override these values.\n";
     Ok(format!("{head}{body}"))
 }
 
 /// The table of a dotted key, made where it is missing, and the key's last part.
-fn table_of<'f, 'k>(file: &'f mut Table, key: &'k str) -> Result<(&'f mut Table, &'k str), CannotIdentify> {
+fn table_of<'f, 'k>(file: &'f mut Table, key: &'k str) -> Result<(&'f mut Table, &'k str), Failure> {
     let (path, name) = key.rsplit_once('.').unwrap_or(("", key));
     let mut table = file;
     for part in path.split('.').filter(|part| !part.is_empty()) {
         let value = table.entry(part).or_insert_with(|| Value::Table(Table::new()));
         let Value::Table(inner) = value else {
-            return Err(CannotIdentify(format!("`{part}` of the set-up file to add to must be a table")));
+            return Err(Failure::Input(format!("`{part}` of the set-up file to add to must be a table")));
         };
         table = inner;
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::CannotIdentify;
+use crate::failure::Failure;
 use crate::input::{listed, near, regular};
 use crate::motion_record::{Rows, rows};
 
@@ -56,20 +56,20 @@ impl Table {
     ///
     /// # Errors
     /// An unreadable file, a file without a header or without rows.
-    pub fn read(path: &Path) -> Result<Self, CannotIdentify> {
+    pub fn read(path: &Path) -> Result<Self, Failure> {
         let file = path.display().to_string();
-        let refuse = |text: String| CannotIdentify(format!("{file}: {text}"));
-        let bytes = regular::read_input(path).map_err(|e| CannotIdentify(format!("cannot read {file}: {e}")))?;
+        let refuse = |text: String| Failure::Input(format!("{file}: {text}"));
+        let bytes = regular::read_input(path).map_err(|e| Failure::Input(format!("cannot read {file}: {e}")))?;
         if bytes.contains(&0) {
             return Err(refuse("this is not a text: it must be CSV with a header, or the folder of a run".into()));
         }
         let Rows { header, rows } = rows(&String::from_utf8_lossy(&bytes)).map_err(refuse)?;
         let Some(header) = header else {
             let help = "the first row must name the columns with their units, for example t_s,x_m";
-            return Err(CannotIdentify(format!("{file}: there is no header\n  {help}")));
+            return Err(Failure::Input(format!("{file}: there is no header\n  {help}")));
         };
         if rows.is_empty() {
-            return Err(CannotIdentify(format!("{file}: it has no row of numbers after the header")));
+            return Err(Failure::Input(format!("{file}: it has no row of numbers after the header")));
         }
         Ok(Self { file, header, rows })
     }
@@ -106,15 +106,15 @@ impl Table {
 
     /// An error of this file.
     #[must_use]
-    pub fn refuse(&self, text: impl std::fmt::Display) -> CannotIdentify {
-        CannotIdentify(format!("{}: {text}", self.file))
+    pub fn refuse(&self, text: impl std::fmt::Display) -> Failure {
+        Failure::Input(format!("{}: {text}", self.file))
     }
 
     /// A column in SI units.
     ///
     /// # Errors
     /// A missing column, with near names; a value that is no number or not probable in its unit, with its line.
-    pub fn column(&self, quantity: &Quantity) -> Result<Vec<f64>, CannotIdentify> {
+    pub fn column(&self, quantity: &Quantity) -> Result<Vec<f64>, Failure> {
         let names = quantity.names();
         let place = |name: &String| self.header.iter().position(|column| column == name);
         let found: Vec<(usize, usize)> =
@@ -164,7 +164,7 @@ impl Table {
         Ok(values)
     }
 
-    fn lacks(&self, quantity: &Quantity, names: &[String]) -> CannotIdentify {
+    fn lacks(&self, quantity: &Quantity, names: &[String]) -> Failure {
         let near = near(&names[0], self.header.iter().map(String::as_str));
         let hint = near.first().map_or(String::new(), |name| format!("; is it {name:?}? rename it in the header"));
         self.refuse(format!(
@@ -179,7 +179,7 @@ impl Table {
     ///
     /// # Errors
     /// Names the line of a step back, of a gap and of an uneven step.
-    pub fn times(&self) -> Result<Vec<f64>, CannotIdentify> {
+    pub fn times(&self) -> Result<Vec<f64>, Failure> {
         let times = self.column(&TIME)?;
         let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
         if let Some(n) = steps.iter().position(|step| *step <= 0.0) {

@@ -3,9 +3,10 @@
 //! k1 = ν·E' with the storage modulus E' and the pad's shape factor ν, and η = E''/E'. Both follow a power of the frequency over
 //! a table's range, so a line through their logarithms gives them at the frequency of the contact.
 
+use super::Estimate;
 use super::statistics::{Value, line};
 use super::table::{Quantity, Table};
-use super::{CannotIdentify, Estimate};
+use crate::failure::Failure;
 
 const MODULUS: &[(&str, f64)] = &[("pa", 1.0), ("kpa", 1e3), ("mpa", 1e6)];
 const FREQUENCY: Quantity =
@@ -34,7 +35,7 @@ pub struct Pad {
 ///
 /// # Errors
 /// Missing columns, values that are not positive, too few rows, a frequency outside the table.
-pub fn identify(table: &Table, pad: Pad) -> Result<Vec<Estimate>, CannotIdentify> {
+pub fn identify(table: &Table, pad: Pad) -> Result<Vec<Estimate>, Failure> {
     let is_stiffness = table.has(&STIFFNESS);
     let moduli = positive(table, if is_stiffness { &STIFFNESS } else { &STORAGE })?;
     let losses = if table.has(&FACTOR) {
@@ -77,7 +78,7 @@ pub fn identify(table: &Table, pad: Pad) -> Result<Vec<Estimate>, CannotIdentify
     Ok(all)
 }
 
-fn positive(table: &Table, quantity: &Quantity) -> Result<Vec<f64>, CannotIdentify> {
+fn positive(table: &Table, quantity: &Quantity) -> Result<Vec<f64>, Failure> {
     let values = table.column(quantity)?;
     match values.iter().position(|value| *value <= 0.0) {
         Some(row) => {

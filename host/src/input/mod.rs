@@ -22,6 +22,8 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use toml::de::DeTable;
 
+use crate::failure::Failure;
+
 pub use files::{FileDigest, Files};
 pub use section::{Number, Section, Text};
 pub use shown::{shown, shown_in_line};
@@ -88,7 +90,7 @@ impl Source {
     ///
     /// # Errors
     /// Names the file and says why it cannot be read; when it does not exist, names files that look like it.
-    pub fn read(path: &Path) -> Result<Self, Refusal> {
+    pub fn read(path: &Path) -> Result<Self, Failure> {
         text_of(path, regular::read_input(path)).map(|text| Self::new(path.display().to_string(), text))
     }
 
@@ -96,7 +98,7 @@ impl Source {
     ///
     /// # Errors
     /// As [`Source::read`].
-    pub fn read_named(&self, path: &Path) -> Result<Self, Refusal> {
+    pub fn read_named(&self, path: &Path) -> Result<Self, Failure> {
         let text = self.files.parsed(path, "text", |bytes| text_of(path, bytes))?;
         Ok(Self::new(path.display().to_string(), text))
     }
@@ -279,7 +281,7 @@ impl Source {
     ///
     /// # Errors
     /// When there are any.
-    pub fn verdict(&self) -> Result<(), Refusal> {
+    pub fn verdict(&self) -> Result<(), Failure> {
         let mut problems = self.problems().clone();
         if problems.is_empty() {
             return Ok(());
@@ -293,7 +295,7 @@ impl Source {
             answers.push(format!("{} has {} problems; these are the first {MAX_SHOWN}", self.name, problems.len()));
         }
         // The command prints "error: " before the first.
-        Err(Refusal(answers.join("\n\nerror: ")))
+        Err(Failure::Input(answers.join("\n\nerror: ")))
     }
 
     fn render(&self, renderer: &Renderer, level: &Level<'static>, problem: &Problem) -> String {
@@ -315,13 +317,8 @@ impl Source {
     }
 }
 
-/// Refused input; the text says what, where, and what to do.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct Refusal(pub String);
-
 /// The bytes of a file as a text, or why it has none.
-fn text_of(path: &Path, bytes: std::io::Result<Vec<u8>>) -> Result<String, Refusal> {
+fn text_of(path: &Path, bytes: std::io::Result<Vec<u8>>) -> Result<String, Failure> {
     let text = bytes.and_then(|bytes| String::from_utf8(bytes).map_err(|e| Error::new(ErrorKind::InvalidData, e)));
     text.map_err(|error| {
         let mut answer = format!("cannot read {}: {error}", path.display());
@@ -332,7 +329,7 @@ fn text_of(path: &Path, bytes: std::io::Result<Vec<u8>>) -> Result<String, Refus
         } else if path.join(CAMPAIGN).is_file() {
             answer.push_str(&format!("\n  did you mean {}?", path.join(CAMPAIGN).display()));
         }
-        Refusal(answer)
+        Failure::Input(answer)
     })
 }
 

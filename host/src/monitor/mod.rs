@@ -44,6 +44,8 @@ use live::Live;
 use places::Places;
 use server::Shared;
 
+use crate::failure::Failure;
+
 /// The port of the page when none is given and it is free.
 pub const PORT: u16 = 8421;
 
@@ -72,11 +74,6 @@ pub struct Serving {
     /// The token of those who may control; none for a page that only shows.
     pub token: Option<Token>,
 }
-
-/// The monitor could not be started.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct StartError(String);
 
 /// A running monitor.
 #[derive(Debug)]
@@ -107,8 +104,8 @@ struct Server {
     thread: JoinHandle<()>,
 }
 
-fn failed(error: std::io::Error) -> StartError {
-    StartError(format!("cannot start the monitor: {error}"))
+fn failed(error: std::io::Error) -> Failure {
+    Failure::Failed(format!("cannot start the monitor: {error}"))
 }
 
 impl Monitor {
@@ -116,7 +113,7 @@ impl Monitor {
     ///
     /// # Errors
     /// The address cannot be used.
-    pub fn start(serving: Option<Serving>, permissions: Permissions, handles: Handles) -> Result<Self, StartError> {
+    pub fn start(serving: Option<Serving>, permissions: Permissions, handles: Handles) -> Result<Self, Failure> {
         let mut monitor = Self::prepare(serving, permissions, handles)?;
         monitor.serve()?;
         Ok(monitor)
@@ -126,7 +123,7 @@ impl Monitor {
     ///
     /// # Errors
     /// The address cannot be used.
-    pub fn prepare(serving: Option<Serving>, permissions: Permissions, handles: Handles) -> Result<Self, StartError> {
+    pub fn prepare(serving: Option<Serving>, permissions: Permissions, handles: Handles) -> Result<Self, Failure> {
         let listener = serving.as_ref().map(|serving| listen(serving.listen)).transpose()?;
         let (feed, updates) = feed::feed();
         let token = serving.and_then(|serving| serving.token);
@@ -143,7 +140,7 @@ impl Monitor {
     ///
     /// # Errors
     /// The system has no room for another thread.
-    pub fn serve(&mut self) -> Result<(), StartError> {
+    pub fn serve(&mut self) -> Result<(), Failure> {
         self.page.as_mut().map_or(Ok(()), Page::serve)
     }
 
@@ -215,7 +212,7 @@ impl Monitor {
 }
 
 impl Page {
-    fn new(listener: TcpListener, token: Option<Token>, feed: Feed, control: Control) -> Result<Self, StartError> {
+    fn new(listener: TcpListener, token: Option<Token>, feed: Feed, control: Control) -> Result<Self, Failure> {
         let address = listener.local_addr().map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
         let places = Arc::new(Places::default());
@@ -223,7 +220,7 @@ impl Page {
         Ok(Self { address, token, places, waits: Some((listener, shared)), server: None })
     }
 
-    fn serve(&mut self) -> Result<(), StartError> {
+    fn serve(&mut self) -> Result<(), Failure> {
         let Some((listener, shared)) = self.waits.take() else { return Ok(()) };
         let places = Arc::clone(&self.places);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
@@ -249,11 +246,11 @@ impl Page {
 }
 
 /// Binds the address.
-fn listen(wanted: Option<SocketAddr>) -> Result<TcpListener, StartError> {
+fn listen(wanted: Option<SocketAddr>) -> Result<TcpListener, Failure> {
     let loopback = |port| SocketAddr::from(([127, 0, 0, 1], port));
     let Some(address) = wanted else {
         let usual = TcpListener::bind(loopback(PORT)).or_else(|_| TcpListener::bind(loopback(0)));
-        return usual.map_err(|e| StartError(format!("cannot serve the monitor's page on this machine: {e}")));
+        return usual.map_err(|e| Failure::Failed(format!("cannot serve the monitor's page on this machine: {e}")));
     };
     TcpListener::bind(address).map_err(|error| {
         let hint = match error.kind() {
@@ -266,6 +263,6 @@ fn listen(wanted: Option<SocketAddr>) -> Result<TcpListener, StartError> {
             std::io::ErrorKind::PermissionDenied => "ports below 1024 are reserved; give a higher one",
             _ => "give another address",
         };
-        StartError(format!("--listen {address}: {error}; {hint}"))
+        Failure::Failed(format!("--listen {address}: {error}; {hint}"))
     })
 }

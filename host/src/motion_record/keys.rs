@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use damprig_core::control::transient::playback::MAX_SAMPLES;
 
 use super::noise::{MIN_LINES, MIN_PER_PERIOD, Noise};
-use super::read::{RecordError, Spec, Which, read};
+use super::read::{Spec, Which, read};
 use super::record::{Quantity as Recorded, Record};
 use super::units::{UNITS, unit_list};
 use crate::input::key::DefaultValue::Number;
@@ -182,7 +182,8 @@ fn read_record(s: &Section, find: &dyn Fn(&str) -> PathBuf) -> Option<Record> {
     }
     match read(&find(&file.value), &spec, s.source().files()) {
         Ok(record) => Some(record),
-        Err(RecordError(message)) => {
+        Err(failure) => {
+            let message = failure.to_string();
             let mut lines = message.lines();
             let first = lines.next().unwrap_or_default();
             s.source().report(Problem {

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::record::{Quantity, Record, RecordOrigin};
 use super::units::{ToSi, unit_list};
+use crate::failure::Failure;
 use crate::input::key::Unit;
 use crate::input::{Files, near};
 use crate::signal_file::at2::at2;
@@ -50,29 +51,24 @@ pub struct Spec {
     pub time_column: Option<Which>,
 }
 
-/// Why a record cannot be used: the file, the line, the value, what is allowed.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct RecordError(pub String);
-
 /// Reads a record, unless it is among the files that were read already.
 ///
 /// # Errors
 /// Names file, line and value; for a missing file, those that look like it.
-pub fn read(path: &Path, spec: &Spec, files: &Files) -> Result<Record, RecordError> {
+pub fn read(path: &Path, spec: &Spec, files: &Files) -> Result<Record, Failure> {
     let selected = Selector::of(path);
     files.parsed(&selected.path, &format!("{spec:?} {:?}", selected.which), |bytes| parse(&selected, spec, bytes))
 }
 
-fn parse(selected: &Selector, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> Result<Record, RecordError> {
+fn parse(selected: &Selector, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> Result<Record, Failure> {
     let path = selected.path.as_path();
-    let bytes = bytes.map_err(|e| RecordError(format!("cannot read {}: {e}{}", path.display(), beside(path))))?;
+    let bytes = bytes.map_err(|e| Failure::Input(format!("cannot read {}: {e}{}", path.display(), beside(path))))?;
     if selected.which.is_some() || spec.stated.is_of_sensor() || !signal_file::is_plain_table(&bytes) {
         return of_signal(selected, spec, &bytes);
     }
     let text = String::from_utf8_lossy(&bytes);
     let is_at2 = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("at2")) || text.starts_with("PEER ");
-    let answer = |message: String| RecordError(format!("{}: {message}", path.display()));
+    let answer = |message: String| Failure::Input(format!("{}: {message}", path.display()));
     let scale = spec.scale.unwrap_or(1.0);
     let (quantity, step_s, samples) = if is_at2 {
         if spec.quantity.is_some_and(|q| q != Quantity::Acceleration) {
@@ -100,9 +96,9 @@ fn parse(selected: &Selector, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> R
 }
 
 /// The record of a signal of another program's file, which states quantity, unit and time step itself.
-fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, RecordError> {
+fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, Failure> {
     let file = selected.path.display();
-    let refuse = |why: String| RecordError(format!("{file}: {why}"));
+    let refuse = |why: String| Failure::Input(format!("{file}: {why}"));
     let contents = signal_file::parse(bytes).map_err(refuse)?;
     let kind = contents.kind;
     let by_column = spec.column.as_ref().map(|which| match which {
@@ -112,7 +108,7 @@ fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, R
     // The velocity and the displacement of such a record were computed from its acceleration.
     let usual = (kind == signal_file::STRONG_MOTION).then(|| "acceleration".to_string());
     let selected = Selector { path: selected.path.clone(), which: selected.which.clone().or(by_column).or(usual) };
-    let signal = selected.choose(contents).map_err(|error| RecordError(error.0))?;
+    let signal = selected.choose(contents)?;
     let name = &signal.name;
     let unit = signal.measured(&spec.stated).map_err(|why| match (why, spec.quantity) {
         (Unsettled::Contradiction(why), _) => refuse(why),

@@ -16,12 +16,11 @@ use super::references::References;
 use super::search::Found;
 use super::stuck;
 use super::variable::Choice;
-use crate::input::Refusal;
+use crate::failure::Failure;
 use crate::study::axis::{Axis, Reduction, Value};
 use crate::study::band::Effort;
 use crate::study::evaluate::quantile;
 use crate::study::over::Over;
-use crate::study::simulate::Halt;
 
 /// Starts from wall to wall from which the optimum is simulated again.
 pub(super) const DENSE_STARTS: u32 = 101;
@@ -158,7 +157,7 @@ impl Answer {
     ///
     /// # Errors
     /// The refusal of a case that the values make.
-    pub fn of(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<Self, Refusal> {
+    pub fn of(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<Self, Failure> {
         let simulations = AtomicU64::new(found.simulations);
         let go_on: GoOn = &|ended| {
             simulations.fetch_add(ended, Ordering::Relaxed);
@@ -168,7 +167,7 @@ impl Answer {
         let setting = if found.is_stopped || !best.is_feasible() {
             None
         } else {
-            Halt::unless_stopped(mount::best(optimisation, found, go_on))?.flatten()
+            Failure::unless_interrupted(mount::best(optimisation, found, go_on))?.flatten()
         };
         let is_robust = optimisation.is_robust();
         let nominal = setting.as_ref().map_or(best, |setting| &setting.at);
@@ -249,7 +248,7 @@ struct Around {
 
 impl Around {
     /// Nothing after a search that was stopped and at a point of a front, and no neighbourhood where the constraints are not kept.
-    fn of(optimisation: &Optimisation, best: &Evaluated, is_stopped: bool, go_on: GoOn) -> Result<Self, Refusal> {
+    fn of(optimisation: &Optimisation, best: &Evaluated, is_stopped: bool, go_on: GoOn) -> Result<Self, Failure> {
         let mut around = Self {
             is_stopped,
             starts: None,
@@ -260,12 +259,12 @@ impl Around {
             stuck_share: None,
         };
         if !is_stopped && optimisation.has_surroundings {
-            around.is_stopped = Halt::unless_stopped(around.fill(optimisation, best, go_on))?.is_none();
+            around.is_stopped = Failure::unless_interrupted(around.fill(optimisation, best, go_on))?.is_none();
         }
         Ok(around)
     }
 
-    fn fill(&mut self, optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<(), Halt> {
+    fn fill(&mut self, optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<(), Failure> {
         if best.is_feasible() {
             self.sensitivity = neighbourhood::sensitivities(optimisation, best, go_on)?;
             self.neighbourhood = neighbourhood::grid(optimisation, best, go_on)?;
@@ -278,7 +277,7 @@ impl Around {
     }
 }
 
-fn damper_mass_kg(optimisation: &Optimisation, best: &Evaluated) -> Result<Option<f64>, Refusal> {
+fn damper_mass_kg(optimisation: &Optimisation, best: &Evaluated) -> Result<Option<f64>, Failure> {
     let case = Cases::at(optimisation, &best.values)?.case(&optimisation.band_values(0))?;
     Ok(case.damper_mass().map(|(mass_kg, _)| mass_kg))
 }
@@ -293,7 +292,7 @@ fn place_in_band(optimisation: &Optimisation, best: &Evaluated) -> Vec<Named> {
     optimisation.band().iter().zip(&best.band).take_while(is_extreme).filter_map(number).collect()
 }
 
-fn starts(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Option<Starts>, Halt> {
+fn starts(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Option<Starts>, Failure> {
     let case = Cases::at(optimisation, &best.values)?.case(&optimisation.band_values(0))?;
     if !case.has_particle() {
         return Ok(None);

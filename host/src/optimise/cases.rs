@@ -1,7 +1,7 @@
 //! The cases of a point of an optimisation.
 
 use super::file::Optimisation;
-use crate::input::Refusal;
+use crate::failure::Failure;
 use crate::simulation::Case;
 use crate::study::axis::Value;
 use crate::study::direct;
@@ -18,7 +18,7 @@ impl<'a> Cases<'a> {
     ///
     /// # Errors
     /// The refusal of a case that the values make.
-    pub fn at(optimisation: &'a Optimisation, values: &[f64]) -> Result<Self, Refusal> {
+    pub fn at(optimisation: &'a Optimisation, values: &[f64]) -> Result<Self, Failure> {
         let set: Vec<Value> = values.iter().copied().map(Value::Number).collect();
         let first = [&set[..], &optimisation.band_values(0)].concat();
         Ok(Self { cases: optimisation.direct.at(optimisation.varied_case(), &first)?, set })
@@ -28,7 +28,7 @@ impl<'a> Cases<'a> {
     ///
     /// # Errors
     /// The refusal of a case that the values make.
-    pub fn case(&self, at: &[Value]) -> Result<Case, Refusal> {
+    pub fn case(&self, at: &[Value]) -> Result<Case, Failure> {
         self.cases.with(&[&self.set[..], at].concat())
     }
 }

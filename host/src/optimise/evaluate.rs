@@ -9,13 +9,13 @@ use super::cases::Cases;
 use super::constraint::Constraint;
 use super::file::Optimisation;
 use super::scenarios::{self, Scenario};
-use crate::input::Refusal;
+use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::study::axis::{Axis, Value};
 use crate::study::band::{Band, Effort, Reduced};
 use crate::study::over::Over;
-use crate::study::simulate::{Halt, metrics_of_all};
+use crate::study::simulate::metrics_of_all;
 
 /// What an evaluated point gives.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,7 +104,7 @@ pub fn values(optimisation: &Optimisation, shares: &[f64]) -> Vec<f64> {
 ///
 /// # Errors
 /// The refusal of a case that the values make, or that `go_on` said no.
-pub fn at_values(optimisation: &Optimisation, values: Vec<f64>, care: Care, go_on: GoOn) -> Result<Evaluated, Halt> {
+pub fn at_values(optimisation: &Optimisation, values: Vec<f64>, care: Care, go_on: GoOn) -> Result<Evaluated, Failure> {
     let metrics: Vec<Quantity> =
         [optimisation.objective].into_iter().chain(optimisation.constraints.iter().map(|c| c.metric)).collect();
     let starts = optimisation.starts.as_ref();
@@ -131,11 +131,11 @@ pub fn in_scenarios(
     scenarios: &[Scenario],
     care: Care,
     go_on: GoOn,
-) -> Result<Evaluated, Halt> {
+) -> Result<Evaluated, Failure> {
     let at = |scenario: &Scenario| {
         at_values(optimisation, scenarios::values(optimisation, &nominal, scenario), Care::of(care.effort), go_on)
     };
-    let all = || scenarios.iter().map(at).collect::<Result<Vec<Evaluated>, Halt>>();
+    let all = || scenarios.iter().map(at).collect::<Result<Vec<Evaluated>, Failure>>();
     if optimisation.over != Over::Worst && !scenarios.is_empty() {
         return Ok(together(optimisation, nominal.clone(), &all()?.iter().collect::<Vec<_>>()));
     }
@@ -209,13 +209,13 @@ impl<'a> Known<'a> {
     ///
     /// # Errors
     /// As [`at_values`].
-    pub fn at(&mut self, points: &[Vec<f64>]) -> Result<Vec<&Evaluated>, Halt> {
+    pub fn at(&mut self, points: &[Vec<f64>]) -> Result<Vec<&Evaluated>, Failure> {
         let mut new: Vec<&Vec<f64>> = points.iter().filter(|point| !self.points.contains_key(&bits(point))).collect();
         let mut seen = HashSet::new();
         new.retain(|point| seen.insert(bits(point)));
         let care = Care::of(self.effort);
         let evaluate = |point: &&Vec<f64>| at_values(self.optimisation, (*point).clone(), care, self.go_on);
-        let found: Vec<Evaluated> = new.par_iter().map(evaluate).collect::<Result<_, Halt>>()?;
+        let found: Vec<Evaluated> = new.par_iter().map(evaluate).collect::<Result<_, Failure>>()?;
         self.points.extend(new.iter().map(|point| bits(point)).zip(found));
         Ok(points.iter().filter_map(|point| self.points.get(&bits(point))).collect())
     }
@@ -235,7 +235,7 @@ pub fn from_starts(
     starts: &[f64],
     effort: Effort,
     go_on: GoOn,
-) -> Result<Vec<f64>, Halt> {
+) -> Result<Vec<f64>, Failure> {
     let cases = Cases::at(optimisation, values)?;
     let case = |at: &[Value]| cases.case(at);
     let mut point = Simulations { optimisation, case: &case, go_on, unresolved: 0.0 };
@@ -256,7 +256,7 @@ pub fn on_axis(
     points: &[Vec<Value>],
     is_bare: bool,
     go_on: GoOn,
-) -> Result<Vec<Vec<f64>>, Halt> {
+) -> Result<Vec<Vec<f64>>, Failure> {
     let cases = Cases::at(optimisation, values)?;
     let case = |at: &[Value]| Ok(if is_bare { cases.case(at)?.with_dampers(None) } else { cases.case(at)? });
     let mut point = Simulations { optimisation, case: &case, go_on, unresolved: 0.0 };
@@ -273,9 +273,9 @@ pub fn on_axis(
 /// A case that is refused, or that `go_on` said no.
 pub fn over_band(
     optimisation: &Optimisation,
-    case: &dyn Fn(&[Value]) -> Result<Case, Refusal>,
+    case: &dyn Fn(&[Value]) -> Result<Case, Failure>,
     go_on: GoOn,
-) -> Result<f64, Halt> {
+) -> Result<f64, Failure> {
     let mut point = Simulations { optimisation, case, go_on, unresolved: 0.0 };
     let simulated = point.grid(&[optimisation.objective], None)?;
     Ok(point.reduced(&optimisation.reduced_band, &simulated[0][0], None, Effort::Scan)?.value)
@@ -285,7 +285,7 @@ pub fn over_band(
 struct Simulations<'a> {
     optimisation: &'a Optimisation,
     /// The case with values of the band's axes.
-    case: &'a dyn Fn(&[Value]) -> Result<Case, Refusal>,
+    case: &'a dyn Fn(&[Value]) -> Result<Case, Failure>,
     go_on: GoOn<'a>,
     /// How often an event search was given up.
     unresolved: f64,
@@ -293,7 +293,7 @@ struct Simulations<'a> {
 
 impl Simulations<'_> {
     /// Simulates the case at each point of the band's grid from each start (from its own without any).
-    fn grid(&mut self, metrics: &[Quantity], starts: Option<&[f64]>) -> Result<Simulated, Halt> {
+    fn grid(&mut self, metrics: &[Quantity], starts: Option<&[f64]>) -> Result<Simulated, Failure> {
         let points = self.optimisation.band_points();
         let count = starts.map_or(1, <[f64]>::len);
         let mut all = Vec::with_capacity(points * count);
@@ -313,7 +313,7 @@ impl Simulations<'_> {
         Ok(simulated)
     }
 
-    fn metrics(&mut self, cases: &[Case], metrics: &[Quantity]) -> Result<Vec<Vec<f64>>, Halt> {
+    fn metrics(&mut self, cases: &[Case], metrics: &[Quantity]) -> Result<Vec<Vec<f64>>, Failure> {
         let simulated = metrics_of_all(cases, self.optimisation.record, metrics, &|| (self.go_on)(0))?;
         (self.go_on)(cases.len() as u64);
         self.unresolved += simulated.iter().map(|(_, given_up)| given_up).sum::<f64>();
@@ -321,17 +321,17 @@ impl Simulations<'_> {
     }
 
     /// A metric at points of the band from a start.
-    fn at(&mut self, points: &[Vec<Value>], share: Option<f64>, metric: Quantity) -> Result<Vec<f64>, Halt> {
+    fn at(&mut self, points: &[Vec<Value>], share: Option<f64>, metric: Quantity) -> Result<Vec<f64>, Failure> {
         let case = |at: &Vec<Value>| {
             let case = (self.case)(at)?;
             Ok(share.map_or_else(|| case.clone(), |share| case.started_at(share)))
         };
-        let cases = points.iter().map(case).collect::<Result<Vec<Case>, Refusal>>()?;
+        let cases = points.iter().map(case).collect::<Result<Vec<Case>, Failure>>()?;
         Ok(self.metrics(&cases, &[metric])?.into_iter().flatten().collect())
     }
 
     /// The objective over the band from a start.
-    fn reduced(&mut self, band: &Band, grid: &[f64], share: Option<f64>, effort: Effort) -> Result<Reduced, Halt> {
+    fn reduced(&mut self, band: &Band, grid: &[f64], share: Option<f64>, effort: Effort) -> Result<Reduced, Failure> {
         let metric = self.optimisation.objective;
         band.reduce(grid, effort, &mut |points| self.at(points, share, metric))
     }
@@ -343,7 +343,7 @@ impl Simulations<'_> {
         grid: &[f64],
         share: Option<f64>,
         effort: Effort,
-    ) -> Result<f64, Halt> {
+    ) -> Result<f64, Failure> {
         let excess = |value: &f64| constraint.limit.excess(*value);
         let worse = |a: f64, b: f64| if excess(&b) > excess(&a) { b } else { a };
         let mut worst = grid.iter().copied().reduce(worse).unwrap_or(f64::NAN);
@@ -358,7 +358,7 @@ impl Simulations<'_> {
     }
 
     /// What a point gives from what its grid gave; it has no values and shares.
-    fn evaluated(&mut self, simulated: &Simulated, effort: Effort) -> Result<Evaluated, Halt> {
+    fn evaluated(&mut self, simulated: &Simulated, effort: Effort) -> Result<Evaluated, Failure> {
         let optimisation = self.optimisation;
         let starts = optimisation.starts.as_ref();
         let share_of = |place: usize| starts.map(|starts| starts[place]);

@@ -8,7 +8,8 @@ use super::constraint::{self, Constraint};
 use super::front::{self, Second};
 use super::keys::{ensemble, optimisation as keys};
 use super::variable::{self, Uncertain, Variable};
-use crate::input::{self, Files, Problem, Refusal, Section, Source};
+use crate::failure::Failure;
+use crate::input::{self, Files, Problem, Section, Source};
 use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::simulation::case::default_name;
@@ -84,7 +85,7 @@ impl Optimisation {
     ///
     /// # Errors
     /// Lists all problems of the file, or those of the case with values of the variables.
-    pub fn read(path: &Path) -> Result<Self, Refusal> {
+    pub fn read(path: &Path) -> Result<Self, Failure> {
         Self::parse(&Source::read(path)?, path, None)
     }
 
@@ -93,11 +94,11 @@ impl Optimisation {
     ///
     /// # Errors
     /// As [`Optimisation::read`].
-    pub fn parse(source: &Source, path: &Path, case: Option<&Source>) -> Result<Self, Refusal> {
+    pub fn parse(source: &Source, path: &Path, case: Option<&Source>) -> Result<Self, Failure> {
         let read = source.read_toml(source.text(), "this is not TOML", |root| read_root(root, path, case));
         source.verdict()?;
         let mut read =
-            read.ok_or_else(|| Refusal(format!("{}: the optimisation could not be read", path.display())))?;
+            read.ok_or_else(|| Failure::Input(format!("{}: the optimisation could not be read", path.display())))?;
         read.check(source)?;
         read.direct = read.direct();
         for alternative in &mut read.alternatives {
@@ -160,7 +161,7 @@ impl Optimisation {
     ///
     /// # Errors
     /// Names the key, its value and what is allowed.
-    pub fn case_with(&self, values: &[Value]) -> Result<Case, Refusal> {
+    pub fn case_with(&self, values: &[Value]) -> Result<Case, Failure> {
         self.varied_case().with(values)
     }
 
@@ -168,7 +169,7 @@ impl Optimisation {
     ///
     /// # Errors
     /// As [`Self::case_with`].
-    pub fn first_case(&self) -> Result<Case, Refusal> {
+    pub fn first_case(&self) -> Result<Case, Failure> {
         self.case_with(&self.first_values())
     }
 
@@ -215,7 +216,7 @@ impl Optimisation {
         }
     }
 
-    fn check(&self, source: &Source) -> Result<(), Refusal> {
+    fn check(&self, source: &Source) -> Result<(), Failure> {
         for corner in samples::corners(&self.axes) {
             let case = self.varied_case().checked(source, &corner)?;
             self.check_case(&case, &corner)?;
@@ -230,7 +231,7 @@ impl Optimisation {
     }
 
     /// Checks the case at the ends of the tolerances that the file states, which may lie outside the ranges.
-    fn check_tolerances(&self, source: &Source) -> Result<(), Refusal> {
+    fn check_tolerances(&self, source: &Source) -> Result<(), Failure> {
         let first = self.first_values();
         for (place, variable) in self.variables.iter().enumerate().filter(|(_, variable)| variable.stated.is_some()) {
             for (end, side) in [(variable.range.0, -1.0), (variable.range.1, 1.0)] {
@@ -252,23 +253,23 @@ impl Optimisation {
         source.verdict()
     }
 
-    fn check_case(&self, case: &Case, values: &[Value]) -> Result<(), Refusal> {
+    fn check_case(&self, case: &Case, values: &[Value]) -> Result<(), Failure> {
         let path = self.case_path.display();
         let text = (&*path.to_string(), self.case_text.as_str());
         case.refuse_other_engines(text, &self.varied_case().set_values(values), "an optimisation", true)?;
         if self.starts.is_some() && !case.has_particle() {
-            return Err(Refusal(format!(
+            return Err(Failure::Input(format!(
                 "`starts` of [ensemble] are those of a particle, and {path} has none\n  leave it out"
             )));
         }
         if self.record.is_some() && case.record.is_some() {
             let why = format!("[record] counts cycles, and the base of {path} follows a record");
-            return Err(Refusal(format!("{why}\n  leave it out: the whole record counts")));
+            return Err(Failure::Input(format!("{why}\n  leave it out: the whole record counts")));
         }
         Ok(())
     }
 
-    fn check_metrics(&self, source: &Source, case: &Case) -> Result<(), Refusal> {
+    fn check_metrics(&self, source: &Source, case: &Case) -> Result<(), Failure> {
         let objective = (self.objective, source.locate(&[crate::input::locate::Step::Key(keys::OBJECTIVE.name())]));
         let constraints = self.constraints.iter().map(|constraint| (constraint.metric, Some(constraint.span.clone())));
         for (metric, span) in std::iter::once(objective).chain(constraints) {

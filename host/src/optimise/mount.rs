@@ -11,9 +11,9 @@ use super::scenarios::{self, Scenario};
 use super::search::{self, APART, Found, PLACES, Stage, best_places};
 use super::variable::Variable;
 use super::verify::{self, Verification};
+use crate::failure::Failure;
 use crate::study::band::Effort;
 use crate::study::over::Over;
-use crate::study::simulate::Halt;
 
 /// Best places of the search that are moved.
 const MOVED: usize = 3;
@@ -81,7 +81,7 @@ pub(super) fn points(optimisation: &Optimisation) -> (Points, Points) {
 ///
 /// # Errors
 /// The refusal of a case that the values make, or that `go_on` said no.
-pub fn best(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<Option<Setting>, Halt> {
+pub fn best(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<Option<Setting>, Failure> {
     let mounting = Mounting { optimisation, scenarios: scenarios::compared(optimisation), go_on };
     if optimisation.is_robust() {
         return mounting.verified_best(found);
@@ -92,7 +92,7 @@ pub fn best(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<O
     }
     mounting.sort(&mut settings);
     let moved: Vec<Setting> =
-        settings.iter().take(MOVED).map(|setting| mounting.moved(setting.clone())).collect::<Result<_, Halt>>()?;
+        settings.iter().take(MOVED).map(|setting| mounting.moved(setting.clone())).collect::<Result<_, Failure>>()?;
     settings.extend(moved);
     mounting.sort(&mut settings);
     settings.dedup_by(|a, b| a.at.values == b.at.values);
@@ -109,7 +109,7 @@ pub fn best(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<O
         // The constraints are not kept between the frequencies: other places of the search may keep them.
         let places = best_places(&found.points, optimisation.is_maximum, FURTHER);
         let scanned = |place: Evaluated| mounting.made(&place.values, Effort::Scan);
-        let scanned: Vec<Evaluated> = places.into_par_iter().map(scanned).collect::<Result<_, Halt>>()?;
+        let scanned: Vec<Evaluated> = places.into_par_iter().map(scanned).collect::<Result<_, Failure>>()?;
         let cheapest = scanned.iter().min_by(|a, b| mounting.cost(a).total_cmp(&mounting.cost(b)));
         if let Some(place) = cheapest {
             best = mounting.setting(&place.values, Effort::Scan, best.as_ref())?.or(best);
@@ -127,7 +127,7 @@ struct Mounting<'a> {
 
 impl Mounting<'_> {
     /// What the nearest values that can be made give.
-    fn made(&self, values: &[f64], effort: Effort) -> Result<Evaluated, Halt> {
+    fn made(&self, values: &[f64], effort: Effort) -> Result<Evaluated, Failure> {
         let made = |(variable, value): (&Variable, &f64)| variable.made(*value);
         let made: Vec<f64> = self.optimisation.variables.iter().zip(values).map(made).collect();
         let values = scenarios::values(self.optimisation, &made, &scenarios::nominal(self.optimisation));
@@ -135,7 +135,7 @@ impl Mounting<'_> {
     }
 
     /// The nearest values that can be made; `None` if they are no better than `bar` already at their nominal values.
-    fn setting(&self, values: &[f64], effort: Effort, bar: Option<&Setting>) -> Result<Option<Setting>, Halt> {
+    fn setting(&self, values: &[f64], effort: Effort, bar: Option<&Setting>) -> Result<Option<Setting>, Failure> {
         let at = self.made(values, effort)?;
         let alone = Setting { over: at.clone(), at };
         let is_worst = self.optimisation.over == Over::Worst || !self.optimisation.is_robust();
@@ -146,7 +146,7 @@ impl Mounting<'_> {
             let values = scenarios::values(self.optimisation, &alone.at.values, scenario);
             at_values(self.optimisation, values, Care::of(effort), self.go_on)
         };
-        let others: Vec<Evaluated> = self.scenarios.par_iter().map(at).collect::<Result<_, Halt>>()?;
+        let others: Vec<Evaluated> = self.scenarios.par_iter().map(at).collect::<Result<_, Failure>>()?;
         let over = if self.optimisation.is_robust() {
             with_scenarios(self.optimisation, &alone.at, &others.iter().collect::<Vec<_>>())
         } else {
@@ -158,7 +158,7 @@ impl Mounting<'_> {
     }
 
     /// The best of the values that can be made, with the objective over many more scenarios than the search had.
-    fn verified_best(&self, found: &Found) -> Result<Option<Setting>, Halt> {
+    fn verified_best(&self, found: &Found) -> Result<Option<Setting>, Failure> {
         let is_made = found.points.first().is_some_and(|(stage, _)| *stage == Stage::All);
         let mut places: Vec<Evaluated> = if is_made {
             found.points.iter().map(|(_, point)| point.clone()).collect()
@@ -181,7 +181,7 @@ impl Mounting<'_> {
     }
 
     /// Moves a setting in steps along each variable as long as that makes it better.
-    fn moved(&self, mut best: Setting) -> Result<Setting, Halt> {
+    fn moved(&self, mut best: Setting) -> Result<Setting, Failure> {
         let (mut step, mut tries) = (FIRST_STEP, 0);
         while step >= 1.0 && tries < TRIES {
             let mut better = None;

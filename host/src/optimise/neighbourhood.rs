@@ -6,9 +6,9 @@ use serde::Serialize;
 
 use super::evaluate::{Care, Evaluated, GoOn, at_values};
 use super::file::Optimisation;
+use crate::failure::Failure;
 use crate::study::axis::{Axis, Values};
 use crate::study::band::Effort;
-use crate::study::simulate::Halt;
 
 const CARE: Care = Care::of(Effort::Peaks);
 
@@ -81,7 +81,7 @@ fn is_inside(axis: &Axis, value: f64) -> bool {
 ///
 /// # Errors
 /// The refusal of a case that the values make, or that `go_on` said no.
-pub fn sensitivities(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Vec<Sensitivity>, Halt> {
+pub fn sensitivities(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Vec<Sensitivity>, Failure> {
     optimisation
         .variable_axes()
         .iter()
@@ -96,7 +96,7 @@ fn of_variable(
     place: usize,
     axis: &Axis,
     go_on: GoOn,
-) -> Result<Sensitivity, Halt> {
+) -> Result<Sensitivity, Failure> {
     let step = step(axis, best.values[place]);
     let value = |n: i32| best.values[place] + step * f64::from(n) / f64::from(STEPS);
     let objective = |n: i32| {
@@ -105,7 +105,7 @@ fn of_variable(
         let inside = is_inside(axis, values[place]);
         inside.then(|| Ok(at_values(optimisation, values, CARE, go_on)?.objective)).transpose()
     };
-    let scan: Vec<Option<f64>> = (-REACH..=REACH).into_par_iter().map(objective).collect::<Result<_, Halt>>()?;
+    let scan: Vec<Option<f64>> = (-REACH..=REACH).into_par_iter().map(objective).collect::<Result<_, Failure>>()?;
     let at = |n: i32| scan[(n + REACH) as usize];
     let here = at(0).unwrap_or(best.objective);
     let within = (-STEPS..=STEPS).filter_map(at);
@@ -150,7 +150,7 @@ fn largest_jump(changes: &[Jump], objective: f64) -> Option<Jump> {
 ///
 /// # Errors
 /// As [`sensitivities`].
-pub fn grid(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Vec<Evaluated>, Halt> {
+pub fn grid(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Vec<Evaluated>, Failure> {
     let axes = optimisation.variable_axes();
     let mut points: Vec<Vec<f64>> = Vec::new();
     let last = axes.len().saturating_sub(1);

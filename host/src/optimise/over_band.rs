@@ -7,8 +7,8 @@ use serde::Serialize;
 use super::evaluate::{Evaluated, GoOn, on_axis};
 use super::file::Optimisation;
 use super::scenarios;
+use crate::failure::Failure;
 use crate::study::axis::{Value, Values};
-use crate::study::simulate::Halt;
 
 /// Points of the curve, evenly spaced in the band.
 pub const POINTS: u32 = 121;
@@ -33,7 +33,7 @@ pub struct OverBand {
 ///
 /// # Errors
 /// The refusal of a case that the values make, or that `go_on` said no.
-pub fn curve(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Vec<OverBand>, Halt> {
+pub fn curve(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Vec<OverBand>, Failure> {
     let [axis] = optimisation.band() else { return Ok(Vec::new()) };
     let Values::Numbers(numbers) = &axis.values else { return Ok(Vec::new()) };
     let (Some(from), Some(to)) = (numbers.first(), numbers.last()) else { return Ok(Vec::new()) };
@@ -49,7 +49,7 @@ pub fn curve(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Resu
             on_axis(optimisation, &values, &points, false, go_on)
         };
         let found: Vec<Vec<Vec<f64>>> =
-            scenarios::compared(optimisation).par_iter().map(of).collect::<Result<_, Halt>>()?;
+            scenarios::compared(optimisation).par_iter().map(of).collect::<Result<_, Failure>>()?;
         all.extend(found.into_iter().flatten());
     }
     let worse = |a: f64, b: f64| if optimisation.is_better(a, b) { b } else { a };

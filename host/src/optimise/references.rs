@@ -7,10 +7,10 @@ use serde::Serialize;
 use super::cases::Cases;
 use super::evaluate::{Evaluated, GoOn, over_band};
 use super::file::Optimisation;
+use crate::failure::Failure;
 use crate::simulation::Case;
 use crate::study::axis::Value;
 use crate::study::metric::refusal;
-use crate::study::simulate::Halt;
 
 /// The objective of other dampers; `None` where it does not exist for them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -42,7 +42,7 @@ impl References {
     ///
     /// # Errors
     /// The refusal of a case that the values make, or that `go_on` said no.
-    pub fn at(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Self, Halt> {
+    pub fn at(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Self, Failure> {
         let middle = optimisation.band_values(optimisation.band_points() / 2);
         let middle = Cases::at(optimisation, &best.values)?.case(&middle)?;
         let bare = objective(optimisation, best, &|case| case.with_dampers(None), go_on)?;
@@ -69,7 +69,7 @@ fn objective(
     best: &Evaluated,
     change: &dyn Fn(Case) -> Case,
     go_on: GoOn,
-) -> Result<Option<f64>, Halt> {
+) -> Result<Option<f64>, Failure> {
     let cases = Cases::at(optimisation, &best.values)?;
     let changed = |at: &[Value]| Ok(change(cases.case(at)?));
     let first = changed(&optimisation.band_values(0))?;

@@ -9,7 +9,8 @@ use super::file::Optimisation;
 use super::front::{Front, Second};
 use super::search::{self, Found, Progress};
 use super::size::{self, Size};
-use crate::input::Refusal;
+
+use crate::failure::Failure;
 
 /// Where a run is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,7 +55,7 @@ pub fn most(optimisation: &Optimisation) -> u64 {
 ///
 /// # Errors
 /// The refusal of a case that the values make.
-pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Refusal> {
+pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Failure> {
     let mut estimate_s = 0.0;
     for (part, times) in parts(optimisation) {
         estimate_s += times as f64 * size::estimate_s(&part)?;
@@ -66,7 +67,7 @@ pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Refusal> {
 ///
 /// # Errors
 /// The refusal of a case; a search that was stopped before its first point.
-pub fn run(optimisation: &Optimisation, report: Report) -> Result<(Found, Answer), Refusal> {
+pub fn run(optimisation: &Optimisation, report: Report) -> Result<(Found, Answer), Failure> {
     let mut work = Work { simulations: 0, left: about(optimisation), report };
     let (found, mut answer) = work.one(optimisation)?;
     if let Some(second) = optimisation.second.as_ref().filter(|_| !answer.is_stopped) {
@@ -91,7 +92,7 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    fn one(&mut self, optimisation: &Optimisation) -> Result<(Found, Answer), Refusal> {
+    fn one(&mut self, optimisation: &Optimisation) -> Result<(Found, Answer), Failure> {
         let (name, report) = (optimisation.name.as_str(), self.report);
         let (before, about) = (self.simulations, self.simulations + self.left);
         let of_search = |progress: &Progress| {
@@ -115,12 +116,9 @@ impl Work<'_> {
     }
 
     /// The answer of a whole optimisation; `None` if it was stopped.
-    fn complete(&mut self, optimisation: &Optimisation) -> Result<Option<Answer>, Refusal> {
-        match self.one(optimisation) {
-            Ok((_, answer)) => Ok(Some(answer).filter(|answer| !answer.is_stopped)),
-            Err(refusal) if refusal.0 == search::STOPPED => Ok(None),
-            Err(refusal) => Err(refusal),
-        }
+    fn complete(&mut self, optimisation: &Optimisation) -> Result<Option<Answer>, Failure> {
+        let answer = Failure::unless_interrupted(self.one(optimisation))?.map(|(_, answer)| answer);
+        Ok(answer.filter(|answer| !answer.is_stopped))
     }
 
     /// The front through an optimum, and whether it was stopped; none without its other end.
@@ -129,7 +127,7 @@ impl Work<'_> {
         optimisation: &Optimisation,
         second: &Second,
         optimum: &Answer,
-    ) -> Result<(Option<Front>, bool), Refusal> {
+    ) -> Result<(Option<Front>, bool), Failure> {
         let Some(first) = second.point(optimum) else { return Ok((None, false)) };
         let Some(alone) = self.complete(&second.alone(optimisation))? else { return Ok((None, true)) };
         if !alone.is_feasible || !alone.objective.is_finite() {

@@ -19,14 +19,10 @@ use super::evaluate::{self, Care, Evaluated, Known};
 use super::file::Optimisation;
 use super::scenarios::{self, Scenario, Scenarios};
 use super::variable::Variable;
-use crate::input::Refusal;
+use crate::failure::Failure;
 use crate::study::band::Effort;
 use crate::study::over::Over;
 use crate::study::points::{Method, Sampling};
-use crate::study::simulate::Halt;
-
-/// What a search says that was stopped before its first point.
-pub(super) const STOPPED: &str = "stopped before the first point";
 
 /// Share of the evaluations that the Sobol points have, and the swarm; the rest is Nelder–Mead's.
 const SOBOL_SHARE: f64 = 0.4;
@@ -107,7 +103,7 @@ pub struct Found {
 ///
 /// # Errors
 /// A case that is refused; a search that was stopped before its first point.
-pub fn run(optimisation: &Optimisation, report: &(dyn Fn(&Progress) -> bool + Sync)) -> Result<Found, Refusal> {
+pub fn run(optimisation: &Optimisation, report: &(dyn Fn(&Progress) -> bool + Sync)) -> Result<Found, Failure> {
     let judge = Judge::new(optimisation, report);
     let points = match points_that_can_be_made(optimisation) {
         Some(points) => all(&judge, &points),
@@ -116,7 +112,7 @@ pub fn run(optimisation: &Optimisation, report: &(dyn Fn(&Progress) -> bool + Sy
     judge.verdict()?;
     let cost = |place: &usize| points[*place].1.cost(optimisation.is_maximum);
     let best = (0..points.len()).min_by(|a, b| cost(a).total_cmp(&cost(b)));
-    let best = best.ok_or_else(|| Refusal(STOPPED.into()))?;
+    let best = best.ok_or_else(|| Failure::Interrupted("stopped before the first point".into()))?;
     let (simulations, is_stopped) = (judge.simulations.into_inner(), judge.is_stopped.into_inner());
     Ok(Found { points, best, simulations, is_stopped })
 }
@@ -300,7 +296,7 @@ struct Judge<'a> {
     simulations: AtomicU64,
     best: Mutex<Option<Evaluated>>,
     is_stopped: AtomicBool,
-    refusal: Mutex<Option<Refusal>>,
+    refusal: Mutex<Option<Failure>>,
 }
 
 impl<'a> Judge<'a> {
@@ -334,11 +330,11 @@ impl<'a> Judge<'a> {
     }
 
     /// What was evaluated, or nothing and the end of the search.
-    fn kept<T>(&self, evaluated: Result<T, Halt>) -> Option<T> {
+    fn kept<T>(&self, evaluated: Result<T, Failure>) -> Option<T> {
         match evaluated {
             Ok(evaluated) => Some(evaluated),
-            Err(Halt::Stopped) => None,
-            Err(Halt::Refused(refusal)) => {
+            Err(Failure::Interrupted(_)) => None,
+            Err(refusal) => {
                 self.is_stopped.store(true, Ordering::Relaxed);
                 lock(&self.refusal).get_or_insert(refusal);
                 None
@@ -378,7 +374,7 @@ impl<'a> Judge<'a> {
         evaluated.into_iter().flatten().map(|point| (stage, point)).collect()
     }
 
-    fn verdict(&self) -> Result<(), Refusal> {
+    fn verdict(&self) -> Result<(), Failure> {
         lock(&self.refusal).take().map_or(Ok(()), Err)
     }
 }

@@ -5,7 +5,7 @@ use super::cases::Cases;
 use super::evaluate;
 use super::file::Optimisation;
 use super::{mount, neighbourhood, over_band, scenarios, search};
-use crate::input::Refusal;
+use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::study::band::{Band, Effort};
 use crate::study::evaluate::simulating_s;
@@ -76,7 +76,7 @@ impl Size {
 ///
 /// # Errors
 /// The refusal of a case that the values make.
-pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Refusal> {
+pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Failure> {
     let sampling = Sampling { method: Method::Sobol, count: TRIED + 1, seed: optimisation.seed };
     let metrics: Vec<Quantity> =
         [optimisation.objective].into_iter().chain(optimisation.constraints.iter().map(|c| c.metric)).collect();

@@ -6,9 +6,9 @@ use damprig_core::integrator::modes::Grip;
 use super::cases::Cases;
 use super::evaluate::{Evaluated, GoOn};
 use super::file::Optimisation;
-use crate::input::Refusal;
+use crate::failure::Failure;
 use crate::simulation::Case;
-use crate::study::simulate::{Counted, Halt};
+use crate::study::simulate::Counted;
 
 /// Instants of the last cycle at which the structure is looked at.
 const LOOKS: u32 = 32;
@@ -18,7 +18,7 @@ const LOOKS: u32 = 32;
 ///
 /// # Errors
 /// The refusal of a case that the values make, or that `go_on` said no.
-pub fn share(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Option<f64>, Halt> {
+pub fn share(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Option<f64>, Failure> {
     let cases = Cases::at(optimisation, &best.values)?;
     let mut stuck = 0;
     for point in 0..optimisation.band_points() {
@@ -27,7 +27,7 @@ pub fn share(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Resu
             return Ok(None);
         }
         if !go_on(1) {
-            return Err(Halt::Stopped);
+            return Err(Failure::stopped());
         }
         stuck += looks(&case, optimisation)?;
     }
@@ -35,8 +35,8 @@ pub fn share(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Resu
 }
 
 /// At how many instants of the last cycle the structure is stuck.
-fn looks(case: &Case, optimisation: &Optimisation) -> Result<u32, Refusal> {
-    let refused = |invalid: damprig_core::io::Invalid| Refusal(invalid.to_string());
+fn looks(case: &Case, optimisation: &Optimisation) -> Result<u32, Failure> {
+    let refused = |invalid: damprig_core::io::Invalid| Failure::Input(invalid.to_string());
     let counted = Counted::of(case, optimisation.record);
     let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial).map_err(refused)?;
     let mut is_stuck = |look: u32| {

@@ -7,9 +7,9 @@ use super::answer::Answer;
 use super::evaluate::Evaluated;
 use super::file::Optimisation;
 use super::search::Found;
-use crate::input::Refusal;
+use crate::failure::Failure;
 use crate::run_folder::schema::self_description::of_file;
-use crate::run_folder::{StorageError, own_files, sealed_parquet};
+use crate::run_folder::{own_files, sealed_parquet};
 use crate::simulation::fixed_parameters;
 use crate::table::{Column, TableBuilder};
 
@@ -26,14 +26,14 @@ pub const NEIGHBOURHOOD: &str = "neighbourhood.parquet";
 ///
 /// # Errors
 /// Names the folder.
-pub fn check_folder(folder: &Path) -> Result<(), Refusal> {
+pub fn check_folder(folder: &Path) -> Result<(), Failure> {
     let why = match fs::read_dir(folder).map(|mut entries| entries.next().is_none()) {
         Ok(true) => return Ok(()),
         Ok(false) => "is not empty".to_string(),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
         Err(error) => format!("cannot be read: {error}"),
     };
-    Err(Refusal(format!(
+    Err(Failure::Input(format!(
         "--out: {} {why}\n  give a new folder, or replace its files with --force; nothing was computed",
         folder.display()
     )))
@@ -43,8 +43,8 @@ pub fn check_folder(folder: &Path) -> Result<(), Refusal> {
 ///
 /// # Errors
 /// Names the file that cannot be written.
-pub fn write(optimisation: &Optimisation, found: &Found, answer: &Answer, folder: &Path) -> Result<(), StorageError> {
-    fs::create_dir_all(folder).map_err(|error| StorageError::new("create", folder, error))?;
+pub fn write(optimisation: &Optimisation, found: &Found, answer: &Answer, folder: &Path) -> Result<(), Failure> {
+    fs::create_dir_all(folder).map_err(|error| Failure::cannot("create", folder, error))?;
     let stages: Vec<&str> = found.points.iter().map(|(stage, _)| stage.name()).collect();
     let points: Vec<&Evaluated> = found.points.iter().map(|(_, point)| point).collect();
     write_table(optimisation, Some(&stages), &points, &folder.join(EVALUATIONS))?;
@@ -57,7 +57,7 @@ pub fn write(optimisation: &Optimisation, found: &Found, answer: &Answer, folder
         write_table(optimisation, None, &points, &neighbourhood)?;
     }
     let path = folder.join(ANSWER);
-    let text = serde_json::to_vec_pretty(answer).map_err(|error| StorageError::new("write", &path, error))?;
+    let text = serde_json::to_vec_pretty(answer).map_err(|error| Failure::cannot("write", &path, error))?;
     own_files::replace(&path, &text)
 }
 
@@ -66,8 +66,8 @@ fn write_table(
     stages: Option<&[&str]>,
     points: &[&Evaluated],
     path: &Path,
-) -> Result<(), StorageError> {
-    let failed = |error: &dyn std::fmt::Display| StorageError::new("write", path, error);
+) -> Result<(), Failure> {
+    let failed = |error: &dyn std::fmt::Display| Failure::cannot("write", path, error);
     let rows: Vec<(usize, &Evaluated)> = points.iter().copied().enumerate().collect();
     let some = |value: f64| Some(value).filter(|value| !value.is_nan());
     let mut table = TableBuilder::new(&rows);

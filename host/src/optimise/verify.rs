@@ -6,9 +6,9 @@ use super::evaluate::{Care, Evaluated, GoOn, Known, at_values, together};
 use super::file::Optimisation;
 use super::mount::Points;
 use super::scenarios::{self, Scenario, Scenarios};
+use crate::failure::Failure;
 use crate::study::band::Effort;
 use crate::study::over::Over;
-use crate::study::simulate::Halt;
 
 /// Places that are verified with many scenarios, one after the other until no other can be better; where the objective is not that of
 /// the worst scenario, no scenario shows that.
@@ -62,7 +62,7 @@ impl<'a> Verification<'a> {
     ///
     /// # Errors
     /// The refusal of a case that the values make, or that `go_on` said no.
-    pub fn best(mut self, places: &[Evaluated]) -> Result<Option<Evaluated>, Halt> {
+    pub fn best(mut self, places: &[Evaluated]) -> Result<Option<Evaluated>, Failure> {
         let is_worst = self.optimisation.over == Over::Worst;
         let mut best: Option<Evaluated> = None;
         for place in places.iter().take(most_places(self.optimisation)) {
@@ -78,7 +78,7 @@ impl<'a> Verification<'a> {
     }
 
     /// What many scenarios of a place give; `None` as soon as one of them costs `bar`.
-    fn place(&mut self, place: &Evaluated, bar: f64) -> Result<Option<Evaluated>, Halt> {
+    fn place(&mut self, place: &Evaluated, bar: f64) -> Result<Option<Evaluated>, Failure> {
         let mut tried = Tried::new();
         for part in self.nearest_first(place).chunks(TOGETHER) {
             if !self.try_all(place, part, &mut tried, bar)? {
@@ -93,7 +93,7 @@ impl<'a> Verification<'a> {
     }
 
     /// Looks for worse scenarios near the worst ones, and scans the band of the worst; whether none costs `bar`.
-    fn look_for_worse(&mut self, place: &Evaluated, tried: &mut Tried, bar: f64) -> Result<bool, Halt> {
+    fn look_for_worse(&mut self, place: &Evaluated, tried: &mut Tried, bar: f64) -> Result<bool, Failure> {
         let mut step = self.all.spacing;
         for _ in 0..ROUNDS {
             step /= 2.0;
@@ -107,7 +107,7 @@ impl<'a> Verification<'a> {
         let scan = |scenario: &Scenario| {
             at_values(self.optimisation, self.values(place, scenario), Care::of(Effort::Scan), self.go_on)
         };
-        let scanned: Vec<Evaluated> = worst.par_iter().map(scan).collect::<Result<_, Halt>>()?;
+        let scanned: Vec<Evaluated> = worst.par_iter().map(scan).collect::<Result<_, Failure>>()?;
         tried.extend(worst.into_iter().zip(scanned));
         Ok(true)
     }
@@ -119,7 +119,7 @@ impl<'a> Verification<'a> {
         scenarios: &[Scenario],
         tried: &mut Tried,
         bar: f64,
-    ) -> Result<bool, Halt> {
+    ) -> Result<bool, Failure> {
         let values: Vec<Vec<f64>> = scenarios.iter().map(|scenario| self.values(place, scenario)).collect();
         let found: Vec<Evaluated> = self.known.at(&values)?.into_iter().cloned().collect();
         let is_better = found.iter().all(|point| self.cost(point) < bar);

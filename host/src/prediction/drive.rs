@@ -9,7 +9,8 @@ use super::transient::Expected;
 use super::trim;
 use crate::campaign::transient::two_digits_down;
 use crate::campaign::{Campaign, CampaignSetUp, Kind, Playback, SteppedSine};
-use crate::input::{Problem, Refusal, Span};
+use crate::failure::Failure;
+use crate::input::{Problem, Span};
 
 /// A demand that is too large.
 struct TooMuch {
@@ -27,7 +28,7 @@ struct TooMuch {
 ///
 /// # Errors
 /// One message for all of them, each with the line of the key that sets the amplitude.
-pub fn check(campaign: &Campaign, expected: &[Expected], drive_m: f64) -> Result<(), Refusal> {
+pub fn check(campaign: &Campaign, expected: &[Expected], drive_m: f64) -> Result<(), Failure> {
     let mut all: Vec<TooMuch> = Vec::new();
     for experiment in &campaign.experiments {
         let Some(sine) = experiment.stepped_sine() else { continue };

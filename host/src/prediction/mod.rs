@@ -29,7 +29,8 @@ use rayon::prelude::*;
 
 use crate::campaign::transient::two_digits_down;
 use crate::campaign::{AroundPeak, Campaign, CampaignSetUp, Start, SteppedSine};
-use crate::input::{Problem, Refusal};
+use crate::failure::Failure;
+use crate::input::Problem;
 use transient::Expected;
 pub use watch::contact_s;
 
@@ -117,7 +118,7 @@ impl Predicted {
     ///
     /// # Errors
     /// As [`predict`] and [`transient::predict`].
-    pub fn of(campaign: &Campaign) -> Result<Self, Refusal> {
+    pub fn of(campaign: &Campaign) -> Result<Self, Failure> {
         let (swings, responses) = predict(campaign)?;
         Ok(Self { swings, responses, expected: transient::predict(campaign)? })
     }
@@ -126,7 +127,7 @@ impl Predicted {
     ///
     /// # Errors
     /// As [`check`], [`transient::check`], [`drive::check`] and [`wall_force::check`].
-    pub fn check(&self, campaign: &Campaign, drive_m: f64) -> Result<Vec<String>, Refusal> {
+    pub fn check(&self, campaign: &Campaign, drive_m: f64) -> Result<Vec<String>, Failure> {
         check(campaign, &self.swings)?;
         transient::check(campaign, &self.expected)?;
         drive::check(campaign, &self.expected, drive_m)?;
@@ -146,15 +147,15 @@ impl Predicted {
 ///
 /// # Errors
 /// A parameter that cannot be simulated, with the set-up's name.
-pub fn predict(campaign: &Campaign) -> Result<(Vec<Prediction>, Vec<Response>), Refusal> {
+pub fn predict(campaign: &Campaign) -> Result<(Vec<Prediction>, Vec<Response>), Failure> {
     let used = |i: &usize| campaign.experiments.iter().any(|e| e.stepped_sine().is_some() && e.set_ups.contains(i));
     let indices: Vec<usize> = (0..campaign.set_ups.len()).filter(used).collect();
-    let predictions: Result<Vec<(Prediction, Vec<Response>)>, Refusal> = indices
+    let predictions: Result<Vec<(Prediction, Vec<Response>)>, Failure> = indices
         .into_par_iter()
         .map(|set_up| {
             let it = &campaign.set_ups[set_up];
             let (swing, responses) = motion(campaign, set_up, it.base_amplitude_m)
-                .map_err(|e| Refusal(format!("set-up {:?}: {e}", it.name)))?;
+                .map_err(|e| Failure::Input(format!("set-up {:?}: {e}", it.name)))?;
             Ok((Prediction { set_up, swing }, responses))
         })
         .collect();
@@ -166,7 +167,7 @@ pub fn predict(campaign: &Campaign) -> Result<(Vec<Prediction>, Vec<Response>), 
 ///
 /// # Errors
 /// One message for all of them, each with the line of the set-up's base amplitude.
-pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refusal> {
+pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Failure> {
     let limit = campaign.rig.structure_limit_m();
     let [range_m, _] = campaign.rig.sensor_range_m();
     let base_m = USABLE * campaign.rig.base_limit_m();

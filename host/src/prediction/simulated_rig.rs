@@ -8,8 +8,9 @@ use damprig_simulator::plant::Shaker;
 
 use super::{USABLE, trim};
 use crate::campaign::{Campaign, CampaignSetUp, Kind, RigSettings, Start, SteppedSine};
+use crate::failure::Failure;
 use crate::input::locate::Step::{Item, Key};
-use crate::input::{Problem, Refusal, Span};
+use crate::input::{Problem, Span};
 
 /// A start may move the table this much further than the steady motion.
 const OVERSHOOT: f64 = 1.5;
@@ -24,7 +25,7 @@ const MIN_M: f64 = 1e-9;
 ///
 /// # Errors
 /// A shaker that would move the base beyond its limits, or a motion that the sensors do not resolve.
-pub fn check(campaign: &Campaign) -> Result<Vec<String>, Refusal> {
+pub fn check(campaign: &Campaign) -> Result<Vec<String>, Failure> {
     let mut warnings = Vec::new();
     for (place, experiment) in campaign.experiments.iter().enumerate() {
         for set_up in experiment.set_ups.iter().filter_map(|index| campaign.set_ups.get(*index)) {

@@ -15,7 +15,8 @@ use super::wall_force::larger;
 use super::watch;
 use super::{USABLE, tries};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, FreeVibration, Kind, Playback};
-use crate::input::{Problem, Refusal};
+use crate::failure::Failure;
+use crate::input::Problem;
 
 /// The prediction for one experiment on one set-up. Lengths in m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -254,12 +255,12 @@ pub struct Expected {
 ///
 /// # Errors
 /// A parameter that the simulation cannot take, with the set-up's name.
-pub fn predict(campaign: &Campaign) -> Result<Vec<Expected>, Refusal> {
+pub fn predict(campaign: &Campaign) -> Result<Vec<Expected>, Failure> {
     let mut all = Vec::new();
     for (set_up, it) in campaign.set_ups.iter().enumerate() {
         for (experiment, what) in campaign.experiments.iter().enumerate().filter(|(_, e)| e.set_ups.contains(&set_up)) {
             let outlook = outlook(it, what, &campaign.rig.board.impacts)
-                .map_err(|e| Refusal(format!("set-up {:?}, {:?}: {e}", it.name, what.name)))?;
+                .map_err(|e| Failure::Input(format!("set-up {:?}, {:?}: {e}", it.name, what.name)))?;
             all.extend(outlook.map(|outlook| Expected { set_up, experiment, outlook }));
         }
     }
@@ -270,7 +271,7 @@ pub fn predict(campaign: &Campaign) -> Result<Vec<Expected>, Refusal> {
 ///
 /// # Errors
 /// One message for all of them, each with the line of the key that sets the peak.
-pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Refusal> {
+pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Failure> {
     let (limit, base_limit) = (campaign.rig.structure_limit_m(), campaign.rig.base_limit_m());
     let stroke = campaign.rig.shaker.map_or(f64::INFINITY, |shaker| shaker.half_stroke_m);
     for Expected { set_up, experiment, outlook } in expected {

@@ -9,7 +9,8 @@ use super::Prediction;
 use super::transient::Expected;
 use super::watch;
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind};
-use crate::input::{Problem, Refusal};
+use crate::failure::Failure;
+use crate::input::Problem;
 use crate::settings::number_of;
 
 /// A contact this many times longer than the simulated rig's still exceeds the limit.
@@ -25,7 +26,7 @@ pub(super) fn larger(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 /// # Errors
 /// Forces on hard walls of more than four times the limit, on soft walls above it: one message for all, each with the line of the
 /// set-up's base amplitude.
-pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expected]) -> Result<Vec<String>, Refusal> {
+pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expected]) -> Result<Vec<String>, Failure> {
     // Forces on the set-ups' walls: in stepped sines, and in other experiments.
     let sines = predictions.iter().map(|p| (p.set_up, None, p.swing.wall_force_n));
     let others = expected.iter().map(|e| (e.set_up, Some(&campaign.experiments[e.experiment]), e.outlook.wall_force_n));

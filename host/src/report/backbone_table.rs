@@ -2,6 +2,7 @@
 
 use arrow_array::RecordBatch;
 
+use crate::failure::Failure;
 use crate::identify::backbone::Row;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::sealed_parquet;
@@ -11,7 +12,7 @@ use crate::table::{Column, TableBuilder};
 ///
 /// # Errors
 /// The table library's error.
-pub fn table(rows: &[Row], taken_from: &str) -> Result<RecordBatch, String> {
+pub fn table(rows: &[Row], taken_from: &str) -> Result<RecordBatch, Failure> {
     let end =
         |name: &str, unit: &str, of: &str| Column::new(name, unit, format!("end of the 95 % interval of the {of}"));
     let (zeta, frequency) = ("damping ratio", "natural frequency");
@@ -34,5 +35,5 @@ pub fn table(rows: &[Row], taken_from: &str) -> Result<RecordBatch, String> {
         .column(end("natural_frequency_low_hz", "Hz", frequency), |row| row.natural_frequency_interval_95_hz[0])
         .column(end("natural_frequency_high_hz", "Hz", frequency), |row| row.natural_frequency_interval_95_hz[1]);
     let about = of_file("a row for each window of a free vibration").with("damprig.taken_from", taken_from);
-    Ok(sealed_parquet::identified(&table.finish(about)?).map_err(|e| e.to_string())?.0)
+    Ok(sealed_parquet::identified(&table.finish(about)?)?.0)
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use arrow_array::RecordBatch;
 
-use super::bifurcation_files::Unwritten;
+use crate::failure::Failure;
 use crate::report::figures::{basins as figure, symbols};
 use crate::report::plot;
 use crate::run_folder::schema::self_description::DESCRIPTION;
@@ -23,23 +23,23 @@ pub const ATTRACTORS: &str = "attractors.parquet";
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write(out: &Path, case: &Case, basins: &Basins, grid: &Grid) -> Result<(), Unwritten> {
-    let (starts, identity) = sealed_parquet::identified(&starts(basins, grid, case)?).map_err(Unwritten::of)?;
+pub fn write(out: &Path, case: &Case, basins: &Basins, grid: &Grid) -> Result<(), Failure> {
+    let (starts, identity) = sealed_parquet::identified(&starts(basins, grid, case)?)?;
     for (name, table) in [(STARTS, &starts), (ATTRACTORS, &attractors(basins, case)?)] {
-        let bytes = sealed_parquet::bytes(table).map_err(Unwritten::of)?;
-        own_files::replace(&out.join(name), &bytes).map_err(Unwritten::of)?;
+        let bytes = sealed_parquet::bytes(table)?;
+        own_files::replace(&out.join(name), &bytes)?;
     }
     let labels = grid.axes.each_ref().map(|axis| symbols::label(&axis.key, || symbols::reference(case)));
     let title = format!("{}: basins of attraction, {} starts", case.name, basins.ends.len());
     let picture = figure::draw(basins, grid, labels, &title).of_source(&plot::source("basins", &identity));
-    picture.write(out, "basins").map_err(Unwritten::of)
+    picture.write(out, "basins")
 }
 
 /// The table of the starts: a row for each.
 ///
 /// # Errors
 /// A table that cannot be made.
-pub fn starts(basins: &Basins, grid: &Grid, case: &Case) -> Result<RecordBatch, Unwritten> {
+pub fn starts(basins: &Basins, grid: &Grid, case: &Case) -> Result<RecordBatch, Failure> {
     let rows: Vec<usize> = (0..basins.ends.len()).collect();
     let mut table = TableBuilder::new(&rows);
     for (n, axis) in grid.axes.iter().enumerate() {
@@ -53,14 +53,13 @@ pub fn starts(basins: &Basins, grid: &Grid, case: &Case) -> Result<RecordBatch, 
     let table = table.column(passed, |row| basins.passed[*row]);
     state_of(table, "at the end, at drive phase 0", |row| &basins.states[*row])
         .finish(case.description().with(DESCRIPTION, "a row for each start"))
-        .map_err(Unwritten)
 }
 
 /// The table of the attractors: a row for each.
 ///
 /// # Errors
 /// A table that cannot be made.
-pub fn attractors(basins: &Basins, case: &Case) -> Result<RecordBatch, Unwritten> {
+pub fn attractors(basins: &Basins, case: &Case) -> Result<RecordBatch, Failure> {
     let rows: Vec<(u32, &Attractor)> = (1..).zip(&basins.attractors).collect();
     let all = basins.ends.len() as f64;
     let table = TableBuilder::new(&rows)
@@ -72,7 +71,6 @@ pub fn attractors(basins: &Basins, case: &Case) -> Result<RecordBatch, Unwritten
         .column(Column::new("max_abs_x_m", "m", "largest |x|"), |row| row.1.max_abs_x_m);
     state_of(table, "at drive phase 0, of its states there that with the smallest x", |row| &row.1.state)
         .finish(case.description().with(DESCRIPTION, "a row for each attractor"))
-        .map_err(Unwritten)
 }
 
 /// Adds the columns of a state.

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use arrow_array::RecordBatch;
 
+use crate::failure::Failure;
 use crate::report::figures::{bifurcation as figure, symbols};
 use crate::report::numbers::significant;
 use crate::report::plot::{self, Picture};
@@ -16,17 +17,6 @@ use crate::table::{Column, TableBuilder};
 /// Name of the table.
 pub const TABLE: &str = "bifurcation.parquet";
 
-/// Why the files could not be written.
-#[derive(Clone, Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct Unwritten(pub String);
-
-impl Unwritten {
-    pub(super) fn of(error: impl std::fmt::Display) -> Self {
-        Self(error.to_string())
-    }
-}
-
 /// Writes table and figure of `case`, in place of earlier ones, and the Poincaré section at the value nearest to `section`. Answers with the title
 /// of that section, if there is one.
 ///
@@ -38,14 +28,14 @@ pub fn write(
     samples: &[Sample],
     sweep: &Sweep,
     section: Option<f64>,
-) -> Result<Option<String>, Unwritten> {
+) -> Result<Option<String>, Failure> {
     let batch = batch(samples, &sweep.key, case)?;
-    let (batch, identity) = sealed_parquet::identified(&batch).map_err(Unwritten::of)?;
-    let bytes = sealed_parquet::bytes(&batch).map_err(Unwritten::of)?;
-    own_files::replace(&out.join(TABLE), &bytes).map_err(Unwritten::of)?;
+    let (batch, identity) = sealed_parquet::identified(&batch)?;
+    let bytes = sealed_parquet::bytes(&batch)?;
+    own_files::replace(&out.join(TABLE), &bytes)?;
     let reference = || symbols::reference(case);
     let source = plot::source("bifurcation", &identity);
-    let save = |picture: Picture, stem: &str| picture.of_source(&source).write(out, stem).map_err(Unwritten::of);
+    let save = |picture: Picture, stem: &str| picture.of_source(&source).write(out, stem);
     save(figure::diagram(samples, &symbols::label(&sweep.key, reference), &title(case, sweep)), "bifurcation")?;
     let Some(wanted) = section else { return Ok(None) };
     let distance = |sample: &Sample| (sample.value - wanted).abs();
@@ -68,7 +58,7 @@ fn title(case: &Case, Sweep { key, cycles, settle_cycles, .. }: &Sweep) -> Strin
 ///
 /// # Errors
 /// A table that cannot be made.
-pub fn batch(samples: &[Sample], key: &str, case: &Case) -> Result<RecordBatch, Unwritten> {
+pub fn batch(samples: &[Sample], key: &str, case: &Case) -> Result<RecordBatch, Failure> {
     let unit = crate::input::key::Unit::of(key).map_or("1", |unit| unit.symbol);
     let unit = if unit.is_empty() { "1" } else { unit };
     let direction = Column::new("direction", "", "whether the values rise or fall from branch to branch");
@@ -83,5 +73,4 @@ pub fn batch(samples: &[Sample], key: &str, case: &Case) -> Result<RecordBatch, 
         })
         .column(Column::new("cycle_max_m", "m", "largest |x| in the cycle"), |sample| sample.cycle_max_m)
         .finish(case.description().with(DESCRIPTION, "a row for each sampled cycle: the state at its end"))
-        .map_err(Unwritten)
 }

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use arrow_array::RecordBatch;
 
 use crate::continuation::Found;
+use crate::failure::Failure;
 use crate::quantity::Quantity;
-use crate::run_folder::ReadError;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::sealed_parquet::{self, IDENTITY};
 use crate::simulation::fixed_parameters;
@@ -38,7 +38,7 @@ pub fn place(text: &str) -> Result<PathBuf, String> {
 ///
 /// # Errors
 /// Names the file that exists or cannot be written.
-pub fn write(table: Result<RecordBatch, String>, out: &OutFile) -> Result<usize, ReadError> {
+pub fn write(table: Result<RecordBatch, Failure>, out: &OutFile) -> Result<usize, Failure> {
     let failed = to_failure(&out.path);
     let batch = table.map_err(|e| failed(&e))?;
     let is_csv = out.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
@@ -63,7 +63,7 @@ fn column_of(parameter: &ParameterKey) -> Column {
 ///
 /// # Errors
 /// The table library's error.
-pub fn curves(found: &Found) -> Result<RecordBatch, String> {
+pub fn curves(found: &Found) -> Result<RecordBatch, Failure> {
     let numbered = (1u32..).zip(&found.curves);
     let rows: Vec<_> =
         numbered.flat_map(|(number, curve)| curve.points.iter().map(move |point| (number, curve, point))).collect();
@@ -86,7 +86,7 @@ pub fn curves(found: &Found) -> Result<RecordBatch, String> {
 ///
 /// # Errors
 /// The table library's error.
-pub fn orbits(found: &Found) -> Result<RecordBatch, String> {
+pub fn orbits(found: &Found) -> Result<RecordBatch, Failure> {
     let branches = found.branches.iter();
     let rows: Vec<_> = branches.flat_map(|branch| branch.orbits.iter().map(move |orbit| (branch, orbit))).collect();
     let is_stable = Column::new("is_stable", "", "whether neighbouring motions return to the orbit");
@@ -112,13 +112,13 @@ pub fn orbits(found: &Found) -> Result<RecordBatch, String> {
 }
 
 /// A table that says what it is: case, parameters that do not vary, and identity.
-fn finish<R>(found: &Found, row: &str, table: TableBuilder<R>) -> Result<RecordBatch, String> {
+fn finish<R>(found: &Found, row: &str, table: TableBuilder<R>) -> Result<RecordBatch, Failure> {
     let varied: Vec<&str> = [found.parameter].into_iter().chain(found.second_parameter).collect();
     let about = of_file(row)
         .with("damprig.name", found.case.as_str())
         .with("damprig.case", found.case_text.as_str())
         .with("damprig.fixed", fixed_parameters(&found.case_text, &varied));
-    Ok(sealed_parquet::identified(&table.finish(about)?).map_err(|e| e.to_string())?.0)
+    Ok(sealed_parquet::identified(&table.finish(about)?)?.0)
 }
 
 /// The identity of a table, which its figure states too.

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::failure::Failure;
 use crate::optimise::front::FrontPoint;
 use crate::optimise::{Answer, Optimisation};
 use crate::quantity::Quantity;
@@ -10,7 +11,6 @@ use crate::report::figures::symbols;
 use crate::report::page;
 use crate::report::page::optimum::Figures;
 use crate::report::plot::{self, Breadth, Picture};
-use crate::report::study_files::Undrawn;
 use crate::run_folder::{checksum, own_files};
 use crate::simulation::Case;
 
@@ -27,7 +27,7 @@ pub const FRONT: &str = "front";
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write(optimisation: &Optimisation, answer: &Answer, summary: &str, folder: &Path) -> Result<(), Undrawn> {
+pub fn write(optimisation: &Optimisation, answer: &Answer, summary: &str, folder: &Path) -> Result<(), Failure> {
     let identity =
         checksum::of_bytes([optimisation.text.as_bytes(), optimisation.case_text.as_bytes()].concat().as_slice());
     let source = plot::source("optimisation", &identity);

@@ -2,6 +2,7 @@
 
 use arrow_array::RecordBatch;
 
+use crate::failure::Failure;
 use crate::identify::restitution::Impact;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::sealed_parquet;
@@ -11,7 +12,7 @@ use crate::table::{Column, TableBuilder};
 ///
 /// # Errors
 /// The table library's error.
-pub fn table(impacts: &[Impact], taken_from: &str) -> Result<RecordBatch, String> {
+pub fn table(impacts: &[Impact], taken_from: &str) -> Result<RecordBatch, Failure> {
     let optional = |value: Option<f64>| value.unwrap_or(f64::NAN);
     let uncertainty = |name: &str, unit: &str, of: &str| {
         Column::new(
@@ -48,5 +49,5 @@ pub fn table(impacts: &[Impact], taken_from: &str) -> Result<RecordBatch, String
             sideways(impact, 1)
         });
     let about = of_file("a row for each impact").with("damprig.taken_from", taken_from);
-    Ok(sealed_parquet::identified(&table.finish(about)?).map_err(|e| e.to_string())?.0)
+    Ok(sealed_parquet::identified(&table.finish(about)?)?.0)
 }

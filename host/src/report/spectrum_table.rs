@@ -2,6 +2,7 @@
 
 use arrow_array::RecordBatch;
 
+use crate::failure::Failure;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::sealed_parquet;
 use crate::spectrum::{Method, Point};
@@ -11,7 +12,7 @@ use crate::table::{Column, TableBuilder};
 ///
 /// # Errors
 /// The table library's error.
-pub fn table(points: &[Point], record: &str, method: Method) -> Result<RecordBatch, String> {
+pub fn table(points: &[Point], record: &str, method: Method) -> Result<RecordBatch, Failure> {
     let table = TableBuilder::new(points)
         .column(Column::new("damping_ratio", "1", "damping ratio of the oscillator"), |p| p.damping_ratio)
         .column(Column::new("period_s", "s", "undamped period of the oscillator"), |p| p.period_s)
@@ -23,5 +24,5 @@ pub fn table(points: &[Point], record: &str, method: Method) -> Result<RecordBat
     let about = of_file("a row for each damping ratio and period of a response spectrum")
         .with("damprig.record", record)
         .with("damprig.method", method.text());
-    Ok(sealed_parquet::identified(&table.finish(about)?).map_err(|e| e.to_string())?.0)
+    Ok(sealed_parquet::identified(&table.finish(about)?)?.0)
 }

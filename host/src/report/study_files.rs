@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use crate::continuation::Found;
+use crate::failure::Failure;
 use crate::report::figures::study::{self, StudyFigure};
 use crate::report::page;
-use crate::report::plot::{self, FigureError};
-use crate::run_folder::{ReadError, StorageError};
+use crate::report::plot;
 use crate::study::Study;
 use crate::study::data_set::{DataSet, TABLE};
 use crate::study::sums::Sums;
@@ -27,20 +27,6 @@ pub struct Drawn {
     pub undrawn: Vec<(String, String)>,
 }
 
-/// Why nothing could be drawn.
-#[derive(Clone, Debug, thiserror::Error)]
-pub enum Undrawn {
-    /// The table cannot be read.
-    #[error("{0}")]
-    Unread(#[from] ReadError),
-    /// A file cannot be written or read.
-    #[error("{0}")]
-    Storage(#[from] StorageError),
-    /// A figure cannot be made.
-    #[error("{0}")]
-    Figure(#[from] FigureError),
-}
-
 /// Reads the table, writes its figures and the page beside it. `best`: row of the best point; `summary`: what the page says first. `None`
 /// for a table of more than [`MAX_DRAWN`] rows.
 ///
@@ -51,13 +37,13 @@ pub fn write(
     data_set: &DataSet,
     best: Option<u64>,
     summary: &[String],
-) -> Result<Option<Drawn>, Undrawn> {
+) -> Result<Option<Drawn>, Failure> {
     if study.rows() > MAX_DRAWN {
         return Ok(None);
     }
     let store = data_set.store();
     let shown = store.path(TABLE).display().to_string();
-    let bytes = store.get(TABLE)?.ok_or_else(|| ReadError(format!("{shown} is missing")))?;
+    let bytes = store.get(TABLE)?.ok_or_else(|| Failure::Storage(format!("{shown} is missing")))?;
     let table = StudyTable::read(&shown, bytes)?;
     let (overlays, mut undrawn) = overlays(study);
     let source = plot::source("study", &data_set.manifest().identity);

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::file_name::FileName;
+use crate::failure::Failure;
 use crate::input::regular;
-use crate::storage::StorageError;
 
 /// A file as it was when the run ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -87,11 +87,11 @@ impl io::Write for HashWriter<'_> {
 ///
 /// # Errors
 /// When one cannot be read.
-pub fn of_folder(folder: &Path) -> Result<Vec<FileRecord>, StorageError> {
+pub fn of_folder(folder: &Path) -> Result<Vec<FileRecord>, Failure> {
     let mut names = Vec::new();
-    list(folder, "", &mut names).map_err(|e| StorageError::new("list", folder, e))?;
+    list(folder, "", &mut names).map_err(|e| Failure::cannot("list", folder, e))?;
     names.sort_by(|a, b| a.as_bytes().cmp(b.as_bytes()));
-    let one = |name: &FileName| of_file(folder, name).map_err(|e| StorageError::new("read", &folder.join(name), e));
+    let one = |name: &FileName| of_file(folder, name).map_err(|e| Failure::cannot("read", &folder.join(name), e));
     names.iter().map(one).collect()
 }
 

@@ -14,8 +14,8 @@ use super::own_files::refuse_links;
 pub use super::schema::journal_entry::{
     Begin, CopiedFile, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart, SetAside, Withdrawn,
 };
+use crate::failure::Failure;
 use crate::input::regular;
-use crate::storage::StorageError;
 
 /// The journal's name in a run folder.
 pub const JOURNAL: &str = "journal.jsonl";
@@ -49,10 +49,10 @@ impl Journal {
     ///
     /// # Errors
     /// When it cannot be written, or another program is writing it.
-    pub fn open(folder: &Path) -> Result<Self, StorageError> {
+    pub fn open(folder: &Path) -> Result<Self, Failure> {
         refuse_links(folder)?;
         let path = folder.join(JOURNAL);
-        let failed = |e: std::io::Error| StorageError::new("open", &path, e);
+        let failed = |e: std::io::Error| Failure::cannot("open", &path, e);
         if path.exists() {
             // Opening a pipe would block.
             regular::open(&path).map_err(failed)?;
@@ -64,7 +64,7 @@ impl Journal {
                 TryLockError::WouldBlock if tries < TRIES.0 => std::thread::sleep(TRIES.1),
                 TryLockError::WouldBlock => {
                     let message = "another damprig is recording into this folder; wait until it has ended";
-                    return Err(StorageError::new("append to", &path, message));
+                    return Err(Failure::cannot("append to", &path, message));
                 }
                 TryLockError::Error(error) => return Err(failed(error)),
             }
@@ -87,7 +87,7 @@ impl Journal {
     ///
     /// # Errors
     /// As [`Journal::open`].
-    pub fn existing(folder: &Path) -> Result<Option<Self>, StorageError> {
+    pub fn existing(folder: &Path) -> Result<Option<Self>, Failure> {
         refuse_links(folder)?;
         if folder.join(JOURNAL).exists() { Self::open(folder).map(Some) } else { Ok(None) }
     }
@@ -97,11 +97,11 @@ impl Journal {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn append(&mut self, entry: &Entry) -> Result<(), StorageError> {
-        let text = serde_json::to_string(entry).map_err(|e| StorageError::new("write", &self.path, e))?;
+    pub fn append(&mut self, entry: &Entry) -> Result<(), Failure> {
+        let text = serde_json::to_string(entry).map_err(|e| Failure::cannot("write", &self.path, e))?;
         let mut line = with_sum(&text);
         line.push('\n');
-        let failed = |e: std::io::Error| StorageError::new("write", &self.path, e);
+        let failed = |e: std::io::Error| Failure::cannot("write", &self.path, e);
         match self.fragment {
             Fragment::None => {}
             Fragment::Earlier => {
@@ -121,27 +121,25 @@ impl Journal {
     ///
     /// # Errors
     /// When the disk fails.
-    pub fn sync(&mut self) -> Result<(), StorageError> {
-        self.file.sync_data().map_err(|e| StorageError::new("write", &self.path, e))
+    pub fn sync(&mut self) -> Result<(), Failure> {
+        self.file.sync_data().map_err(|e| Failure::cannot("write", &self.path, e))
     }
 
     /// Checks that the folder still holds the journal: writing to a removed file gives no error.
     ///
     /// # Errors
     /// When it is gone.
-    pub fn is_in_place(&self) -> Result<(), StorageError> {
+    pub fn is_in_place(&self) -> Result<(), Failure> {
         match std::fs::metadata(&self.path) {
             Ok(_) => Ok(()),
-            Err(e) => {
-                Err(StorageError::new("find", &self.path, format!("{e}; was the run folder removed or renamed?")))
-            }
+            Err(e) => Err(Failure::cannot("find", &self.path, format!("{e}; was the run folder removed or renamed?"))),
         }
     }
 }
 
 /// A journal with two names (hard links, as in a copy of the folder made with them) would change in both places.
 #[cfg(unix)]
-fn has_one_name(file: &File, path: &Path) -> Result<(), StorageError> {
+fn has_one_name(file: &File, path: &Path) -> Result<(), Failure> {
     use std::os::unix::fs::MetadataExt;
     let names = file.metadata().map_or(1, |m| m.nlink());
     if names <= 1 {
@@ -151,11 +149,11 @@ fn has_one_name(file: &File, path: &Path) -> Result<(), StorageError> {
         "the file has {names} names (hard links), and would change under all of them; give the run one of its own: cp {0} {0}.own && mv {0}.own {0}",
         path.display()
     );
-    Err(StorageError::new("append to", path, message))
+    Err(Failure::cannot("append to", path, message))
 }
 
 #[cfg(not(unix))]
-fn has_one_name(_: &File, _: &Path) -> Result<(), StorageError> {
+fn has_one_name(_: &File, _: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
@@ -225,9 +223,9 @@ pub struct Lines {
 ///
 /// # Errors
 /// When it cannot be read; a folder without one gives the error of a missing file.
-pub fn read(folder: &Path) -> Result<Lines, StorageError> {
+pub fn read(folder: &Path) -> Result<Lines, Failure> {
     let path = folder.join(JOURNAL);
-    let bytes = regular::read(&path).map_err(|e| StorageError::new("read", &path, e))?;
+    let bytes = regular::read(&path).map_err(|e| Failure::cannot("read", &path, e))?;
     let mut lines = Lines::default();
     let whole = bytes.iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
     // A torn line ends in the middle of an entry. The program's next entry is its new beginning; before that it may close
@@ -269,9 +267,9 @@ pub fn read(folder: &Path) -> Result<Lines, StorageError> {
 ///
 /// # Errors
 /// When it cannot be read.
-pub fn read_after(folder: &Path, bytes: &mut u64) -> Result<Vec<Entry>, StorageError> {
+pub fn read_after(folder: &Path, bytes: &mut u64) -> Result<Vec<Entry>, Failure> {
     let path = folder.join(JOURNAL);
-    let failed = |e: std::io::Error| StorageError::new("read", &path, e);
+    let failed = |e: std::io::Error| Failure::cannot("read", &path, e);
     let mut file = regular::open(&path).map_err(failed)?;
     file.seek(SeekFrom::Start(*bytes)).map_err(failed)?;
     let mut new = Vec::new();

@@ -14,5 +14,3 @@ pub mod write;
 
 pub use read::RunFolder;
 pub use schema::results::ResultRow;
-
-pub use crate::storage::{ReadError, StorageError};

@@ -6,7 +6,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use crate::storage::StorageError;
+use crate::failure::Failure;
 
 /// First part, up to the first `.` or `-`, of the names that damprig uses at the top of a run folder.
 const OWN: [&str; 11] = [
@@ -33,12 +33,12 @@ const HELP: &str =
 ///
 /// # Errors
 /// Names the first link.
-pub fn refuse_links(folder: &Path) -> Result<(), StorageError> {
+pub fn refuse_links(folder: &Path) -> Result<(), Failure> {
     let links = |folder: &Path, is_own: &dyn Fn(&OsStr) -> bool| {
         // What cannot be listed is reported by the reader that needs it.
         let entries = fs::read_dir(folder).into_iter().flatten().flatten();
         let mut links = entries.filter(|e| is_own(&e.file_name()) && e.file_type().is_ok_and(|kind| kind.is_symlink()));
-        links.next().map_or(Ok(()), |link| Err(StorageError::new("use", &link.path(), HELP)))
+        links.next().map_or(Ok(()), |link| Err(Failure::cannot("use", &link.path(), HELP)))
     };
     let stem = |name: &OsStr| name.to_string_lossy().split(['.', '-']).next().map(str::to_string);
     links(folder, &|name| stem(name).is_some_and(|stem| OWN.contains(&stem.as_str())))?;
@@ -91,13 +91,13 @@ pub fn name_for_good(beside: &Path, path: &Path) -> io::Result<()> {
 ///
 /// # Errors
 /// When it cannot be written; the earlier file stays.
-pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), StorageError> {
+pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let beside = beside(path);
     let write = |mut file: File| file.write_all(bytes).and_then(|()| file.sync_data());
     let written = create(&beside).and_then(write).and_then(|()| name_for_good(&beside, path));
     written.map_err(|e| {
         remove_left(&beside);
-        StorageError::new("write", path, e)
+        Failure::cannot("write", path, e)
     })
 }
 
@@ -105,9 +105,9 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), StorageError> {
 ///
 /// # Errors
 /// When it cannot be removed.
-pub fn remove(path: &Path) -> Result<(), StorageError> {
+pub fn remove(path: &Path) -> Result<(), Failure> {
     match fs::remove_file(path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(StorageError::new("remove", path, error)),
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(Failure::cannot("remove", path, error)),
         _ => Ok(()),
     }
 }

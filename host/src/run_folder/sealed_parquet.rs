@@ -10,10 +10,10 @@ use std::sync::Arc;
 use arrow_array::RecordBatch;
 use arrow_schema::{Schema, SchemaRef};
 use parquet::arrow::ArrowWriter;
-use parquet::errors::ParquetError;
 use sha2::{Digest, Sha256};
 
 use super::checksum::{HashWriter, of_bytes};
+use crate::failure::Failure;
 use crate::table::parquet_properties::properties;
 
 /// Key of the schema's metadata that says that a file has a digest.
@@ -43,14 +43,14 @@ pub fn schema(of: &Schema) -> SchemaRef {
 ///
 /// # Errors
 /// When it cannot be encoded.
-pub fn bytes(table: &RecordBatch) -> Result<Vec<u8>, ParquetError> {
+pub fn bytes(table: &RecordBatch) -> Result<Vec<u8>, Failure> {
     let schema = schema(&table.schema());
     let mut bytes = Vec::new();
     let mut writer = ArrowWriter::try_new(&mut bytes, schema.clone(), Some(properties(&schema)))?;
     writer.write(&table.clone().with_schema(schema)?)?;
     writer.close()?;
     let digest = Sha256::digest(&bytes);
-    let footer = footer(&bytes).ok_or_else(|| ParquetError::General("the footer is not at the end".into()))?;
+    let footer = footer(&bytes).ok_or_else(|| Failure::Storage("the footer is not at the end".into()))?;
     bytes.splice(footer..footer, MARK.iter().copied().chain(digest));
     Ok(bytes)
 }
@@ -68,7 +68,7 @@ pub fn short(identity: &str) -> &str {
 ///
 /// # Errors
 /// When the table cannot be encoded.
-pub fn identified(table: &RecordBatch) -> Result<(RecordBatch, String), ParquetError> {
+pub fn identified(table: &RecordBatch) -> Result<(RecordBatch, String), Failure> {
     let identity = of_bytes(&bytes(table)?);
     let mut about = table.schema().metadata().clone();
     about.insert(IDENTITY, identity.as_str());

@@ -4,21 +4,17 @@ use damprig_core::control::friction_spring;
 
 use super::fault_text::{cause_text, drive_text};
 use crate::client::session::SessionError;
-use crate::input::Refusal;
-use crate::run_folder::StorageError;
+use crate::failure::Failure;
 
 /// Why a run ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// The campaign needs something that this device lacks; nothing has moved.
+    /// The campaign needs something that this device lacks, and nothing has moved, or the disk could not be written.
     #[error(transparent)]
-    Refused(#[from] Refusal),
+    Other(#[from] Failure),
     /// The session failed: the device or the link.
     #[error(transparent)]
     Session(SessionError),
-    /// The disk could not be written.
-    #[error(transparent)]
-    Storage(#[from] StorageError),
     /// An interlock ended the drive.
     #[error(
         "{}: {}; set-up {set_up:?}, t = {t_s:.3} s",
@@ -94,6 +90,16 @@ impl From<SessionError> for RunError {
         match error {
             SessionError::Interrupted => Self::Interrupted,
             error => Self::Session(error),
+        }
+    }
+}
+
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Self {
+        match error {
+            RunError::Other(failure) => failure,
+            RunError::Interrupted => Self::stopped(),
+            error => Self::failed(error),
         }
     }
 }

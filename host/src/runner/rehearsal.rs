@@ -25,7 +25,7 @@ use super::spring_setup::first_target;
 use super::wire_mapping::{self, Selection};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind};
 use crate::client::session::Session;
-use crate::input::Refusal;
+use crate::failure::Failure;
 use crate::prediction;
 
 /// The prediction refuses a record beyond the drive's range, with the peak that fits.
@@ -40,11 +40,11 @@ const MAX_PROBLEMS: usize = 20;
 ///
 /// # Errors
 /// Every problem, with file, line and key.
-pub fn accept(campaign: &mut Campaign, session: &Session) -> Result<(Selection, Vec<String>), Refusal> {
+pub fn accept(campaign: &mut Campaign, session: &Session) -> Result<(Selection, Vec<String>), Failure> {
     let (settings, plant) = (&session.settings, session.description.plant);
     let is_simulated = plant != PlantKind::Real;
     campaign.on_board(settings, is_simulated)?;
-    let selection = Selection::of(campaign, session).map_err(|error| Refusal(error.to_string()))?;
+    let selection = Selection::of(campaign, session)?;
     let drive_m = f64::from(settings.calibration.drive.range().amplitude_m());
     prediction::drive::check(campaign, &[], drive_m)?;
     let mut warnings = if is_simulated { prediction::simulated_rig::check(campaign)? } else { Vec::new() };
@@ -66,7 +66,7 @@ pub fn accept(campaign: &mut Campaign, session: &Session) -> Result<(Selection, 
 ///
 /// # Errors
 /// Everything that the controller rejects, with file, line and key.
-fn rehearse(campaign: &Campaign, selection: &Selection, settings: &Settings, plant: PlantKind) -> Result<(), Refusal> {
+fn rehearse(campaign: &Campaign, selection: &Selection, settings: &Settings, plant: PlantKind) -> Result<(), Failure> {
     match plant {
         PlantKind::SimulatedF32 => rehearse_in::<f32>(campaign, selection, settings, true),
         PlantKind::SimulatedF64 => rehearse_in::<f64>(campaign, selection, settings, true),
@@ -79,7 +79,7 @@ fn rehearse_in<S: PlantScalar>(
     selection: &Selection,
     settings: &Settings,
     is_simulated: bool,
-) -> Result<(), Refusal> {
+) -> Result<(), Failure> {
     let mut upload = Box::new(UploadBuffer::new());
     let mut problems = 0;
     for (index, set_up) in campaign.set_ups.iter().enumerate() {

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::campaign::{Campaign, differences};
+use crate::failure::Failure;
 use crate::input::Source;
 use crate::run_folder::checksum;
 use crate::run_folder::journal::{self, Begin, Entry, Lines, Withdrawn};
@@ -17,11 +18,6 @@ use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::samples::damaged_part_name;
 use crate::run_folder::write::output_folder::is_unused;
 use crate::settings;
-
-/// Why a run cannot be resumed. The text names what is wrong, what can still be read, and what can be done.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct CannotResume(pub String);
 
 /// A run to resume.
 #[derive(Debug)]
@@ -41,10 +37,10 @@ impl EarlierRun {
     ///
     /// # Errors
     /// A folder without journal; a campaign that is missing, damaged, or differs from the one that the run was started with.
-    pub fn read(folder: &Path) -> Result<Self, CannotResume> {
+    pub fn read(folder: &Path) -> Result<Self, Failure> {
         let shown = folder.display();
         let has = |name: &str| folder.join(name).exists();
-        refuse_links(folder).map_err(|e| CannotResume(e.to_string()))?;
+        refuse_links(folder)?;
         let lines = match journal::read(folder) {
             Ok(lines) => lines,
             Err(_) if !has(journal::JOURNAL) && !has("manifest.json") && has("campaign.toml") => Lines::default(),
@@ -53,19 +49,19 @@ impl EarlierRun {
                     "{shown} has no {}: it was recorded by an earlier version, or is not a run\n  `damprig runs verify {shown}` shows what can be read; to measure again, run its campaign.toml as a new run",
                     journal::JOURNAL
                 );
-                return Err(CannotResume(message));
+                return Err(Failure::Input(message));
             }
-            Err(error) => return Err(CannotResume(error.to_string())),
+            Err(error) => return Err(Failure::Input(error.to_string())),
         };
         let mut taken = JournalState::of(&lines.entries);
         if is_unused(folder).unwrap_or(false) {
             let message =
                 "the run was killed before anything was recorded in it; start it with `damprig run CAMPAIGN --out";
-            return Err(CannotResume(format!("{shown}: {message} {shown}`")));
+            return Err(Failure::Input(format!("{shown}: {message} {shown}`")));
         }
         let mut warnings: Vec<String> = Vec::new();
         let source = Source::read(&folder.join("campaign.toml")).map_err(|e| {
-            CannotResume(format!("{e}\n  the first line of {shown}/{} holds the campaign as run", journal::JOURNAL))
+            Failure::Input(format!("{e}\n  the first line of {shown}/{} holds the campaign as run", journal::JOURNAL))
         })?;
         if let Some(begin) = taken.begun.first() {
             let different = differences(&begin.campaign, source.text());
@@ -75,7 +71,7 @@ impl EarlierRun {
                     "{shown}/campaign.toml is not the campaign that the run was started with:\n  {list}\n  put it back (the first line of {} holds it), or start a new run with the changed one",
                     journal::JOURNAL
                 );
-                return Err(CannotResume(message));
+                return Err(Failure::Input(message));
             }
             if taken.begun.iter().all(|begin| begin.campaign != source.text()) {
                 warnings.push("campaign.toml: remarks or layout have changed; the journal keeps both texts".into());
@@ -85,7 +81,7 @@ impl EarlierRun {
                 "{shown}/{}: its first line is damaged, so campaign and device cannot be compared",
                 journal::JOURNAL
             );
-            return Err(CannotResume(message));
+            return Err(Failure::Input(message));
         }
         let records = taken.begun.first().map_or(&[][..], |begin| &begin.records);
         let changed: Vec<String> = records.iter().filter_map(|copy| copy.file.difference(folder)).collect();
@@ -94,9 +90,9 @@ impl EarlierRun {
                 "{shown}: the motion records are not those that the run was started with:\n  {}\n  put them back, or start a new run with the changed ones; nothing was changed",
                 changed.join("\n  ")
             );
-            return Err(CannotResume(message));
+            return Err(Failure::Input(message));
         }
-        let campaign = campaign_copy::campaign(folder).map_err(|e| CannotResume(e.to_string()))?;
+        let campaign = campaign_copy::campaign(folder)?;
         check_manifest(folder, &campaign, &taken)?;
         let unplanned = taken.unplanned(&campaign);
         if !unplanned.is_empty() {
@@ -105,13 +101,13 @@ impl EarlierRun {
                 journal::JOURNAL,
                 unplanned.join("\n  ")
             );
-            return Err(CannotResume(message));
+            return Err(Failure::Input(message));
         }
         if let Some(changed) = taken.joined.iter().find_map(|joined| joined.file.as_ref()?.difference(folder)) {
             let message = format!(
                 "{shown}/{changed}\n  put the joined samples back as they were; the results are not affected (`damprig runs verify {shown}`); nothing was changed"
             );
-            return Err(CannotResume(message));
+            return Err(Failure::Input(message));
         }
         if !lines.damaged.is_empty() {
             let list: Vec<String> = lines.damaged.iter().map(usize::to_string).collect();
@@ -122,12 +118,12 @@ impl EarlierRun {
         warnings.extend(damaged_parts(folder, &taken));
         let untracked = untracked(folder, &taken, taken.points() >= taken.planned(&campaign).points);
         if !untracked.is_empty() {
-            return Err(CannotResume(untracked_message(folder, &untracked, &taken)));
+            return Err(Failure::Input(untracked_message(folder, &untracked, &taken)));
         }
         let lost = lost_open_parts(folder, &taken).into_iter();
         warnings.extend(lost.map(|name| format!("{name}: missing; its rows are lost")));
         for (part, path) in open_parts(folder) {
-            let stream = read_stream(&path).map_err(|e| CannotResume(e.to_string()))?;
+            let stream = read_stream(&path)?;
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             let aside = if stream.has_damage() {
                 format!("; its sound rows are used, and the file is kept aside as {}", damaged_part_name(part))
@@ -245,11 +241,11 @@ fn is_limit(place: &[String]) -> bool {
 
 /// Checks that manifest and journal are of one run, in a format that this program writes. A missing manifest is written
 /// again from the journal.
-fn check_manifest(folder: &Path, campaign: &Campaign, taken: &JournalState) -> Result<(), CannotResume> {
+fn check_manifest(folder: &Path, campaign: &Campaign, taken: &JournalState) -> Result<(), Failure> {
     if !folder.join("manifest.json").exists() {
         return Ok(());
     }
-    let manifest = manifest_of(folder).map_err(|e| CannotResume(format!("{e}\n  nothing was changed")))?;
+    let manifest = manifest_of(folder).map_err(|e| Failure::Input(format!("{e}\n  nothing was changed")))?;
     let shown = folder.display();
     let file = format!("{shown}/manifest.json");
     if manifest.campaign != campaign.name {
@@ -259,7 +255,7 @@ fn check_manifest(folder: &Path, campaign: &Campaign, taken: &JournalState) -> R
             campaign.name,
             journal::JOURNAL
         );
-        return Err(CannotResume(message));
+        return Err(Failure::Input(message));
     }
     if let Some(begin) = taken.begun.first().filter(|begin| begin.at != manifest.started) {
         let message = format!(
@@ -269,12 +265,12 @@ fn check_manifest(folder: &Path, campaign: &Campaign, taken: &JournalState) -> R
             begin.at,
             journal::JOURNAL
         );
-        return Err(CannotResume(message));
+        return Err(Failure::Input(message));
     }
     let known = taken.points() + taken.superseded().len() + taken.withdrawn().len();
     if manifest.points_taken > known {
         let points = format!("manifest.json: {} points taken", manifest.points_taken);
-        return Err(CannotResume(untracked_message(folder, &[points], taken)));
+        return Err(Failure::Input(untracked_message(folder, &[points], taken)));
     }
     Ok(())
 }

@@ -20,7 +20,8 @@ use damprig_simulator::plant::{Base, PlantConfig, SensorModel};
 use super::error::RunError;
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, RigSettings, SpringSpec, Start, SteppedSine};
 use crate::client::session::Session;
-use crate::input::{Problem, Refusal};
+use crate::failure::Failure;
+use crate::input::Problem;
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::samples::{PointLabel, SampleColumn, column_name};
 
@@ -42,14 +43,14 @@ impl Selection {
         let tick_hz = session.description.tick_hz;
         if tick_hz != TICK_HZ {
             let message = format!("the device ticks at {tick_hz} Hz; this program needs {TICK_HZ} Hz");
-            return Err(Refusal(message).into());
+            return Err(Failure::Input(message).into());
         }
         let table = &session.signals;
         let names: Vec<String> = table.iter().map(|s| s.name.to_string()).collect();
         let positions = campaign.telemetry.select(&names).map_err(|(span, allowed)| {
             let title = "`telemetry.signals` names a signal that the device does not have".into();
             campaign.source.report(Problem { title, span, allowed, help: None });
-            campaign.source.verdict().err().unwrap_or(Refusal("unknown signal".into()))
+            campaign.source.verdict().err().unwrap_or(Failure::Input("unknown signal".into()))
         })?;
         let signal = |&i: &usize| SampleColumn {
             name: column_name(&table[i].name, &table[i].unit),

@@ -25,6 +25,7 @@ mod wav;
 use std::io::Read;
 use std::path::Path;
 
+use crate::failure::Failure;
 use crate::input::{regular, without_panic};
 pub use delimited::Dialect;
 pub(crate) use delimited::SAMPLE_BYTES;
@@ -111,11 +112,6 @@ pub enum Axis {
     Unknown(String),
 }
 
-/// Why a file cannot be read: the file, the place in it, what was found, and what is accepted.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct SignalError(pub String);
-
 impl Axis {
     /// Evenly spaced where the times of a table are so within what their printed decimals allow, else as they are.
     fn of_times(times_s: Vec<f64>) -> Self {
@@ -186,18 +182,18 @@ impl Signal {
 ///
 /// # Errors
 /// Names the file, the line or byte, what was found there, and what is accepted.
-pub fn read(path: &Path) -> Result<Contents, SignalError> {
+pub fn read(path: &Path) -> Result<Contents, Failure> {
     let file = path.display();
-    let cannot = |error: std::io::Error| SignalError(format!("cannot read {file}: {error}"));
+    let cannot = |error: std::io::Error| Failure::Input(format!("cannot read {file}: {error}"));
     let mut bytes = Vec::new();
     regular::open(path).and_then(|open| open.take(MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(cannot)?;
     if bytes.len() as u64 > MAX_BYTES {
-        return Err(SignalError(format!(
+        return Err(Failure::Input(format!(
             "{file}: it holds more than the {} GiB that are read: cut it",
             MAX_BYTES >> 30
         )));
     }
-    parse(&bytes).map_err(|why| SignalError(format!("{file}: {why}")))
+    parse(&bytes).map_err(|why| Failure::Input(format!("{file}: {why}")))
 }
 
 /// Kind of a file by its content.

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use super::delimited::{Dialect, Rows, SAMPLE_BYTES, no_values};
 use super::unit::{Kind, Unit};
-use super::{Axis, Format, Signal, SignalError, TABLE, UNEVEN};
+use super::{Axis, Format, Signal, TABLE, UNEVEN};
+use crate::failure::Failure;
 use crate::input::regular;
 
 /// Entries of an envelope at most.
@@ -155,10 +156,10 @@ impl Collector {
 ///
 /// # Errors
 /// As [`super::read`].
-pub fn read(path: &Path) -> Result<Overview, SignalError> {
+pub fn read(path: &Path) -> Result<Overview, Failure> {
     let file = path.display();
-    let refuse = |why: String| SignalError(format!("{file}: {why}"));
-    let cannot = |error: std::io::Error| SignalError(format!("cannot read {file}: {error}"));
+    let refuse = |why: String| Failure::Input(format!("{file}: {why}"));
+    let cannot = |error: std::io::Error| Failure::Input(format!("cannot read {file}: {error}"));
     let mut open = regular::open(path).map_err(cannot)?;
     let mut sample = vec![0; SAMPLE_BYTES];
     let mut length = 0;

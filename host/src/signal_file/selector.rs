@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Contents, Signal, SignalError};
+use super::{Contents, Signal};
+use crate::failure::Failure;
 use crate::input::near;
 
 /// A file, and which of its signals.
@@ -31,12 +32,12 @@ impl Selector {
     ///
     /// # Errors
     /// There are several and none is chosen, or none is as chosen; the message lists them.
-    pub fn choose(&self, contents: Contents) -> Result<Signal, SignalError> {
+    pub fn choose(&self, contents: Contents) -> Result<Signal, Failure> {
         let file = self.path.display();
         let signals = contents.signals;
         if signals.is_empty() {
             let why: Vec<String> = contents.remarks.iter().map(|remark| format!("\n  {remark}")).collect();
-            return Err(SignalError(format!("{file}: there is no signal in it{}", why.concat())));
+            return Err(Failure::Input(format!("{file}: there is no signal in it{}", why.concat())));
         }
         let list = || {
             let lines = signals.iter().enumerate().map(|(n, signal)| format!("\n  {file}#{}: {}", n + 1, signal.name));
@@ -45,7 +46,7 @@ impl Selector {
         let at = match &self.which {
             None if signals.len() == 1 => 0,
             None => {
-                return Err(SignalError(format!("{file}: it has {} signals: which one?{}", signals.len(), list())));
+                return Err(Failure::Input(format!("{file}: it has {} signals: which one?{}", signals.len(), list())));
             }
             Some(which) => {
                 let by_number = which.parse::<usize>().ok().filter(|n| (1..=signals.len()).contains(n)).map(|n| n - 1);
@@ -56,10 +57,10 @@ impl Selector {
                     ([], None) => {
                         let near = near(which, signals.iter().map(|signal| signal.name.as_str()));
                         let hint = near.first().map_or(String::new(), |name| format!("; did you mean #{name}?"));
-                        return Err(SignalError(format!("{file}: there is no signal {which:?}{hint}{}", list())));
+                        return Err(Failure::Input(format!("{file}: there is no signal {which:?}{hint}{}", list())));
                     }
                     _ => {
-                        return Err(SignalError(format!(
+                        return Err(Failure::Input(format!(
                             "{file}: {} signals are named {which:?}: choose by number{}",
                             named.len(),
                             list()
@@ -75,7 +76,7 @@ impl Selector {
     ///
     /// # Errors
     /// As [`super::read`] and [`Self::choose`].
-    pub fn read(&self) -> Result<Signal, SignalError> {
+    pub fn read(&self) -> Result<Signal, Failure> {
         self.choose(super::read(&self.path)?)
     }
 }

@@ -4,7 +4,8 @@ use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use super::unit::{Kind, Unit};
-use super::{Selector, Signal, SignalError, Tone};
+use super::{Selector, Signal, Tone};
+use crate::failure::Failure;
 
 /// Volts of a sensor per unit of what it measures: `100 mV/g`, `10.2 mV/(m/s2)`, `2.5 V/mm`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,15 +56,15 @@ impl Calibration {
     ///
     /// # Errors
     /// A recording that cannot be read or is of no steady tone; an RMS without a known unit.
-    pub fn of(recording: &Selector, rms: &str) -> Result<Self, SignalError> {
+    pub fn of(recording: &Selector, rms: &str) -> Result<Self, Failure> {
         let parsed = rms.trim().split_once(' ').and_then(|(value, unit)| {
             let value = value.parse::<f64>().ok().filter(|value| value.is_finite() && *value > 0.0)?;
             Unit::of(unit).filter(|unit| unit.kind != Kind::Voltage).map(|unit| (value, unit))
         });
         let (value, unit) = parsed.ok_or_else(|| {
-            SignalError(format!("{rms:?} is no RMS of a calibrator: write it with its unit, \"10 m/s2\" or \"1 g\""))
+            Failure::Input(format!("{rms:?} is no RMS of a calibrator: write it with its unit, \"10 m/s2\" or \"1 g\""))
         })?;
-        let refuse = |why: String| SignalError(format!("{}: {why}", recording.path.display()));
+        let refuse = |why: String| Failure::Input(format!("{}: {why}", recording.path.display()));
         let signal = recording.read()?;
         if signal.unit.is_some_and(|unit| unit.kind != Kind::Voltage) {
             return Err(refuse(format!(

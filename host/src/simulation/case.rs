@@ -11,7 +11,8 @@ use damprig_particles::Damper;
 use super::multi_degree::MultiDegree;
 use super::read_case;
 use super::set_values::SetValues;
-use crate::input::{Refusal, Source};
+use crate::failure::Failure;
+use crate::input::Source;
 use crate::motion_record::Record;
 use crate::run_folder::schema::self_description::of_case;
 use crate::setup::{self, StatedContact};
@@ -61,7 +62,7 @@ impl Case {
     ///
     /// # Errors
     /// Lists all problems of the file: file, line, key, value, allowed values, likely fix.
-    pub fn read(path: &Path) -> Result<Self, Refusal> {
+    pub fn read(path: &Path) -> Result<Self, Failure> {
         Ok(Self::read_with_warnings(path)?.0)
     }
 
@@ -88,7 +89,7 @@ impl Case {
     ///
     /// # Errors
     /// As [`Case::read`].
-    pub fn read_with_warnings(path: &Path) -> Result<(Self, Vec<String>), Refusal> {
+    pub fn read_with_warnings(path: &Path) -> Result<(Self, Vec<String>), Failure> {
         Self::read_changed(path, &SetValues::default())
     }
 
@@ -96,7 +97,7 @@ impl Case {
     ///
     /// # Errors
     /// As [`Case::read`]; of a value from outside the message names its origin.
-    pub fn read_changed(path: &Path, values: &SetValues) -> Result<(Self, Vec<String>), Refusal> {
+    pub fn read_changed(path: &Path, values: &SetValues) -> Result<(Self, Vec<String>), Failure> {
         let source = Source::read(path)?;
         let case = Self::parse_changed(&source, &default_name(path), values)?;
         Ok((case, source.warnings()))
@@ -106,7 +107,7 @@ impl Case {
     ///
     /// # Errors
     /// As [`Case::read`].
-    pub fn parse(source: &Source, name: &str) -> Result<Self, Refusal> {
+    pub fn parse(source: &Source, name: &str) -> Result<Self, Failure> {
         Self::parse_changed(source, name, &SetValues::default())
     }
 
@@ -114,11 +115,11 @@ impl Case {
     ///
     /// # Errors
     /// As [`Case::read_changed`].
-    pub fn parse_changed(source: &Source, name: &str, values: &SetValues) -> Result<Self, Refusal> {
+    pub fn parse_changed(source: &Source, name: &str, values: &SetValues) -> Result<Self, Failure> {
         let case = read_case::read(source, name, values);
         source.verdict()?;
         // A reader that returns `None` has reported why.
-        case.ok_or_else(|| Refusal(format!("{name}: the case could not be read")))
+        case.ok_or_else(|| Failure::Input(format!("{name}: the case could not be read")))
     }
 
     /// The structure's natural period, s.

@@ -4,9 +4,10 @@ use super::Case;
 use super::keys::{case, initial};
 use super::read_case::toml_of;
 use super::set_values::SetValues;
+use crate::failure::Failure;
 use crate::input::locate::Step::Key;
 use crate::input::locate::locate_in;
-use crate::input::{Problem, Refusal, Section, Source};
+use crate::input::{Problem, Section, Source};
 use crate::motion_record::Record;
 use crate::setup::SetUpSpec;
 
@@ -22,7 +23,7 @@ impl Case {
         values: &SetValues,
         what: &str,
         several_places: bool,
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), Failure> {
         let spheres = self.many_particles.as_ref().map(|_| case::MANY_PARTICLES.name());
         let (key, allowed, help) = match (spheres, &self.multi_degree) {
             (Some(key), _) => (

@@ -4,8 +4,9 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::keys;
+use crate::failure::Failure;
+use crate::input::Span;
 use crate::input::key::Quantity;
-use crate::input::{Refusal, Span};
 use crate::{motion_record, setup};
 
 /// Values in place of those of a case, as lines of TOML: `particle.wall.coefficient = 0.5`.
@@ -22,11 +23,13 @@ impl SetValues {
     ///
     /// # Errors
     /// Names the text without `=`, without a key, or with a key that another one sets too.
-    pub fn from_arguments(arguments: &[String]) -> Result<Self, Refusal> {
+    pub fn from_arguments(arguments: &[String]) -> Result<Self, Failure> {
         let mut lines = String::new();
         for argument in arguments {
             let refused = |why: &str| {
-                Refusal(format!("--set {argument:?}: {why}; write for example --set particle.wall.coefficient=0.5"))
+                Failure::Input(format!(
+                    "--set {argument:?}: {why}; write for example --set particle.wall.coefficient=0.5"
+                ))
             };
             let (key, value) = argument.split_once('=').ok_or_else(|| refused("there is no `=`"))?;
             let (key, value) = (key.trim(), value.trim());
@@ -267,10 +270,10 @@ mod tests {
             ("a=", "no value"),
             ("a b=1", "the key"),
         ] {
-            let answer = SetValues::from_arguments(&[wrong.to_string()]).expect_err(wrong).0;
+            let answer = SetValues::from_arguments(&[wrong.to_string()]).expect_err(wrong).to_string();
             assert!(answer.contains(why) && answer.contains(wrong.trim()), "{answer}");
         }
         let twice = ["a.b=1".to_string(), "a.b=2".to_string()];
-        assert!(SetValues::from_arguments(&twice).expect_err("twice").0.contains("duplicate"));
+        assert!(SetValues::from_arguments(&twice).expect_err("twice").to_string().contains("duplicate"));
     }
 }

@@ -11,8 +11,8 @@ use damprig_core::integrator::exact::ExactState;
 use super::case::Case;
 use super::motion::{AccumulationRecord, ContactRecord, ImpactRecord, Phase, Piece, Viewer};
 use super::multi_degree::MultiDegree;
+use crate::failure::Failure;
 use crate::quantity::Quantity;
-use crate::run_folder::StorageError;
 use crate::table::file::{TableFile, TableFormat};
 use crate::table::{Column, DESCRIPTION, TableBuilder, Word};
 
@@ -146,7 +146,7 @@ pub struct TimeHistory {
     impacts: Option<TableFile<ImpactRecord>>,
     contacts: Option<TableFile<ContactRecord>>,
     accumulations: Option<TableFile<AccumulationRecord>>,
-    failure: Option<StorageError>,
+    failure: Option<Failure>,
 }
 
 impl TimeHistory {
@@ -155,7 +155,7 @@ impl TimeHistory {
     ///
     /// # Errors
     /// When a file cannot be created.
-    pub fn create(to: &TablePath, rate_hz: f64, case: &Case) -> Result<Self, StorageError> {
+    pub fn create(to: &TablePath, rate_hz: f64, case: &Case) -> Result<Self, Failure> {
         let has_walls = case.has_impacts();
         let about = |rows: &str| case.description().with(DESCRIPTION, rows);
         let format = to.format;
@@ -192,7 +192,7 @@ impl TimeHistory {
     ///
     /// # Errors
     /// When a write has failed since [`TimeHistory::create`]; no file is left.
-    pub fn finish(self) -> Result<(), StorageError> {
+    pub fn finish(self) -> Result<(), Failure> {
         if let Some(failure) = self.failure {
             return Err(failure);
         }
@@ -202,7 +202,7 @@ impl TimeHistory {
         self.accumulations.map_or(Ok(()), TableFile::finish)
     }
 
-    fn keep_failure(&mut self, written: Result<(), StorageError>) {
+    fn keep_failure(&mut self, written: Result<(), Failure>) {
         if let Err(failure) = written {
             self.failure.get_or_insert(failure);
         }

@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::ReadError;
 use super::whole_file::WholeFile;
+
+use crate::failure::Failure;
 
 /// A file to write.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -17,15 +18,15 @@ pub struct OutFile {
 /// What to do about a file that exists.
 pub const EXISTS: &str = "it exists; move it away, give another name, or replace it with --force";
 
-fn failed(out: &Path, why: &dyn std::fmt::Display) -> ReadError {
-    ReadError(format!("cannot write {}: {why}", out.display()))
+fn failed(out: &Path, why: &dyn std::fmt::Display) -> Failure {
+    Failure::Storage(format!("cannot write {}: {why}", out.display()))
 }
 
 /// Lets `write` fill a file, which then gets its name.
 ///
 /// # Errors
 /// When `out` exists or its folder cannot be written; the error of `write`.
-pub fn write_new<T>(out: &OutFile, write: impl FnOnce(&mut WholeFile) -> Result<T, ReadError>) -> Result<T, ReadError> {
+pub fn write_new<T>(out: &OutFile, write: impl FnOnce(&mut WholeFile) -> Result<T, Failure>) -> Result<T, Failure> {
     let OutFile { path: out, force } = out;
     if !force && out.symlink_metadata().is_ok() {
         return Err(failed(out, &EXISTS));
@@ -37,6 +38,6 @@ pub fn write_new<T>(out: &OutFile, write: impl FnOnce(&mut WholeFile) -> Result<
 }
 
 /// Makes errors that name `out` instead of the temporary file.
-pub fn to_failure(out: &Path) -> impl Fn(&dyn std::fmt::Display) -> ReadError {
+pub fn to_failure(out: &Path) -> impl Fn(&dyn std::fmt::Display) -> Failure {
     move |why| failed(out, why)
 }

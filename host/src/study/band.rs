@@ -2,7 +2,7 @@
 
 use super::axis::{Axis, Reduction, Value};
 use super::evaluate::reduce_over;
-use super::simulate::Halt;
+use crate::failure::Failure;
 
 /// How a band is searched between the values of its grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,10 +59,10 @@ pub struct Reduced {
 }
 
 /// Simulates points of the band, given by the values of its axes: a value for each.
-pub type Simulate<'a> = &'a mut dyn FnMut(&[Vec<Value>]) -> Result<Vec<f64>, Halt>;
+pub type Simulate<'a> = &'a mut dyn FnMut(&[Vec<Value>]) -> Result<Vec<f64>, Failure>;
 
 /// Evaluates a line of the band at some frequencies.
-type Evaluate<'a> = &'a mut dyn FnMut(&[f64]) -> Result<Vec<Sample>, Halt>;
+type Evaluate<'a> = &'a mut dyn FnMut(&[f64]) -> Result<Vec<Sample>, Failure>;
 
 /// The value at a frequency, all later axes reduced.
 #[derive(Clone, Copy, Debug)]
@@ -112,7 +112,7 @@ impl Band {
     ///
     /// # Errors
     /// Those of `simulate`.
-    pub fn reduce(&self, grid: &[f64], effort: Effort, simulate: Simulate) -> Result<Reduced, Halt> {
+    pub fn reduce(&self, grid: &[f64], effort: Effort, simulate: Simulate) -> Result<Reduced, Failure> {
         let all: Vec<&Axis> = self.axes.iter().collect();
         let Some(place) = self.refined.filter(|_| effort != Effort::Grid) else {
             let (value, point) = reduce_over(&all, grid);
@@ -130,7 +130,7 @@ impl Band {
             };
             let mut line: Vec<Sample> =
                 numbers(axis).into_iter().zip(of_line.chunks(inner_points)).map(sample).collect();
-            let mut evaluate = |frequencies: &[f64]| -> Result<Vec<Sample>, Halt> {
+            let mut evaluate = |frequencies: &[f64]| -> Result<Vec<Sample>, Failure> {
                 let at = |frequency: &f64, point: usize| {
                     let own = std::iter::once(Value::Number(*frequency));
                     first.iter().cloned().chain(own).chain(values_at(inner_axes, point)).collect::<Vec<Value>>()
@@ -159,7 +159,7 @@ impl Band {
 }
 
 /// The best sample of a line and of what lies around its best peaks.
-fn highest(mut line: Vec<Sample>, is_minimum: bool, peaks: usize, evaluate: Evaluate) -> Result<Sample, Halt> {
+fn highest(mut line: Vec<Sample>, is_minimum: bool, peaks: usize, evaluate: Evaluate) -> Result<Sample, Failure> {
     let height = |sample: &Sample| if is_minimum { -sample.value } else { sample.value };
     let better = |a: Sample, b: Sample| if height(&b) > height(&a) { b } else { a };
     line.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));

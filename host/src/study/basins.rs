@@ -13,7 +13,7 @@ use damprig_core::io::Invalid;
 use rayon::prelude::*;
 
 use super::bifurcation::{SweepAxis, sine_case};
-use crate::input::Refusal;
+use crate::failure::Failure;
 use crate::simulation::motion::Piece;
 use crate::simulation::multi_degree::driver::response_of_cycle;
 use crate::simulation::{Case, SetValues, initial};
@@ -240,24 +240,24 @@ pub fn run(
     grid: &Grid,
     set: &SetValues,
     go_on: &(dyn Fn(u64) -> bool + Sync),
-) -> Result<Option<Basins>, Refusal> {
+) -> Result<Option<Basins>, Failure> {
     let keys =
         [&initial::X, &initial::V, &initial::Y, &initial::U].map(|quantity| format!("initial.{}", quantity.name()));
     if let Some(axis) = grid.axes.iter().find(|axis| !keys.contains(&axis.key)) {
         let keys = keys.join(", ");
-        return Err(Refusal(format!(
+        return Err(Failure::Input(format!(
             "`{}` is no start\n  a basin is a set of starts of one case: take two of {keys}",
             axis.key
         )));
     }
     if grid.starts() > MAX_STARTS {
-        return Err(Refusal(format!("{} starts are too many: at most {MAX_STARTS}", grid.starts())));
+        return Err(Failure::Input(format!("{} starts are too many: at most {MAX_STARTS}", grid.starts())));
     }
     if grid.axes[0].key == grid.axes[1].key {
-        return Err(Refusal(format!("both axes have the key `{}`: take two keys", grid.axes[0].key)));
+        return Err(Failure::Input(format!("both axes have the key `{}`: take two keys", grid.axes[0].key)));
     }
     let done = AtomicU64::new(0);
-    let follow = |start: usize| -> Result<Option<End>, Refusal> {
+    let follow = |start: usize| -> Result<Option<End>, Failure> {
         if !go_on(done.fetch_add(1, Ordering::Relaxed)) {
             return Ok(None);
         }
@@ -265,7 +265,9 @@ pub fn run(
         let lines = format!("{}{} = {x:?}\n{} = {y:?}\n", set.lines, grid.axes[0].key, grid.axes[1].key);
         let values = SetValues { origin: set.origin.clone(), lines };
         let case = sine_case((source_name, text, name), &values, "a map of basins", false)?;
-        end(&case, grid.most_cycles).map(Some).map_err(|invalid| Refusal(format!("start {}: {invalid}", start + 1)))
+        end(&case, grid.most_cycles)
+            .map(Some)
+            .map_err(|invalid| Failure::Input(format!("start {}: {invalid}", start + 1)))
     };
     let ends: Option<Vec<End>> = (0..grid.starts()).into_par_iter().map(follow).collect::<Result<_, _>>()?;
     Ok(ends.map(gathered))

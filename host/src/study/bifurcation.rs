@@ -11,7 +11,8 @@ use damprig_core::io::Invalid;
 use damprig_core::model::Initial;
 use damprig_structures::State;
 
-use crate::input::{Refusal, Source};
+use crate::failure::Failure;
+use crate::input::Source;
 use crate::simulation::multi_degree::driver::{cycles, response_of_cycle};
 use crate::simulation::{Case, SetValues};
 
@@ -111,12 +112,12 @@ pub(super) fn sine_case(
     values: &SetValues,
     what: &str,
     several_places: bool,
-) -> Result<Case, Refusal> {
+) -> Result<Case, Failure> {
     let case = Case::parse_changed(&Source::new(source_name, text), name, values)?;
     case.refuse_other_engines((source_name, text), values, what, several_places)?;
     match case.excitation {
         Excitation::Sine { .. } | Excitation::ForceSine { .. } if case.record.is_none() => Ok(case),
-        _ => Err(Refusal(format!(
+        _ => Err(Failure::Input(format!(
             "{source_name}: {what} needs a sine\n  write base = {{ kind = \"sine\", … }} or force = {{ kind = \"sine\", … }}"
         ))),
     }
@@ -126,7 +127,7 @@ pub(super) fn sine_case(
 ///
 /// # Errors
 /// A case that the key and a value make and that is refused, or that is not driven by a sine.
-pub fn cases(source_name: &str, text: &str, name: &str, sweep: &Sweep, set: &SetValues) -> Result<Vec<Case>, Refusal> {
+pub fn cases(source_name: &str, text: &str, name: &str, sweep: &Sweep, set: &SetValues) -> Result<Vec<Case>, Failure> {
     let case = |value: &f64| {
         let lines = format!("{}{} = {value:?}\n", set.lines, sweep.key);
         let values = SetValues { origin: set.origin.clone(), lines };
@@ -135,7 +136,7 @@ pub fn cases(source_name: &str, text: &str, name: &str, sweep: &Sweep, set: &Set
     let cases: Vec<Case> = sweep.values.iter().map(case).collect::<Result<_, _>>()?;
     let modes = |case: &Case| case.multi_degree.as_ref().map(|several| several.set_up.structure.clone());
     if cases.windows(2).any(|pair| modes(&pair[0]) != modes(&pair[1])) {
-        return Err(Refusal(format!(
+        return Err(Failure::Input(format!(
             "{source_name}: `{}` changes the natural modes, and the motion goes on in them from value to value\n  sweep a key of a damper or of the \
              excitation",
             sweep.key
@@ -160,7 +161,7 @@ pub fn run(
     sweep: &Sweep,
     direction: Direction,
     go_on: &mut dyn FnMut(usize) -> bool,
-) -> Result<Vec<Sample>, Refusal> {
+) -> Result<Vec<Sample>, Failure> {
     let mut order: Vec<usize> = (0..cases.len()).collect();
     if direction == Direction::Down {
         order.reverse();
@@ -193,7 +194,7 @@ pub fn run(
             }
             (None, _) => exact_cycles(case, &case.initial, counts, &mut keep).map(Start::Initial),
         };
-        start = Some(end.map_err(|invalid| Refusal(format!("{} = {value}: {invalid}", sweep.key)))?);
+        start = Some(end.map_err(|invalid| Failure::Input(format!("{} = {value}: {invalid}", sweep.key)))?);
     }
     Ok(samples)
 }
@@ -229,7 +230,7 @@ pub fn run_all(
     sweep: &Sweep,
     directions: &[Direction],
     go_on: &(dyn Fn(u64) -> bool + Sync),
-) -> Result<Vec<Sample>, Refusal> {
+) -> Result<Vec<Sample>, Failure> {
     let done = AtomicU64::new(0);
     let swept =
         |direction: Direction| run(cases, sweep, direction, &mut |_| go_on(done.fetch_add(1, Ordering::Relaxed)));

@@ -9,20 +9,18 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use arrow_schema::ArrowError;
 use parquet::arrow::ArrowWriter;
 use serde::{Deserialize, Serialize};
 
 use super::evaluate::cycles_per_row;
-use super::failure::StudyFailure;
 use super::file::Study;
 use super::part::{self, Part, batch, schema};
 use super::store::Store;
 use super::sums::Sums;
-use crate::input::Refusal;
+use crate::failure::Failure;
+use crate::run_folder::checksum;
 use crate::run_folder::read::parquet_file::{self, Content};
 use crate::run_folder::sealed_parquet::{self, IDENTITY};
-use crate::run_folder::{ReadError, StorageError, checksum};
 use crate::table::parquet_properties::properties;
 
 /// Version of the layout of parts and table; part of a study's identity.
@@ -147,7 +145,7 @@ impl DataSet {
     ///
     /// # Errors
     /// A place with results of another study or version, or with something else; one that cannot be written; a damaged manifest.
-    pub fn open(study: &Study, store: Store) -> Result<Self, StudyFailure> {
+    pub fn open(study: &Study, store: Store) -> Result<Self, Failure> {
         // Listed first: whoever begins a data set writes its manifest before anything else.
         let others = store.list("")?;
         if let Some(data_set) = Self::existing(study, store.clone())? {
@@ -157,37 +155,39 @@ impl DataSet {
         // Parts tell which study they belong to: their manifest may be written again.
         let has_parts = store.list(PARTS)?.iter().any(|entry| part_number(&entry.name).is_some());
         if !others.is_empty() && !has_parts {
-            return Err(
-                Refusal(format!("{} is not empty and has no study; give another --out", shown.display())).into()
-            );
+            return Err(Failure::Input(format!(
+                "{} is not empty and has no study; give another --out",
+                shown.display()
+            )));
         }
         store.put_new(MANIFEST, &Manifest::of(study).to_text())?;
         // It may be that of another worker.
         let written = Self::existing(study, store)?;
-        let removed = || ReadError(format!("{} was removed as soon as it was written", shown.join(MANIFEST).display()));
-        Ok(written.ok_or_else(removed)?)
+        let removed =
+            || Failure::Storage(format!("{} was removed as soon as it was written", shown.join(MANIFEST).display()));
+        written.ok_or_else(removed)
     }
 
     /// Opens the results of a study if there are any; writes nothing.
     ///
     /// # Errors
     /// Results of another study or version; a place that cannot be read; a damaged manifest.
-    pub fn existing(study: &Study, store: Store) -> Result<Option<Self>, StudyFailure> {
+    pub fn existing(study: &Study, store: Store) -> Result<Option<Self>, Failure> {
         let Some(bytes) = store.get(MANIFEST)? else { return Ok(None) };
         let manifest = Manifest::of(study);
         let shown = store.path(MANIFEST);
         let damaged = |what: &dyn std::fmt::Display| {
             let help = "remove it: the next `damprig study run` or `work` writes it again and goes on with the parts";
-            ReadError(format!("{} is damaged: {what}\n  {help}", shown.display()))
+            Failure::Storage(format!("{} is damaged: {what}\n  {help}", shown.display()))
         };
         let there: Manifest = serde_json::from_slice(&bytes).map_err(|error| damaged(&error))?;
         // The digest is of the values; what is written between them counts too.
         let is_as_written = |digest: &String| *digest == there.digest() && *bytes == *there.to_text();
         if !there.sha256.as_ref().is_none_or(is_as_written) {
-            return Err(damaged(&"it was changed since it was written (SHA-256 differs)").into());
+            return Err(damaged(&"it was changed since it was written (SHA-256 differs)"));
         }
         if there.digest() != manifest.digest() {
-            return Err(Refusal(changed(&there, &manifest, &store.path(""))).into());
+            return Err(Failure::Input(changed(&there, &manifest, &store.path(""))));
         }
         Ok(Some(Self { store, manifest }))
     }
@@ -214,7 +214,7 @@ impl DataSet {
     ///
     /// # Errors
     /// When they cannot be listed.
-    pub fn parts(&self) -> Result<BTreeMap<u64, SystemTime>, StorageError> {
+    pub fn parts(&self) -> Result<BTreeMap<u64, SystemTime>, Failure> {
         let entries = self.store.list(PARTS)?;
         let number = |name: &str| part_number(name).filter(|part| *part < self.manifest.parts());
         Ok(entries.iter().filter_map(|entry| Some((number(&entry.name)?, entry.modified))).collect())
@@ -224,7 +224,7 @@ impl DataSet {
     ///
     /// # Errors
     /// When that cannot be found out.
-    pub fn has_part(&self, part: u64) -> Result<bool, StorageError> {
+    pub fn has_part(&self, part: u64) -> Result<bool, Failure> {
         self.store.has(&place_of(part))
     }
 
@@ -233,11 +233,12 @@ impl DataSet {
     /// # Errors
     /// A file that is no Parquet, is cut short, has changed since it was written, belongs to another study, or has other columns or
     /// points.
-    pub fn part(&self, study: &Study, part: u64) -> Result<Option<Part>, StudyFailure> {
+    pub fn part(&self, study: &Study, part: u64) -> Result<Option<Part>, Failure> {
         let shown = self.part_path(part).display().to_string();
         let Some(bytes) = self.store.get(&place_of(part))? else { return Ok(None) };
         let read = part::read(study, &self.manifest, &self.manifest.rows_of(part), (&shown, bytes));
-        let wrong = |error: ReadError| ReadError(format!("{error}\n  remove {shown}: the part is then computed again"));
+        let wrong =
+            |error: Failure| Failure::Storage(format!("{error}\n  remove {shown}: the part is then computed again"));
         Ok(Some(read.map_err(wrong)?))
     }
 
@@ -246,12 +247,12 @@ impl DataSet {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn write_part(&self, study: &Study, part: u64, rows: &[Vec<f64>]) -> Result<(), StorageError> {
+    pub fn write_part(&self, study: &Study, part: u64, rows: &[Vec<f64>]) -> Result<(), Failure> {
         let path = self.part_path(part);
         let schema = schema(study, &self.manifest);
         let batch = batch(study, &schema, self.manifest.rows_of(part).start, rows);
-        let bytes = batch.and_then(|batch| sealed_parquet::bytes(&batch).map_err(ArrowError::from));
-        let bytes = bytes.map_err(|error| StorageError::new("write", &path, error))?;
+        let bytes = batch.map_err(Failure::from).and_then(|batch| sealed_parquet::bytes(&batch));
+        let bytes = bytes.map_err(|error| Failure::cannot("write", &path, error))?;
         self.store.put_new(&place_of(part), &bytes).map(drop)
     }
 
@@ -259,19 +260,19 @@ impl DataSet {
     ///
     /// # Errors
     /// Parts that are missing or wrong; a table that cannot be written.
-    pub fn join(&self, study: &Study, mut seen: impl FnMut(u64, &Part)) -> Result<PathBuf, StudyFailure> {
+    pub fn join(&self, study: &Study, mut seen: impl FnMut(u64, &Part)) -> Result<PathBuf, Failure> {
         let missing = self.missing()?;
         if !missing.is_empty() {
-            return Err(ReadError(self.told_missing(&missing)).into());
+            return Err(Failure::Storage(self.told_missing(&missing)));
         }
         let path = self.store.path(TABLE);
-        let failed = |error: &dyn std::fmt::Display| StorageError::new("write", &path, error);
+        let failed = |error: &dyn std::fmt::Display| Failure::cannot("write", &path, error);
         let schema = schema(study, &self.manifest);
         let mut file = self.store.large_file(TABLE)?;
         let mut writer = ArrowWriter::try_new(file.as_file_mut(), schema.clone(), Some(properties(&schema)))
             .map_err(|error| failed(&error))?;
         for part in 0..self.manifest.parts() {
-            let there = self.part(study, part)?.ok_or_else(|| ReadError(self.told_missing(&[part])))?;
+            let there = self.part(study, part)?.ok_or_else(|| Failure::Storage(self.told_missing(&[part])))?;
             seen(part, &there);
             writer.write(&there.batch).map_err(|error| failed(&error))?;
             if writer.in_progress_size() > ROW_GROUP_BYTES {
@@ -295,12 +296,12 @@ impl DataSet {
     ///
     /// # Errors
     /// When it cannot be read.
-    pub fn table_has_digest(&self) -> Result<Option<Result<bool, ReadError>>, StorageError> {
+    pub fn table_has_digest(&self) -> Result<Option<Result<bool, Failure>>, Failure> {
         let shown = self.store.path(TABLE).display().to_string();
         let Some(bytes) = self.store.get(TABLE)? else { return Ok(None) };
         let own = |content: Content| match content.metadata.get(IDENTITY) {
             Some(identity) if *identity == self.manifest.identity => Ok(content.has_digest),
-            _ => Err(ReadError(format!("{shown}: belongs to another study or another version of it"))),
+            _ => Err(Failure::Storage(format!("{shown}: belongs to another study or another version of it"))),
         };
         Ok(Some(parquet_file::content(&shown, bytes).and_then(own)))
     }
@@ -309,7 +310,7 @@ impl DataSet {
     ///
     /// # Errors
     /// When the parts cannot be listed.
-    pub fn missing(&self) -> Result<Vec<u64>, StorageError> {
+    pub fn missing(&self) -> Result<Vec<u64>, Failure> {
         let there = self.parts()?;
         Ok((0..self.manifest.parts()).filter(|part| !there.contains_key(part)).collect())
     }

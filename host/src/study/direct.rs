@@ -9,7 +9,7 @@ use damprig_core::model::Wall;
 use super::axis::Value;
 use super::samples;
 use super::varied_case::VariedCase;
-use crate::input::Refusal;
+use crate::failure::Failure;
 use crate::simulation::Case;
 
 /// A number of the model that a key states alone.
@@ -121,12 +121,12 @@ impl Direct {
     ///
     /// # Errors
     /// The refusal of a case that the values make.
-    pub fn at<'a>(&'a self, varied: VariedCase<'a>, values: &[Value]) -> Result<Cases<'a>, Refusal> {
+    pub fn at<'a>(&'a self, varied: VariedCase<'a>, values: &[Value]) -> Result<Cases<'a>, Failure> {
         Ok(Cases { varied, direct: self, template: self.template_at(varied, values)? })
     }
 
     /// The case in which the numbers are set: one for all, or one for these values. `None` if all is read.
-    fn template_at(&self, varied: VariedCase, values: &[Value]) -> Result<Option<Case>, Refusal> {
+    fn template_at(&self, varied: VariedCase, values: &[Value]) -> Result<Option<Case>, Failure> {
         match &self.template {
             Some(template) => Ok(Some(template.clone())),
             None if self.numbers.is_empty() => Ok(None),
@@ -171,7 +171,7 @@ impl Cases<'_> {
     ///
     /// # Errors
     /// The refusal of a case that the values make.
-    pub fn with(&self, values: &[Value]) -> Result<Case, Refusal> {
+    pub fn with(&self, values: &[Value]) -> Result<Case, Failure> {
         let made = self.template.as_ref().and_then(|template| self.direct.set(template, values));
         made.map_or_else(|| self.varied.with(values), Ok)
     }

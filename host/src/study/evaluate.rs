@@ -12,8 +12,8 @@ use super::file::Study;
 use super::linear;
 use super::metric;
 use super::over::Over;
-use super::simulate::{Counted, GoOn, Halt, Record, Simulated, metrics_of_all};
-use crate::input::Refusal;
+use super::simulate::{Counted, GoOn, Record, Simulated, metrics_of_all};
+use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::simulation::case::RunSpec;
 use crate::simulation::{Case, cost, multi_degree};
@@ -109,14 +109,14 @@ const POINTS_PER_QUESTION: u64 = 256;
 ///
 /// # Errors
 /// The refusal of a case that the axes make, or that `go_on` said no.
-pub fn rows(study: &Study, rows: Range<u64>, go_on: GoOn) -> Result<Vec<Vec<f64>>, Halt> {
+pub fn rows(study: &Study, rows: Range<u64>, go_on: GoOn) -> Result<Vec<Vec<f64>>, Failure> {
     let points = study.points.points_per_row(&study.axes).unwrap_or(0);
     let mut cases = Vec::new();
     for row in rows.clone() {
         let of_row = study.cases(row)?;
         for point in 0..points {
             if point % POINTS_PER_QUESTION == POINTS_PER_QUESTION - 1 && !go_on() {
-                return Err(Halt::Stopped);
+                return Err(Failure::stopped());
             }
             let case = of_row.with(&study.points.values(&study.axes, row, point))?;
             match &study.ensemble {
@@ -133,7 +133,7 @@ pub fn rows(study: &Study, rows: Range<u64>, go_on: GoOn) -> Result<Vec<Vec<f64>
 }
 
 /// A row from its simulations, by point, then by start, and from more of them around the peaks of a band.
-fn row_of(study: &Study, band: &Band, row: u64, simulated: &[Simulated], go_on: GoOn) -> Result<Vec<f64>, Halt> {
+fn row_of(study: &Study, band: &Band, row: u64, simulated: &[Simulated], go_on: GoOn) -> Result<Vec<f64>, Failure> {
     let starts = study.ensemble.as_ref().map_or(1, |ensemble| ensemble.shares.len());
     let mut row_values = Vec::new();
     let cases_of_row = study.cases(row)?;
@@ -151,7 +151,7 @@ fn row_of(study: &Study, band: &Band, row: u64, simulated: &[Simulated], go_on: 
                     let case = cases_of_row.with(&values)?;
                     Ok(share.map_or_else(|| case.clone(), |share| case.started_at(share)))
                 };
-                let cases = points.iter().map(case).collect::<Result<Vec<Case>, Refusal>>()?;
+                let cases = points.iter().map(case).collect::<Result<Vec<Case>, Failure>>()?;
                 let found = metrics_of_all(&cases, study.record, &[*metric], go_on)?;
                 unresolved += found.iter().map(|(_, given_up)| given_up).sum::<f64>();
                 Ok(found.iter().map(|(values, _)| values[0]).collect())
@@ -218,7 +218,7 @@ const TRIAL: Duration = Duration::from_millis(50);
 ///
 /// # Errors
 /// The refusal of a case that the axes make.
-pub fn trial_s(study: &Study, row: u64) -> Result<f64, Refusal> {
+pub fn trial_s(study: &Study, row: u64) -> Result<f64, Failure> {
     let start = Instant::now();
     let cases = study.cases(row)?;
     let row_s = start.elapsed().as_secs_f64();
@@ -233,11 +233,11 @@ pub fn trial_s(study: &Study, row: u64) -> Result<f64, Refusal> {
 ///
 /// # Errors
 /// The refusal of a case.
-pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Quantity]) -> Result<f64, Refusal> {
+pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Quantity]) -> Result<f64, Failure> {
     let start = Instant::now();
     let counted = Counted::of(&case, record);
     let end_s = counted.end_s;
-    let refused = |invalid: damprig_core::io::Invalid| Refusal(invalid.to_string());
+    let refused = |invalid: damprig_core::io::Invalid| Failure::Input(invalid.to_string());
     // The analysis runs the motion again, and some of its periods many times.
     let times = if metrics.iter().any(|metric| metric::needs_analysis(*metric)) { 4.0 } else { 1.0 };
     if case.many_particles.is_some() {
@@ -246,7 +246,7 @@ pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Quantity]) ->
     }
     if case.record.is_some() || linear::settled(&case, &counted).is_some() {
         // Nothing stops it, so it has a result.
-        let _ = Halt::unless_stopped(metrics_of_all(&[case], record, metrics, &|| true))?;
+        let _ = Failure::unless_interrupted(metrics_of_all(&[case], record, metrics, &|| true))?;
         return Ok(times * start.elapsed().as_secs_f64());
     }
     if let Some(several) = &case.multi_degree {

@@ -16,9 +16,10 @@ use super::points::{Method, Points, Sampling, Scattered};
 use super::samples;
 use super::simulate::{Counted, Record};
 use super::varied_case::VariedCase;
+use crate::failure::Failure;
 use crate::input::regular::read_input;
 use crate::input::section::Text;
-use crate::input::{Files, Problem, Refusal, Section, Source, near};
+use crate::input::{Files, Problem, Section, Source, near};
 use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::simulation::case::default_name;
@@ -82,7 +83,7 @@ impl Study {
     ///
     /// # Errors
     /// Lists all problems of the file, or those of the case with values of the axes.
-    pub fn read(path: &Path) -> Result<Self, Refusal> {
+    pub fn read(path: &Path) -> Result<Self, Failure> {
         Self::parse(&Source::read(path)?, path, None)
     }
 
@@ -90,7 +91,7 @@ impl Study {
     ///
     /// # Errors
     /// As [`Study::read`].
-    pub fn parse(source: &Source, path: &Path, case: Option<&Source>) -> Result<Self, Refusal> {
+    pub fn parse(source: &Source, path: &Path, case: Option<&Source>) -> Result<Self, Failure> {
         Self::parse_at(source, path, case, None)
     }
 
@@ -103,7 +104,7 @@ impl Study {
         path: &Path,
         case: Option<&Source>,
         points: Option<GivenPoints>,
-    ) -> Result<Self, Refusal> {
+    ) -> Result<Self, Failure> {
         let mut study = Self::parse_unchecked(source, path, case, points)?;
         study.check(source)?;
         study.identity = study.digest();
@@ -115,7 +116,7 @@ impl Study {
     ///
     /// # Errors
     /// Lists all problems of the file.
-    pub fn read_unchecked(path: &Path) -> Result<Self, Refusal> {
+    pub fn read_unchecked(path: &Path) -> Result<Self, Failure> {
         Self::parse_unchecked(&Source::read(path)?, path, None, None)
     }
 
@@ -124,10 +125,10 @@ impl Study {
         path: &Path,
         case: Option<&Source>,
         points: Option<GivenPoints>,
-    ) -> Result<Self, Refusal> {
+    ) -> Result<Self, Failure> {
         let study = source.read_toml(source.text(), "this is not TOML", |root| read_root(root, path, case, points));
         source.verdict()?;
-        study.ok_or_else(|| Refusal(format!("{}: the study could not be read", path.display())))
+        study.ok_or_else(|| Failure::Input(format!("{}: the study could not be read", path.display())))
     }
 
     /// Rows of the table.
@@ -147,7 +148,7 @@ impl Study {
     ///
     /// # Errors
     /// Names the key, its value and what is allowed.
-    pub fn case_with(&self, values: &[Value]) -> Result<Case, Refusal> {
+    pub fn case_with(&self, values: &[Value]) -> Result<Case, Failure> {
         self.varied_case().with(values)
     }
 
@@ -155,7 +156,7 @@ impl Study {
     ///
     /// # Errors
     /// As [`Self::case_with`].
-    pub fn cases(&self, row: u64) -> Result<Cases<'_>, Refusal> {
+    pub fn cases(&self, row: u64) -> Result<Cases<'_>, Failure> {
         self.direct.at(self.varied_case(), &self.points.values(&self.axes, row, 0))
     }
 
@@ -174,7 +175,7 @@ impl Study {
     ///
     /// # Errors
     /// As [`Self::case_with`].
-    pub fn settling(&self) -> Result<Option<String>, Refusal> {
+    pub fn settling(&self) -> Result<Option<String>, Failure> {
         let mut worst: Option<(f64, Option<String>)> = None;
         for values in self.samples() {
             let case = self.case_with(&values)?;
@@ -204,23 +205,23 @@ impl Study {
     }
 
     /// Checks the corners of the grid, and each value of each axis with the first values of the others.
-    fn check(&self, source: &Source) -> Result<(), Refusal> {
+    fn check(&self, source: &Source) -> Result<(), Failure> {
         let samples = self.samples();
         self.check_metrics(source, &samples[0])?;
         samples.iter().try_for_each(|values| self.check_at(source, values))?;
         samples::each_alone(&self.axes, &samples[0]).iter().try_for_each(|values| self.check_at(source, values))
     }
 
-    fn check_at(&self, source: &Source, values: &[Value]) -> Result<(), Refusal> {
+    fn check_at(&self, source: &Source, values: &[Value]) -> Result<(), Failure> {
         let case = self.varied_case().checked(source, values)?;
         if self.ensemble.is_some() && !case.has_particle() {
-            return Err(Refusal(format!(
+            return Err(Failure::Input(format!(
                 "[ensemble] is for a particle, and {} has none\n  leave it out",
                 self.case_path.display()
             )));
         }
         if self.record.is_some() && case.record.is_some() {
-            return Err(Refusal(format!(
+            return Err(Failure::Input(format!(
                 "[record] counts cycles, and the base of {} follows a record\n  leave it out: the whole record counts",
                 self.case_path.display()
             )));
@@ -228,7 +229,7 @@ impl Study {
         Ok(())
     }
 
-    fn check_metrics(&self, source: &Source, values: &[Value]) -> Result<(), Refusal> {
+    fn check_metrics(&self, source: &Source, values: &[Value]) -> Result<(), Failure> {
         let case = self.varied_case().checked(source, values)?;
         for metric in &self.metrics {
             if let Some(why) = metric::refusal(*metric, &case) {

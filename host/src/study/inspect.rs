@@ -4,9 +4,9 @@ use std::time::SystemTime;
 
 use super::Study;
 use super::data_set::{DataSet, PARTS, TABLE, part_number};
-use super::failure::StudyFailure;
 use super::sums::{SUMS, Sums};
-use crate::run_folder::ReadError;
+
+use crate::failure::Failure;
 
 /// Parts that the pace is taken from: the latest.
 const PACE_PARTS: usize = 64;
@@ -25,7 +25,7 @@ pub struct Parts {
 }
 
 /// Reads every part. `seen` gets each part's number.
-fn look(study: &Study, data_set: &DataSet, mut seen: impl FnMut(u64)) -> Result<Parts, StudyFailure> {
+fn look(study: &Study, data_set: &DataSet, mut seen: impl FnMut(u64)) -> Result<Parts, Failure> {
     let mut parts = Parts::default();
     for part in 0..data_set.manifest().parts() {
         match data_set.part(study, part) {
@@ -55,7 +55,7 @@ pub struct Status {
 ///
 /// # Errors
 /// When parts cannot be listed or read.
-pub fn status(study: &Study, data_set: &DataSet) -> Result<Status, StudyFailure> {
+pub fn status(study: &Study, data_set: &DataSet) -> Result<Status, Failure> {
     let there = data_set.parts()?;
     let parts = look(study, data_set, |_| ())?;
     let left_s = left_s(there.into_values().collect(), parts.missing.len());
@@ -98,7 +98,7 @@ impl Verdict {
 ///
 /// # Errors
 /// When files cannot be listed or read.
-pub fn verify(study: &Study, data_set: &DataSet, seen: impl FnMut(u64)) -> Result<Verdict, StudyFailure> {
+pub fn verify(study: &Study, data_set: &DataSet, seen: impl FnMut(u64)) -> Result<Verdict, Failure> {
     let store = data_set.store();
     let (parts, mut wrong) = (look(study, data_set, seen)?, Vec::new());
     for entry in store.list(PARTS)? {
@@ -122,13 +122,13 @@ pub fn verify(study: &Study, data_set: &DataSet, seen: impl FnMut(u64)) -> Resul
             wrong.extend(changed.iter().map(again));
             Some(good)
         }
-        Err(ReadError(what)) => {
-            wrong.push(again(&what));
+        Err(failure) => {
+            wrong.push(again(&failure.to_string()));
             None
         }
     };
     // One that the digests name is named once.
-    if let Some(Err(ReadError(what))) = &table
+    if let Some(Err(Failure::Storage(what))) = &table
         && !wrong.iter().any(|named| named.starts_with(&shown))
     {
         wrong.push(again(what));

@@ -13,7 +13,6 @@ pub mod bifurcation;
 pub mod data_set;
 pub mod direct;
 pub mod evaluate;
-pub mod failure;
 pub mod file;
 pub mod given_points;
 pub mod inspect;

@@ -14,7 +14,7 @@ use super::axis::{Value, Values};
 use super::data_set::Manifest;
 use super::evaluate::{Column, columns};
 use super::file::Study;
-use crate::run_folder::ReadError;
+use crate::failure::Failure;
 use crate::run_folder::read::parquet_file;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::sealed_parquet::{self, IDENTITY};
@@ -111,8 +111,8 @@ pub(super) fn read(
     manifest: &Manifest,
     rows: &Range<u64>,
     (shown, bytes): (&str, Bytes),
-) -> Result<Part, ReadError> {
-    let wrong = |what: &dyn std::fmt::Display| ReadError(format!("{shown}: {what}"));
+) -> Result<Part, Failure> {
+    let wrong = |what: &dyn std::fmt::Display| Failure::Storage(format!("{shown}: {what}"));
     let content = parquet_file::content(shown, bytes)?;
     if content.metadata.get(IDENTITY) != Some(&manifest.identity) {
         return Err(wrong(&"belongs to another study or another version of it"));

@@ -7,11 +7,10 @@ use rayon::prelude::*;
 
 use super::data_set::DataSet;
 use super::evaluate::{UNRESOLVED, columns, cycles_per_row, main_column, rows, trial_s};
-use super::failure::StudyFailure;
 use super::file::Study;
 use super::part::Part;
-use super::simulate::Halt;
-use crate::input::Refusal;
+
+use crate::failure::Failure;
 
 /// Rows tried for an estimate.
 const TRIED_ROWS: u64 = 8;
@@ -44,7 +43,7 @@ pub enum Ending {
 ///
 /// # Errors
 /// The refusal of a case that the axes make.
-pub fn estimate_s(study: &Study) -> Result<f64, Refusal> {
+pub fn estimate_s(study: &Study) -> Result<f64, Failure> {
     let rows = study.rows();
     let tried = rows.min(TRIED_ROWS);
     let mut seconds = 0.0;
@@ -70,7 +69,7 @@ pub fn run(
     study: &Study,
     data_set: &DataSet,
     report: &(dyn Fn(&Progress) -> bool + Sync),
-) -> Result<(Ending, Progress), StudyFailure> {
+) -> Result<(Ending, Progress), Failure> {
     let manifest = data_set.manifest();
     let mut progress = Progress::none(manifest.rows);
     let objective = place_of(study, &main_column(study, study.objective));
@@ -109,14 +108,14 @@ pub fn compute(
     study: &Study,
     numbers: Range<u64>,
     go_on: &(dyn Fn(u64) -> bool + Sync),
-) -> Result<Option<Vec<Vec<f64>>>, Refusal> {
+) -> Result<Option<Vec<Vec<f64>>>, Failure> {
     let row = |row: u64| {
         if !go_on(row) {
             return Ok(None);
         }
-        Halt::unless_stopped(rows(study, row..row + 1, &|| go_on(row)))
+        Failure::unless_interrupted(rows(study, row..row + 1, &|| go_on(row)))
     };
-    let rows: Option<Vec<_>> = numbers.into_par_iter().map(row).collect::<Result<_, Refusal>>()?;
+    let rows: Option<Vec<_>> = numbers.into_par_iter().map(row).collect::<Result<_, Failure>>()?;
     Ok(rows.map(|rows| rows.concat()))
 }
 

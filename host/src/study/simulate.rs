@@ -6,42 +6,13 @@ use damprig_motion::stop::{Stop, response_from};
 
 use super::linear;
 use super::metric::{self, Figures, Periodicity};
-use crate::input::Refusal;
+use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::simulation::result::Summary;
 use crate::simulation::{Case, RunOptions, cost, many_particles, multi_degree, simulate};
 
 /// Asked now and then, also inside a simulation, whether to go on.
 pub type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);
-
-/// Why simulations gave nothing.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Halt {
-    /// A case is refused.
-    Refused(Refusal),
-    /// They were stopped.
-    Stopped,
-}
-
-impl From<Refusal> for Halt {
-    fn from(refusal: Refusal) -> Self {
-        Self::Refused(refusal)
-    }
-}
-
-impl Halt {
-    /// A result, or `None` if it was stopped.
-    ///
-    /// # Errors
-    /// The refusal of a case.
-    pub fn unless_stopped<T>(result: Result<T, Self>) -> Result<Option<T>, Refusal> {
-        match result {
-            Ok(value) => Ok(Some(value)),
-            Err(Self::Stopped) => Ok(None),
-            Err(Self::Refused(refusal)) => Err(refusal),
-        }
-    }
-}
 
 /// What is counted of each simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,11 +73,11 @@ pub fn metrics_of_all(
     record: Option<Record>,
     metrics: &[Quantity],
     go_on: GoOn,
-) -> Result<Vec<Simulated>, Halt> {
+) -> Result<Vec<Simulated>, Failure> {
     cases.iter().map(|case| metrics_of(case, record, metrics, go_on)).collect()
 }
 
-fn metrics_of(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoOn) -> Result<Simulated, Halt> {
+fn metrics_of(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoOn) -> Result<Simulated, Failure> {
     let figures = figures(case, record, metrics, go_on)?;
     let needs_analysis = metrics.iter().any(|metric| metric::needs_analysis(*metric));
     let periodicity = if needs_analysis { Some(periodicity(case, record, go_on)?) } else { None };
@@ -119,14 +90,13 @@ fn values(case: &Case, figures: &Figures, metrics: &[Quantity], periodicity: Opt
 }
 
 /// Simulates a case.
-fn figures(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoOn) -> Result<Figures, Halt> {
-    let invalid = |invalid: damprig_core::io::Invalid| Refusal(invalid.to_string());
+fn figures(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoOn) -> Result<Figures, Failure> {
     let counted = Counted::of(case, record);
     let (first_cycle, end_s) = (counted.first_cycle as u64, counted.end_s);
     let of = |summary, spheres| Figures { summary, cycles: counted.cycles(), spheres };
     if let Some(damper) = &case.many_particles {
-        let simulated = many_particles::counted(case, damper, first_cycle, end_s, go_on).map_err(invalid)?;
-        let (response, spheres) = simulated.ok_or(Halt::Stopped)?;
+        let simulated = many_particles::counted(case, damper, first_cycle, end_s, go_on)?;
+        let (response, spheres) = simulated.ok_or_else(Failure::stopped)?;
         return Ok(of(Summary::of(case, &response, end_s, 0), Some(spheres)));
     }
     if case.record.is_some() {
@@ -143,33 +113,33 @@ fn figures(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoO
     };
     if let Some(several) = &case.multi_degree {
         let simulated = multi_degree::driver::counted(case, several, (first_cycle, from_s), end_s, wanted, go_on);
-        let (response, unresolved) = simulated.map_err(invalid)?.ok_or(Halt::Stopped)?;
+        let (response, unresolved) = simulated?.ok_or_else(Failure::stopped)?;
         return Ok(of(Summary::of(case, &response, end_s, unresolved), None));
     }
-    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial).map_err(invalid)?;
-    let response = response_from(&mut motion, (first_cycle, from_s), end_s, wanted, go_on).ok_or(Halt::Stopped)?;
+    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
+    let response =
+        response_from(&mut motion, (first_cycle, from_s), end_s, wanted, go_on).ok_or_else(Failure::stopped)?;
     Ok(of(Summary::of(case, &response, end_s, motion.unresolved()), None))
 }
 
-fn figures_on_record(case: &Case, go_on: GoOn) -> Result<Figures, Halt> {
-    let invalid = |invalid: damprig_core::io::Invalid| Refusal(invalid.to_string());
+fn figures_on_record(case: &Case, go_on: GoOn) -> Result<Figures, Failure> {
     let mut goes_on = |_: f64| go_on();
-    let longest_part_s = cost::longest_part_s(case, None).map_err(invalid)?;
+    let longest_part_s = cost::longest_part_s(case, None)?;
     let options = RunOptions { keep: false, longest_part_s, go_on: &mut goes_on };
-    let result = simulate(case, &mut (), options).map_err(invalid)?;
+    let result = simulate(case, &mut (), options)?;
     if result.stopped_at_s.is_some() {
-        return Err(Halt::Stopped);
+        return Err(Failure::stopped());
     }
     Ok(Figures { summary: result.summary, cycles: case.run.duration_s / case.cycle_s(), spheres: None })
 }
 
-fn periodicity(case: &Case, record: Option<Record>, go_on: GoOn) -> Result<Periodicity, Halt> {
+fn periodicity(case: &Case, record: Option<Record>, go_on: GoOn) -> Result<Periodicity, Failure> {
     let mut case = case.clone();
     case.run.duration_s = Counted::of(&case, record).end_s;
     let mut go_on = |_: f64| go_on();
     let mut stop = Stop::unless(&mut go_on);
     let periodicity = Periodicity::of(&case, &mut stop);
-    if stop.is_stopped() { Err(Halt::Stopped) } else { Ok(periodicity) }
+    if stop.is_stopped() { Err(Failure::stopped()) } else { Ok(periodicity) }
 }
 
 #[cfg(test)]
@@ -193,7 +163,7 @@ mod tests {
             let metrics = [Quantity::XOverZ, Quantity::CycleSpread];
             let asked = std::sync::atomic::AtomicU32::new(0);
             let go_on = || asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) < 3;
-            assert_eq!(metrics_of_all(&[case], record, &metrics, &go_on), Err(Halt::Stopped));
+            assert_eq!(metrics_of_all(&[case], record, &metrics, &go_on), Err(Failure::stopped()));
         }
         assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
     }

@@ -8,8 +8,9 @@ use std::time::{Duration, SystemTime};
 
 use bytes::Bytes;
 
-use crate::input::{Refusal, regular};
-use crate::run_folder::{StorageError, checksum};
+use crate::failure::Failure;
+use crate::input::regular;
+use crate::run_folder::checksum;
 use crate::storage::whole_file::{WholeFile, is_unfinished};
 
 /// Age from which an unfinished file belongs to a killed writer.
@@ -33,9 +34,9 @@ impl Store {
     ///
     /// # Errors
     /// A URL.
-    pub fn at(folder: &Path) -> Result<Self, Refusal> {
+    pub fn at(folder: &Path) -> Result<Self, Failure> {
         match folder.to_str().filter(|text| text.contains("://")) {
-            Some(url) => Err(Refusal(format!(
+            Some(url) => Err(Failure::Input(format!(
                 "{url}: results are written to a folder\n  give a folder, and copy it with the tools of the object store"
             ))),
             None => Ok(Self(folder.to_path_buf())),
@@ -52,7 +53,7 @@ impl Store {
     ///
     /// # Errors
     /// When it cannot be read.
-    pub fn get(&self, name: &str) -> Result<Option<Bytes>, StorageError> {
+    pub fn get(&self, name: &str) -> Result<Option<Bytes>, Failure> {
         if_there(regular::read(&self.path(name)).map(Bytes::from)).map_err(|error| self.failed("read", name, error))
     }
 
@@ -60,7 +61,7 @@ impl Store {
     ///
     /// # Errors
     /// When it cannot be read.
-    pub fn sha256(&self, name: &str) -> Result<Option<String>, StorageError> {
+    pub fn sha256(&self, name: &str) -> Result<Option<String>, Failure> {
         if_there(checksum::of_path(&self.path(name))).map_err(|error| self.failed("read", name, error))
     }
 
@@ -68,7 +69,7 @@ impl Store {
     ///
     /// # Errors
     /// When that cannot be found out.
-    pub fn has(&self, name: &str) -> Result<bool, StorageError> {
+    pub fn has(&self, name: &str) -> Result<bool, Failure> {
         self.path(name).try_exists().map_err(|error| self.failed("find", name, error))
     }
 
@@ -76,7 +77,7 @@ impl Store {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn put_new(&self, name: &str, bytes: &[u8]) -> Result<bool, StorageError> {
+    pub fn put_new(&self, name: &str, bytes: &[u8]) -> Result<bool, Failure> {
         written(&self.path(name), bytes)
             .and_then(WholeFile::name_new)
             .map_err(|error| self.failed("write", name, error))
@@ -86,7 +87,7 @@ impl Store {
     ///
     /// # Errors
     /// When it cannot be written; the earlier one stays.
-    pub fn replace(&self, name: &str, bytes: &[u8]) -> Result<(), StorageError> {
+    pub fn replace(&self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
         let file = written(&self.path(name), bytes);
         file.and_then(WholeFile::replace).map_err(|error| self.failed("write", name, error))
     }
@@ -95,7 +96,7 @@ impl Store {
     ///
     /// # Errors
     /// When it cannot be removed.
-    pub fn remove(&self, name: &str) -> Result<(), StorageError> {
+    pub fn remove(&self, name: &str) -> Result<(), Failure> {
         if_there(fs::remove_file(self.path(name))).map(drop).map_err(|error| self.failed("remove", name, error))
     }
 
@@ -103,7 +104,7 @@ impl Store {
     ///
     /// # Errors
     /// When it cannot be listed.
-    pub fn list(&self, under: &str) -> Result<Vec<Entry>, StorageError> {
+    pub fn list(&self, under: &str) -> Result<Vec<Entry>, Failure> {
         let mut entries = listed(&self.path(under)).map_err(|error| self.failed("list", under, error))?;
         entries.retain(|entry| !is_unfinished(&entry.name));
         entries.sort_by(|a, b| a.name.cmp(&b.name));
@@ -114,7 +115,7 @@ impl Store {
     ///
     /// # Errors
     /// When it cannot be created.
-    pub fn large_file(&self, name: &str) -> Result<WholeFile, StorageError> {
+    pub fn large_file(&self, name: &str) -> Result<WholeFile, Failure> {
         unfinished(&self.path(name)).map_err(|error| self.failed("write", name, error))
     }
 
@@ -129,8 +130,8 @@ impl Store {
         }
     }
 
-    fn failed(&self, action: &'static str, name: &str, error: io::Error) -> StorageError {
-        StorageError::new(action, &self.path(name), error)
+    fn failed(&self, action: &'static str, name: &str, error: io::Error) -> Failure {
+        Failure::cannot(action, &self.path(name), error)
     }
 }
 

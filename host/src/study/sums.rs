@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::store::Store;
-use crate::run_folder::{ReadError, StorageError, checksum};
+use crate::failure::Failure;
+use crate::run_folder::checksum;
 
 /// Name of the file.
 pub const SUMS: &str = "SHA256SUMS";
@@ -22,9 +23,9 @@ impl Sums {
     ///
     /// # Errors
     /// When it is missing or cannot be read.
-    pub fn of_stored(mut self, store: &Store, name: &str) -> Result<Self, StorageError> {
+    pub fn of_stored(mut self, store: &Store, name: &str) -> Result<Self, Failure> {
         let digest = store.sha256(name)?;
-        let missing = || StorageError::new("read", &store.path(name), "it was removed as soon as it was written");
+        let missing = || Failure::cannot("read", &store.path(name), "it was removed as soon as it was written");
         self.0.insert(name.into(), digest.ok_or_else(missing)?);
         Ok(self)
     }
@@ -33,7 +34,7 @@ impl Sums {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn write(&self, store: &Store) -> Result<(), StorageError> {
+    pub fn write(&self, store: &Store) -> Result<(), Failure> {
         let text: String = self.0.iter().map(|(name, digest)| format!("{digest}  {name}\n")).collect();
         store.replace(SUMS, text.as_bytes())
     }
@@ -42,7 +43,7 @@ impl Sums {
     ///
     /// # Errors
     /// When it cannot be removed.
-    pub fn remove(store: &Store) -> Result<(), StorageError> {
+    pub fn remove(store: &Store) -> Result<(), Failure> {
         store.remove(SUMS)
     }
 
@@ -50,7 +51,7 @@ impl Sums {
     ///
     /// # Errors
     /// When it cannot be read, or is damaged.
-    pub fn read(store: &Store) -> Result<Result<Option<Self>, ReadError>, StorageError> {
+    pub fn read(store: &Store) -> Result<Result<Option<Self>, Failure>, Failure> {
         let Some(bytes) = store.get(SUMS)? else { return Ok(Ok(None)) };
         let line = |line: &str| {
             let (digest, name) =
@@ -59,7 +60,7 @@ impl Sums {
         };
         let text = std::str::from_utf8(&bytes).ok().and_then(|text| text.strip_suffix('\n'));
         let sums = text.and_then(|text| text.split('\n').map(line).collect::<Option<BTreeMap<_, _>>>());
-        let damaged = || ReadError(format!("{}: a damaged line", store.path(SUMS).display()));
+        let damaged = || Failure::Storage(format!("{}: a damaged line", store.path(SUMS).display()));
         Ok(sums.map(|sums| Some(Self(sums))).ok_or_else(damaged))
     }
 
@@ -67,7 +68,7 @@ impl Sums {
     ///
     /// # Errors
     /// When one cannot be read.
-    pub fn check(&self, store: &Store) -> Result<(u64, Vec<String>), StorageError> {
+    pub fn check(&self, store: &Store) -> Result<(u64, Vec<String>), Failure> {
         let (mut good, mut wrong) = (0, Vec::new());
         for (name, digest) in &self.0 {
             let shown = store.path(name);

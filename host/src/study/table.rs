@@ -9,8 +9,8 @@ use bytes::Bytes;
 use super::Study;
 use super::axis::Values;
 use super::evaluate::main_column;
+use crate::failure::Failure;
 use crate::quantity::Quantity;
-use crate::run_folder::ReadError;
 use crate::run_folder::read::parquet_file;
 
 /// Relative difference of cycle maxima, or of the response between starts, from which a point is marked in a map.
@@ -30,9 +30,9 @@ impl StudyTable {
     ///
     /// # Errors
     /// A file that is damaged.
-    pub fn read(shown: &str, bytes: Bytes) -> Result<Self, ReadError> {
+    pub fn read(shown: &str, bytes: Bytes) -> Result<Self, Failure> {
         let batches = parquet_file::content(shown, bytes)?.batches;
-        let failed = |error: &dyn std::fmt::Display| ReadError(format!("{shown}: {error}"));
+        let failed = |error: &dyn std::fmt::Display| Failure::Storage(format!("{shown}: {error}"));
         let schema = batches.first().map(RecordBatch::schema).ok_or_else(|| failed(&"it has no rows"))?;
         Ok(Self { batch: concat_batches(&schema, &batches).map_err(|error| failed(&error))? })
     }

@@ -4,7 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::axis::{Axis, Value};
-use crate::input::{Files, Problem, Refusal, Source};
+use crate::failure::Failure;
+use crate::input::{Files, Problem, Source};
 use crate::simulation::case::default_name;
 use crate::simulation::{Case, SetValues};
 
@@ -34,7 +35,7 @@ impl VariedCase<'_> {
     ///
     /// # Errors
     /// Names the key, its value and what is allowed.
-    pub fn with(&self, values: &[Value]) -> Result<Case, Refusal> {
+    pub fn with(&self, values: &[Value]) -> Result<Case, Failure> {
         self.parse(&self.source(), values)
     }
 
@@ -42,7 +43,7 @@ impl VariedCase<'_> {
     ///
     /// # Errors
     /// As [`Self::with`].
-    pub fn checked(&self, file: &Source, values: &[Value]) -> Result<Case, Refusal> {
+    pub fn checked(&self, file: &Source, values: &[Value]) -> Result<Case, Failure> {
         let case = self.source();
         let read = self.parse(&case, values);
         read.map_err(|refusal| refused(file, self.axes, values, (&case, self.origin), refusal))
@@ -52,7 +53,7 @@ impl VariedCase<'_> {
         Source::new(self.path.display().to_string(), self.text).with_files(self.files)
     }
 
-    fn parse(&self, case: &Source, values: &[Value]) -> Result<Case, Refusal> {
+    fn parse(&self, case: &Source, values: &[Value]) -> Result<Case, Failure> {
         Case::parse_changed(case, &default_name(self.path), &self.set_values(values))
     }
 }
@@ -70,8 +71,8 @@ fn refused(
     axes: &[Axis],
     values: &[Value],
     (case, origin): (&Source, &str),
-    refusal: Refusal,
-) -> Refusal {
+    refusal: Failure,
+) -> Failure {
     let lines = lines(axes, values);
     for problem in case.problems_in(origin) {
         let before = lines.get(..problem.span.start).unwrap_or(&lines);
@@ -99,6 +100,6 @@ fn refused(
     }
     file.verdict().err().unwrap_or_else(|| {
         let at = lines.trim_end().replace('\n', ", ");
-        Refusal(format!("{refusal}\n  {} sets {at}", file.name()))
+        Failure::Input(format!("{refusal}\n  {} sets {at}", file.name()))
     })
 }

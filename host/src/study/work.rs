@@ -5,9 +5,10 @@ use std::str::FromStr;
 use std::time::Instant;
 
 use super::data_set::DataSet;
-use super::failure::StudyFailure;
 use super::file::Study;
 use super::run::{Ending, compute};
+
+use crate::failure::Failure;
 
 /// A share of the parts: those that leave the remainder `index` when divided by `count`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,7 +61,7 @@ pub fn shard(
     shard: Shard,
     seen: impl Fn(Done),
     go_on: &(dyn Fn() -> bool + Sync),
-) -> Result<Ending, StudyFailure> {
+) -> Result<Ending, Failure> {
     let missing = data_set.missing()?;
     for part in missing.into_iter().filter(|part| shard.has(*part)) {
         // Another worker of this share may have been faster.

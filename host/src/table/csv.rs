@@ -8,6 +8,7 @@ use arrow_schema::Schema;
 use csv::{Terminator, Writer, WriterBuilder};
 
 use super::values::{unit, values};
+use crate::failure::Failure;
 
 /// Heads of the columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,14 +27,14 @@ impl<W: Write> CsvTable<W> {
     ///
     /// # Errors
     /// The writer's.
-    pub fn new(to: W, schema: &Schema, heads: Heads) -> Result<Self, String> {
+    pub fn new(to: W, schema: &Schema, heads: Heads) -> Result<Self, Failure> {
         let mut writer = WriterBuilder::new().terminator(Terminator::CRLF).from_writer(to);
         let head = |(name, unit): (&str, &str)| match (heads, unit) {
             (Heads::Names, _) | (_, "") => name.to_string(),
             (Heads::NamesAndUnits, unit) => format!("{name} [{unit}]"),
         };
         let heads = schema.fields().iter().map(|field| head((field.name(), unit(field))));
-        writer.write_record(heads).map_err(|e| e.to_string())?;
+        writer.write_record(heads).map_err(Failure::storage)?;
         Ok(Self(writer))
     }
 
@@ -41,11 +42,12 @@ impl<W: Write> CsvTable<W> {
     ///
     /// # Errors
     /// A column of an unknown type, or the writer's.
-    pub fn write(&mut self, batch: &RecordBatch) -> Result<(), String> {
+    pub fn write(&mut self, batch: &RecordBatch) -> Result<(), Failure> {
         let columns = batch.columns().iter().map(|column| values(column.as_ref()));
-        let columns: Vec<_> = columns.collect::<Option<_>>().ok_or("a column has an unknown type")?;
+        let columns: Vec<_> =
+            columns.collect::<Option<_>>().ok_or_else(|| Failure::Storage("a column has an unknown type".into()))?;
         (0..batch.num_rows()).try_for_each(|row| {
-            self.0.write_record(columns.iter().map(|column| column[row].to_string())).map_err(|e| e.to_string())
+            self.0.write_record(columns.iter().map(|column| column[row].to_string())).map_err(Failure::storage)
         })
     }
 
@@ -53,7 +55,7 @@ impl<W: Write> CsvTable<W> {
     ///
     /// # Errors
     /// The writer's.
-    pub fn finish(self) -> Result<W, String> {
-        self.0.into_inner().map_err(|e| e.error().to_string())
+    pub fn finish(self) -> Result<W, Failure> {
+        self.0.into_inner().map_err(|e| Failure::storage(e.error()))
     }
 }

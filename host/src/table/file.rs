@@ -11,7 +11,7 @@ use super::csv::{CsvTable, Heads};
 use super::gathered::{ColumnValues, Names, gather};
 use super::mat_file::{MAX_NUMBERS, MatTable, write_checked};
 use super::parquet_properties::properties;
-use crate::storage::StorageError;
+use crate::failure::Failure;
 use crate::storage::whole_file::WholeFile;
 
 /// Rows in a chunk.
@@ -85,9 +85,9 @@ impl<R> TableFile<R> {
         name: &'static str,
         columns: impl for<'r> Fn(&'r [R]) -> TableBuilder<'r, R> + Send + 'static,
         about: Metadata,
-    ) -> Result<Self, StorageError> {
-        let file = WholeFile::create(path).map_err(|e| StorageError::new("create", path, e))?;
-        let failed = |e: String| StorageError::new("write", path, e);
+    ) -> Result<Self, Failure> {
+        let file = WholeFile::create(path).map_err(|e| Failure::cannot("create", path, e))?;
+        let failed = |e: Failure| Failure::cannot("write", path, e);
         let empty = columns(&[]).finish(about.clone()).map_err(failed)?;
         let to = match format {
             TableFormat::Parquet => Sink::Parquet(Box::new(parquet_writer(file, &empty.schema()).map_err(failed)?)),
@@ -107,7 +107,7 @@ impl<R> TableFile<R> {
     ///
     /// # Errors
     /// The file cannot be written, or is too long for its format.
-    pub fn push(&mut self, row: R) -> Result<(), StorageError> {
+    pub fn push(&mut self, row: R) -> Result<(), Failure> {
         self.rows.push(row);
         if self.rows.len() < CHUNK { Ok(()) } else { self.flush() }
     }
@@ -116,46 +116,50 @@ impl<R> TableFile<R> {
     ///
     /// # Errors
     /// The file cannot be written; none is left.
-    pub fn finish(mut self) -> Result<(), StorageError> {
+    pub fn finish(mut self) -> Result<(), Failure> {
         self.flush()?;
         let path = self.path;
         let file = match self.to {
-            Sink::Parquet(writer) => writer.into_inner().map_err(|e| e.to_string()),
+            Sink::Parquet(writer) => writer.into_inner().map_err(Failure::from),
             Sink::Csv(writer) => writer.finish(),
             Sink::Mat(name, file, columns) => write_mat(&file, name, columns).map(|()| file),
         };
-        let file = file.map_err(|e| StorageError::new("write", &path, e))?;
-        file.replace().map_err(|e| StorageError::new("write", &path, e))
+        let file = file.map_err(|e| Failure::cannot("write", &path, e))?;
+        file.replace().map_err(|e| Failure::cannot("write", &path, e))
     }
 
-    fn flush(&mut self) -> Result<(), StorageError> {
+    fn flush(&mut self) -> Result<(), Failure> {
         if self.rows.is_empty() {
             return Ok(());
         }
         let batch = (self.columns)(&self.rows).finish(self.about.clone());
         let written = batch.and_then(|batch| match &mut self.to {
-            Sink::Parquet(writer) => writer.write(&batch).map_err(|e| e.to_string()),
+            Sink::Parquet(writer) => Ok(writer.write(&batch)?),
             Sink::Csv(writer) => writer.write(&batch),
             Sink::Mat(_, _, columns) => {
                 let held: usize = columns.iter().map(|column| column.values.count()).sum();
                 if held + batch.num_rows() * batch.num_columns() > MAX_NUMBERS {
-                    return Err("a .mat file holds at most 2 GiB; lower --rate, or write .parquet".into());
+                    let message = "a .mat file holds at most 2 GiB; lower --rate, or write .parquet";
+                    return Err(Failure::Storage(message.into()));
                 }
                 gather(columns, &batch, Names::AsPlaces)
             }
         });
         self.rows.clear();
-        written.map_err(|e| StorageError::new("write", &self.path, e))
+        written.map_err(|e| Failure::cannot("write", &self.path, e))
     }
 }
 
-fn parquet_writer(file: WholeFile, schema: &SchemaRef) -> Result<ArrowWriter<WholeFile>, String> {
+fn parquet_writer(file: WholeFile, schema: &SchemaRef) -> Result<ArrowWriter<WholeFile>, Failure> {
     let properties = properties(schema).into_builder().set_max_row_group_row_count(Some(8 * CHUNK)).build();
-    ArrowWriter::try_new(file, schema.clone(), Some(properties)).map_err(|e| e.to_string())
+    Ok(ArrowWriter::try_new(file, schema.clone(), Some(properties))?)
 }
 
-fn write_mat(file: &WholeFile, name: &'static str, columns: Vec<ColumnValues>) -> Result<(), String> {
-    let path = file.path().to_str().ok_or("the name is not UTF-8; give another with --out")?;
+fn write_mat(file: &WholeFile, name: &'static str, columns: Vec<ColumnValues>) -> Result<(), Failure> {
+    let path = file
+        .path()
+        .to_str()
+        .ok_or_else(|| Failure::Storage("the name is not UTF-8; give another with --out".into()))?;
     let MatTable { variable, units, descriptions, sums } = MatTable::new(name, columns);
     let mut mat = MatFile::new();
     mat.insert(name, variable);
@@ -163,5 +167,5 @@ fn write_mat(file: &WholeFile, name: &'static str, columns: Vec<ColumnValues>) -
     if let Some(descriptions) = descriptions {
         mat.insert("descriptions", descriptions);
     }
-    write_checked(path, mat, &[sums])
+    write_checked(path, mat, &[sums]).map_err(Failure::Storage)
 }

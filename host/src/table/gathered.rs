@@ -6,6 +6,7 @@ use arrow_array::RecordBatch;
 use arrow_schema::DataType;
 
 use super::values::{Value, description, unit, values};
+use crate::failure::Failure;
 
 /// Longest name of a field in MATLAB.
 const LONGEST_NAME: usize = 63;
@@ -47,7 +48,7 @@ pub enum Names {
 ///
 /// # Errors
 /// A column of an unknown type, or one that only some files of the run have.
-pub fn gather(columns: &mut Vec<ColumnValues>, batch: &RecordBatch, names: Names) -> Result<(), String> {
+pub fn gather(columns: &mut Vec<ColumnValues>, batch: &RecordBatch, names: Names) -> Result<(), Failure> {
     let schema = batch.schema();
     if columns.is_empty() {
         let mut taken = HashSet::new();
@@ -65,10 +66,11 @@ pub fn gather(columns: &mut Vec<ColumnValues>, batch: &RecordBatch, names: Names
         }
     }
     for (index, (field, array)) in schema.fields().iter().zip(batch.columns()).enumerate() {
-        let read = values(array.as_ref())
-            .ok_or_else(|| format!("column `{}` has the unknown type {}", field.name(), array.data_type()))?;
+        let read = values(array.as_ref()).ok_or_else(|| {
+            Failure::Storage(format!("column `{}` has the unknown type {}", field.name(), array.data_type()))
+        })?;
         let Some(column) = columns.get_mut(index) else {
-            return Err(format!("column `{}` is missing in some files of the run", field.name()));
+            return Err(Failure::Storage(format!("column `{}` is missing in some files of the run", field.name())));
         };
         column.values.extend(read);
     }

@@ -19,6 +19,7 @@ use arrow_array::{
 };
 use arrow_schema::{DataType, Field, Metadata, Schema};
 
+use crate::failure::Failure;
 use crate::quantity::Quantity;
 
 /// Key of what a row of the table is, in the metadata of its schema.
@@ -143,9 +144,9 @@ impl<'r, R> TableBuilder<'r, R> {
     ///
     /// # Errors
     /// The table library's: a defect of this module.
-    pub fn finish(self, about: Metadata) -> Result<RecordBatch, String> {
+    pub fn finish(self, about: Metadata) -> Result<RecordBatch, Failure> {
         let schema = Schema::new_with_metadata(self.fields, about);
-        RecordBatch::try_new(Arc::new(schema), self.arrays).map_err(|e| e.to_string())
+        Ok(RecordBatch::try_new(Arc::new(schema), self.arrays)?)
     }
 }
 

@@ -5,7 +5,7 @@ use arrow_array::types::{Float32Type, Float64Type, Int32Type, UInt32Type, UInt64
 use arrow_array::{Array, RecordBatch};
 use arrow_schema::Field;
 
-use crate::storage::ReadError;
+use crate::failure::Failure;
 
 /// A value of a table.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,16 +78,17 @@ pub fn values(array: &dyn Array) -> Option<Vec<Value>> {
 ///
 /// # Errors
 /// When the table has no such column, or it is of another type than runs have.
-pub fn column(batch: &RecordBatch, name: &str) -> Result<Vec<Value>, ReadError> {
-    let array = batch.column_by_name(name).ok_or_else(|| ReadError(format!("a table lacks its column `{name}`")))?;
-    values(array).ok_or_else(|| ReadError(format!("column `{name}` has the type {}", array.data_type())))
+pub fn column(batch: &RecordBatch, name: &str) -> Result<Vec<Value>, Failure> {
+    let array =
+        batch.column_by_name(name).ok_or_else(|| Failure::Storage(format!("a table lacks its column `{name}`")))?;
+    values(array).ok_or_else(|| Failure::Storage(format!("column `{name}` has the type {}", array.data_type())))
 }
 
 /// A column of names.
 ///
 /// # Errors
 /// As [`column()`].
-pub fn texts(batch: &RecordBatch, name: &str) -> Result<Vec<String>, ReadError> {
+pub fn texts(batch: &RecordBatch, name: &str) -> Result<Vec<String>, Failure> {
     Ok(column(batch, name)?.iter().map(Value::to_string).collect())
 }
 
@@ -95,7 +96,7 @@ pub fn texts(batch: &RecordBatch, name: &str) -> Result<Vec<String>, ReadError> 
 ///
 /// # Errors
 /// As [`column()`]; names become NaN.
-pub fn numbers(batch: &RecordBatch, name: &str) -> Result<Vec<f64>, ReadError> {
+pub fn numbers(batch: &RecordBatch, name: &str) -> Result<Vec<f64>, Failure> {
     Ok(column(batch, name)?.iter().map(|v| v.number().unwrap_or(f64::NAN)).collect())
 }
 

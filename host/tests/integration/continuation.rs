@@ -42,8 +42,8 @@ fn refusal(from: &str, to: &str) -> String {
     let file = folder.path().join("changed.toml");
     std::fs::write(&file, text).expect("written");
     match Continuation::read(&file) {
-        Err(refusal) => refusal.0,
-        Ok(continuation) => continuation.follow().expect_err("refused").0,
+        Err(refusal) => refusal.to_string(),
+        Ok(continuation) => continuation.follow().expect_err("refused").to_string(),
     }
 }
 

@@ -10,13 +10,14 @@ use std::time::{Duration, Instant};
 use damprig::campaign::{Campaign, CampaignSetUp};
 use damprig::client::link::Address;
 use damprig::client::session::{Session, SessionError};
+use damprig::failure::Failure;
 use damprig::input::Source;
 use damprig::prediction::Predicted;
+use damprig::run_folder::ResultRow;
 use damprig::run_folder::journal::Entry;
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::schema::transients::TransientRow;
 use damprig::run_folder::write::recorder::{Recording, Rows};
-use damprig::run_folder::{ResultRow, StorageError};
 use damprig::runner::rehearsal::accept;
 use damprig::runner::{Run, RunError, Selection, Watcher};
 use damprig::simulation::{Case, RunOptions, cost, simulate};
@@ -222,7 +223,7 @@ fn changed(value: &Value, rng: &mut Rng) -> Value {
 struct Nothing;
 
 impl Recording for Nothing {
-    fn check(&self) -> Result<(), StorageError> {
+    fn check(&self) -> Result<(), Failure> {
         Ok(())
     }
 

@@ -187,8 +187,8 @@ fn one_of_several_signals_is_chosen_by_number_or_name() {
         Selector::of(&PathBuf::from(format!("{}{which}", path.display()))).read().map(|signal| signal.name)
     };
     assert_eq!((chosen("#2").unwrap(), chosen("#x").unwrap()), ("z".into(), "x".into()));
-    assert!(chosen("").unwrap_err().0.contains("it has 2 signals: which one?"));
-    assert!(chosen("#zz").unwrap_err().0.contains("did you mean #z?"));
+    assert!(chosen("").unwrap_err().to_string().contains("it has 2 signals: which one?"));
+    assert!(chosen("#zz").unwrap_err().to_string().contains("did you mean #z?"));
     // A file whose own name has the mark is that file.
     let marked = folder.path().join("a#2");
     std::fs::write(&marked, "t_s,y_m\n0,1\n1,2\n").unwrap();

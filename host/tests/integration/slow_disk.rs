@@ -10,12 +10,13 @@ use crate::common::{PATIENCE, short};
 use damprig::campaign::{Campaign, CampaignSetUp};
 use damprig::client::link::VirtualRig;
 use damprig::client::session::Session;
+use damprig::failure::Failure;
 use damprig::input::Source;
+use damprig::run_folder::ResultRow;
 use damprig::run_folder::journal::{Entry, Journal};
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::write::recorder::{Message, Recorder, Recording, Sink};
 use damprig::run_folder::write::writer::{Layout, Writer};
-use damprig::run_folder::{ResultRow, StorageError};
 use damprig::runner::{Run, RunError, Selection, Watcher};
 use damprig::table::values::{numbers, texts};
 use tempfile::TempDir;
@@ -58,7 +59,7 @@ struct Slow {
 }
 
 impl Sink for Slow {
-    fn take(&mut self, message: Message) -> Result<(), StorageError> {
+    fn take(&mut self, message: Message) -> Result<(), Failure> {
         if self.gate.state.lock().unwrap().is_shut {
             self.gate.set(|state| state.is_held = true);
             self.gate.wait_until("the disk moves again", |state| !state.is_shut);
@@ -72,7 +73,7 @@ impl Sink for Slow {
         Ok(())
     }
 
-    fn sync(&mut self) -> Result<(), StorageError> {
+    fn sync(&mut self) -> Result<(), Failure> {
         self.writer.sync()
     }
 }

@@ -100,7 +100,7 @@ impl<'a> Evidence<'a> {
     /// # Errors
     /// No such item or part; a part that has not been computed; a gap in the published values; no row of any value.
     pub fn pairs(&self, item: &str, part: &str) -> Result<Vec<Pair>, ResultError> {
-        let item = self.catalogue.find(item).map_err(|refusal| ResultError::Wrong(refusal.0))?;
+        let item = self.catalogue.find(item)?;
         let shown = format!("{}/{part}", item.name);
         let part = item.part(part).ok_or_else(|| ResultError::Wrong(format!("there is no part {shown}")))?;
         let mut pairs = Vec::new();

@@ -10,14 +10,14 @@ use clap::Parser;
 use crate::catalogue::{Catalogue, Item};
 use crate::claims;
 use crate::compared::{ComparedItem, Comparison};
-use crate::files::{self, WriteOut};
+use crate::files;
 use crate::marked;
 use crate::page;
 use crate::published::{PUBLISHED, Published};
 use crate::results::Results;
 use crate::run;
 use damprig::cli::output::print;
-use damprig::cli::{Failure, Outcome};
+use damprig::failure::{Failure, Outcome};
 use damprig::report::numbers::significant;
 use damprig::report::terminal::plain_table;
 
@@ -86,26 +86,23 @@ pub fn run(args: &Args) -> Outcome {
     if args.list {
         return list(&catalogue, args);
     }
-    let mut published = Published::read(&catalogue).map_err(Failure::input)?;
+    let mut published = Published::read(&catalogue)?;
     if let Some(file) = &args.published {
-        published.fill(file).map_err(Failure::input)?;
+        published.fill(file)?;
     }
     let _lock = lock(&args.out)?;
     let folder = match &args.files {
         Some(folder) => folder.clone(),
-        None => files::write_out(&args.out).map_err(|error| match error {
-            WriteOut::Differs(refusal) => Failure::input(refusal),
-            WriteOut::Failed(error) => Failure::failed(error),
-        })?,
+        None => files::write_out(&args.out)?,
     };
-    let catalogue = Catalogue::read(&folder).map_err(Failure::input)?;
+    let catalogue = Catalogue::read(&folder)?;
     let results = Results::at(&args.out);
     let items = wanted(&catalogue, &args.items)?;
-    let tasks = run::plan(&catalogue, &results, &items, args.quick).map_err(Failure::input)?;
+    let tasks = run::plan(&catalogue, &results, &items, args.quick)?;
     let ended = work::compute(&catalogue, &tasks, args.json)?;
     let all: Vec<&Item> = catalogue.items.iter().collect();
     let files = command_folder(&folder, &args.out);
-    marked::draw(&catalogue, &published, &results).map_err(Failure::failed)?;
+    marked::draw(&catalogue, &published, &results)?;
     let whole = Comparison::of(
         &catalogue,
         &published,
@@ -114,7 +111,7 @@ pub fn run(args: &Args) -> Outcome {
         claims::judge_all(&catalogue, &results, &published),
         &files,
     );
-    page::write(&whole, &args.out).map_err(Failure::failed)?;
+    page::write(&whole, &args.out)?;
     let shown = Comparison { items: whole.items.into_iter().filter(|c| is_among(c.item, &items)).collect(), ..whole };
     if args.json {
         print(&shown.json().to_string());
@@ -153,19 +150,18 @@ impl Shipped {
             return Ok(Self { folder: folder.clone(), _temporary: None });
         }
         let temporary = tempfile::TempDir::new().map_err(Failure::failed)?;
-        let folder = files::write_out(temporary.path()).map_err(Failure::failed)?;
+        let folder = files::write_out(temporary.path())?;
         Ok(Self { folder, _temporary: Some(temporary) })
     }
 
     fn catalogue(&self) -> Result<Catalogue, Failure> {
-        Catalogue::read(&self.folder).map_err(Failure::input)
+        Catalogue::read(&self.folder)
     }
 }
 
 /// The items that the command line names, in the order of the document; all if it names none.
 fn wanted<'a>(catalogue: &'a Catalogue, names: &[String]) -> Result<Vec<&'a Item>, Failure> {
-    let named =
-        names.iter().map(|name| catalogue.find(name)).collect::<Result<Vec<&Item>, _>>().map_err(Failure::input)?;
+    let named = names.iter().map(|name| catalogue.find(name)).collect::<Result<Vec<&Item>, _>>()?;
     let is_wanted = |item: &&Item| named.is_empty() || is_among(item, &named);
     Ok(catalogue.items.iter().filter(is_wanted).collect())
 }

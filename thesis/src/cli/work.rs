@@ -8,9 +8,10 @@ use std::time::Instant;
 use indicatif::ProgressBar;
 
 use crate::catalogue::{self, Catalogue};
-use crate::run::{self, Ending, RunFailure, Task};
+use crate::run::{self, Ending, Task};
 use damprig::cli::output::{print, print_error};
-use damprig::cli::{Failure, Outcome, progress, watch_for_ctrl_c};
+use damprig::cli::{progress, watch_for_ctrl_c};
+use damprig::failure::{Failure, Outcome};
 use damprig::input::shown_in_line;
 use damprig::report::numbers::duration;
 
@@ -90,7 +91,7 @@ impl Work<'_> {
             match run::run(self.catalogue, task, &report) {
                 Ok(Ending::Complete) => self.complete(task, start),
                 Ok(Ending::Stopped) => return,
-                Err(error) => self.fail(task, &error),
+                Err(error) => self.fail(task, error),
             }
             self.reach(n, 1.0);
         }
@@ -120,12 +121,11 @@ impl Work<'_> {
         }
     }
 
-    fn fail(&self, task: &Task, error: &RunFailure) {
+    fn fail(&self, task: &Task, error: Failure) {
         let text = format!("{}, {}: {error}", task.item.name, task.part.title);
         self.bar.suspend(|| print_error(&format!("warning: {text}")));
-        let of = if matches!(error, RunFailure::Input(_)) { Failure::Input } else { Failure::Failed };
         self.with_state(|state| {
-            state.failure.get_or_insert(of(format!("a part could not be computed: {text}")));
+            state.failure.get_or_insert(error.with(|_| format!("a part could not be computed: {text}")));
         });
     }
 }

@@ -10,8 +10,9 @@ use std::path::Path;
 use super::compared::{Comparison, CurveRow, Row};
 use super::published::PublishedValue;
 use super::results::ResultError;
+use damprig::failure::Failure;
 use damprig::report::numbers::significant;
-use damprig::run_folder::{StorageError, own_files};
+use damprig::run_folder::own_files;
 
 /// Name of the page.
 pub const PAGE: &str = "thesis.html";
@@ -26,10 +27,10 @@ const DIGITS: usize = 5;
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write(comparison: &Comparison, out: &Path) -> Result<(), StorageError> {
+pub fn write(comparison: &Comparison, out: &Path) -> Result<(), Failure> {
     let csv = |name: &str, text: Result<Vec<u8>, csv::Error>| {
         let path = out.join(name);
-        own_files::replace(&path, &text.map_err(|error| StorageError::new("write", &path, error))?)
+        own_files::replace(&path, &text.map_err(|error| Failure::cannot("write", &path, error))?)
     };
     csv("published.csv", tables::published(comparison))?;
     csv("published_curves.csv", tables::curves(comparison))?;

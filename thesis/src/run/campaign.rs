@@ -4,11 +4,12 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use super::{Ending, RunFailure, parts};
+use super::{Ending, parts};
 use crate::results::RUN;
 use damprig::campaign::{Campaign, CampaignSetUp};
 use damprig::client::link::Address;
 use damprig::client::session::Session;
+use damprig::failure::Failure;
 use damprig::host_time;
 use damprig::prediction::Predicted;
 use damprig::recorded_run::{RecordedRun, RunStart, begin_entry};
@@ -45,9 +46,9 @@ impl Watcher for Reporter<'_> {
 }
 
 /// Runs a campaign into a run folder of its own; one that was stopped is run again.
-pub(super) fn run(file: &Path, folder: &Path, report: &(dyn Fn(f64) -> bool + Sync)) -> Result<Ending, RunFailure> {
+pub(super) fn run(file: &Path, folder: &Path, report: &(dyn Fn(f64) -> bool + Sync)) -> Result<Ending, Failure> {
     let mut campaign = Campaign::read(file)?;
-    let mut session = Session::open(&Address::VIRTUAL, TIMEOUT).map_err(RunFailure::of)?;
+    let mut session = Session::open(&Address::VIRTUAL, TIMEOUT)?;
     let (selection, _) = accept(&mut campaign, &session)?;
     let predicted = Predicted::of(&campaign)?;
     predicted.check(&campaign, f64::from(session.settings.calibration.drive.range().amplitude_m()))?;
@@ -71,13 +72,13 @@ pub(super) fn run(file: &Path, folder: &Path, report: &(dyn Fn(f64) -> bool + Sy
     let mut watcher = Reporter { report, length_s: campaign.longest_s(), stop: &stop };
     let run = Run::new(&campaign, &mut session, &mut recorded.recorder, &mut watcher, &stop, selection, taken);
     let (tally, result) = run.carry_out();
-    let ended = recorded.end(tally, result).ok_or_else(|| RunFailure::of("the recorder thread has stopped"))?;
+    let ended = recorded.end(tally, result).ok_or_else(|| Failure::failed("the recorder thread has stopped"))?;
     match ended.result {
         Err(RunError::Interrupted) => return Ok(Ending::Stopped),
-        Err(error) => return Err(RunFailure::of(error)),
+        Err(error) => return Err(Failure::failed(error)),
         Ok(()) => {}
     }
     ended.written?;
-    ended.drawn.map_err(RunFailure::of)?;
+    ended.drawn?;
     Ok(Ending::Complete)
 }

@@ -3,7 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Ending, RunFailure};
+use super::Ending;
+use damprig::failure::Failure;
 use damprig::report::case_files::{Answer, Simulated};
 use damprig::report::figures::case_overlay::{self, DrawnCase};
 use damprig::report::figures::simulated_motion;
@@ -22,7 +23,7 @@ pub(super) fn run(
     title: &str,
     folder: &Path,
     report: &(dyn Fn(f64) -> bool + Sync),
-) -> Result<Ending, RunFailure> {
+) -> Result<Ending, Failure> {
     let mut drawn = Vec::new();
     for (place, file) in files.iter().enumerate() {
         let case = Case::read(file)?;
@@ -33,8 +34,8 @@ pub(super) fn run(
         }
     }
     let [histories, maxima] = OVERLAYS;
-    case_overlay::histories(&drawn, title).write(folder, histories).map_err(RunFailure::of)?;
-    case_overlay::cycle_maxima(&drawn, title).write(folder, maxima).map_err(RunFailure::of)?;
+    case_overlay::histories(&drawn, title).write(folder, histories)?;
+    case_overlay::cycle_maxima(&drawn, title).write(folder, maxima)?;
     Ok(Ending::Complete)
 }
 
@@ -44,29 +45,29 @@ fn simulate_into(
     stem: &str,
     folder: &Path,
     report: &dyn Fn(f64) -> bool,
-) -> Result<Option<DrawnCase>, RunFailure> {
+) -> Result<Option<DrawnCase>, Failure> {
     let path: TablePath =
-        folder.join(format!("{stem}.parquet")).display().to_string().parse().map_err(RunFailure::Failed)?;
+        folder.join(format!("{stem}.parquet")).display().to_string().parse().map_err(Failure::Failed)?;
     let rate_hz = case.usual_rate_hz();
-    let history = TimeHistory::create(&path, rate_hz, case).map_err(RunFailure::of)?;
+    let history = TimeHistory::create(&path, rate_hz, case)?;
     let envelope = simulated_motion::envelope(case, 0.0, case.run.duration_s, case_overlay::COLUMNS);
     let whole = simulated_motion::usual_envelopes(case);
     let mut viewer = ((history, CycleMaxima::new(case.cycle_s())), (envelope, whole));
-    let longest_part_s = cost::longest_part_s(case, Some(rate_hz)).map_err(RunFailure::of)?;
+    let longest_part_s = cost::longest_part_s(case, Some(rate_hz))?;
     let mut go_on = |t_s: f64| report(t_s / case.run.duration_s);
     let options = RunOptions { keep: true, longest_part_s, go_on: &mut go_on };
-    let result = simulate(case, &mut viewer, options).map_err(RunFailure::of)?;
+    let result = simulate(case, &mut viewer, options)?;
     if result.stopped_at_s.is_some() {
         return Ok(None);
     }
     let ((history, maxima), (envelope, (whole, last))) = viewer;
-    history.finish().map_err(RunFailure::of)?;
-    let picture = simulated_motion::of_case(case, whole.as_ref(), last.as_ref()).map_err(RunFailure::of)?;
-    picture.write(folder, &format!("case-{stem}")).map_err(RunFailure::of)?;
+    history.finish()?;
+    let picture = simulated_motion::of_case(case, whole.as_ref(), last.as_ref())?;
+    picture.write(folder, &format!("case-{stem}"))?;
     let cycle_max_m = maxima.whole_m().to_vec();
     let answer =
         Answer { case: Simulated::of(case, ""), result: &result, analysis: None, cycle_max_m: Some(&cycle_max_m) };
-    let json = serde_json::to_string(&answer).map_err(RunFailure::of)?;
+    let json = serde_json::to_string(&answer)?;
     own_files::replace(&folder.join(format!("{stem}.json")), json.as_bytes())?;
     Ok(Some(DrawnCase { name: case.name.clone(), envelope, cycle_max_m }))
 }

@@ -20,12 +20,11 @@ use super::marked::WITH_PUBLISHED;
 use super::results::{BIFURCATION_TABLE, BRANCHES, BRANCHES_TABLE, METHOD_TABLE, RUN, Results, STUDY_TABLE};
 use damprig::campaign::Campaign;
 use damprig::continuation::Continuation;
-use damprig::input::Refusal;
-use damprig::run_folder::{StorageError, own_files};
+use damprig::failure::Failure;
+use damprig::run_folder::own_files;
 use damprig::simulation::case::default_name;
 use damprig::simulation::{Case, cost};
 use damprig::study::Study;
-use damprig::study::failure::StudyFailure;
 use damprig::study::run as study_run;
 
 /// File that marks a complete part.
@@ -75,38 +74,6 @@ pub enum Ending {
     Stopped,
 }
 
-/// Why a part could not be computed.
-#[derive(Clone, Debug, thiserror::Error)]
-pub enum RunFailure {
-    /// A file of the part is wrong.
-    #[error("{0}")]
-    Input(#[from] Refusal),
-    /// A file cannot be written or read, or the virtual rig failed.
-    #[error("{0}")]
-    Failed(String),
-}
-
-impl From<StorageError> for RunFailure {
-    fn from(error: StorageError) -> Self {
-        Self::Failed(error.to_string())
-    }
-}
-
-impl From<StudyFailure> for RunFailure {
-    fn from(error: StudyFailure) -> Self {
-        match error {
-            StudyFailure::Refused(refusal) => Self::Input(refusal),
-            other => Self::of(other),
-        }
-    }
-}
-
-impl RunFailure {
-    fn of(error: impl std::fmt::Display) -> Self {
-        Self::Failed(error.to_string())
-    }
-}
-
 /// The parts of some items, which of them are complete, and what the others will take.
 ///
 /// # Errors
@@ -116,13 +83,13 @@ pub fn plan<'a>(
     results: &Results,
     items: &[&'a Item],
     is_quick: bool,
-) -> Result<Vec<Task<'a>>, Refusal> {
+) -> Result<Vec<Task<'a>>, Failure> {
     let parts: Vec<(&Item, &Part)> =
         items.iter().flat_map(|item| item.parts(is_quick).map(move |part| (*item, part))).collect();
     parts.into_par_iter().map(|(item, part)| task(catalogue, results, item, part)).collect()
 }
 
-fn task<'a>(catalogue: &Catalogue, results: &Results, item: &'a Item, part: &'a Part) -> Result<Task<'a>, Refusal> {
+fn task<'a>(catalogue: &Catalogue, results: &Results, item: &'a Item, part: &'a Part) -> Result<Task<'a>, Failure> {
     let folder = results.part(&item.name, &part.name);
     let read = Read::of(&catalogue.folder, part)?;
     let digest = read.digest(part);
@@ -163,13 +130,13 @@ fn is_as_written(folder: &Path, mark: &Mark) -> bool {
 }
 
 /// Removes the mark of a part, and the files that have changed since: a study goes on with the others.
-fn remove_changed(folder: &Path) -> Result<(), StorageError> {
+fn remove_changed(folder: &Path) -> Result<(), Failure> {
     let Some(mark) = mark_in(folder) else { return Ok(()) };
-    let there = digests(folder).map_err(|error| StorageError::new("read", folder, error))?;
+    let there = digests(folder).map_err(|error| Failure::cannot("read", folder, error))?;
     let changed = there.iter().filter(|(name, digest)| mark.files.get(*name).is_some_and(|written| written != *digest));
     for name in changed.map(|(name, _)| name.as_str()).chain([MARK]) {
         let file = folder.join(name);
-        std::fs::remove_file(&file).map_err(|error| StorageError::new("remove", &file, error))?;
+        std::fs::remove_file(&file).map_err(|error| Failure::cannot("remove", &file, error))?;
     }
     Ok(())
 }
@@ -202,7 +169,7 @@ enum Read {
 }
 
 impl Read {
-    fn of(folder: &Path, part: &Part) -> Result<Self, Refusal> {
+    fn of(folder: &Path, part: &Part) -> Result<Self, Failure> {
         Ok(match &part.work {
             Work::Study(file) => Self::Study(Box::new(Study::read(&folder.join(file))?)),
             Work::Cases(files) => {
@@ -238,9 +205,8 @@ impl Read {
     }
 
     /// Computing time on all cores, s, about.
-    fn estimate_s(&self) -> Result<f64, Refusal> {
-        let cost_s =
-            |case: &Case| cost::estimate(case).map(|cost| cost.seconds).map_err(|error| Refusal(error.to_string()));
+    fn estimate_s(&self) -> Result<f64, Failure> {
+        let cost_s = |case: &Case| cost::estimate(case).map(|cost| cost.seconds);
         let cores = rayon::current_num_threads() as f64;
         Ok(match self {
             Self::Study(study) => study_run::estimate_s(study)? / cores,
@@ -265,11 +231,11 @@ impl Read {
 ///
 /// # Errors
 /// A file that is wrong, or that cannot be written.
-pub fn run(catalogue: &Catalogue, task: &Task, report: &(dyn Fn(f64) -> bool + Sync)) -> Result<Ending, RunFailure> {
+pub fn run(catalogue: &Catalogue, task: &Task, report: &(dyn Fn(f64) -> bool + Sync)) -> Result<Ending, Failure> {
     let start = Instant::now();
     let Task { part, folder, .. } = task;
     let files = &catalogue.folder;
-    std::fs::create_dir_all(folder).map_err(|error| StorageError::new("create", folder, error))?;
+    std::fs::create_dir_all(folder).map_err(|error| Failure::cannot("create", folder, error))?;
     remove_changed(folder)?;
     let ending = match &part.work {
         Work::Study(file) => parts::study(&files.join(file), folder, report)?,
@@ -288,9 +254,9 @@ pub fn run(catalogue: &Catalogue, task: &Task, report: &(dyn Fn(f64) -> bool + S
             damprig: damprig::VERSION_LINE.into(),
             digest: task.digest.clone(),
             wall_s: start.elapsed().as_secs_f64(),
-            files: digests(folder).map_err(|error| StorageError::new("read", folder, error))?,
+            files: digests(folder).map_err(|error| Failure::cannot("read", folder, error))?,
         };
-        let text = serde_json::to_string_pretty(&mark).map_err(RunFailure::of)?;
+        let text = serde_json::to_string_pretty(&mark)?;
         own_files::replace(&folder.join(MARK), text.as_bytes())?;
     }
     Ok(ending)

@@ -3,38 +3,38 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::{Ending, RunFailure};
+use super::Ending;
 use crate::catalogue::Bifurcation;
 use crate::results::{BRANCHES, BRANCHES_TABLE};
 use damprig::continuation::Continuation;
-use damprig::input::{Refusal, Source};
+use damprig::failure::Failure;
+use damprig::input::Source;
 use damprig::report::figures::branches;
 use damprig::report::{bifurcation_files, branch_table, study_files, terminal};
-use damprig::run_folder::{StorageError, own_files};
+use damprig::run_folder::own_files;
 use damprig::simulation::case::default_name;
 use damprig::simulation::{Case, SetValues};
 use damprig::storage::out_file::OutFile;
 use damprig::study::Study;
 use damprig::study::bifurcation::{self, Direction, Sweep};
 use damprig::study::data_set::{DataSet, MANIFEST};
-use damprig::study::failure::StudyFailure;
 use damprig::study::run::{self as study_run, Progress};
 use damprig::study::store::Store;
 
 type Report<'a> = &'a (dyn Fn(f64) -> bool + Sync);
 
 /// Runs a study into its folder; goes on where an earlier call stopped.
-pub(super) fn study(file: &Path, folder: &Path, report: Report<'_>) -> Result<Ending, RunFailure> {
+pub(super) fn study(file: &Path, folder: &Path, report: Report<'_>) -> Result<Ending, Failure> {
     let study = Study::read(file)?;
     let store = Store::at(folder)?;
     let data_set = match DataSet::open(&study, store.clone()) {
         Ok(data_set) => data_set,
         // Results of this folder by another version, or of a file as it was before.
-        Err(StudyFailure::Refused(_)) if folder.join(MANIFEST).is_file() => {
+        Err(Failure::Input(_)) if folder.join(MANIFEST).is_file() => {
             remove(folder)?;
             DataSet::open(&study, store)?
         }
-        Err(error) => return Err(error.into()),
+        Err(error) => return Err(error),
     };
     let rows = study.rows().max(1) as f64;
     let within = |progress: &Progress| report(progress.done as f64 / rows);
@@ -46,24 +46,24 @@ pub(super) fn study(file: &Path, folder: &Path, report: Report<'_>) -> Result<En
     let mut summary = vec![terminal::study::scope(&study, study_run::cycles(&study))];
     summary.extend(last.best.map(|(row, value)| terminal::study::best(&study, row, value)));
     let drawn = study_files::write(&study, &data_set, last.best.map(|(row, _)| row), &summary);
-    match drawn.map_err(RunFailure::of)? {
+    match drawn? {
         Some(drawn) if !drawn.undrawn.is_empty() => {
             let (stem, error) = &drawn.undrawn[0];
-            Err(RunFailure::Failed(format!("{}: {stem}: {error}", folder.display())))
+            Err(Failure::Failed(format!("{}: {stem}: {error}", folder.display())))
         }
         _ => Ok(Ending::Complete),
     }
 }
 
 /// Removes the results of a part that are out of date.
-pub(super) fn remove(folder: &Path) -> Result<(), StorageError> {
+pub(super) fn remove(folder: &Path) -> Result<(), Failure> {
     std::fs::remove_dir_all(folder)
         .and_then(|()| std::fs::create_dir_all(folder))
-        .map_err(|error| StorageError::new("replace the results in", folder, error))
+        .map_err(|error| Failure::cannot("replace the results in", folder, error))
 }
 
 /// The cases of a bifurcation diagram, one for each value.
-pub(super) fn swept_cases(files: &Path, wanted: &Bifurcation) -> Result<(Vec<Case>, Sweep), Refusal> {
+pub(super) fn swept_cases(files: &Path, wanted: &Bifurcation) -> Result<(Vec<Case>, Sweep), Failure> {
     let file = files.join(&wanted.case);
     let sweep = Sweep {
         key: wanted.swept.key.clone(),
@@ -82,7 +82,7 @@ pub(super) fn bifurcation(
     wanted: &Bifurcation,
     folder: &Path,
     report: Report<'_>,
-) -> Result<Ending, RunFailure> {
+) -> Result<Ending, Failure> {
     let (cases, sweep) = swept_cases(files, wanted)?;
     let directions: &[Direction] = match wanted.direction {
         "up" => &[Direction::Up],
@@ -102,17 +102,17 @@ pub(super) fn bifurcation(
     if is_stopped.into_inner() {
         return Ok(Ending::Stopped);
     }
-    bifurcation_files::write(folder, &cases[0], &samples, &sweep, wanted.section).map_err(RunFailure::of)?;
+    bifurcation_files::write(folder, &cases[0], &samples, &sweep, wanted.section)?;
     Ok(Ending::Complete)
 }
 
 /// Follows periodic orbits.
-pub(super) fn continuation(file: &Path, folder: &Path) -> Result<Ending, RunFailure> {
+pub(super) fn continuation(file: &Path, folder: &Path) -> Result<Ending, Failure> {
     let found = Continuation::read(file)?.follow()?;
     let out = OutFile { path: folder.join(BRANCHES_TABLE), force: true };
-    branch_table::write(branch_table::orbits(&found), &out).map_err(RunFailure::of)?;
-    branches::draw(&found).and_then(|picture| picture.write(folder, "branches")).map_err(RunFailure::of)?;
-    let json = serde_json::to_string(&found).map_err(RunFailure::of)?;
+    branch_table::write(branch_table::orbits(&found), &out)?;
+    branches::draw(&found).and_then(|picture| picture.write(folder, "branches"))?;
+    let json = serde_json::to_string(&found)?;
     own_files::replace(&folder.join(BRANCHES), json.as_bytes())?;
     Ok(Ending::Complete)
 }

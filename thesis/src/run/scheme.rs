@@ -16,8 +16,9 @@ use damprig_core::integrator::units::Units;
 use damprig_core::model::{Initial, Wall};
 use damprig_core::scalar::Scalar;
 
-use super::{Ending, RunFailure};
+use super::Ending;
 use crate::results::METHOD_TABLE;
+use damprig::failure::Failure;
 use damprig::input::Source;
 use damprig::quantity::Quantity;
 use damprig::report::figures::case_overlay::{Series, over_step};
@@ -176,13 +177,13 @@ struct Row {
 }
 
 /// Computes the table and the figure of a part.
-pub(super) fn run(folder: &Path, report: &(dyn Fn(f64) -> bool + Sync)) -> Result<Ending, RunFailure> {
+pub(super) fn run(folder: &Path, report: &(dyn Fn(f64) -> bool + Sync)) -> Result<Ending, Failure> {
     let mut rows = Vec::new();
     let all = (CLEARANCE_RATIOS.len() * STEPS_S.len() * Variant::SCHEMES.len()) as f64;
     for clearance_ratio in CLEARANCE_RATIOS {
         let case = case(clearance_ratio)?;
         let exact = exact(&case)?;
-        let (model, start) = model(&case).ok_or_else(|| RunFailure::of("the scheme has hard walls"))?;
+        let (model, start) = model(&case).ok_or_else(|| Failure::failed("the scheme has hard walls"))?;
         for step_s in STEPS_S {
             for variant in Variant::SCHEMES {
                 if !report(rows.len() as f64 / all) {
@@ -198,8 +199,7 @@ pub(super) fn run(folder: &Path, report: &(dyn Fn(f64) -> bool + Sync)) -> Resul
             rows.push(Row { clearance_ratio, variant, step_s: TICK_S, scheme: driver(&case)?, exact });
         }
     }
-    let bytes =
-        table(&rows).map_err(RunFailure::of).and_then(|table| sealed_parquet::bytes(&table).map_err(RunFailure::of))?;
+    let bytes = sealed_parquet::bytes(&table(&rows)?)?;
     own_files::replace(&folder.join(METHOD_TABLE), &bytes)?;
     let series = |(clearance_ratio, variant): (f64, Variant)| {
         let own = rows.iter().filter(move |row| row.clearance_ratio == clearance_ratio && row.variant == variant);
@@ -209,13 +209,13 @@ pub(super) fn run(folder: &Path, report: &(dyn Fn(f64) -> bool + Sync)) -> Resul
     let all = CLEARANCE_RATIOS.into_iter().flat_map(|ratio| Variant::SCHEMES.map(|variant| series((ratio, variant))));
     let title = "Free vibration, e = 0.82: the printed scheme against the exact solution";
     let picture = over_step(all.collect(), title, "time step (s)", "error of the RMS of x (%)");
-    picture.write(folder, "error").map_err(RunFailure::of)?;
+    picture.write(folder, "error")?;
     Ok(Ending::Complete)
 }
 
-fn case(clearance_ratio: f64) -> Result<Case, RunFailure> {
+fn case(clearance_ratio: f64) -> Result<Case, Failure> {
     let set = SetValues::from_arguments(&[format!("particle.clearance_ratio={clearance_ratio}")])?;
-    Ok(Case::parse_changed(&Source::new("the case of the scheme", CASE), "scheme", &set)?)
+    Case::parse_changed(&Source::new("the case of the scheme", CASE), "scheme", &set)
 }
 
 fn model(case: &Case) -> Option<(Model, State)> {
@@ -232,16 +232,16 @@ fn model(case: &Case) -> Option<(Model, State)> {
     Some((model, State { x_m, v_m_per_s, y_m, u_m_per_s }))
 }
 
-fn exact(case: &Case) -> Result<Counted, RunFailure> {
-    let longest_part_s = cost::longest_part_s(case, None).map_err(RunFailure::of)?;
+fn exact(case: &Case) -> Result<Counted, Failure> {
+    let longest_part_s = cost::longest_part_s(case, None)?;
     let options = RunOptions { keep: false, longest_part_s, go_on: &mut |_| true };
-    let summary = simulate(case, &mut (), options).map_err(RunFailure::of)?.summary;
+    let summary = simulate(case, &mut (), options)?.summary;
     Ok(Counted { rms_x_m: summary.rms_x_m, impacts: summary.impact_count as f64, overlap_m: 0.0 })
 }
 
 /// The controller's driver, on a base at rest.
-fn driver<S: Scalar>(case: &Case) -> Result<Counted, RunFailure> {
-    let mut motion = Sampled::<S>::new(&case.set_up, Units::metres(TICK_S), &case.initial).map_err(RunFailure::of)?;
+fn driver<S: Scalar>(case: &Case) -> Result<Counted, Failure> {
+    let mut motion = Sampled::<S>::new(&case.set_up, Units::metres(TICK_S), &case.initial)?;
     let ticks = (case.run.duration_s / TICK_S).round();
     let mut seen = Seen::default();
     for _ in 0..ticks as u64 {
@@ -281,7 +281,7 @@ impl Row {
     }
 }
 
-fn table(rows: &[Row]) -> Result<RecordBatch, String> {
+fn table(rows: &[Row]) -> Result<RecordBatch, Failure> {
     let number = |name: &str, unit: &str| Column::new(name, unit, "");
     TableBuilder::new(rows)
         .column(number("variant", ""), |row| row.variant.name())

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::super::arguments::positive;
-use super::super::outcome::{Failure, Outcome};
 use super::{ChoiceArgs, OutArgs, finish};
+use crate::failure::{Failure, Outcome};
 use crate::identify::table::Table;
-use crate::identify::{CannotIdentify, Identification, contact};
+use crate::identify::{Identification, contact};
 use crate::run_folder::read::folder::find;
 
 /// Contact time of a hard wall, from the pulses of a run or from force records; stiffness, and of records the pulse factor.
@@ -38,12 +38,12 @@ pub(super) struct ContactArgs {
 /// Sources from which nothing can be identified, an unwritable file.
 pub(super) fn run(args: &ContactArgs) -> Outcome {
     args.out.check(&args.sources, &[])?;
-    finish(&args.out, identify(args).map_err(Failure::input)?)
+    finish(&args.out, identify(args)?)
 }
 
-fn identify(args: &ContactArgs) -> Result<Identification, CannotIdentify> {
+fn identify(args: &ContactArgs) -> Result<Identification, Failure> {
     let refused = |option: &str, what: &str| {
-        Err(CannotIdentify(format!(
+        Err(Failure::Input(format!(
             "{option} is for {what}, and {} is none\n  leave it out",
             args.sources[0].display()
         )))
@@ -52,8 +52,7 @@ fn identify(args: &ContactArgs) -> Result<Identification, CannotIdentify> {
         if args.choice.set_up.is_some() || args.choice.experiment.is_some() {
             return refused("--set-up or --experiment", "a run");
         }
-        let tables: Result<Vec<Table>, CannotIdentify> =
-            args.sources.iter().map(|source| Table::read(source)).collect();
+        let tables: Result<Vec<Table>, Failure> = args.sources.iter().map(|source| Table::read(source)).collect();
         return contact::of_records(&tables?, args.reduced_mass_kg);
     }
     if args.reduced_mass_kg.is_some() {
@@ -61,8 +60,8 @@ fn identify(args: &ContactArgs) -> Result<Identification, CannotIdentify> {
     }
     let [source] = &args.sources[..] else {
         let text = "a run is identified by itself\n  give several sources only where all are CSV files that exist";
-        return Err(CannotIdentify(text.into()));
+        return Err(Failure::Input(text.into()));
     };
-    let path = find(source).map_err(|e| CannotIdentify(e.to_string()))?;
+    let path = find(source)?;
     contact::of_run(&path, &args.choice.choice())
 }

@@ -7,14 +7,14 @@ use clap::Args as ClapArgs;
 
 use super::{ChoiceArgs, OutArgs, SensorArgs, finish_if_consistent};
 use crate::cli::arguments::{StatedArgs, positive, table_file};
-use crate::cli::outcome::{Failure, Outcome};
 use crate::cli::simulate::picture;
+use crate::failure::{Failure, Outcome};
 use crate::identify::backbone::Backbone;
 use crate::identify::decay::{self, Decay, Model};
 use crate::identify::decay_file::DecayFile;
-use crate::identify::{CannotIdentify, Identification, Sensors, free_vibration};
+use crate::identify::{Identification, Sensors, free_vibration};
 use crate::report::figures::backbone;
-use crate::report::plot::{FigureError, Picture};
+use crate::report::plot::Picture;
 use crate::report::{backbone_table, branch_table};
 use crate::run_folder::read::folder::find;
 use crate::signal_file::Selector;
@@ -73,29 +73,29 @@ pub(super) struct DecayArgs {
 /// A source from which nothing can be identified, values that another method contradicts and --out, an unwritable file.
 pub(super) fn run(args: &DecayArgs) -> Outcome {
     args.out.check(from_ref(&args.source), &[&args.plot, &args.plot_residuals, &args.table])?;
-    let (decay, identified) = identify(args).map_err(Failure::input)?;
+    let (decay, identified) = identify(args)?;
     draw(args, &decay, &identified)?;
     let help = "cut the record to the amplitudes that matter, or write the values of the fit";
     finish_if_consistent(&args.out, identified, args.despite_misfit, help)
 }
 
-fn identify(args: &DecayArgs) -> Result<(Decay, Identification), CannotIdentify> {
+fn identify(args: &DecayArgs) -> Result<(Decay, Identification), Failure> {
     let model = |sensors| Model { coulomb: !args.viscous, sensors };
     let (taken_from, decay, remarks, sensors, mass_kg) = if Selector::of(&args.source).path.is_file() {
-        let record = DecayFile::read(&args.source, &args.stated.stated().map_err(|error| CannotIdentify(error.0))?)?;
+        let record = DecayFile::read(&args.source, &args.stated.stated()?)?;
         let sensors = args.sensors.applied(Sensors::ASSUMED);
         let (decay, remarks) = record.identify(model(sensors))?;
         (record.taken_from, decay, remarks, sensors, None)
     } else {
         if args.stated.is_given() {
             let text = "--unit, --sensitivity and --calibration are for a file; a run has displacements in m";
-            return Err(CannotIdentify(text.into()));
+            return Err(Failure::Input(text.into()));
         }
-        let run = find(&args.source).map_err(|e| CannotIdentify(e.to_string()))?;
+        let run = find(&args.source)?;
         let record = free_vibration(&run, &args.choice.choice())?;
         let sensors = args.sensors.applied(record.sensors);
         let decay = decay::identify(&record.t_s, &record.x_m, model(sensors))
-            .map_err(|error| CannotIdentify(format!("{}: {error}", record.taken_from)))?;
+            .map_err(|error| Failure::Input(format!("{}: {error}", record.taken_from)))?;
         (record.taken_from, decay, Vec::new(), sensors, record.mass_kg)
     };
     let mut identified = Identification::new(taken_from, decay.estimates(args.mass_kg.or(mass_kg)));
@@ -115,9 +115,9 @@ fn identify(args: &DecayArgs) -> Result<(Decay, Identification), CannotIdentify>
 
 /// Writes the pictures and the table.
 fn draw(args: &DecayArgs, decay: &Decay, identified: &Identification) -> Outcome {
-    let draw = |path: &Option<PathBuf>, draw: fn(&Decay) -> Result<Picture, FigureError>| {
+    let draw = |path: &Option<PathBuf>, draw: fn(&Decay) -> Result<Picture, Failure>| {
         let Some(path) = path else { return Ok(()) };
-        draw(decay).and_then(|picture| picture.save(path)).map_err(Failure::failed)
+        draw(decay).and_then(|picture| picture.save(path))
     };
     draw(&args.plot, backbone::draw)?;
     draw(&args.plot_residuals, backbone::residuals)?;
@@ -128,6 +128,6 @@ fn draw(args: &DecayArgs, decay: &Decay, identified: &Identification) -> Outcome
         ));
     }
     let table = backbone_table::table(&identified.over_amplitude, &identified.taken_from);
-    branch_table::write(table, &args.out.force.file(path)).map_err(Failure::failed)?;
+    branch_table::write(table, &args.out.force.file(path))?;
     Ok(())
 }

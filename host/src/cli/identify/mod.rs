@@ -13,12 +13,12 @@ use std::slice::from_ref;
 use clap::{Args as ClapArgs, Subcommand};
 
 use super::arguments::{ForceArg, JsonArg, positive};
-use super::outcome::{Failure, Outcome};
+use crate::failure::{Failure, Outcome};
 use crate::identify::backbone::Row;
 use crate::identify::restitution::OverSpeed;
 use crate::identify::table::Table;
 use crate::identify::wall::Pad;
-use crate::identify::{CannotIdentify, Choice, Estimate, Identification, Sensors, friction, set_up_file, wall};
+use crate::identify::{Choice, Estimate, Identification, Sensors, friction, set_up_file, wall};
 use crate::input::Source;
 use crate::report::numbers::significant;
 use crate::report::terminal::{plain_table, table};
@@ -219,15 +219,15 @@ pub fn run(args: &Args) -> Outcome {
         What::Friction(args) => {
             args.out.check(from_ref(&args.source), &[])?;
             let identified = of_table(&args.source, |table| friction::identify(table, args.gravity));
-            finish(&args.out, identified.map_err(Failure::input)?)
+            finish(&args.out, identified?)
         }
         What::Sound(args) => {
             args.out.check(from_ref(&args.source), &[])?;
-            finish(&args.out, sound::identify(args).map_err(Failure::input)?)
+            finish(&args.out, sound::identify(args)?)
         }
         What::Wall(args) => {
             args.out.check(from_ref(&args.source), &[])?;
-            finish(&args.out, wall(args).map_err(Failure::input)?)
+            finish(&args.out, wall(args)?)
         }
     }
 }
@@ -235,13 +235,13 @@ pub fn run(args: &Args) -> Outcome {
 /// Identifies from a table.
 fn of_table(
     source: &Path,
-    identify: impl FnOnce(&Table) -> Result<Vec<Estimate>, CannotIdentify>,
-) -> Result<Identification, CannotIdentify> {
+    identify: impl FnOnce(&Table) -> Result<Vec<Estimate>, Failure>,
+) -> Result<Identification, Failure> {
     let table = Table::read(source)?;
     Ok(Identification::new(table.file(), identify(&table)?))
 }
 
-fn wall(args: &WallArgs) -> Result<Identification, CannotIdentify> {
+fn wall(args: &WallArgs) -> Result<Identification, Failure> {
     let pad = Pad { shape_factor_m: args.shape_factor_m, frequency_hz: args.frequency_hz };
     let mut identified = of_table(&args.source, |table| wall::identify(table, pad))?;
     identified.words = vec![("particle.wall.kind", "voigt"), ("particle.wall.release", "zero_force")];
@@ -267,14 +267,14 @@ fn finish_if_consistent(args: &OutArgs, identified: Identification, despite_misf
 fn finish(args: &OutArgs, identified: Identification) -> Outcome {
     let text = args.out.as_ref().map(|path| set_up_text(args, path, &identified)).transpose()?;
     if args.json.is_given() {
-        say!("{}", serde_json::to_string(&identified).map_err(Failure::failed)?);
+        say!("{}", serde_json::to_string(&identified)?);
     } else {
         say!("{}", text_of(&identified));
     }
     let (Some(path), Some(text)) = (&args.out, text) else { return Ok(()) };
     let out = OutFile { path: path.clone(), force: args.force.is_given() || args.update };
     let failed = to_failure(path);
-    write_new(&out, |file| file.write_all(text.as_bytes()).map_err(|e| failed(&e))).map_err(Failure::failed)?;
+    write_new(&out, |file| file.write_all(text.as_bytes()).map_err(|e| failed(&e)))?;
     if !args.json.is_given() {
         say!(
             "\nWritten to {}: `set_up_file = {:?}` at the top of a campaign reads it.",
@@ -292,7 +292,7 @@ fn set_up_text(args: &OutArgs, path: &Path, identified: &Identification) -> Resu
         let message = "--out: none of the results is a key of a set-up; print them, or use --json";
         return Err(Failure::Input(message.into()));
     }
-    let earlier = if exists && args.update { Some(Source::read(path).map_err(Failure::input)?) } else { None };
+    let earlier = if exists && args.update { Some(Source::read(path)?) } else { None };
     set_up_file::text(identified, earlier.as_ref().map(Source::text))
         .map_err(|error| Failure::Input(format!("{}: {error}", path.display())))
 }

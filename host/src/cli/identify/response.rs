@@ -7,17 +7,17 @@ use clap::Args as ClapArgs;
 
 use super::{ChoiceArgs, OutArgs, SensorArgs, finish, finish_if_consistent};
 use crate::cli::arguments::{not_negative, positive};
-use crate::cli::outcome::{Failure, Outcome};
 use crate::cli::simulate::picture;
+use crate::failure::{Failure, Outcome};
 use crate::identify::modal::h1::{Channels, Found};
 use crate::identify::modal::read::{Source, has_one};
 use crate::identify::modal::{self, FrequencyResponse, Modal, Wish};
 use crate::identify::response::Response;
 use crate::identify::table::{TIME, Table, X, Z};
 use crate::identify::time_response::{self, Motion, Wanted};
-use crate::identify::{CannotIdentify, Identification, OfRun, response, response_of_run};
+use crate::identify::{Identification, OfRun, response, response_of_run};
 use crate::report::figures::{modal_response, transfer_function};
-use crate::report::plot::{FigureError, Picture};
+use crate::report::plot::Picture;
 use crate::run_folder::read::folder::find;
 use crate::signal_file::{self, Selector};
 
@@ -167,12 +167,12 @@ pub(super) fn run(args: &ResponseArgs) -> Outcome {
         Given::Points(points) => finish(&args.out, of_points(args, points)?),
         Given::Motion(motion) => finish(&args.out, of_motion(args, &motion)?),
         Given::Lines(lines) => {
-            let found = modal::identify(&lines, args.file.band()).map_err(Failure::input)?;
+            let found = modal::identify(&lines, args.file.band())?;
             of_mode(args, &lines, &found)
         }
         Given::Channels(recorded) => {
             let wanted = Wanted { segment_s: args.segment_s, overlap: args.overlap };
-            let (lines, found) = recorded.identify(wanted, args.file.band()).map_err(Failure::input)?;
+            let (lines, found) = recorded.identify(wanted, args.file.band())?;
             of_mode(args, &lines, &found)
         }
     }
@@ -181,8 +181,8 @@ pub(super) fn run(args: &ResponseArgs) -> Outcome {
 fn from_source(args: &ResponseArgs) -> Result<Given, Failure> {
     let selector = Selector::of(&args.source);
     if !selector.path.is_file() {
-        let run = find(&args.source).map_err(Failure::input)?;
-        let of_run = response_of_run(&run, &args.choice.choice()).map_err(Failure::input)?;
+        let run = find(&args.source)?;
+        let of_run = response_of_run(&run, &args.choice.choice())?;
         return Ok(match of_run {
             OfRun::Points(points) => Given::Points(points),
             OfRun::Motion(motion) => Given::Motion(motion),
@@ -192,7 +192,7 @@ fn from_source(args: &ResponseArgs) -> Result<Given, Failure> {
     if let Some(drive) = &file.drive {
         let (times_s, unit) = (file.times_s.as_deref(), file.unit.as_deref());
         let channels = Channels { file: &args.source, drive, times_s, unit };
-        return Ok(match channels.read().map_err(Failure::input)? {
+        return Ok(match channels.read()? {
             Found::Displacements(motion) => Given::Motion(motion),
             Found::Other(recorded) => Given::Channels(recorded),
         });
@@ -202,7 +202,7 @@ fn from_source(args: &ResponseArgs) -> Result<Given, Failure> {
         if let Ok(table) = &table
             && table.has(&X)
         {
-            return of_table(table).map_err(Failure::input);
+            return of_table(table);
         }
         let is_text = std::fs::read(&selector.path).is_ok_and(|bytes| signal_file::is_plain_table(&bytes));
         let contents = signal_file::read(&selector.path);
@@ -213,7 +213,7 @@ fn from_source(args: &ResponseArgs) -> Result<Given, Failure> {
             {
                 return Err(Failure::input(error));
             }
-            return table.and_then(|table| of_table(&table)).map_err(Failure::input);
+            return table.and_then(|table| of_table(&table));
         }
     }
     let source = Source {
@@ -224,11 +224,11 @@ fn from_source(args: &ResponseArgs) -> Result<Given, Failure> {
         averages: file.averages,
         band: file.band(),
     };
-    source.read().map(Given::Lines).map_err(Failure::input)
+    source.read().map(Given::Lines)
 }
 
 /// Points or a motion, by the columns of a table.
-fn of_table(table: &Table) -> Result<Given, CannotIdentify> {
+fn of_table(table: &Table) -> Result<Given, Failure> {
     if !table.has(&TIME) {
         return response::points(table).map(Given::Points);
     }
@@ -337,7 +337,7 @@ fn of_mode(args: &ResponseArgs, lines: &FrequencyResponse, found: &Modal) -> Out
 }
 
 /// Draws the picture, if it is wished.
-fn plot(args: &ResponseArgs, draw: impl FnOnce() -> Result<Picture, FigureError>) -> Outcome {
+fn plot(args: &ResponseArgs, draw: impl FnOnce() -> Result<Picture, Failure>) -> Outcome {
     let Some(path) = &args.plot else { return Ok(()) };
-    draw().and_then(|picture| picture.save(path)).map_err(Failure::failed)
+    draw().and_then(|picture| picture.save(path))
 }

@@ -6,11 +6,11 @@ use clap::Args as ClapArgs;
 
 use super::{ChoiceArgs, OutArgs, SensorArgs, finish_if_consistent};
 use crate::cli::arguments::{not_negative, positive, table_file};
-use crate::cli::outcome::{Failure, Outcome};
 use crate::cli::simulate::picture;
+use crate::failure::{Failure, Outcome};
 use crate::identify::flights::{self, Known};
 use crate::identify::restitution::{self, Approach, Axis, Options, Restitution};
-use crate::identify::{CannotIdentify, Identification, particle_run};
+use crate::identify::{Identification, particle_run};
 use crate::report::figures::restitution as figure;
 use crate::report::{branch_table, restitution_table};
 use crate::run_folder::read::folder::find;
@@ -109,7 +109,7 @@ pub(super) fn run(args: &RestitutionArgs) -> Outcome {
     args.out.check(&args.sources, &[&args.plot, &args.table])?;
     let is_file = args.sources.iter().all(|source| source.is_file());
     let found = if is_file { restitution_of_files(args) } else { restitution_of_run(args) };
-    let Restitution { law, mut identified } = found.map_err(Failure::input)?;
+    let Restitution { law, mut identified } = found?;
     identified.words = vec![("particle.wall.kind", "restitution")];
     for (option, path) in [("--plot", &args.plot), ("--table", &args.table)] {
         let Some(path) = path else { continue };
@@ -119,36 +119,36 @@ pub(super) fn run(args: &RestitutionArgs) -> Outcome {
             return Err(Failure::Input(message));
         };
         if option == "--plot" {
-            figure::draw(law, &over.impacts).and_then(|picture| picture.save(path)).map_err(Failure::failed)?;
+            figure::draw(law, &over.impacts).and_then(|picture| picture.save(path))?;
         } else {
             let table = restitution_table::table(&over.impacts, &identified.taken_from);
-            branch_table::write(table, &args.out.force.file(path)).map_err(Failure::failed)?;
+            branch_table::write(table, &args.out.force.file(path))?;
         }
     }
     let help = "test at the speeds of the experiment, or write the coefficient of all impacts";
     finish_if_consistent(&args.out, identified, args.despite_misfit, help)
 }
 
-fn restitution_of_run(args: &RestitutionArgs) -> Result<Restitution, CannotIdentify> {
+fn restitution_of_run(args: &RestitutionArgs) -> Result<Restitution, Failure> {
     let [source] = &args.sources[..] else {
         // A file that is missing is named as one.
         if let Some(missing) = args.sources.iter().find(|source| !source.exists()) {
-            return Err(CannotIdentify(format!("cannot read {}: there is no such file", missing.display())));
+            return Err(Failure::Input(format!("cannot read {}: there is no such file", missing.display())));
         }
         let text = "a run is identified by itself\n  give several sources only where all are files of drop tests";
-        return Err(CannotIdentify(text.into()));
+        return Err(Failure::Input(text.into()));
     };
     if let Some((option, _)) = args.of_files().into_iter().find(|(_, is_given)| *is_given) {
         let text = format!("{option} is for files of drop tests, and {} is none\n  leave it out", source.display());
-        return Err(CannotIdentify(text));
+        return Err(Failure::Input(text));
     }
-    let path = find(source).map_err(|e| CannotIdentify(e.to_string()))?;
+    let path = find(source)?;
     if args.mass_kg.is_some() {
         let help = "leave them out: the impacts of a run give the velocities themselves";
-        return Err(CannotIdentify(format!("--mass-kg and --approach-m-per-s are for a table with a force\n  {help}")));
+        return Err(Failure::Input(format!("--mass-kg and --approach-m-per-s are for a table with a force\n  {help}")));
     }
     let run = particle_run(&path, &args.choice.choice())?;
-    let located = |error: CannotIdentify| CannotIdentify(format!("{}: {error}", run.taken_from));
+    let located = |error: Failure| Failure::Input(format!("{}: {error}", run.taken_from));
     let stated = Known::of(&run.set_up).map_err(located)?;
     let gravity = run.set_up.gravity_m_per_s2;
     let known = Known {
@@ -186,7 +186,7 @@ impl RestitutionArgs {
     }
 }
 
-fn restitution_of_files(args: &RestitutionArgs) -> Result<Restitution, CannotIdentify> {
+fn restitution_of_files(args: &RestitutionArgs) -> Result<Restitution, Failure> {
     let of_run = [
         (args.clearance_m.is_some(), "--clearance-m"),
         (args.friction_coefficient.is_some(), "--friction-coefficient"),
@@ -198,7 +198,7 @@ fn restitution_of_files(args: &RestitutionArgs) -> Result<Restitution, CannotIde
     let given = of_run.iter().find(|(is_given, _)| *is_given).map(|(_, option)| *option);
     if let Some(option) = given.or(args.sensors.given()) {
         let text = format!("{option} is for a run, and {} is a file\n  leave it out", args.sources[0].display());
-        return Err(CannotIdentify(text));
+        return Err(Failure::Input(text));
     }
     let approach = args.mass_kg.zip(args.approach_m_per_s);
     let options = Options {

@@ -6,11 +6,12 @@ use clap::Args as ClapArgs;
 
 use super::OutArgs;
 use crate::cli::arguments::{not_negative, positive};
+use crate::failure::Failure;
+use crate::identify::Identification;
 use crate::identify::sound::calibration::calibrated;
 use crate::identify::sound::recording::Recording;
 use crate::identify::sound::weighting::Weighting;
 use crate::identify::sound::{Evaluation, estimates, levels, remarks};
-use crate::identify::{CannotIdentify, Identification};
 
 /// Sound pressure levels of a recording, in dB relative to 20 µPa.
 ///
@@ -63,7 +64,7 @@ pub(super) struct SoundArgs {
 ///
 /// # Errors
 /// A recording, a calibration or a background that cannot be used.
-pub(super) fn identify(args: &SoundArgs) -> Result<Identification, CannotIdentify> {
+pub(super) fn identify(args: &SoundArgs) -> Result<Identification, Failure> {
     let recording = Recording::read(&args.source, args.channel)?;
     let background = args.background.as_ref().map(|path| Recording::read(path, args.channel)).transpose()?;
     if let Some(other) = background.as_ref().filter(|other| other.is_pascal != recording.is_pascal) {
@@ -88,7 +89,7 @@ pub(super) fn identify(args: &SoundArgs) -> Result<Identification, CannotIdentif
 }
 
 /// The pressure of a unit of the recording, Pa, and how it was found, in words.
-fn calibration(args: &SoundArgs, recording: &Recording) -> Result<(f64, Option<String>), CannotIdentify> {
+fn calibration(args: &SoundArgs, recording: &Recording) -> Result<(f64, Option<String>), Failure> {
     match (&args.calibration, args.pascal_per_unit) {
         (None, None) if recording.is_pascal => Ok((1.0, None)),
         (None, None) => Err(recording.refuse(

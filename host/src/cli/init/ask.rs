@@ -7,8 +7,8 @@ use clap::ValueEnum;
 use super::Wanted;
 use super::values::{DamperArg, ExperimentArg};
 use crate::cli::arguments::{not_negative, positive};
-use crate::cli::outcome::Failure;
 use crate::cli::output;
+use crate::failure::Failure;
 use crate::file_keys::new_file::Values;
 
 /// Asks what to write.

@@ -13,8 +13,8 @@ use clap::{Args as ClapArgs, ValueEnum};
 use self::structure::StructureArg;
 use self::values::{DamperArg, ExperimentArg, ValueArgs};
 use super::arguments::ForceArg;
-use super::outcome::{Failure, Outcome};
 use crate::campaign::Campaign;
+use crate::failure::{Failure, Outcome};
 use crate::file_keys::fit;
 use crate::file_keys::new_file::{self, Damper, Excitation, Fitted, RecordFile, Values};
 use crate::input::Source;
@@ -166,7 +166,6 @@ pub fn run(args: &Args) -> Outcome {
 fn write(path: &Path, text: &str, force: ForceArg) -> Outcome {
     let failed = to_failure(path);
     write_new(&force.file(path), |file| file.write_all(text.as_bytes()).map_err(|e| failed(&e)))
-        .map_err(Failure::failed)
 }
 
 fn from(args: &Args) -> Wanted {
@@ -247,7 +246,7 @@ fn fitting_text(wanted: &mut Wanted, path: &Path) -> Result<String, Failure> {
     let mut campaign = check(wanted, path, &text)?;
     for _ in 0..FITS {
         let Some(parsed) = campaign.filter(|_| wanted.experiments.contains(&ExperimentArg::SteppedSine)) else { break };
-        let too_large = fit::too_large(&parsed, &dampers).map_err(Failure::input)?;
+        let too_large = fit::too_large(&parsed, &dampers)?;
         if too_large.is_empty() {
             break;
         }

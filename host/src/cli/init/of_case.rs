@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::{Args, beside_or_whole, name_of, write};
-use crate::cli::outcome::{Failure, Outcome};
+use crate::failure::{Failure, Outcome};
 use crate::file_keys::new_study;
-use crate::input::{Refusal, Source};
+use crate::input::Source;
 use crate::optimise::Optimisation;
 use crate::simulation::Case;
 use crate::study::Study;
@@ -49,14 +49,14 @@ pub(super) fn optimisation(case: &Path, args: &Args) -> Outcome {
 }
 
 /// The text of a file, and its parser.
-type Text = (String, fn(&Source, &Path) -> Result<(), Refusal>);
+type Text = (String, fn(&Source, &Path) -> Result<(), Failure>);
 
 impl New<'_> {
     /// Writes the text that is made from the file's name, the case as the file names it, and the case; a text that is not accepted is not
     /// written.
     fn write(&self, args: &Args, text: impl FnOnce(&str, &str, &Case) -> Result<Text, Failure>) -> Outcome {
         args.force.check(&self.file)?;
-        let case = Case::read(self.case).map_err(Failure::input)?;
+        let case = Case::read(self.case)?;
         let named = beside_or_whole(self.option, self.case, &self.file)?;
         let (text, parse) = text(&name_of(&self.file), &named, &case)?;
         let source = Source::new(self.file.with_file_name("new file").display().to_string(), text.as_str());

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 
 use super::{Args, write};
-use crate::cli::outcome::{Failure, Outcome};
+use crate::failure::{Failure, Outcome};
 use crate::input::shipped::{ROOT, text};
 
 /// Structures with several places, as arguments.

@@ -1,6 +1,7 @@
 //! Errors of a session, with their texts.
 
 use crate::client::link::Unreachable;
+use crate::failure::Failure;
 
 /// Errors of a session.
 #[derive(Debug, thiserror::Error)]
@@ -118,4 +119,10 @@ pub enum SessionError {
         /// The request, in words.
         what: &'static str,
     },
+}
+
+impl From<SessionError> for Failure {
+    fn from(error: SessionError) -> Self {
+        if matches!(error, SessionError::Interrupted) { Self::stopped() } else { Self::failed(error) }
+    }
 }

@@ -23,7 +23,8 @@ pub use usable::LeftOut;
 
 use damprig_core::model::SetUp;
 
-use super::{CannotIdentify, Sensors};
+use super::Sensors;
+use crate::failure::Failure;
 
 /// An impact as the board measured it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,8 +80,8 @@ impl Known {
     ///
     /// # Errors
     /// A set-up without a particle, with soft walls, or with a friction damper.
-    pub fn of(set_up: &SetUp) -> Result<Self, CannotIdentify> {
-        let refuse = |text: &str| Err(CannotIdentify(text.into()));
+    pub fn of(set_up: &SetUp) -> Result<Self, Failure> {
+        let refuse = |text: &str| Err(Failure::Input(text.into()));
         let Some(particle) = set_up.particle else {
             return refuse("has no particle\n  choose a set-up with an impact damper");
         };

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::quantity::Quantity;
 use super::read::{named, quantity};
 use super::{FrequencyResponse, Line, Modal, Wish, identify};
-use crate::identify::CannotIdentify;
+use crate::failure::Failure;
 use crate::identify::time_response::welch::{self, Segments};
 use crate::identify::time_response::{HANN_WIDTH_LINES, Motion, RESOLVED, USUAL_SEGMENTS, Wanted, needed_s};
 use crate::signal_file::unit::Kind;
@@ -51,13 +51,13 @@ impl Channels<'_> {
     ///
     /// # Errors
     /// A signal that is not there or not over time, signals of different times, a unit that neither file nor option states, or both.
-    pub fn read(&self) -> Result<Found, CannotIdentify> {
+    pub fn read(&self) -> Result<Found, Failure> {
         let selector = Selector::of(self.file);
-        let contents = signal_file::read(&selector.path).map_err(|error| CannotIdentify(error.0))?;
-        let response = selector.choose(contents.clone()).map_err(|error| CannotIdentify(error.0))?;
+        let contents = signal_file::read(&selector.path)?;
+        let response = selector.choose(contents.clone())?;
         let drive = named("--drive", self.drive, &selector.path, &contents)?;
         let taken_from = format!("{} driven by {}", self.file.display(), self.drive);
-        let refuse = |text: String| CannotIdentify(format!("{taken_from}: {text}"));
+        let refuse = |text: String| Failure::Input(format!("{taken_from}: {text}"));
         let times = self.times_s.map(|name| named("--times-s", name, &selector.path, &contents)).transpose()?;
         let [x, z] = [&response, &drive].map(|signal| evenly(signal, times.as_ref()).map_err(refuse));
         let (x, z) = (x?, z?);
@@ -136,7 +136,7 @@ fn evenly(signal: &Signal, times: Option<&Signal>) -> Result<EvenSignal, String>
 
 impl Recorded {
     /// H1 and coherence by segments of this length and overlap.
-    fn h1(&self, segment_s: f64, overlap: f64, wish: Wish) -> Result<FrequencyResponse, CannotIdentify> {
+    fn h1(&self, segment_s: f64, overlap: f64, wish: Wish) -> Result<FrequencyResponse, Failure> {
         let segments = Segments::new(&self.motion, segment_s, overlap)?;
         let spectrum = welch::spectrum(&self.motion, &segments);
         let is_within = |hz: f64| wish.from_hz.is_none_or(|from| hz >= from) && wish.to_hz.is_none_or(|to| hz <= to);
@@ -170,14 +170,14 @@ impl Recorded {
     ///
     /// # Errors
     /// A record too short for segments that resolve the resonance; as [`identify`].
-    pub fn identify(&self, wanted: Wanted, wish: Wish) -> Result<(FrequencyResponse, Modal), CannotIdentify> {
+    pub fn identify(&self, wanted: Wanted, wish: Wish) -> Result<(FrequencyResponse, Modal), Failure> {
         let overlap = wanted.overlap.unwrap_or(0.5);
         let length_s = self.motion.step_s * self.motion.x_m.len() as f64;
         let longest_s = length_s / USUAL_SEGMENTS;
         let of_h1 = |response: &FrequencyResponse| {
             let window_hz = response.window_hz.unwrap_or_default();
             identify(response, wish).map_err(|error| {
-                CannotIdentify(format!(
+                Failure::Input(format!(
                     "{error}\n  the lines of H1 are {window_hz:.4} Hz wide: for a narrower resonance record longer, or give a longer --segment-s"
                 ))
             })
@@ -196,7 +196,7 @@ impl Recorded {
         let (width_hz, window_hz) = (found.width_hz(), response.window_hz.unwrap_or_default());
         if width_hz < RESOLVED * window_hz {
             let needed_s = needed_s(width_hz);
-            return Err(CannotIdentify(format!(
+            return Err(Failure::Input(format!(
                 "{}: H1 does not resolve the resonance at {:.4} Hz: its half-power width is at most {width_hz:.4} Hz, the width of the lines {window_hz:.4} \
                  Hz; that needs segments of {needed_s:.1} s or more, a record of {:.0} s, and there are {length_s:.1} s\n  record longer, or give a longer \
                  --segment-s",

@@ -17,10 +17,11 @@ use std::f64::consts::{PI, TAU};
 
 use realfft::num_complex::Complex;
 
+use super::Estimate;
 use super::lack_of_fit::LackOfFit;
 use super::statistics::Value;
 use super::time_response::HANN_WIDTH_LINES;
-use super::{CannotIdentify, Estimate};
+use crate::failure::Failure;
 pub use band::Wish;
 use fit::{Band, Mode};
 pub use line_fit::ByLine;
@@ -93,8 +94,8 @@ const MAX_UNCERTAIN: f64 = 0.5;
 ///
 /// # Errors
 /// A band without lines, a response without a peak, one that is not that of a mode: what was seen, and what to do.
-pub fn identify(response: &FrequencyResponse, wish: Wish) -> Result<Modal, CannotIdentify> {
-    let refuse = |text: String| CannotIdentify(format!("{}: {text}", response.taken_from));
+pub fn identify(response: &FrequencyResponse, wish: Wish) -> Result<Modal, Failure> {
+    let refuse = |text: String| Failure::Input(format!("{}: {text}", response.taken_from));
     let within = band::wished(&response.lines, wish).map_err(refuse)?;
     let peak = within.start + band::peak(&response.lines[within.clone()]).map_err(refuse)?;
     let not_a_mode = || {

@@ -6,7 +6,7 @@ use realfft::num_complex::Complex;
 
 use super::quantity::Quantity;
 use super::{FrequencyResponse, Line, Wish};
-use crate::identify::CannotIdentify;
+use crate::failure::Failure;
 use crate::signal_file::unit::Kind;
 use crate::signal_file::{self, Axis, Contents, FREQUENCY_RESPONSE, Selector, Signal, TRANSMISSIBILITY};
 
@@ -34,13 +34,13 @@ const ROUNDED: f64 = 1.0 + 1e-6;
 ///
 /// # Errors
 /// As [`Selector::read`], with the option.
-pub(super) fn named(option: &str, text: &str, file: &Path, contents: &Contents) -> Result<Signal, CannotIdentify> {
+pub(super) fn named(option: &str, text: &str, file: &Path, contents: &Contents) -> Result<Signal, Failure> {
     let of_text = Selector::of(Path::new(text));
     let found = match (&of_text.which, of_text.path.is_file()) {
         (None, false) => Selector { path: file.into(), which: Some(text.into()) }.choose(contents.clone()),
         _ => of_text.read(),
     };
-    found.map_err(|error| CannotIdentify(format!("{option} {text}: {error}")))
+    found.map_err(|error| Failure::Input(format!("{option} {text}: {error}")))
 }
 
 /// Whether a signal may be a frequency response, by what the file calls it.
@@ -61,15 +61,15 @@ impl Source<'_> {
     /// # Errors
     /// A file or a signal that is not there; a signal that is no frequency response; frequencies or a unit that neither file nor option states,
     /// or both; values that are no numbers, frequencies that do not rise, a coherence of another length.
-    pub fn read(&self) -> Result<FrequencyResponse, CannotIdentify> {
+    pub fn read(&self) -> Result<FrequencyResponse, Failure> {
         let selector = Selector::of(self.file);
-        let contents = signal_file::read(&selector.path).map_err(|error| CannotIdentify(error.0))?;
+        let contents = signal_file::read(&selector.path)?;
         let signal = chosen(&selector, &contents)?;
         let taken_from = match (&selector.which, contents.signals.len()) {
             (None, 2..) => format!("{}#{}", selector.path.display(), signal.name),
             _ => self.file.display().to_string(),
         };
-        let refuse = |text: String| CannotIdentify(format!("{taken_from}: {text}"));
+        let refuse = |text: String| Failure::Input(format!("{taken_from}: {text}"));
         let imaginary = check_kind(&signal).map_err(refuse)?;
         let frequencies = self.frequencies(&signal, &selector, &contents, &taken_from)?;
         let quantity = quantity(&signal.unit_text, self.unit, &signal.name).map_err(refuse)?;
@@ -107,7 +107,7 @@ impl Source<'_> {
             lines.push(Line { frequency_hz, h, coherence });
         }
         if lines.is_empty() && !impossible.is_empty() {
-            return Err(CannotIdentify(format!(
+            return Err(Failure::Input(format!(
                 "--coherence {}: no line has a coherence above 0 and up to 1",
                 self.coherence.unwrap_or_default()
             )));
@@ -129,8 +129,8 @@ impl Source<'_> {
         selector: &Selector,
         contents: &Contents,
         taken_from: &str,
-    ) -> Result<Vec<f64>, CannotIdentify> {
-        let refuse = |text: String| CannotIdentify(format!("{taken_from}: {text}"));
+    ) -> Result<Vec<f64>, Failure> {
+        let refuse = |text: String| Failure::Input(format!("{taken_from}: {text}"));
         let count = signal.values.len();
         let (from, places) = match (&signal.axis, self.frequencies_hz) {
             (Axis::Unknown(_), None) => {
@@ -142,7 +142,7 @@ impl Source<'_> {
             }
             (Axis::Unknown(_), Some(name)) => {
                 let other = named("--frequencies-hz", name, &selector.path, contents)?;
-                let refuse = |text: String| CannotIdentify(format!("--frequencies-hz {name}: {text}"));
+                let refuse = |text: String| Failure::Input(format!("--frequencies-hz {name}: {text}"));
                 let si = match other.unit {
                     None => 1.0,
                     Some(unit) if unit.kind == Kind::Frequency => unit.si,
@@ -169,7 +169,7 @@ impl Source<'_> {
             }
             (axis, None) => (taken_from.into(), (0..count).map(|n| axis.at(n)).collect::<Vec<f64>>()),
         };
-        let refuse = |text: String| Err(CannotIdentify(format!("{from}: {text}")));
+        let refuse = |text: String| Err(Failure::Input(format!("{from}: {text}")));
         if let Some(n) = places.iter().position(|hz| !(hz.is_finite() && *hz >= 0.0)) {
             return refuse(format!("frequency {} is {} Hz: it must be a number of at least 0", n + 1, places[n]));
         }
@@ -190,15 +190,15 @@ impl Source<'_> {
         frequencies: &[f64],
         selector: &Selector,
         contents: &Contents,
-    ) -> Result<Option<Vec<f64>>, CannotIdentify> {
+    ) -> Result<Option<Vec<f64>>, Failure> {
         let Some(name) = self.coherence else {
             if self.averages.is_some() {
-                return Err(CannotIdentify("--averages is for a coherence: name its signal with --coherence".into()));
+                return Err(Failure::Input("--averages is for a coherence: name its signal with --coherence".into()));
             }
             return Ok(None);
         };
         let signal = named("--coherence", name, &selector.path, contents)?;
-        let refuse = |text: String| Err(CannotIdentify(format!("--coherence {name}: {text}")));
+        let refuse = |text: String| Err(Failure::Input(format!("--coherence {name}: {text}")));
         if signal.imaginary.is_some() || signal.unit.is_some() || signal.axis.is_time() {
             let what = match (&signal.imaginary, signal.unit) {
                 (Some(_), _) => "complex".into(),
@@ -230,7 +230,7 @@ impl Source<'_> {
 }
 
 /// The signal of the frequency response.
-fn chosen(selector: &Selector, contents: &Contents) -> Result<Signal, CannotIdentify> {
+fn chosen(selector: &Selector, contents: &Contents) -> Result<Signal, Failure> {
     let only = || contents.signals.iter().find(|signal| may_be(signal)).cloned();
     if selector.which.is_none()
         && has_one(contents)
@@ -242,13 +242,13 @@ fn chosen(selector: &Selector, contents: &Contents) -> Result<Signal, CannotIden
         && !contents.signals.is_empty()
         && contents.signals.iter().all(|signal| signal.imaginary.is_none())
     {
-        return Err(CannotIdentify(format!(
+        return Err(Failure::Input(format!(
             "{}: there is no complex signal in it\n  a frequency response has real and imaginary parts (columns h_real, h_imag), or a magnitude and a phase \
              (h, phase_deg); two signals over time are FILE#response with --drive",
             selector.path.display()
         )));
     }
-    selector.choose(contents.clone()).map_err(|error| CannotIdentify(error.0))
+    selector.choose(contents.clone())
 }
 
 /// The imaginary parts of a signal that may be a frequency response.

@@ -16,7 +16,9 @@ pub use law::{Impact, Impacts, Law, Power};
 use super::force_record::FORCE;
 use super::statistics::Value;
 use super::table::{TIME, Table};
-use super::{CannotIdentify, Estimate, Identification};
+use super::{Estimate, Identification};
+
+use crate::failure::Failure;
 
 /// Mass and approach velocity of the body on a force record.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -137,11 +139,11 @@ pub struct Restitution {
 ///
 /// # Errors
 /// A file that is none of these, too few impacts, values that no impact has.
-pub fn identify(sources: &[PathBuf], options: &Options) -> Result<Restitution, CannotIdentify> {
+pub fn identify(sources: &[PathBuf], options: &Options) -> Result<Restitution, Failure> {
     let (mut groups, mut remarks, mut kinds) = (Vec::new(), Vec::new(), Vec::new());
     for (n, source) in sources.iter().enumerate() {
         if sources[..n].contains(source) {
-            return Err(CannotIdentify(format!("{} is given twice", source.display())));
+            return Err(Failure::Input(format!("{} is given twice", source.display())));
         }
         match of_file(source, options, sources.len())? {
             Found::Force(identified) => return Ok(Restitution { law: None, identified: *identified }),
@@ -156,10 +158,10 @@ pub fn identify(sources: &[PathBuf], options: &Options) -> Result<Restitution, C
     let shown: Vec<String> = sources.iter().map(|source| source.display().to_string()).collect();
     let taken_from = shown.join(", ");
     if let Some(why) = options.unused(&kinds) {
-        return Err(CannotIdentify(format!("{taken_from}: {why}")));
+        return Err(Failure::Input(format!("{taken_from}: {why}")));
     }
     let law = law::law(&groups).ok_or_else(|| {
-        CannotIdentify(format!(
+        Failure::Input(format!(
             "{taken_from}: one value has no uncertainty: give at least two drops or three flights, or --time-uncertainty-s for impact times"
         ))
     })?;
@@ -174,7 +176,7 @@ enum Found {
     Impacts(Kind, Impacts, Vec<String>),
 }
 
-fn of_file(source: &Path, options: &Options, files: usize) -> Result<Found, CannotIdentify> {
+fn of_file(source: &Path, options: &Options, files: usize) -> Result<Found, Failure> {
     if film::is_film(source) {
         return film::impacts(source, options).map(|(impacts, remarks)| Found::Impacts(Kind::Film, impacts, remarks));
     }

@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 
 use super::law::{Impact, Impacts};
 use super::{MAX, Options};
-use crate::identify::CannotIdentify;
+use crate::failure::Failure;
 use crate::identify::table::{METRES, Quantity, TIME, Table};
 
 const DROP: Quantity = Quantity { stem: "drop", units: &[("", 1.0)], about: "number of the drop", most: 1e6 };
@@ -23,7 +23,7 @@ const HEIGHTS: &str = "drop test: heights";
 ///
 /// # Errors
 /// Columns of no test, too few impacts, values that no impact has.
-pub(super) fn impacts(table: &Table, options: &Options) -> Result<Impacts, CannotIdentify> {
+pub(super) fn impacts(table: &Table, options: &Options) -> Result<Impacts, Failure> {
     if table.has(&TIME) {
         return of_times(table, options);
     }
@@ -37,7 +37,7 @@ pub(super) fn impacts(table: &Table, options: &Options) -> Result<Impacts, Canno
 }
 
 /// Rows of each drop; all rows are one drop without a column for it.
-fn drops(table: &Table) -> Result<Vec<Vec<usize>>, CannotIdentify> {
+fn drops(table: &Table) -> Result<Vec<Vec<usize>>, Failure> {
     if !table.has(&DROP) {
         return Ok(vec![(0..table.len()).collect()]);
     }
@@ -60,7 +60,7 @@ enum Flights {
     Between,
 }
 
-fn of_times(table: &Table, options: &Options) -> Result<Impacts, CannotIdentify> {
+fn of_times(table: &Table, options: &Options) -> Result<Impacts, Failure> {
     let g = options.gravity_m_per_s2;
     let times = table.column(&TIME)?;
     let heights = heights(table, options)?;
@@ -156,7 +156,7 @@ fn impact(table: &Table, (drop, number): (usize, usize), time_s: Option<f64>, sp
 }
 
 /// The drop height of each row, by the column or the option.
-fn heights(table: &Table, options: &Options) -> Result<Option<Vec<f64>>, CannotIdentify> {
+fn heights(table: &Table, options: &Options) -> Result<Option<Vec<f64>>, Failure> {
     match (table.has(&DROP_HEIGHT), options.drop_height_m) {
         (true, Some(_)) => Err(table.refuse("--drop-height-m and the column drop_height_m state the same\n  keep one")),
         (true, None) => table.column(&DROP_HEIGHT).map(Some),
@@ -165,7 +165,7 @@ fn heights(table: &Table, options: &Options) -> Result<Option<Vec<f64>>, CannotI
 }
 
 /// The drop height of the rows of a drop.
-fn height_of(table: &Table, rows: &[usize], heights: Option<&[f64]>) -> Result<Option<f64>, CannotIdentify> {
+fn height_of(table: &Table, rows: &[usize], heights: Option<&[f64]>) -> Result<Option<f64>, Failure> {
     let Some(heights) = heights else { return Ok(None) };
     let height_m = heights[rows[0]];
     if let Some(row) = rows.iter().find(|row| heights[**row] != height_m) {
@@ -182,7 +182,7 @@ fn height_of(table: &Table, rows: &[usize], heights: Option<&[f64]>) -> Result<O
     Ok(Some(height_m))
 }
 
-fn of_heights(table: &Table, g: f64) -> Result<Impacts, CannotIdentify> {
+fn of_heights(table: &Table, g: f64) -> Result<Impacts, Failure> {
     let (before, after) = (table.column(&DROP_HEIGHT)?, table.column(&REBOUND_HEIGHT)?);
     let mut all = Vec::new();
     for (row, (before, after)) in before.iter().zip(&after).enumerate() {

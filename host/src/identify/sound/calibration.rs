@@ -2,7 +2,7 @@
 
 use super::REFERENCE_PA;
 use super::recording::Recording;
-use crate::identify::CannotIdentify;
+use crate::failure::Failure;
 use crate::signal_file::Tone;
 
 /// Frequencies of a calibrator, Hz: 250 Hz and 1 kHz are usual.
@@ -12,7 +12,7 @@ const FREQUENCIES_HZ: std::ops::RangeInclusive<f64> = 100.0..=5000.0;
 ///
 /// # Errors
 /// A recording that is too short, silent, unsteady, or of something else than a tone.
-pub fn calibrated(recording: &Recording, level: f64) -> Result<(f64, f64), CannotIdentify> {
+pub fn calibrated(recording: &Recording, level: f64) -> Result<(f64, f64), Failure> {
     let tone = Tone::find(&recording.samples, recording.sample_rate_hz, &FREQUENCIES_HZ);
     let tone = tone.map_err(|why| recording.refuse(why))?;
     Ok((tone.frequency_hz, REFERENCE_PA * 10f64.powf(level / 20.0) / tone.rms))
@@ -42,7 +42,7 @@ mod tests {
     fn what_is_no_calibration_tone_is_told() {
         let mut random = fastrand::Rng::with_seed(1);
         let noise: Vec<f64> = (0..96_000).map(|_| random.f64() - 0.5).collect();
-        let refused = |recording: Recording| calibrated(&recording, 94.0).unwrap_err().0;
+        let refused = |recording: Recording| calibrated(&recording, 94.0).unwrap_err().to_string();
         let is_noise = refused(Recording { samples: noise, ..recording(|_| 0.0) });
         assert!(is_noise.contains("no calibration tone"), "{is_noise}");
         let hum = refused(recording(|t| 0.1 * (TAU * 50.0 * t).sin()));

@@ -8,10 +8,12 @@ pub mod calibration;
 pub mod recording;
 pub mod weighting;
 
+use super::Estimate;
 use super::statistics::Value;
-use super::{CannotIdentify, Estimate};
 use recording::Recording;
 use weighting::Weighting;
+
+use crate::failure::Failure;
 
 /// Reference pressure, Pa: 0 dB.
 pub const REFERENCE_PA: f64 = 20e-6;
@@ -67,7 +69,7 @@ const MIN_WINDOWS: usize = 3;
 ///
 /// # Errors
 /// A silent recording, one shorter than a window.
-pub fn levels(recording: &Recording, evaluation: &Evaluation) -> Result<Levels, CannotIdentify> {
+pub fn levels(recording: &Recording, evaluation: &Evaluation) -> Result<Levels, Failure> {
     if recording.is_silent() {
         return Err(
             recording.refuse("it is silent: all samples are the same\n  was the microphone connected and switched on?")

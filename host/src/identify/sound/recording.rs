@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::identify::CannotIdentify;
+use crate::failure::Failure;
 use crate::identify::table::{Quantity, Table};
 use crate::signal_file::unit::Kind;
 use crate::signal_file::{Axis, Selector};
@@ -41,7 +41,7 @@ impl Recording {
     ///
     /// # Errors
     /// An unreadable file; several channels without a choice; an unknown sample format; clipped samples; a low sample rate.
-    pub fn read(path: &Path, channel: Option<u16>) -> Result<Self, CannotIdentify> {
+    pub fn read(path: &Path, channel: Option<u16>) -> Result<Self, Failure> {
         let is_table = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
         let recording = if is_table { Self::of_table(path, channel) } else { Self::of_signal(path, channel) }?;
         if recording.sample_rate_hz < MIN_RATE_HZ {
@@ -60,7 +60,7 @@ impl Recording {
         Ok(recording)
     }
 
-    fn of_table(path: &Path, channel: Option<u16>) -> Result<Self, CannotIdentify> {
+    fn of_table(path: &Path, channel: Option<u16>) -> Result<Self, Failure> {
         let table = Table::read(path)?;
         if channel.is_some_and(|channel| channel != 1) {
             return Err(table.refuse("--channel is for a WAV file; a table has one column sound_v, sound_pa or sound"));
@@ -76,14 +76,14 @@ impl Recording {
         Ok(Self { file: table.file().into(), is_pascal, sample_rate_hz, samples })
     }
 
-    fn of_signal(path: &Path, channel: Option<u16>) -> Result<Self, CannotIdentify> {
+    fn of_signal(path: &Path, channel: Option<u16>) -> Result<Self, Failure> {
         let mut selector = Selector::of(path);
         if let Some(channel) = channel {
             selector.which = Some(channel.to_string());
         }
         let file = selector.path.display().to_string();
-        let refuse = |text: String| CannotIdentify(format!("{file}: {text}"));
-        let signal = selector.read().map_err(|error| CannotIdentify(error.0))?;
+        let refuse = |text: String| Failure::Input(format!("{file}: {text}"));
+        let signal = selector.read()?;
         let is_pascal = signal.kind() == Some(Kind::Pressure);
         let si = match signal.unit {
             None => 1.0,
@@ -124,7 +124,7 @@ impl Recording {
 
     /// An error of this file.
     #[must_use]
-    pub fn refuse(&self, text: impl std::fmt::Display) -> CannotIdentify {
-        CannotIdentify(format!("{}: {text}", self.file))
+    pub fn refuse(&self, text: impl std::fmt::Display) -> Failure {
+        Failure::Input(format!("{}: {text}", self.file))
     }
 }

@@ -11,9 +11,11 @@ mod residuals;
 pub mod welch;
 
 use super::response::{self, DrivenBy, Point};
-use super::{CannotIdentify, Estimate, Sensors};
+use super::{Estimate, Sensors};
 use output_error::OutputError;
 use welch::{Segments, Spectrum};
+
+use crate::failure::Failure;
 
 /// Motion of structure and base at even times.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,7 +78,7 @@ pub(super) const LINES_SHARE: f64 = 1.944;
 ///
 /// # Errors
 /// A base at rest, x that does not follow it, no resonance in the excited band, a record too short.
-pub fn identify(motion: &Motion, wanted: Wanted) -> Result<TimeResponse, CannotIdentify> {
+pub fn identify(motion: &Motion, wanted: Wanted) -> Result<TimeResponse, Failure> {
     let overlap = wanted.overlap.unwrap_or(0.5);
     let length_s = motion.step_s * motion.x_m.len() as f64;
     check_motion(motion)?;
@@ -86,7 +88,7 @@ pub fn identify(motion: &Motion, wanted: Wanted) -> Result<TimeResponse, CannotI
     if let Ok(peak_hz) = peak
         && length_s * peak_hz < MIN_PERIODS
     {
-        return Err(CannotIdentify(format!(
+        return Err(Failure::Input(format!(
             "the record of {length_s:.1} s is too short: {:.1} periods of {peak_hz:.2} Hz, at least {MIN_PERIODS} are needed\n  record \
              longer",
             length_s * peak_hz
@@ -110,18 +112,18 @@ pub(super) fn needed_s(width_hz: f64) -> f64 {
     1.05 * RESOLVED * HANN_WIDTH_LINES / width_hz
 }
 
-fn check_motion(motion: &Motion) -> Result<(), CannotIdentify> {
+fn check_motion(motion: &Motion) -> Result<(), Failure> {
     let rms = |values: &[f64]| {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
     };
     for (name, values, what) in [("z", &motion.z_m, "base"), ("x", &motion.x_m, "structure")] {
         if values.len() < 100 {
-            return Err(CannotIdentify(format!("{} samples are too few: record longer", values.len())));
+            return Err(Failure::Input(format!("{} samples are too few: record longer", values.len())));
         }
         let rms = rms(values);
         if rms < 1e-9 {
-            return Err(CannotIdentify(format!(
+            return Err(Failure::Input(format!(
                 "{name} does not move: {rms:.1e} m RMS about its mean\n  is the sensor of the {what} connected, and was the drive on? for a \
                  release use `damprig identify decay`"
             )));
@@ -131,10 +133,10 @@ fn check_motion(motion: &Motion) -> Result<(), CannotIdentify> {
 }
 
 /// Refuses x that does not follow z.
-fn check_coherence(spectrum: &Spectrum) -> Result<(), CannotIdentify> {
+fn check_coherence(spectrum: &Spectrum) -> Result<(), Failure> {
     let best = spectrum.excited().map(|line| line.coherence).fold(0.0, f64::max);
     if best < MIN_COHERENCE {
-        return Err(CannotIdentify(format!(
+        return Err(Failure::Input(format!(
             "x does not follow z: the coherence is at most {best:.2} where the base moves\n  is the structure moved by something else, or are \
              x and z of different records?"
         )));

@@ -8,7 +8,8 @@ use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
 use super::Motion;
-use crate::identify::CannotIdentify;
+
+use crate::failure::Failure;
 
 /// Segments of a record.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,13 +32,13 @@ impl Segments {
     ///
     /// # Errors
     /// Fewer than two segments, or segments of a few samples.
-    pub(in crate::identify) fn new(motion: &Motion, segment_s: f64, overlap: f64) -> Result<Self, CannotIdentify> {
+    pub(in crate::identify) fn new(motion: &Motion, segment_s: f64, overlap: f64) -> Result<Self, Failure> {
         let samples = (segment_s / motion.step_s).round() as usize;
         let hop = (((1.0 - overlap) * samples as f64).round() as usize).max(1);
         let all = motion.x_m.len();
         if samples < 16 || samples + (MIN - 1) * hop > all {
             let length_s = motion.step_s * all as f64;
-            return Err(CannotIdentify(format!(
+            return Err(Failure::Input(format!(
                 "a segment of {segment_s} s does not fit: the record has {length_s:.3} s with a sample each {:.6} s; segments have at least 16 \
                  samples, and a record at least {MIN} segments\n  give a shorter --segment-s, or record longer",
                 motion.step_s
@@ -207,7 +208,7 @@ mod tests {
     #[test]
     fn segments_that_do_not_fit_are_refused() {
         let motion = motion(|_, z| z);
-        assert!(Segments::new(&motion, 300.0, 0.5).unwrap_err().0.contains("--segment-s"));
+        assert!(Segments::new(&motion, 300.0, 0.5).unwrap_err().to_string().contains("--segment-s"));
         assert!(Segments::new(&motion, 0.05, 0.5).is_err());
     }
 }

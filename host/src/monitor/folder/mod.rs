@@ -15,14 +15,14 @@ use super::control::Actions;
 use super::feed::{Feed, Update, Watched};
 use super::message::{Activity, Level, Limits, SignalName, Source, SourceKind};
 use super::run::curves;
-use crate::input::Refusal;
+use crate::failure::Failure;
 use crate::prediction::Predicted;
+use crate::run_folder::RunFolder;
 use crate::run_folder::journal::{self, Entry};
 use crate::run_folder::read::campaign_copy;
 use crate::run_folder::read::sample_files::{read_samples, sample_files};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::samples::SampleColumn;
-use crate::run_folder::{ReadError, RunFolder};
 use reader::Reader;
 use recomputed::Recomputed;
 pub use replay::REPLAY_SPEEDS;
@@ -37,7 +37,7 @@ const TURN: Duration = Duration::from_millis(50);
 ///
 /// # Errors
 /// The folder holds no run, or its manifest or samples cannot be read.
-pub fn watch(path: &Path, speed: f64, feed: &Feed, actions: &Actions, stop: &AtomicBool) -> Result<(), ReadError> {
+pub fn watch(path: &Path, speed: f64, feed: &Feed, actions: &Actions, stop: &AtomicBool) -> Result<(), Failure> {
     let run = RunFolder::open(path)?;
     let grows = journal::is_being_written(path) == Some(true);
     let kind = if grows { SourceKind::Folder } else { SourceKind::Replay };
@@ -49,7 +49,7 @@ pub fn watch(path: &Path, speed: f64, feed: &Feed, actions: &Actions, stop: &Ato
 }
 
 /// Follows a folder that grows, until `stop`. Results from before are shown, samples from the present part on.
-fn follow(reader: &mut Reader, actions: &Actions, stop: &AtomicBool) -> Result<(), ReadError> {
+fn follow(reader: &mut Reader, actions: &Actions, stop: &AtomicBool) -> Result<(), Failure> {
     let path = reader.run.path().to_path_buf();
     reader.start_over()?;
     reader.begin_at(present_segment_s(reader));
@@ -85,7 +85,7 @@ fn present_segment_s(reader: &Reader) -> f64 {
 }
 
 /// Tells the rows that were added since the last look, from the part `part` on; returns the last part.
-fn tell_new_rows(reader: &mut Reader, part: usize) -> Result<usize, ReadError> {
+fn tell_new_rows(reader: &mut Reader, part: usize) -> Result<usize, Failure> {
     let files = sample_files(reader.run.path());
     // Fewer than before once the parts have been joined.
     let mut part = part.min(files.len().saturating_sub(1));
@@ -112,20 +112,19 @@ fn describe(run: &RunFolder, kind: SourceKind) -> (Watched, Option<String>) {
     let manifest = run.manifest();
     let device = manifest.device.as_ref();
     let signals: Vec<SignalName> = manifest.signals.iter().map(signal).collect();
-    let predicted =
-        campaign_copy::campaign(run.path()).map_err(|error| Refusal(error.to_string())).and_then(|mut campaign| {
-            if let Some(settings) = device.and_then(|device| device.settings.as_ref()) {
-                campaign.on_board(&settings.settings, device.is_some_and(|device| device.simulated))?;
-            }
-            let predicted = Predicted::of(&campaign)?;
-            let limits = Limits {
-                x_m: Some(campaign.rig.structure_limit_m()),
-                z_m: Some(campaign.rig.base_limit_m()),
-                wall_force_n: Some(f64::from(campaign.rig.acting.wall_force_n)).filter(|limit| *limit > 0.0),
-                clearance_m: None,
-            };
-            Ok((curves(&campaign, &predicted), limits))
-        });
+    let predicted = campaign_copy::campaign(run.path()).and_then(|mut campaign| {
+        if let Some(settings) = device.and_then(|device| device.settings.as_ref()) {
+            campaign.on_board(&settings.settings, device.is_some_and(|device| device.simulated))?;
+        }
+        let predicted = Predicted::of(&campaign)?;
+        let limits = Limits {
+            x_m: Some(campaign.rig.structure_limit_m()),
+            z_m: Some(campaign.rig.base_limit_m()),
+            wall_force_n: Some(f64::from(campaign.rig.acting.wall_force_n)).filter(|limit| *limit > 0.0),
+            clearance_m: None,
+        };
+        Ok((curves(&campaign, &predicted), limits))
+    });
     let (warning, predicted) = match predicted {
         Ok(predicted) => (None, Some(predicted)),
         Err(refusal) => {

@@ -7,13 +7,14 @@ use arrow_array::RecordBatch;
 use damprig_core::io::TICK_HZ;
 
 use super::recomputed::Recomputed;
+use crate::failure::Failure;
 use crate::monitor::feed::{Feed, Update, Watched};
 use crate::monitor::message::{Activity, Impact, Level, LinkState, SourceKind};
 use crate::monitor::run::{point, transient};
 use crate::monitor::words;
+use crate::run_folder::RunFolder;
 use crate::run_folder::journal::{self, Entry};
 use crate::run_folder::schema::segment_id::SegmentId;
-use crate::run_folder::{ReadError, RunFolder};
 use crate::table::values::{numbers, texts};
 
 /// The segment of the last row told.
@@ -80,7 +81,7 @@ impl Reader {
     }
 
     /// Goes back to the beginning; points that were told are out of date.
-    pub(super) fn start_over(&mut self) -> Result<(), ReadError> {
+    pub(super) fn start_over(&mut self) -> Result<(), Failure> {
         (self.present, self.base_s, self.journal_bytes) = (None, 0.0, 0);
         self.segments.clear();
         self.waiting.clear();
@@ -95,13 +96,13 @@ impl Reader {
     }
 
     /// Reads the entries of the journal that were appended since the last time.
-    pub(super) fn read_journal(&mut self) -> Result<(), ReadError> {
+    pub(super) fn read_journal(&mut self) -> Result<(), Failure> {
         // A folder of only results can be shown too.
         if !journal::is_in(self.run.path()) {
             return Ok(());
         }
         let new = journal::read_after(self.run.path(), &mut self.journal_bytes);
-        for entry in new.map_err(|e| ReadError(e.to_string()))? {
+        for entry in new? {
             match &entry {
                 Entry::Segment(start) => self.segments.push((start.id.clone(), 0)),
                 Entry::Result(row) => self.note_end(&row.set_up, &row.experiment, row.segment, row.end_tick),
@@ -151,7 +152,7 @@ impl Reader {
     }
 
     /// Time of the first row of a run, in its first batch, s.
-    pub(super) fn first_s(&self, first: &RecordBatch) -> Result<f64, ReadError> {
+    pub(super) fn first_s(&self, first: &RecordBatch) -> Result<f64, Failure> {
         let (set_ups, experiments) = (texts(first, "set_up")?, texts(first, "experiment")?);
         let (segments, ticks) = (numbers(first, "segment")?, numbers(first, "tick")?);
         let (Some(set_up), Some(experiment)) = (set_ups.first(), experiments.first()) else { return Ok(0.0) };
@@ -186,7 +187,7 @@ impl Reader {
         batch: &RecordBatch,
         from_s: f64,
         until_s: f64,
-    ) -> Result<Option<RecordBatch>, ReadError> {
+    ) -> Result<Option<RecordBatch>, Failure> {
         let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
         let (segments, ticks) = (numbers(batch, "segment")?, numbers(batch, "tick")?);
         let frequencies_hz = numbers(batch, "point_frequency_hz")?;
@@ -329,7 +330,7 @@ impl Reader {
 
 /// The impacts of a table; none of one that lacks a column.
 fn timed(table: &[RecordBatch]) -> Vec<TimedImpact> {
-    let of = |batch: &RecordBatch| -> Result<Vec<TimedImpact>, ReadError> {
+    let of = |batch: &RecordBatch| -> Result<Vec<TimedImpact>, Failure> {
         let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
         let (segments, ticks) = (numbers(batch, "segment")?, numbers(batch, "tick")?);
         let (times_s, sides, peaks_n) = (numbers(batch, "t_s")?, numbers(batch, "side")?, numbers(batch, "peak_n")?);

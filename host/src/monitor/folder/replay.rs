@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 use arrow_array::RecordBatch;
 
 use super::reader::Reader;
+use crate::failure::Failure;
 use crate::monitor::action::Action;
 use crate::monitor::control::{Actions, Asked};
 use crate::monitor::feed::{Update, Watched};
 use crate::monitor::message::{Activity, Level, ReplayState};
-use crate::run_folder::ReadError;
 use crate::run_folder::journal;
 use crate::run_folder::read::sample_files::sample_files;
 
@@ -33,7 +33,7 @@ pub(super) fn replay(
     speed: f64,
     actions: &Actions,
     stop: &AtomicBool,
-) -> Result<(), ReadError> {
+) -> Result<(), Failure> {
     warn_of_missing(reader);
     // A manifest may state anything.
     let rig_s = reader.run.manifest().clock.rig_s;

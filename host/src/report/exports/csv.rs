@@ -1,7 +1,8 @@
 //! Exports to CSV.
 
 use super::{ExportSelection, ExportSummary, Exporter, RunTable, write_export};
-use crate::run_folder::{ReadError, RunFolder};
+use crate::failure::Failure;
+use crate::run_folder::RunFolder;
 use crate::storage::out_file::{OutFile, to_failure};
 use crate::table::csv::{CsvTable, Heads};
 
@@ -22,7 +23,7 @@ impl Exporter for Csv {
         "csv"
     }
 
-    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, ReadError> {
+    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, Failure> {
         let failed = to_failure(&out.path);
         let table = part.tables.first().copied().unwrap_or(RunTable::Samples);
         write_export(out, |file| {

@@ -16,7 +16,8 @@ use hdf5_pure::{
 
 use super::facts::{self, Fact};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable, write_export};
-use crate::run_folder::{ReadError, RunFolder};
+use crate::failure::Failure;
+use crate::run_folder::RunFolder;
 use crate::storage::out_file::{OutFile, to_failure};
 use crate::table::gathered::{ColumnValues, Values, gather};
 
@@ -37,7 +38,7 @@ impl Exporter for Hdf5 {
         "h5"
     }
 
-    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, ReadError> {
+    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, Failure> {
         let failed = to_failure(&out.path);
         write_export(out, |file| {
             let mut exported = ExportSummary::default();
@@ -88,8 +89,8 @@ impl<'f> LongTable<'f> {
         part: &ExportSelection,
         table: RunTable,
         exported: &mut ExportSummary,
-        failed: &impl Fn(&dyn std::fmt::Display) -> ReadError,
-    ) -> Result<(), ReadError> {
+        failed: &impl Fn(&dyn std::fmt::Display) -> Failure,
+    ) -> Result<(), Failure> {
         let mut long = Self { file, name: table.name(), columns: Vec::new(), datasets: Vec::new() };
         part.each(run, table, exported, |batch| {
             gather(&mut long.columns, &batch, table.names()).map_err(|e| failed(&e))?;

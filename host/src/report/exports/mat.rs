@@ -13,8 +13,9 @@ use matrw::{MatFile, MatVariable};
 
 use super::facts::{self, Fact};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable, write_export};
+use crate::failure::Failure;
+use crate::run_folder::RunFolder;
 use crate::run_folder::schema::manifest::SetUpRecord;
-use crate::run_folder::{ReadError, RunFolder};
 use crate::storage::out_file::{OutFile, to_failure};
 use crate::table::mat_file::{MAX_NUMBERS, MatTable, cells, numbers, structure, text, write_checked};
 
@@ -31,7 +32,7 @@ impl Exporter for Mat {
         "mat"
     }
 
-    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, ReadError> {
+    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, Failure> {
         let failed = to_failure(&out.path);
         write_export(out, |file| {
             let path = file.path().to_str().ok_or_else(|| failed(&"the name is not UTF-8; give another with --out"))?;

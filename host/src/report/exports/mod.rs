@@ -20,9 +20,10 @@ use arrow_schema::Metadata;
 use arrow_select::filter::filter_record_batch;
 use damprig_core::io::TICK_HZ;
 
+use crate::failure::Failure;
+use crate::run_folder::RunFolder;
 use crate::run_folder::read::sample_files::{read_samples, sample_files};
 use crate::run_folder::schema::{impacts, results, samples, transients};
-use crate::run_folder::{ReadError, RunFolder};
 use crate::storage::out_file::{OutFile, write_new};
 use crate::storage::whole_file::WholeFile;
 use crate::table::gathered::{ColumnValues, Names, gather};
@@ -65,7 +66,7 @@ impl RunTable {
     }
 
     /// Its rows in a run; `None` for samples, which are read file by file.
-    fn of(self, run: &RunFolder) -> Option<Result<Vec<RecordBatch>, ReadError>> {
+    fn of(self, run: &RunFolder) -> Option<Result<Vec<RecordBatch>, Failure>> {
         match self {
             Self::Samples => None,
             Self::Results => Some(run.results()),
@@ -75,12 +76,12 @@ impl RunTable {
     }
 
     /// Its columns in a run, without rows.
-    fn without_rows(self, run: &RunFolder) -> Result<RecordBatch, ReadError> {
+    fn without_rows(self, run: &RunFolder) -> Result<RecordBatch, Failure> {
         match self {
             Self::Samples => Ok(RecordBatch::new_empty(samples::schema(&run.manifest().signals, &Metadata::new()))),
-            Self::Results => results::table(&[]).map_err(ReadError),
-            Self::Transients => transients::table(&[]).map_err(ReadError),
-            Self::Impacts => impacts::table(&[], f64::from(TICK_HZ)).map_err(ReadError),
+            Self::Results => results::table(&[]),
+            Self::Transients => transients::table(&[]),
+            Self::Impacts => impacts::table(&[], f64::from(TICK_HZ)),
         }
     }
 
@@ -133,8 +134,8 @@ impl ExportSelection {
         run: &RunFolder,
         table: RunTable,
         exported: &mut ExportSummary,
-        mut take: impl FnMut(RecordBatch) -> Result<(), ReadError>,
-    ) -> Result<(), ReadError> {
+        mut take: impl FnMut(RecordBatch) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
         let mut has_columns = false;
         let mut take_chosen = |batch: &RecordBatch, exported: &mut ExportSummary| {
             has_columns = true;
@@ -154,8 +155,8 @@ impl ExportSelection {
         &self,
         run: &RunFolder,
         exported: &mut ExportSummary,
-        take_chosen: &mut impl FnMut(&RecordBatch, &mut ExportSummary) -> Result<(), ReadError>,
-    ) -> Result<(), ReadError> {
+        take_chosen: &mut impl FnMut(&RecordBatch, &mut ExportSummary) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
         for file in sample_files(run.path()) {
             let mut rows = 0;
             let batches = match read_samples(&file) {
@@ -191,27 +192,27 @@ impl ExportSelection {
         run: &RunFolder,
         most: usize,
         exported: &mut ExportSummary,
-    ) -> Result<Vec<(RunTable, Vec<ColumnValues>)>, ReadError> {
+    ) -> Result<Vec<(RunTable, Vec<ColumnValues>)>, Failure> {
         let mut tables = Vec::new();
         for &table in &self.tables {
             let (mut columns, mut count) = (Vec::new(), 0);
             self.each(run, table, exported, |batch| {
                 count += batch.num_rows() * batch.num_columns();
                 if count > most {
-                    return Err(ReadError(format!(
+                    return Err(Failure::Storage(format!(
                         "the {} have more than {most} numbers, all that a variable of a .mat file holds (2 GiB); select fewer \
                          with --set-up, --from-s and --to-s, or use --format h5 or csv, which have no limit",
                         table.name()
                     )));
                 }
-                gather(&mut columns, &batch, table.names()).map_err(ReadError)
+                gather(&mut columns, &batch, table.names())
             })?;
             tables.push((table, columns));
         }
         Ok(tables)
     }
 
-    fn choose(&self, batch: &RecordBatch, table: RunTable) -> Result<RecordBatch, ReadError> {
+    fn choose(&self, batch: &RecordBatch, table: RunTable) -> Result<RecordBatch, Failure> {
         let mut is_chosen = vec![true; batch.num_rows()];
         if let Some(wanted) = &self.set_up {
             is_chosen = texts(batch, "set_up")?.iter().map(|s| s == wanted).collect();
@@ -221,7 +222,7 @@ impl ExportSelection {
                 *chosen &= t_s >= self.from_s && t_s < self.to_s;
             }
         }
-        filter_record_batch(batch, &BooleanArray::from(is_chosen)).map_err(|e| ReadError(e.to_string()))
+        filter_record_batch(batch, &BooleanArray::from(is_chosen)).map_err(|e| Failure::Storage(e.to_string()))
     }
 }
 
@@ -231,12 +232,12 @@ impl ExportSelection {
 /// As [`write_new`], and when nothing could be read.
 fn write_export(
     out: &OutFile,
-    write: impl FnOnce(&mut WholeFile) -> Result<ExportSummary, ReadError>,
-) -> Result<ExportSummary, ReadError> {
+    write: impl FnOnce(&mut WholeFile) -> Result<ExportSummary, Failure>,
+) -> Result<ExportSummary, Failure> {
     write_new(out, |file| {
         let exported = write(file)?;
         if exported.rows == 0 && !exported.missing.is_empty() {
-            return Err(ReadError(format!("nothing was exported: {}", exported.missing.join("\n"))));
+            return Err(Failure::Storage(format!("nothing was exported: {}", exported.missing.join("\n"))));
         }
         Ok(exported)
     })
@@ -265,5 +266,5 @@ pub trait Exporter: Sync {
     ///
     /// # Errors
     /// Nothing selected can be read, the data exceed the format's limit, or the file cannot be written. No file is left then.
-    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, ReadError>;
+    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, Failure>;
 }

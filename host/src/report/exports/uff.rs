@@ -17,10 +17,11 @@ use arrow_array::RecordBatch;
 
 use super::uff_dataset::{AxisRecord, Dof, FunctionRecord, OrdinateData, header, real, si_units};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable, write_export};
+use crate::failure::Failure;
 use crate::host_time;
+use crate::run_folder::RunFolder;
 use crate::run_folder::read::campaign_copy;
 use crate::run_folder::schema::samples::SampleColumn;
-use crate::run_folder::{ReadError, RunFolder};
 use crate::storage::out_file::{OutFile, to_failure};
 use crate::table::values::{numbers, texts};
 
@@ -47,7 +48,7 @@ impl Exporter for Uff {
         }
     }
 
-    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, ReadError> {
+    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, Failure> {
         let failed = to_failure(&out.path);
         write_export(out, |file| {
             let mut exported = ExportSummary::default();
@@ -107,7 +108,7 @@ struct FrfPoint {
     imaginary: f64,
 }
 
-fn points(batches: &[RecordBatch]) -> Result<Vec<FrfPoint>, ReadError> {
+fn points(batches: &[RecordBatch]) -> Result<Vec<FrfPoint>, Failure> {
     let mut points = Vec::new();
     for batch in batches {
         let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
@@ -251,8 +252,8 @@ impl<W: Write> UffWriter<'_, W> {
         &mut self,
         batch: &RecordBatch,
         stretch: &mut Option<EvenStretch>,
-        failed: &impl Fn(&dyn std::fmt::Display) -> ReadError,
-    ) -> Result<(), ReadError> {
+        failed: &impl Fn(&dyn std::fmt::Display) -> Failure,
+    ) -> Result<(), Failure> {
         let count = batch.num_rows();
         let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
         // The earliest runs lack these columns.

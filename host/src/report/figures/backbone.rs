@@ -1,5 +1,6 @@
 //! A free vibration's damping ratio and frequency over the amplitude, and what its fit leaves over time and over the amplitude.
 
+use crate::failure::Failure;
 use crate::identify::backbone::Row;
 use crate::identify::decay::Decay;
 use crate::report::plot::axis::{Axis, Frame, Scale};
@@ -7,7 +8,7 @@ use crate::report::plot::legend::{self, Entry};
 use crate::report::plot::palette::colour;
 use crate::report::plot::svg::{Colour, Style};
 use crate::report::plot::traces::{Traces, circle};
-use crate::report::plot::{BROAD, FigureError, Picture};
+use crate::report::plot::{BROAD, Picture};
 
 const LEFT: f64 = 92.0;
 const RIGHT: f64 = BROAD - 24.0;
@@ -37,7 +38,7 @@ fn picture(panels: [(&Frame, Traces); 2], entries: &[Entry]) -> Picture {
 ///
 /// # Errors
 /// A record of too few cycles for windows.
-pub fn draw(decay: &Decay) -> Result<Picture, FigureError> {
+pub fn draw(decay: &Decay) -> Result<Picture, Failure> {
     let rows = rows(decay)?;
     let amplitude = || Axis::around("Amplitude (mm)", Scale::Linear, rows.iter().map(|row| row.amplitude_m * 1e3));
     let ends = |of: fn(&Row) -> [f64; 2]| rows.iter().flat_map(of).collect::<Vec<_>>();
@@ -79,10 +80,10 @@ fn point(traces: &mut Traces, (x, y): (f64, f64), [low, high]: [f64; 2]) {
     traces.dot((x, y), 3.2, MEASURED);
 }
 
-fn rows(decay: &Decay) -> Result<Vec<Row>, FigureError> {
+fn rows(decay: &Decay) -> Result<Vec<Row>, Failure> {
     let backbone = decay.backbone.as_ref();
     let backbone =
-        backbone.ok_or_else(|| FigureError("the record has too few cycles for windows: record longer".into()))?;
+        backbone.ok_or_else(|| Failure::undrawn("the record has too few cycles for windows: record longer"))?;
     Ok(backbone.rows())
 }
 
@@ -90,7 +91,7 @@ fn rows(decay: &Decay) -> Result<Vec<Row>, FigureError> {
 ///
 /// # Errors
 /// A record of too few cycles for windows.
-pub fn residuals(decay: &Decay) -> Result<Picture, FigureError> {
+pub fn residuals(decay: &Decay) -> Result<Picture, Failure> {
     let rows = rows(decay)?;
     let micro = |m: f64| m * 1e6;
     let of_fit: Vec<(f64, f64)> =

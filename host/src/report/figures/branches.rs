@@ -2,13 +2,14 @@
 //! points marked.
 
 use crate::continuation::{Found, FoundBranch, FoundOrbit};
+use crate::failure::Failure;
 use crate::report::branch_table;
 use crate::report::plot::axis::{Axis, Frame, Scale};
 use crate::report::plot::legend::{self, Entry};
 use crate::report::plot::palette::{GREY, INK, WHITE, colour};
 use crate::report::plot::svg::{Bounds, Colour, Font, Place, Svg};
 use crate::report::plot::traces::{Traces, shape};
-use crate::report::plot::{FigureError, Picture, SMALL, source};
+use crate::report::plot::{Picture, SMALL, source};
 
 const SIZE: (f64, f64) = (980.0, 620.0);
 const BOUNDS: Bounds = (82.0, 34.0, 950.0, 480.0);
@@ -41,7 +42,7 @@ fn sign(kind: &str, number: usize, tint: Colour) -> Svg {
 ///
 /// # Errors
 /// A table without an identity.
-pub fn draw(found: &Found) -> Result<Picture, FigureError> {
+pub fn draw(found: &Found) -> Result<Picture, Failure> {
     let orbits = || found.branches.iter().flat_map(|branch| &branch.orbits);
     let frame = Frame {
         x: Axis::around(found.key.label, Scale::Linear, orbits().map(|orbit| orbit.parameter)),
@@ -63,7 +64,7 @@ pub fn draw(found: &Found) -> Result<Picture, FigureError> {
     let marks = MARKS.into_iter().filter(|(kind, ..)| is_there(kind));
     let entry = |(kind, short, number)| Entry::mark(format!("{short}: {kind}"), &sign(kind, number, GREY));
     legend::rows(&mut picture, (BOUNDS.0, BOUNDS.3 + 102.0), SIZE.0, &marks.map(entry).collect::<Vec<_>>());
-    let table = branch_table::orbits(found).map_err(FigureError::of)?;
+    let table = branch_table::orbits(found).map_err(Failure::undrawn)?;
     Ok(picture.of_source(&source("continuation", &branch_table::identity(&table))))
 }
 

@@ -8,12 +8,13 @@ use damprig_core::measure::steadiness::Steadiness;
 use super::frequency_response::{Ordinate, ResponseCurve, ResponseNotes, ResponsePoint, draw};
 use super::time_histories::{self, HistoryCurve, HistoryPanel};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, Start};
+use crate::failure::Failure;
 use crate::report::describe;
 use crate::report::numbers::trimmed;
 use crate::report::peak::Peak;
 use crate::report::plot::axis::Scale;
 use crate::report::plot::palette::Look;
-use crate::report::plot::{Breadth, FigureError, Picture};
+use crate::report::plot::{Breadth, Picture};
 use crate::run_folder::ResultRow;
 use crate::run_folder::RunFolder;
 use crate::run_folder::schema::impacts::Impacts;
@@ -333,18 +334,18 @@ type Histories = BTreeMap<(String, String), Vec<(f64, f64)>>;
 ///
 /// # Errors
 /// Unreadable samples.
-pub fn transients(campaign: &Campaign, folder: &Path, rows: &[TransientRow]) -> Result<Option<Picture>, FigureError> {
+pub fn transients(campaign: &Campaign, folder: &Path, rows: &[TransientRow]) -> Result<Option<Picture>, Failure> {
     if rows.is_empty() {
         return Ok(None);
     }
-    let run = RunFolder::open(folder).map_err(FigureError::of)?;
+    let run = RunFolder::open(folder).map_err(Failure::undrawn)?;
     let wanted: BTreeMap<(&str, &str), (String, u64, u64)> = rows
         .iter()
         .map(|r| ((r.set_up.as_str(), r.experiment.as_str()), (r.segment.to_string(), r.start_tick, r.end_tick)))
         .collect();
     let (mut x, mut z) = (Histories::new(), Histories::new());
     for batch in run.samples() {
-        let batch = batch.map_err(FigureError::of)?;
+        let batch = batch.map_err(Failure::undrawn)?;
         let names = (texts(&batch, "set_up"), texts(&batch, "experiment"), texts(&batch, "segment"));
         let (Ok(set_ups), Ok(experiments), Ok(segments)) = names else { continue };
         let (Ok(ticks), Ok(times)) = (numbers(&batch, "tick"), numbers(&batch, "t_s")) else { continue };

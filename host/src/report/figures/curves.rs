@@ -1,10 +1,11 @@
 //! Draws curves of special points in two parameters: alone, and over the map of a study.
 
 use crate::continuation::Found;
+use crate::failure::Failure;
 use crate::report::branch_table;
 use crate::report::plot::axis::{Axis, Frame, Scale};
 use crate::report::plot::svg::{Bounds, Colour, Font, Svg};
-use crate::report::plot::{FigureError, LABEL, Picture, source};
+use crate::report::plot::{LABEL, Picture, source};
 
 /// A curve of special points.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,9 +68,9 @@ const LABEL_PLACES: [f64; 7] = [0.5, 0.35, 0.65, 0.2, 0.8, 0.05, 0.95];
 ///
 /// # Errors
 /// The continuation has no second parameter; a table without an identity.
-pub fn draw(found: &Found) -> Result<Picture, FigureError> {
+pub fn draw(found: &Found) -> Result<Picture, Failure> {
     let Some([across, up]) = found.curve_parameters else {
-        return Err(FigureError("the continuation has one parameter: its file has no table [second]".into()));
+        return Err(Failure::undrawn("the continuation has one parameter: its file has no table [second]"));
     };
     let curves = Curve::all(found, false);
     let points = || curves.iter().flat_map(|curve| &curve.points);
@@ -81,7 +82,7 @@ pub fn draw(found: &Found) -> Result<Picture, FigureError> {
     let mut picture = Picture::new(SIZE.0, SIZE.1);
     picture.panel(&frame, &Svg::default());
     draw_over(&mut picture, &curves, &frame);
-    let table = branch_table::curves(found).map_err(FigureError::of)?;
+    let table = branch_table::curves(found).map_err(Failure::undrawn)?;
     Ok(picture.of_source(&source("continuation", &branch_table::identity(&table))))
 }
 

@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use super::transfer_function::{CURVE, GAP, LEFT, MEASURED, MODEL, RIGHT, TOP, WIDTH, curve};
+use crate::failure::Failure;
 use crate::identify::modal::Modal;
 use crate::report::numbers::significant;
 use crate::report::plot::axis::{Axis, Frame, Scale};
@@ -10,7 +11,7 @@ use crate::report::plot::legend::{self, Entry};
 use crate::report::plot::palette::{INK, colour};
 use crate::report::plot::svg::{Font, Style};
 use crate::report::plot::traces::{Traces, upright};
-use crate::report::plot::{FigureError, Picture, TITLE};
+use crate::report::plot::{Picture, TITLE};
 
 /// Heights of the panels: |H|, phase, residuals, coherence.
 const HEIGHTS: [f64; 4] = [300.0, 150.0, 150.0, 110.0];
@@ -24,10 +25,10 @@ const IMAGINARY: Style = colour(1).stroke(1.5);
 ///
 /// # Errors
 /// Fewer than two lines.
-pub fn draw(found: &Modal) -> Result<Picture, FigureError> {
+pub fn draw(found: &Modal) -> Result<Picture, Failure> {
     let lines = &found.lines;
     let (Some(first), Some(last)) = (lines.first(), lines.last().filter(|_| lines.len() > 1)) else {
-        return Err(FigureError("there are no lines to draw".into()));
+        return Err(Failure::undrawn("there are no lines to draw"));
     };
     let (from, to) = (first.frequency_hz, last.frequency_hz);
     let at = |n: usize| lines[n].frequency_hz;

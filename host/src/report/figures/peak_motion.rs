@@ -7,13 +7,14 @@ use damprig_core::io::TICK_HZ;
 
 use super::campaign::{look_of, shortened, stepped_sines};
 use crate::campaign::Campaign;
+use crate::failure::Failure;
 use crate::report::describe;
 use crate::report::numbers::trimmed;
 use crate::report::plot::axis::{Axis, Frame, Scale};
 use crate::report::plot::palette::{GREY, INK, Look};
 use crate::report::plot::svg::Font;
 use crate::report::plot::traces::Traces;
-use crate::report::plot::{FigureError, LABEL, Picture};
+use crate::report::plot::{LABEL, Picture};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::{ResultRow, RunFolder};
 use crate::table::values::{numbers, texts};
@@ -69,7 +70,7 @@ type Key = (String, String, u32);
 ///
 /// # Errors
 /// Unreadable samples.
-pub fn draw(campaign: &Campaign, run: &RunFolder, taken: &JournalState) -> Result<Option<Picture>, FigureError> {
+pub fn draw(campaign: &Campaign, run: &RunFolder, taken: &JournalState) -> Result<Option<Picture>, Failure> {
     let peaks: Vec<(String, Look, &ResultRow)> = stepped_sines(campaign)
         .filter(|(_, experiment)| experiment.repeat == 0)
         .take(MAX_MOTIONS)
@@ -115,11 +116,11 @@ fn key(row: &ResultRow) -> Key {
 }
 
 /// Reads the samples of the dwells of these points.
-fn dwells(run: &RunFolder, peaks: &[(String, Look, &ResultRow)]) -> Result<BTreeMap<Key, Dwell>, FigureError> {
+fn dwells(run: &RunFolder, peaks: &[(String, Look, &ResultRow)]) -> Result<BTreeMap<Key, Dwell>, Failure> {
     let wanted: BTreeMap<Key, &ResultRow> = peaks.iter().map(|(_, _, row)| (key(row), *row)).collect();
     let mut dwells: BTreeMap<Key, Dwell> = BTreeMap::new();
     for batch in run.samples() {
-        let batch = batch.map_err(FigureError::of)?;
+        let batch = batch.map_err(Failure::undrawn)?;
         let names = (texts(&batch, "set_up"), texts(&batch, "experiment"), numbers(&batch, "segment"));
         let (Ok(set_ups), Ok(experiments), Ok(segments)) = names else { continue };
         let (Ok(ticks), Ok(x_m)) = (numbers(&batch, "tick"), numbers(&batch, "x_m")) else { continue };

@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
+use crate::failure::Failure;
 use crate::identify::restitution::{Impact, Law};
 use crate::identify::statistics::student_95;
 use crate::report::plot::axis::{Axis, Frame, Scale};
 use crate::report::plot::legend::{self, Entry};
 use crate::report::plot::palette::colour;
 use crate::report::plot::traces::{Traces, circle};
-use crate::report::plot::{BROAD, FigureError, Picture};
+use crate::report::plot::{BROAD, Picture};
 
 const LEFT: f64 = 92.0;
 const RIGHT: f64 = BROAD - 24.0;
@@ -19,7 +20,7 @@ const TALL: f64 = 340.0;
 ///
 /// # Errors
 /// There are no impacts.
-pub fn draw(law: &Law, impacts: &[Impact]) -> Result<Picture, FigureError> {
+pub fn draw(law: &Law, impacts: &[Impact]) -> Result<Picture, Failure> {
     let mut sources: Vec<&str> = Vec::new();
     for impact in impacts {
         if !sources.contains(&impact.source.as_str()) {
@@ -27,7 +28,7 @@ pub fn draw(law: &Law, impacts: &[Impact]) -> Result<Picture, FigureError> {
         }
     }
     if impacts.is_empty() {
-        return Err(FigureError("there are no impacts to draw".into()));
+        return Err(Failure::undrawn("there are no impacts to draw"));
     }
     let half = |impact: &Impact| student_95(f64::MAX) * impact.coefficient_standard_uncertainty;
     let ends = |impact: &Impact| [impact.coefficient - half(impact), impact.coefficient + half(impact)];

@@ -1,9 +1,10 @@
 //! The signals of a measured file: the lowest and highest value of each part, a panel for each signal.
 
+use crate::failure::Failure;
 use crate::report::plot::axis::{Axis, Frame, Scale};
 use crate::report::plot::palette::colour;
 use crate::report::plot::traces::Traces;
-use crate::report::plot::{BROAD, FigureError, Picture};
+use crate::report::plot::{BROAD, Picture};
 use crate::signal_file::overview::{Overview, Places, SignalOverview};
 
 /// Signals that are drawn.
@@ -18,10 +19,10 @@ const GAP: f64 = 64.0;
 ///
 /// # Errors
 /// There is no signal.
-pub fn draw(overview: &Overview) -> Result<Picture, FigureError> {
+pub fn draw(overview: &Overview) -> Result<Picture, Failure> {
     let drawn = &overview.signals[..overview.signals.len().min(MAX_PANELS)];
     if drawn.is_empty() {
-        return Err(FigureError("there is no signal in the file".into()));
+        return Err(Failure::undrawn("there is no signal in the file"));
     }
     let mut picture = Picture::new(BROAD, TOP + drawn.len() as f64 * (TALL + GAP) + 10.0);
     for (n, signal) in drawn.iter().enumerate() {

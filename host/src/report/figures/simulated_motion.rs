@@ -4,6 +4,7 @@
 
 use damprig_core::integrator::exact::Excitation;
 
+use crate::failure::Failure;
 use crate::motion_record::Quantity;
 use crate::report::describe;
 use crate::report::plot::axis::{Axis, Frame, Scale, length_unit};
@@ -12,7 +13,7 @@ use crate::report::plot::palette::{INK, MARKED, WALL, colour};
 use crate::report::plot::svg::{Bounds, Colour, Font};
 pub use crate::report::plot::traces::COLUMNS;
 use crate::report::plot::traces::{Traces, impact};
-use crate::report::plot::{FigureError, Picture, TITLE};
+use crate::report::plot::{Picture, TITLE};
 use crate::simulation::Case;
 use crate::simulation::envelope::{Envelope, EnvelopeColumn, ValueRange};
 
@@ -73,10 +74,10 @@ pub fn usual_envelopes(case: &Case) -> (Option<Envelope>, Option<Envelope>) {
 ///
 /// # Errors
 /// A run stopped before the drawn time.
-pub fn of_case(case: &Case, whole: Option<&Envelope>, last: Option<&Envelope>) -> Result<Picture, FigureError> {
+pub fn of_case(case: &Case, whole: Option<&Envelope>, last: Option<&Envelope>) -> Result<Picture, Failure> {
     let envelopes: Vec<&Envelope> = [whole, last].into_iter().flatten().filter(|o| !o.is_empty()).collect();
     if envelopes.is_empty() {
-        return Err(FigureError("the run was stopped before the start of the drawn time".into()));
+        return Err(Failure::undrawn("the run was stopped before the start of the drawn time"));
     }
     let set_up = &case.set_up;
     let second_mass = match (set_up.particle, set_up.tmd, &case.many_particles) {

@@ -1,10 +1,11 @@
 //! Response spectra: absolute acceleration, velocity and displacement over the period, a curve for each damping ratio.
 
+use crate::failure::Failure;
 use crate::report::plot::axis::{Axis, Frame, Scale};
 use crate::report::plot::legend::{self, Entry};
 use crate::report::plot::palette::{GREY, colour};
 use crate::report::plot::traces::Traces;
-use crate::report::plot::{BROAD, FigureError, Picture};
+use crate::report::plot::{BROAD, Picture};
 use crate::spectrum::Point;
 
 const LEFT: f64 = 92.0;
@@ -29,8 +30,8 @@ const PANELS: [Panel; 3] = [
 ///
 /// # Errors
 /// No points.
-pub fn draw(points: &[Point]) -> Result<Picture, FigureError> {
-    let Some(first) = points.first() else { return Err(FigureError("there is no period".into())) };
+pub fn draw(points: &[Point]) -> Result<Picture, Failure> {
+    let Some(first) = points.first() else { return Err(Failure::undrawn("there is no period")) };
     let mut damping: Vec<f64> = vec![first.damping_ratio];
     for point in points {
         if damping.last() != Some(&point.damping_ratio) {

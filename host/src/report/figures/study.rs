@@ -5,9 +5,10 @@ use super::study_curves::{self, Curve, CurveLabels, Mark};
 use super::study_labels::{label, metric_label, metric_meaning, name};
 use super::study_map::{self, Map, MapAxis};
 use crate::continuation::Found;
+use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::report::numbers::significant;
-use crate::report::plot::{Breadth, FigureError, Picture};
+use crate::report::plot::{Breadth, Picture};
 use crate::study::Study;
 use crate::study::axis::{Axis, Value, Values};
 use crate::study::evaluate::main_column;
@@ -24,13 +25,13 @@ pub struct StudyFigure {
     /// Caption.
     pub caption: String,
     /// The figure, or why it could not be drawn.
-    pub picture: Result<Picture, FigureError>,
+    pub picture: Result<Picture, Failure>,
     /// The narrow figure, of curves.
     pub narrow: Option<Picture>,
 }
 
 /// A drawn figure, and a narrow one if it is of curves.
-type Drawn = (Result<Picture, FigureError>, Option<Picture>);
+type Drawn = (Result<Picture, Failure>, Option<Picture>);
 
 /// Published points to be drawn over the curves of a study.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,13 +1,14 @@
 //! Draws a quantity over two axes of a study as a map: a rectangle for each point, contour lines, the best point.
 
 use super::curves::{self, Curve};
+use crate::failure::Failure;
 use crate::report::numbers::significant;
 use crate::report::plot::axis::{Axis, Frame, Scale};
 use crate::report::plot::legend::{self, Entry};
 use crate::report::plot::palette::{INK, MARKED, WHITE, viridis};
 use crate::report::plot::svg::{Bounds, Colour, Font, Svg};
 use crate::report::plot::traces::circle;
-use crate::report::plot::{FigureError, LABEL, Picture, TITLE, contour};
+use crate::report::plot::{LABEL, Picture, TITLE, contour};
 
 /// A map.
 #[derive(Clone, Debug)]
@@ -121,9 +122,9 @@ pub(super) fn drawn(count: usize) -> Vec<usize> {
 ///
 /// # Errors
 /// Fewer than two values on an axis, or one that cannot be drawn.
-pub fn draw(map: &Map) -> Result<Picture, FigureError> {
+pub fn draw(map: &Map) -> Result<Picture, Failure> {
     if map.x.values.len() < 2 || map.y.values.len() < 2 {
-        return Err(FigureError("a map needs at least two values on both axes".into()));
+        return Err(Failure::undrawn("a map needs at least two values on both axes"));
     }
     if map.x.values.len() > MAX_VALUES || map.y.values.len() > MAX_VALUES {
         return draw(&map.thinned());
@@ -131,7 +132,7 @@ pub fn draw(map: &Map) -> Result<Picture, FigureError> {
     for axis in [&map.x, &map.y] {
         let scale = axis.axis().scale;
         if let Some(value) = axis.values.iter().find(|value| !scale.draws(**value)) {
-            return Err(FigureError(format!("{value:e} is too large or too small for the axis {}", axis.label)));
+            return Err(Failure::undrawn(format!("{value:e} is too large or too small for the axis {}", axis.label)));
         }
     }
     let undrawn = Scale::Linear.undrawn(map.values.iter().copied());

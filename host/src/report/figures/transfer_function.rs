@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use crate::failure::Failure;
 use crate::identify::time_response::TimeResponse;
 use crate::identify::time_response::welch::Line;
 use crate::report::numbers::significant;
@@ -10,7 +11,7 @@ use crate::report::plot::legend::{self, Entry};
 use crate::report::plot::palette::{INK, colour};
 use crate::report::plot::svg::{Font, Style};
 use crate::report::plot::traces::{Traces, upright};
-use crate::report::plot::{FigureError, Picture, TITLE};
+use crate::report::plot::{Picture, TITLE};
 
 pub(super) const WIDTH: f64 = 980.0;
 pub(super) const LEFT: f64 = 82.0;
@@ -34,13 +35,13 @@ const EXPANDED: f64 = 2.0;
 ///
 /// # Errors
 /// No line where the base moves.
-pub fn draw(found: &TimeResponse) -> Result<Picture, FigureError> {
+pub fn draw(found: &TimeResponse) -> Result<Picture, Failure> {
     let natural = found.fitted.natural_frequency_hz.value;
     let reach = 2f64.powf(OCTAVES);
     let is_near = |line: &&Line| (natural / reach..=natural * reach).contains(&line.frequency_hz);
     let lines: Vec<&Line> = found.spectrum.excited().filter(is_near).collect();
     let (Some(first), Some(last)) = (lines.first(), lines.last()) else {
-        return Err(FigureError("the base does not move about the natural frequency".into()));
+        return Err(Failure::undrawn("the base does not move about the natural frequency"));
     };
     let (from, to) = (first.frequency_hz, last.frequency_hz);
     let across = |label: &str| Axis::between(label, from, to);

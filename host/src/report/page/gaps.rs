@@ -4,10 +4,11 @@ use std::path::Path;
 
 use arrow_array::RecordBatch;
 
+use crate::failure::Failure;
+use crate::run_folder::RunFolder;
 use crate::run_folder::read::parquet_file;
 use crate::run_folder::read::sample_files::{is_open_part, read_samples, sample_files};
 use crate::run_folder::schema::journal_state::JournalState;
-use crate::run_folder::{ReadError, RunFolder};
 use crate::table::values::{numbers, texts};
 
 /// Most gaps listed; further ones are counted.
@@ -69,14 +70,14 @@ pub(super) fn find(run: &RunFolder, taken: &JournalState) -> SampleGaps {
 const COLUMNS: [&str; 5] = ["set_up", "experiment", "segment", "gap_before_ticks", "t_s"];
 
 /// Reads only the columns that describe gaps, since the signals may be large.
-fn batches(file: &Path, mut take: impl FnMut(&RecordBatch) -> Result<(), ReadError>) -> Result<(), ReadError> {
+fn batches(file: &Path, mut take: impl FnMut(&RecordBatch) -> Result<(), Failure>) -> Result<(), Failure> {
     if is_open_part(file) {
         return read_samples(file)?.try_for_each(|batch| take(&batch?));
     }
     parquet_file::read_columns(file, &COLUMNS)?.try_for_each(|batch| take(&batch?))
 }
 
-fn gather(batch: &RecordBatch, every_ticks: u64, gaps: &mut SampleGaps) -> Result<(), ReadError> {
+fn gather(batch: &RecordBatch, every_ticks: u64, gaps: &mut SampleGaps) -> Result<(), Failure> {
     let lost = numbers(batch, "gap_before_ticks")?;
     if lost.iter().all(|ticks| *ticks == 0.0) {
         return Ok(());

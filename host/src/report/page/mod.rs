@@ -16,11 +16,12 @@ mod tables;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use crate::failure::Failure;
 use crate::input::shown;
 use crate::report::figures::campaign::{groups, phase, response, responses_of_runs, transients, wall_force};
 use crate::report::figures::{self, peak_motion};
 use crate::report::plot::palette::Look;
-use crate::report::plot::{Breadth, FigureError, Picture};
+use crate::report::plot::{Breadth, Picture};
 use crate::run_folder::RunFolder;
 use data::PageData;
 
@@ -249,7 +250,7 @@ fn drawn_in_both([broad, narrow]: [Picture; 2], caption: &str) -> Markup {
     }
 }
 
-fn drawn(picture: Result<Picture, FigureError>, caption: &str) -> Markup {
+fn drawn(picture: Result<Picture, Failure>, caption: &str) -> Markup {
     html! {
         @match picture {
             // The drawing escapes its own text.

@@ -24,22 +24,11 @@ use skrifa::{FontRef, MetadataProvider};
 use self::axis::{Axis, Frame, Scale};
 use self::palette::{GREY, WHITE};
 use self::svg::{Font, Svg};
+use crate::failure::Failure;
 use crate::host_time;
 use crate::input::shown;
 use crate::run_folder::own_files;
 use crate::run_folder::sealed_parquet::short;
-
-/// Why a figure could not be drawn.
-#[derive(Clone, Debug, thiserror::Error)]
-#[error("cannot draw the figure: {0}")]
-pub struct FigureError(pub String);
-
-impl FigureError {
-    /// From any error.
-    pub fn of(error: impl std::fmt::Display) -> Self {
-        Self(error.to_string())
-    }
-}
 
 /// Name of the built-in font, then alternatives for an SVG viewer without it.
 const FAMILY: &str = "DejaVu Sans, Verdana, Arial, sans-serif";
@@ -98,16 +87,16 @@ fn width(words: &str, size: f64) -> f64 {
 ///
 /// # Errors
 /// When it is no SVG, or too large for memory.
-pub fn png_of(svg: &str, scale: f32) -> Result<Vec<u8>, FigureError> {
+pub fn png_of(svg: &str, scale: f32) -> Result<Vec<u8>, Failure> {
     let mut fonts = usvg::fontdb::Database::new();
     fonts.load_font_data(FONT.to_vec());
     let options = usvg::Options { fontdb: Arc::new(fonts), ..usvg::Options::default() };
-    let tree = usvg::Tree::from_str(svg, &options).map_err(FigureError::of)?;
-    let size = tree.size().to_int_size().scale_by(scale).ok_or_else(|| FigureError("the figure is empty".into()))?;
+    let tree = usvg::Tree::from_str(svg, &options).map_err(Failure::undrawn)?;
+    let size = tree.size().to_int_size().scale_by(scale).ok_or_else(|| Failure::undrawn("the figure is empty"))?;
     let mut pixels =
-        tiny_skia::Pixmap::new(size.width(), size.height()).ok_or_else(|| FigureError("the figure is empty".into()))?;
+        tiny_skia::Pixmap::new(size.width(), size.height()).ok_or_else(|| Failure::undrawn("the figure is empty"))?;
     resvg::render(&tree, tiny_skia::Transform::from_scale(scale, scale), &mut pixels.as_mut());
-    pixels.encode_png().map_err(FigureError::of)
+    pixels.encode_png().map_err(Failure::undrawn)
 }
 
 /// Length of a PNG's signature and first chunk.
@@ -221,7 +210,7 @@ impl Picture {
     ///
     /// # Errors
     /// When the figure is too large for memory.
-    pub fn png(&self) -> Result<Vec<u8>, FigureError> {
+    pub fn png(&self) -> Result<Vec<u8>, Failure> {
         let png = png_of(&self.svg(), PNG_SCALE)?;
         Ok(match &self.source {
             Some(source) => with_text(png, "Source", &format!("{source} · {}", crate::VERSION_LINE)),
@@ -233,7 +222,7 @@ impl Picture {
     ///
     /// # Errors
     /// Names the file that cannot be written.
-    pub fn write(&self, folder: &Path, stem: &str) -> Result<(), FigureError> {
+    pub fn write(&self, folder: &Path, stem: &str) -> Result<(), Failure> {
         self.save(&folder.join(format!("{stem}.svg")))?;
         self.save(&folder.join(format!("{stem}.png")))
     }
@@ -242,10 +231,10 @@ impl Picture {
     ///
     /// # Errors
     /// Names the file when it cannot be written.
-    pub fn save(&self, path: &Path) -> Result<(), FigureError> {
+    pub fn save(&self, path: &Path) -> Result<(), Failure> {
         let png = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
         let bytes = if png { self.png()? } else { self.svg().into_bytes() };
-        own_files::replace(path, &bytes).map_err(FigureError::of)
+        own_files::replace(path, &bytes).map_err(Failure::undrawn)
     }
 }
 

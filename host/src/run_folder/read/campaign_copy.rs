@@ -11,8 +11,8 @@ use toml::Table;
 use super::folder::is_run;
 use crate::campaign::transient::{NOISE_FILE, RECORDS, kept_record};
 use crate::campaign::{Campaign, default_name, repeat_names};
+use crate::failure::Failure;
 use crate::input::{Copies, Source, regular};
-use crate::run_folder::ReadError;
 use crate::run_folder::journal::{self, Begin, CopiedFile, JOURNAL, Lines};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::setup::set_up_file;
@@ -27,15 +27,15 @@ const CAMPAIGN: &str = "campaign.toml";
 ///
 /// # Errors
 /// A campaign that cannot be read; a copy that is missing, has changed, or is one of two.
-pub fn campaign(folder: &Path) -> Result<Campaign, ReadError> {
-    Campaign::parse(source(folder)?).map_err(|e| ReadError(e.to_string()))
+pub fn campaign(folder: &Path) -> Result<Campaign, Failure> {
+    source(folder).and_then(Campaign::parse).map_err(Failure::storage)
 }
 
 /// The campaign as run, to be parsed.
 ///
 /// # Errors
 /// As [`campaign`].
-pub fn source(folder: &Path) -> Result<Source, ReadError> {
+pub fn source(folder: &Path) -> Result<Source, Failure> {
     with_copies(folder).map(Source::recorded)
 }
 
@@ -43,27 +43,27 @@ pub fn source(folder: &Path) -> Result<Source, ReadError> {
 ///
 /// # Errors
 /// As [`Campaign::read`] and [`campaign`].
-pub fn new_campaign(file: &Path) -> Result<Campaign, ReadError> {
+pub fn new_campaign(file: &Path) -> Result<Campaign, Failure> {
     let folder = file.parent().filter(|folder| file.ends_with(CAMPAIGN) && is_run_with_journal(folder));
     let source = match folder {
-        Some(folder) => with_copies(folder)?,
-        None => Source::read(file).map_err(|e| ReadError(e.to_string()))?,
+        Some(folder) => with_copies(folder).map_err(Failure::input)?,
+        None => Source::read(file)?,
     };
-    Campaign::parse(source).map_err(|e| ReadError(e.to_string()))
+    Campaign::parse(source)
 }
 
 fn is_run_with_journal(folder: &Path) -> bool {
     is_run(folder) && journal::is_in(folder)
 }
 
-fn with_copies(folder: &Path) -> Result<Source, ReadError> {
-    let source = Source::read(&folder.join(CAMPAIGN)).map_err(|e| ReadError(e.to_string()))?;
+fn with_copies(folder: &Path) -> Result<Source, Failure> {
+    let source = Source::read(&folder.join(CAMPAIGN))?;
     // A campaign that is not TOML is refused by its parser.
     let Ok(table) = source.text().parse::<Table>() else { return Ok(source) };
     let lines = match journal::read(folder) {
         Ok(lines) => lines,
         Err(_) if !journal::is_in(folder) => Lines::default(),
-        Err(error) => return Err(ReadError(error.to_string())),
+        Err(error) => return Err(error),
     };
     let copies = copies(folder, &table, &lines)?;
     Ok(source.with_copies(copies))
@@ -100,11 +100,11 @@ fn played(campaign: &Table) -> Vec<Played> {
     all
 }
 
-fn copies(folder: &Path, campaign: &Table, lines: &Lines) -> Result<Copies, ReadError> {
+fn copies(folder: &Path, campaign: &Table, lines: &Lines) -> Result<Copies, Failure> {
     let state = JournalState::of(&lines.entries);
     let listed = state.begun.first().map_or(&[][..], |begin| &begin.records);
     let all = played(campaign);
-    let found: Result<_, ReadError> = if listed.iter().any(|copy| copy.experiment.is_some()) {
+    let found: Result<_, Failure> = if listed.iter().any(|copy| copy.experiment.is_some()) {
         all.iter().map(|played| Ok((played.number, numbered(folder, listed, played)?))).collect()
     } else if state.begun.is_empty() {
         by_names(folder, &all)
@@ -114,7 +114,9 @@ fn copies(folder: &Path, campaign: &Table, lines: &Lines) -> Result<Copies, Read
     let changed = listed.iter().find_map(|copy| copy.file.difference(folder));
     if let Some(changed) = changed {
         let shown = folder.display();
-        return Err(ReadError(format!("{shown}: a file that the campaign names is not the one of the run: {changed}")));
+        return Err(Failure::Storage(format!(
+            "{shown}: a file that the campaign names is not the one of the run: {changed}"
+        )));
     }
     let set_up_file = campaign.get("set_up_file").and_then(|file| file.as_str());
     let set_up_file = set_up_file.map(|file| set_up_file::kept(&folder.join(RECORDS), file));
@@ -122,16 +124,16 @@ fn copies(folder: &Path, campaign: &Table, lines: &Lines) -> Result<Copies, Read
 }
 
 /// The copy that the journal lists for an experiment.
-fn numbered(folder: &Path, listed: &[CopiedFile], played: &Played) -> Result<PathBuf, ReadError> {
+fn numbered(folder: &Path, listed: &[CopiedFile], played: &Played) -> Result<PathBuf, Failure> {
     let own = listed.iter().find(|copy| copy.experiment == Some(played.number));
     own.map(|copy| folder.join(&copy.file.name)).ok_or_else(|| {
         let (shown, number, file) = (folder.display(), played.number, played.file.display());
-        ReadError(format!("{shown}/{JOURNAL} lists no copy of {file}, which experiment {number} plays"))
+        Failure::Storage(format!("{shown}/{JOURNAL} lists no copy of {file}, which experiment {number} plays"))
     })
 }
 
 /// The copy of an experiment in a run whose journal does not number them.
-fn unnumbered(folder: &Path, state: &JournalState, played: &Played) -> Result<PathBuf, ReadError> {
+fn unnumbered(folder: &Path, state: &JournalState, played: &Played) -> Result<PathBuf, Failure> {
     let by_place = kept_record(folder, played.place, &played.file);
     let by_number = kept_record(folder, played.number, &played.file);
     let differ = || regular::read(&by_place).ok() != regular::read(&by_number).ok();
@@ -141,7 +143,7 @@ fn unnumbered(folder: &Path, state: &JournalState, played: &Played) -> Result<Pa
         return Ok(by_place);
     }
     let name = |path: &Path| path.strip_prefix(folder).unwrap_or(path).display().to_string();
-    Err(ReadError(format!(
+    Err(Failure::Storage(format!(
         "{}: experiment {} plays {}, and its copy may be {} or {}: an earlier version resumed the run and may have played either\n  the data can be read (`damprig runs verify`, `runs export`), but not compared or continued; measure the experiment again in a new run",
         folder.display(),
         played.number,
@@ -153,7 +155,7 @@ fn unnumbered(folder: &Path, state: &JournalState, played: &Played) -> Result<Pa
 
 /// The copies of a run without the beginning of its journal: it was killed before that was written. The names of all copies together
 /// tell how they are numbered.
-fn by_names(folder: &Path, all: &[Played]) -> Result<BTreeMap<usize, PathBuf>, ReadError> {
+fn by_names(folder: &Path, all: &[Played]) -> Result<BTreeMap<usize, PathBuf>, Failure> {
     let entries = std::fs::read_dir(folder.join(RECORDS)).into_iter().flatten().flatten().map(|entry| entry.path());
     let is_record = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -171,7 +173,7 @@ fn by_names(folder: &Path, all: &[Played]) -> Result<BTreeMap<usize, PathBuf>, R
     let first = |way: Way<'_>, played: &Played| Some((played.number, way(played).into_iter().next()?));
     way.map(|way| all.iter().filter_map(|played| first(way, played)).collect()).ok_or_else(|| {
         let folder = folder.display();
-        ReadError(format!(
+        Failure::Storage(format!(
             "{folder}/{RECORDS} does not have the copies of the records that the campaign plays and no others, and {JOURNAL}, which lists them, has no beginning"
         ))
     })

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::sample_files::{read_samples, sample_files};
-use crate::run_folder::ReadError;
+use crate::failure::Failure;
 use crate::run_folder::journal::Withdrawn;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::segment_id::SegmentId;
@@ -49,7 +49,7 @@ pub fn cut_off(folder: &Path, journal: &JournalState) -> Vec<Withdrawn> {
     cut_results(journal, &last).into_iter().filter(|cut| is_open(&cut.id)).collect()
 }
 
-fn last_ticks(folder: &Path) -> Result<LastTicks, ReadError> {
+fn last_ticks(folder: &Path) -> Result<LastTicks, Failure> {
     let mut last = LastTicks::new();
     for file in sample_files(folder) {
         for batch in read_samples(&file)? {

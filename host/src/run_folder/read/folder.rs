@@ -14,8 +14,8 @@ use damprig_core::io::TICK_HZ;
 use super::open_part::salvage;
 use super::parquet_file::read;
 use super::sample_files::{open_parts, read_samples, sample_files};
+use crate::failure::Failure;
 use crate::input::{near, regular};
-use crate::run_folder::ReadError;
 use crate::run_folder::journal::{self, JOURNAL};
 use crate::run_folder::own_files::refuse_links;
 use crate::run_folder::schema::impacts::{self, IMPACTS};
@@ -51,13 +51,13 @@ pub fn below(base: &Path) -> Vec<PathBuf> {
 ///
 /// # Errors
 /// When there is no such folder, with similar names; or when it holds no run.
-pub fn find(wanted: &Path) -> Result<PathBuf, ReadError> {
+pub fn find(wanted: &Path) -> Result<PathBuf, Failure> {
     if wanted.is_dir() {
-        return if is_run(wanted) { Ok(wanted.to_path_buf()) } else { Err(no_run(wanted)) };
+        return if is_run(wanted) { Ok(wanted.to_path_buf()) } else { Err(Failure::Input(no_run(wanted))) };
     }
     if wanted.exists() {
         let message = "it is a file; give the folder of a run, the one that holds manifest.json";
-        return Err(ReadError(format!("{}: {message}", wanted.display())));
+        return Err(Failure::Input(format!("{}: {message}", wanted.display())));
     }
     let text = wanted.to_string_lossy();
     let name = |p: &PathBuf| p.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
@@ -69,7 +69,10 @@ pub fn find(wanted: &Path) -> Result<PathBuf, ReadError> {
         [] => {}
         _ => {
             let list: Vec<String> = ending.iter().map(|p| p.display().to_string()).collect();
-            return Err(ReadError(format!("{text:?} is the end of several runs; give one of {}", list.join(", "))));
+            return Err(Failure::Input(format!(
+                "{text:?} is the end of several runs; give one of {}",
+                list.join(", ")
+            )));
         }
     }
     let names: Vec<String> = all.iter().map(name).collect();
@@ -78,10 +81,10 @@ pub fn find(wanted: &Path) -> Result<PathBuf, ReadError> {
         [] => "`damprig runs` lists the runs below ./runs".to_string(),
         _ => format!("did you mean {}?", candidates.join(", ")),
     };
-    Err(ReadError(format!("there is no run {text:?}, neither as a folder nor below ./runs\n  {help}")))
+    Err(Failure::Input(format!("there is no run {text:?}, neither as a folder nor below ./runs\n  {help}")))
 }
 
-fn no_run(path: &Path) -> ReadError {
+fn no_run(path: &Path) -> String {
     let inside = below(path).into_iter().chain(below(&path.join("runs"))).take(3);
     let inside: Vec<String> = inside.map(|p| p.display().to_string()).collect();
     let help = if inside.is_empty() {
@@ -89,7 +92,7 @@ fn no_run(path: &Path) -> ReadError {
     } else {
         format!("it holds runs; give one of them, as {}", inside.join(", "))
     };
-    ReadError(format!("{}: this folder is no run\n  {help}", path.display()))
+    format!("{}: this folder is no run\n  {help}", path.display())
 }
 
 /// The name of a run: that of its folder.
@@ -104,11 +107,11 @@ impl RunFolder {
     ///
     /// # Errors
     /// No run, a missing or damaged manifest, or a format of a later version.
-    pub fn open(path: &Path) -> Result<Self, ReadError> {
+    pub fn open(path: &Path) -> Result<Self, Failure> {
         if !is_run(path) {
-            return Err(no_run(path));
+            return Err(Failure::Storage(no_run(path)));
         }
-        refuse_links(path).map_err(|e| ReadError(e.to_string()))?;
+        refuse_links(path)?;
         let mut manifest = manifest_of(path)?;
         if manifest.is_running()
             && let Ok(lines) = journal::read(path)
@@ -158,9 +161,9 @@ impl RunFolder {
     ///
     /// # Errors
     /// When the file is missing or damaged.
-    pub fn results(&self) -> Result<Vec<RecordBatch>, ReadError> {
+    pub fn results(&self) -> Result<Vec<RecordBatch>, Failure> {
         match self.unfinished() {
-            Some(state) => Ok(vec![results::table(&state.rows_by_experiment()).map_err(ReadError)?]),
+            Some(state) => Ok(vec![results::table(&state.rows_by_experiment())?]),
             None => read(&self.path.join(RESULTS))?.collect(),
         }
     }
@@ -169,7 +172,7 @@ impl RunFolder {
     ///
     /// # Errors
     /// When the file is damaged.
-    pub fn result_rows(&self) -> Result<Vec<ResultRow>, ReadError> {
+    pub fn result_rows(&self) -> Result<Vec<ResultRow>, Failure> {
         Ok(self.results()?.iter().map(results::rows).collect::<Result<Vec<_>, _>>()?.concat())
     }
 
@@ -177,9 +180,9 @@ impl RunFolder {
     ///
     /// # Errors
     /// When the file is damaged.
-    pub fn transients(&self) -> Result<Vec<RecordBatch>, ReadError> {
+    pub fn transients(&self) -> Result<Vec<RecordBatch>, Failure> {
         if let Some(state) = self.unfinished() {
-            return Ok(vec![transients::table(state.transients()).map_err(ReadError)?]);
+            return Ok(vec![transients::table(state.transients())?]);
         }
         let path = self.path.join(TRANSIENTS);
         if path.exists() { read(&path)?.collect() } else { Ok(Vec::new()) }
@@ -189,7 +192,7 @@ impl RunFolder {
     ///
     /// # Errors
     /// When the file is damaged.
-    pub fn transient_rows(&self) -> Result<Vec<TransientRow>, ReadError> {
+    pub fn transient_rows(&self) -> Result<Vec<TransientRow>, Failure> {
         Ok(self.transients()?.iter().map(transients::rows).collect::<Result<Vec<_>, _>>()?.concat())
     }
 
@@ -197,9 +200,9 @@ impl RunFolder {
     ///
     /// # Errors
     /// When the file is damaged.
-    pub fn impacts(&self) -> Result<Vec<RecordBatch>, ReadError> {
+    pub fn impacts(&self) -> Result<Vec<RecordBatch>, Failure> {
         if let Some(state) = self.unfinished() {
-            return Ok(vec![impacts::table(&state.impacts, f64::from(TICK_HZ)).map_err(ReadError)?]);
+            return Ok(vec![impacts::table(&state.impacts, f64::from(TICK_HZ))?]);
         }
         let path = self.path.join(IMPACTS);
         if path.exists() { read(&path)?.collect() } else { Ok(Vec::new()) }
@@ -207,7 +210,7 @@ impl RunFolder {
 
     /// Batches of samples in the order in which they were taken. A damaged file gives an error in its place; the files after
     /// it are read.
-    pub fn samples(&self) -> impl Iterator<Item = Result<RecordBatch, ReadError>> + use<> {
+    pub fn samples(&self) -> impl Iterator<Item = Result<RecordBatch, Failure>> + use<> {
         sample_files(&self.path).into_iter().flat_map(|file| -> Box<dyn Iterator<Item = _>> {
             match read_samples(&file) {
                 Ok(batches) => batches,
@@ -250,9 +253,9 @@ pub fn readable_rows(folder: &Path, journal: &JournalState) -> u64 {
 ///
 /// # Errors
 /// A missing or damaged manifest, or a format of a later version.
-pub fn manifest_of(path: &Path) -> Result<Manifest, ReadError> {
+pub fn manifest_of(path: &Path) -> Result<Manifest, Failure> {
     let file = path.join(MANIFEST);
-    let failed = |message: String| ReadError(format!("{}: {message}", file.display()));
+    let failed = |message: String| Failure::Storage(format!("{}: {message}", file.display()));
     let text = regular::read(&file).map_err(|e| failed(format!("cannot read the manifest: {e}")))?;
     let value: serde_json::Value = serde_json::from_slice(&text)
         .map_err(|e| failed(format!("the manifest is damaged, it is not JSON from this place on: {e}")))?;

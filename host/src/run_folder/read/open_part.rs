@@ -10,11 +10,12 @@ use arrow_schema::Metadata;
 
 use super::arrow_salvage::sound_length;
 use super::parquet_file::read;
+use crate::failure::Failure;
 use crate::input::regular;
+use crate::run_folder::journal;
 use crate::run_folder::journal::Entry;
 use crate::run_folder::schema::samples::{self, PointLabel, read_stream_schema};
 use crate::run_folder::schema::stream_sums::{Difference, compare, sums_path};
-use crate::run_folder::{ReadError, StorageError, journal};
 use crate::table::values::numbers;
 
 /// The column of the ticks missing before a row.
@@ -44,8 +45,8 @@ pub struct OpenStream {
 ///
 /// # Errors
 /// When the file cannot be read.
-pub fn read_stream(path: &Path) -> Result<OpenStream, StorageError> {
-    let bytes = regular::read(path).map_err(|e| StorageError::new("read", path, e))?;
+pub fn read_stream(path: &Path) -> Result<OpenStream, Failure> {
+    let bytes = regular::read(path).map_err(|e| Failure::cannot("read", path, e))?;
     if !has_sums(path) {
         let sound = sound_length(&bytes);
         let problem = (sound == 0 && !bytes.is_empty()).then(|| "nothing in it can be read".to_string());
@@ -107,14 +108,14 @@ impl OpenStream {
 ///
 /// # Errors
 /// As [`read_stream`].
-pub fn salvage(path: &Path) -> Result<Salvaged, StorageError> {
+pub fn salvage(path: &Path) -> Result<Salvaged, Failure> {
     read_stream(path).map(|stream| stream.salvage())
 }
 
 /// Rows of a closed part, and ticks missing before or between them; `None` if it is missing or cannot be read whole.
 #[must_use]
 pub fn rows_and_gaps(part: &Path) -> Option<(u64, u64)> {
-    let gaps: Result<Vec<Vec<f64>>, ReadError> = read(part).ok()?.map(|batch| numbers(&batch?, GAP)).collect();
+    let gaps: Result<Vec<Vec<f64>>, Failure> = read(part).ok()?.map(|batch| numbers(&batch?, GAP)).collect();
     let gaps = gaps.ok()?.concat();
     Some((gaps.len() as u64, gaps.iter().map(|gap| *gap as u64).fold(0, u64::saturating_add)))
 }

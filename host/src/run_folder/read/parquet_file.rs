@@ -12,8 +12,9 @@ use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder};
 use parquet::file::reader::ChunkReader;
 
+use crate::failure::Failure;
 use crate::input::{regular, without_panic};
-use crate::run_folder::{ReadError, sealed_parquet};
+use crate::run_folder::sealed_parquet;
 use crate::table::with_present_names;
 
 /// Batches of a Parquet file. The first call installs a panic hook that passes on every panic but those of the `parquet` crate in
@@ -21,7 +22,7 @@ use crate::table::with_present_names;
 ///
 /// # Errors
 /// When it is missing, or is not a whole Parquet file. A batch that cannot be decoded is an error in its place.
-pub fn read(path: &Path) -> Result<impl Iterator<Item = Result<RecordBatch, ReadError>> + use<>, ReadError> {
+pub fn read(path: &Path) -> Result<impl Iterator<Item = Result<RecordBatch, Failure>> + use<>, Failure> {
     open(path, None)
 }
 
@@ -32,7 +33,7 @@ pub fn read(path: &Path) -> Result<impl Iterator<Item = Result<RecordBatch, Read
 pub fn read_columns(
     path: &Path,
     names: &[&str],
-) -> Result<impl Iterator<Item = Result<RecordBatch, ReadError>> + use<>, ReadError> {
+) -> Result<impl Iterator<Item = Result<RecordBatch, Failure>> + use<>, Failure> {
     open(path, Some(names))
 }
 
@@ -40,8 +41,8 @@ pub fn read_columns(
 ///
 /// # Errors
 /// As [`read`].
-pub fn metadata(path: &Path) -> Result<HashMap<String, String>, ReadError> {
-    let failed = |message: String| ReadError(format!("{}: {message}", path.display()));
+pub fn metadata(path: &Path) -> Result<HashMap<String, String>, Failure> {
+    let failed = |message: String| Failure::Storage(format!("{}: {message}", path.display()));
     let file = regular::open(path).map_err(|e| failed(format!("cannot read it: {e}")))?;
     let opened = without_panic(|| ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| e.to_string()));
     let builder = opened.and_then(|opened| opened).map_err(|e| failed(format!("not a whole Parquet file: {e}")))?;
@@ -63,26 +64,28 @@ pub struct Content {
 ///
 /// # Errors
 /// As [`read`], and when it has changed since it was written; `shown` names the file.
-pub fn content(shown: &str, bytes: Bytes) -> Result<Content, ReadError> {
-    let damaged =
-        |e| ReadError(format!("{shown}: not a whole Parquet file ({} bytes; cut off or damaged): {e}", bytes.len()));
+pub fn content(shown: &str, bytes: Bytes) -> Result<Content, Failure> {
+    let damaged = |e| {
+        Failure::Storage(format!("{shown}: not a whole Parquet file ({} bytes; cut off or damaged): {e}", bytes.len()))
+    };
     let opened = without_panic(|| ParquetRecordBatchReaderBuilder::try_new(bytes.clone()).map_err(|e| e.to_string()));
     let schema = opened.and_then(|opened| opened).map_err(damaged)?.schema().clone();
     let has_digest = match sealed_parquet::is_as_written(&bytes, &schema) {
-        Some(false) => return Err(ReadError(format!("{shown}: changed since it was written (SHA-256 differs)"))),
+        Some(false) => {
+            return Err(Failure::Storage(format!("{shown}: changed since it was written (SHA-256 differs)")));
+        }
         digest => digest.is_some(),
     };
-    let batches =
-        batches(shown.to_string(), bytes.len() as u64, bytes, None)?.collect::<Result<Vec<_>, ReadError>>()?;
+    let batches = batches(shown.to_string(), bytes.len() as u64, bytes, None)?.collect::<Result<Vec<_>, Failure>>()?;
     Ok(Content { metadata: schema.metadata().clone().into(), batches, has_digest })
 }
 
 fn open(
     path: &Path,
     names: Option<&[&str]>,
-) -> Result<impl Iterator<Item = Result<RecordBatch, ReadError>> + use<>, ReadError> {
+) -> Result<impl Iterator<Item = Result<RecordBatch, Failure>> + use<>, Failure> {
     let shown = path.display().to_string();
-    let file = regular::open(path).map_err(|e| ReadError(format!("{shown}: cannot read it: {e}")))?;
+    let file = regular::open(path).map_err(|e| Failure::Storage(format!("{shown}: cannot read it: {e}")))?;
     let length = file.metadata().map_or(0, |m| m.len());
     batches(shown, length, file, names)
 }
@@ -92,8 +95,9 @@ fn batches<R: ChunkReader + 'static>(
     length: u64,
     file: R,
     names: Option<&[&str]>,
-) -> Result<impl Iterator<Item = Result<RecordBatch, ReadError>> + use<R>, ReadError> {
-    let damaged = |e| ReadError(format!("{shown}: not a whole Parquet file ({length} bytes; cut off or damaged): {e}"));
+) -> Result<impl Iterator<Item = Result<RecordBatch, Failure>> + use<R>, Failure> {
+    let damaged =
+        |e| Failure::Storage(format!("{shown}: not a whole Parquet file ({length} bytes; cut off or damaged): {e}"));
     let opened = without_panic(|| {
         let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| e.to_string())?;
         let mask = names.map(|names| ProjectionMask::columns(builder.parquet_schema(), names.iter().copied()));
@@ -115,7 +119,7 @@ struct Batches {
 }
 
 impl Iterator for Batches {
-    type Item = Result<RecordBatch, ReadError>;
+    type Item = Result<RecordBatch, Failure>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let reader = self.reader.as_mut()?;
@@ -127,6 +131,6 @@ impl Iterator for Batches {
             }
         };
         let batch = batch.map(with_present_names);
-        Some(batch.map_err(|e| ReadError(format!("{}: a damaged part: {e}", self.shown))))
+        Some(batch.map_err(|e| Failure::Storage(format!("{}: a damaged part: {e}", self.shown))))
     }
 }

@@ -7,8 +7,8 @@ use arrow_array::RecordBatch;
 
 use super::open_part::salvage;
 use super::parquet_file::read;
+use crate::failure::Failure;
 use crate::input::regular;
-use crate::run_folder::ReadError;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::samples::{
     JOINED, PARTS, open_part_name, open_part_number, open_sums_number, part_name, part_number,
@@ -77,13 +77,13 @@ fn closed_of(open: &Path) -> Option<PathBuf> {
     Some(open.parent()?.join(part_name(open_part_number(open.file_name()?.to_str()?)?)))
 }
 
-type Batches = Box<dyn Iterator<Item = Result<RecordBatch, ReadError>>>;
+type Batches = Box<dyn Iterator<Item = Result<RecordBatch, Failure>>>;
 
 /// Batches of one of [`sample_files`]; of an open part, up to the last whole one.
 ///
 /// # Errors
 /// As [`read`].
-pub fn read_samples(path: &Path) -> Result<Batches, ReadError> {
+pub fn read_samples(path: &Path) -> Result<Batches, Failure> {
     if is_open_part(path) {
         let salvaged = match salvage(path) {
             Ok(salvaged) => salvaged,
@@ -91,7 +91,7 @@ pub fn read_samples(path: &Path) -> Result<Batches, ReadError> {
             Err(error) => {
                 return match closed_of(path).filter(|closed| !path.exists() && closed.exists()) {
                     Some(closed) => Ok(Box::new(read(&closed)?)),
-                    None => Err(ReadError(error.to_string())),
+                    None => Err(Failure::Storage(error.to_string())),
                 };
             }
         };

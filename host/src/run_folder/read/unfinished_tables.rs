@@ -5,8 +5,8 @@ use std::path::Path;
 use arrow_array::RecordBatch;
 
 use super::parquet_file::read;
+use crate::failure::Failure;
 use crate::input::regular;
-use crate::run_folder::ReadError;
 use crate::run_folder::journal::Entry;
 use crate::run_folder::schema::impacts::{self, IMPACTS};
 use crate::run_folder::schema::journal_state::JournalState;
@@ -22,7 +22,7 @@ struct Table<'a> {
     row: &'static str,
     /// Its number of rows.
     rows: fn(&JournalState) -> usize,
-    make: &'a dyn Fn(&JournalState) -> Result<RecordBatch, String>,
+    make: &'a dyn Fn(&JournalState) -> Result<RecordBatch, Failure>,
     /// Whether the line changes it.
     depends_on: fn(&Entry) -> bool,
     /// Whether a program that has written these lines has written it, or will within the next moments.
@@ -79,8 +79,8 @@ pub fn differing(folder: &Path, manifest: &Manifest, entries: &[Entry], order: &
             let made = (table.make)(state).and_then(|made| bytes_of(made, about.clone().with(DESCRIPTION, table.row)));
             regular::read(&path).ok().is_some_and(|bytes| Ok(bytes) == made)
         };
-        let count = read(&path)
-            .and_then(|batches| batches.map(|batch| Ok(batch?.num_rows())).sum::<Result<usize, ReadError>>());
+        let count =
+            read(&path).and_then(|batches| batches.map(|batch| Ok(batch?.num_rows())).sum::<Result<usize, Failure>>());
         let is_as_made = match count {
             Ok(count) if is_own => at_some_line(entries, table, |state| (table.rows)(state) == count && is_made(state)),
             readable => readable.is_ok(),

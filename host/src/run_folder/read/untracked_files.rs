@@ -13,7 +13,7 @@ use arrow_array::RecordBatch;
 use super::open_part::{label_of, salvage};
 use super::parquet_file::read;
 use super::sample_files::{closed_parts, open_parts};
-use crate::run_folder::ReadError;
+use crate::failure::Failure;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::results::RESULTS;
 use crate::run_folder::schema::samples::{JOINED, PARTS, PointLabel};
@@ -110,7 +110,7 @@ fn results(folder: &Path, name: &str, journal: &JournalState) -> Option<String> 
 type Key = (String, String, u32, u32);
 
 /// The points that a batch of results holds.
-fn keys(batch: &RecordBatch) -> Result<Vec<Key>, ReadError> {
+fn keys(batch: &RecordBatch) -> Result<Vec<Key>, Failure> {
     let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
     let (segments, points) = (numbers(batch, "segment")?, numbers(batch, "point_index")?);
     let rows = set_ups.into_iter().zip(experiments).zip(segments.into_iter().zip(points));

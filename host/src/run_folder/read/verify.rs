@@ -12,6 +12,7 @@ use super::sample_files::{is_open_part, lost_open_parts, open_parts, read_sample
 use super::unfinished_tables::differing;
 use super::untracked_files::untracked;
 use crate::campaign::{Campaign, differences};
+use crate::failure::Failure;
 use crate::input::{Source, regular};
 use crate::run_folder::journal::Lines;
 use crate::run_folder::own_files::refuse_links;
@@ -20,7 +21,7 @@ use crate::run_folder::schema::manifest::MANIFEST;
 use crate::run_folder::schema::results::RESULTS;
 use crate::run_folder::schema::samples::JOINED;
 use crate::run_folder::schema::transients::TRANSIENTS;
-use crate::run_folder::{ReadError, checksum, journal};
+use crate::run_folder::{checksum, journal};
 use crate::table::values::{numbers, texts};
 
 /// One thing found.
@@ -36,7 +37,7 @@ pub enum Finding {
 ///
 /// # Errors
 /// When the folder is no run at all.
-pub fn verify(path: &Path) -> Result<Vec<Finding>, ReadError> {
+pub fn verify(path: &Path) -> Result<Vec<Finding>, Failure> {
     let path = &find(path)?;
     let mut found = Vec::new();
     if let Err(error) = refuse_links(path) {
@@ -243,7 +244,7 @@ fn campaign(path: &Path, found: &mut Vec<Finding>) -> Option<Campaign> {
 type PerPair = BTreeMap<(String, String), Vec<f64>>;
 
 /// The numbers of a column for each set-up and experiment.
-fn gather(batch: &arrow_array::RecordBatch, name: &str, into: &mut PerPair) -> Result<(), ReadError> {
+fn gather(batch: &arrow_array::RecordBatch, name: &str, into: &mut PerPair) -> Result<(), Failure> {
     let (set_ups, experiments, values) = (texts(batch, "set_up")?, texts(batch, "experiment")?, numbers(batch, name)?);
     for ((set_up, experiment), value) in set_ups.into_iter().zip(experiments).zip(values) {
         into.entry((set_up, experiment)).or_default().push(value);
@@ -364,7 +365,7 @@ fn samples(path: &Path, run: Option<&RunFolder>, journal: &JournalState, found: 
 /// Ticks count from 0 in each segment of an experiment on a set-up.
 type PerSegment = BTreeMap<(String, String, String), Vec<f64>>;
 
-fn gather_ticks(batch: &arrow_array::RecordBatch, into: &mut PerSegment) -> Result<(), ReadError> {
+fn gather_ticks(batch: &arrow_array::RecordBatch, into: &mut PerSegment) -> Result<(), Failure> {
     let (set_ups, experiments, ticks) = (texts(batch, "set_up")?, texts(batch, "experiment")?, numbers(batch, "tick")?);
     // Older runs have no segments: they could not be resumed.
     let has_segments = batch.schema().field_with_name("segment").is_ok();

@@ -6,6 +6,7 @@ use damprig_core::measure::impacts::ImpactRecord;
 use serde::{Deserialize, Serialize};
 
 use super::segment_id::SegmentId;
+use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::table::TableBuilder;
 
@@ -29,7 +30,7 @@ pub struct Impacts {
 ///
 /// # Errors
 /// When the columns differ in length: a defect of this function.
-pub fn table(all: &[Impacts], tick_hz: f64) -> Result<RecordBatch, String> {
+pub fn table(all: &[Impacts], tick_hz: f64) -> Result<RecordBatch, Failure> {
     type Row<'a> = (&'a SegmentId, &'a ImpactRecord);
     let rows: Vec<Row> =
         all.iter().flat_map(|some| some.impacts.iter().map(move |impact| (&some.id, impact))).collect();

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 
 use super::{json_float, table_rows};
+use crate::failure::Failure;
 use crate::quantity::Quantity;
-use crate::storage::ReadError;
 use crate::table::TableBuilder;
 
 /// The file's name in a run folder.
@@ -143,7 +143,7 @@ pub fn steadiness_of(text: &str) -> Steadiness {
 ///
 /// # Errors
 /// When the columns differ in length: a defect of this function.
-pub fn table(rows: &[ResultRow]) -> Result<RecordBatch, String> {
+pub fn table(rows: &[ResultRow]) -> Result<RecordBatch, Failure> {
     TableBuilder::new(rows)
         .column(Quantity::SetUp, |r| r.set_up.as_str())
         .column(Quantity::Experiment, |r| r.experiment.as_str())
@@ -183,7 +183,7 @@ pub fn table(rows: &[ResultRow]) -> Result<RecordBatch, String> {
 ///
 /// # Errors
 /// A table that lacks a column that every version wrote, or has one of another type.
-pub fn rows(batch: &RecordBatch) -> Result<Vec<ResultRow>, ReadError> {
+pub fn rows(batch: &RecordBatch) -> Result<Vec<ResultRow>, Failure> {
     table_rows::rows(batch, |fields| {
         let number = |own: Quantity| fields.get(own.name()).and_then(Json::as_f64).unwrap_or(f64::NAN);
         let clearance_m = number(Quantity::ActualDOverZ) * number(Quantity::ZAmplitudeM);

@@ -15,6 +15,7 @@ use damprig_core::rig::{SIGNAL_DOCS, SIGNALS};
 use serde::{Deserialize, Serialize};
 
 use super::segment_id::SegmentId;
+use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::table::{Column, DESCRIPTION};
 
@@ -171,12 +172,12 @@ pub(crate) fn complete(
     label: &PointLabel,
     tick_hz: f64,
     batch: &RecordBatch,
-) -> Result<RecordBatch, String> {
+) -> Result<RecordBatch, Failure> {
     let count = batch.num_rows();
-    let name = |name: &str| -> Result<ArrayRef, String> {
+    let name = |name: &str| -> Result<ArrayRef, Failure> {
         let names = Arc::new(StringArray::from(vec![name]));
         let keys = Int32Array::from(vec![0; count]);
-        Ok(Arc::new(DictionaryArray::<Int32Type>::try_new(keys, names).map_err(|e| e.to_string())?))
+        Ok(Arc::new(DictionaryArray::<Int32Type>::try_new(keys, names)?))
     };
     let ticks = batch.column(0).as_primitive::<UInt64Type>().values();
     let t_s: Float64Array = ticks.iter().map(|tick| Some(*tick as f64 / tick_hz)).collect();
@@ -191,5 +192,5 @@ pub(crate) fn complete(
         Arc::new(t_s),
     ];
     columns.extend_from_slice(&batch.columns()[2..]);
-    RecordBatch::try_new(schema.clone(), columns).map_err(|e| e.to_string())
+    Ok(RecordBatch::try_new(schema.clone(), columns)?)
 }

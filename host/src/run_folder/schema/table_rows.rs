@@ -4,7 +4,7 @@ use arrow_array::RecordBatch;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Number, Value as Json};
 
-use crate::storage::ReadError;
+use crate::failure::Failure;
 use crate::table::values::{Value, values};
 
 /// The rows. Fields whose column an earlier version did not write have their defaults; `complete` adds what the journal has beside the
@@ -15,20 +15,21 @@ use crate::table::values::{Value, values};
 pub(super) fn rows<R: DeserializeOwned>(
     batch: &RecordBatch,
     complete: impl Fn(&mut Map<String, Json>),
-) -> Result<Vec<R>, ReadError> {
+) -> Result<Vec<R>, Failure> {
     let schema = batch.schema();
     let mut columns = Vec::new();
     for (field, array) in schema.fields().iter().zip(batch.columns()) {
         let name = field.name();
-        let values =
-            values(array).ok_or_else(|| ReadError(format!("column `{name}` has the type {}", array.data_type())))?;
+        let values = values(array)
+            .ok_or_else(|| Failure::Storage(format!("column `{name}` has the type {}", array.data_type())))?;
         columns.push((name.as_str(), values));
     }
     let row = |n: usize| {
         let mut fields: Map<String, Json> =
             columns.iter().map(|(name, values)| ((*name).to_string(), json(&values[n]))).collect();
         complete(&mut fields);
-        serde_json::from_value(Json::Object(fields)).map_err(|error| ReadError(format!("a row of a table: {error}")))
+        serde_json::from_value(Json::Object(fields))
+            .map_err(|error| Failure::Storage(format!("a row of a table: {error}")))
     };
     (0..batch.num_rows()).map(row).collect()
 }

@@ -5,8 +5,8 @@ use arrow_schema::Metadata;
 use serde::{Deserialize, Serialize};
 
 use super::{json_float, table_rows};
+use crate::failure::Failure;
 use crate::quantity::Quantity;
-use crate::storage::ReadError;
 use crate::table::TableBuilder;
 
 /// The file's name in a run folder.
@@ -99,7 +99,7 @@ pub struct TransientRow {
 ///
 /// # Errors
 /// When the columns differ in length: a defect of this function.
-pub fn table(rows: &[TransientRow]) -> Result<RecordBatch, String> {
+pub fn table(rows: &[TransientRow]) -> Result<RecordBatch, Failure> {
     TableBuilder::new(rows)
         .column(Quantity::SetUp, |r| r.set_up.as_str())
         .column(Quantity::Experiment, |r| r.experiment.as_str())
@@ -136,6 +136,6 @@ pub fn table(rows: &[TransientRow]) -> Result<RecordBatch, String> {
 ///
 /// # Errors
 /// A table that lacks a column that every version wrote, or has one of another type.
-pub fn rows(batch: &RecordBatch) -> Result<Vec<TransientRow>, ReadError> {
+pub fn rows(batch: &RecordBatch) -> Result<Vec<TransientRow>, Failure> {
     table_rows::rows(batch, |_| {})
 }

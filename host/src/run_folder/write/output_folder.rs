@@ -8,11 +8,12 @@ use std::path::{Path, PathBuf};
 
 use crate::campaign::Campaign;
 use crate::campaign::transient::{NOISE_FILE, Origin, RECORDS, kept_record};
+use crate::failure::Failure;
 use crate::input::regular;
 use crate::run_folder::checksum::{self, FileRecord};
 use crate::run_folder::journal::{CopiedFile, JOURNAL, Journal};
+use crate::run_folder::own_files;
 use crate::run_folder::schema::manifest::{MANIFEST, Manifest};
-use crate::run_folder::{StorageError, own_files};
 use crate::setup::set_up_file::kept;
 
 /// The report page of a run folder.
@@ -42,11 +43,11 @@ impl OutputFolder {
     ///
     /// # Errors
     /// When it cannot be created.
-    pub fn create_dated(base: &Path, campaign: &str, now: &jiff::Zoned) -> Result<Self, StorageError> {
+    pub fn create_dated(base: &Path, campaign: &str, now: &jiff::Zoned) -> Result<Self, Failure> {
         const LETTERS: &[u8] = b"abcdefghijkmnpqrstuvwxyz23456789";
         let id: String = (0..4).map(|_| char::from(LETTERS[fastrand::usize(..LETTERS.len())])).collect();
         let path = base.join("runs").join(format!("{}-{campaign}-{id}", now.strftime("%Y%m%d-%H%M%S")));
-        fs::create_dir_all(&path).map_err(|e| StorageError::new("create the run folder", &path, e))?;
+        fs::create_dir_all(&path).map_err(|e| Failure::cannot("create the run folder", &path, e))?;
         Ok(Self { path })
     }
 
@@ -54,17 +55,17 @@ impl OutputFolder {
     ///
     /// # Errors
     /// When it is not empty, or cannot be created.
-    pub fn create_at(path: &Path) -> Result<Self, StorageError> {
+    pub fn create_at(path: &Path) -> Result<Self, Failure> {
         match is_unused(path) {
             Ok(true) => {}
             Ok(false) => {
                 let message = "it is not empty; give --out a new folder, or continue the run in it with --resume";
-                return Err(StorageError::new("use the folder", path, message));
+                return Err(Failure::cannot("use the folder", path, message));
             }
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                fs::create_dir_all(path).map_err(|e| StorageError::new("create the folder", path, e))?;
+                fs::create_dir_all(path).map_err(|e| Failure::cannot("create the folder", path, e))?;
             }
-            Err(error) => return Err(StorageError::new("use the folder", path, error)),
+            Err(error) => return Err(Failure::cannot("use the folder", path, error)),
         }
         Ok(Self { path: path.to_path_buf() })
     }
@@ -73,13 +74,13 @@ impl OutputFolder {
     ///
     /// # Errors
     /// When another program is recording into it, or has recorded into it.
-    pub fn claim(&self) -> Result<Journal, StorageError> {
+    pub fn claim(&self) -> Result<Journal, Failure> {
         let journal = Journal::open(&self.path)?;
-        if is_unused(&self.path).map_err(|e| StorageError::new("use the folder", &self.path, e))? {
+        if is_unused(&self.path).map_err(|e| Failure::cannot("use the folder", &self.path, e))? {
             return Ok(journal);
         }
         let message = "another damprig has just started to record into it; give --out a new folder";
-        Err(StorageError::new("use the folder", &self.path, message))
+        Err(Failure::cannot("use the folder", &self.path, message))
     }
 
     /// A folder that holds a run.
@@ -98,7 +99,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// As [`OutputFolder::claim`]; a file that cannot be copied or written.
-    pub fn keep_campaign(&self, campaign: &Campaign) -> Result<Journal, StorageError> {
+    pub fn keep_campaign(&self, campaign: &Campaign) -> Result<Journal, Failure> {
         let journal = self.claim()?;
         // A folder with a campaign can be resumed, so it has the records by then.
         self.keep_records(campaign)?;
@@ -112,7 +113,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn write_campaign(&self, text: &str) -> Result<(), StorageError> {
+    pub fn write_campaign(&self, text: &str) -> Result<(), Failure> {
         self.write("campaign.toml", text)
     }
 
@@ -121,15 +122,13 @@ impl OutputFolder {
     ///
     /// # Errors
     /// When one cannot be copied or written.
-    pub fn keep_records(&self, campaign: &Campaign) -> Result<(), StorageError> {
+    pub fn keep_records(&self, campaign: &Campaign) -> Result<(), Failure> {
         // The repeats of an experiment play the same record.
         for experiment in campaign.experiments.iter().filter(|e| e.repeat == 0) {
             let Some(playback) = experiment.playback() else { continue };
             let Some(to) = self.record_of(experiment.number, &playback.origin) else { continue };
             let bytes = match &playback.origin {
-                Origin::File(file) => {
-                    regular::read(file).map_err(|e| StorageError::new("copy the record to", &to, e))?
-                }
+                Origin::File(file) => regular::read(file).map_err(|e| Failure::cannot("copy the record to", &to, e))?,
                 Origin::Noise | Origin::Shape => playback.csv().into_bytes(),
             };
             self.keep(&to, &bytes)?;
@@ -146,10 +145,10 @@ impl OutputFolder {
         }
     }
 
-    fn keep(&self, to: &Path, bytes: &[u8]) -> Result<(), StorageError> {
+    fn keep(&self, to: &Path, bytes: &[u8]) -> Result<(), Failure> {
         let copies = self.path.join(RECORDS);
-        fs::create_dir_all(&copies).map_err(|e| StorageError::new("create the folder", &copies, e))?;
-        own_files::sync_folder(&self.path).map_err(|e| StorageError::new("write", &self.path, e))?;
+        fs::create_dir_all(&copies).map_err(|e| Failure::cannot("create the folder", &copies, e))?;
+        own_files::sync_folder(&self.path).map_err(|e| Failure::cannot("write", &self.path, e))?;
         own_files::replace(to, bytes)
     }
 
@@ -157,7 +156,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn keep_set_up_file(&self, campaign: &Campaign) -> Result<(), StorageError> {
+    pub fn keep_set_up_file(&self, campaign: &Campaign) -> Result<(), Failure> {
         let Some(file) = &campaign.set_up_file else { return Ok(()) };
         self.keep(&kept(&self.path.join(RECORDS), &file.file), file.text.as_bytes())
     }
@@ -166,7 +165,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// When one cannot be read.
-    pub fn records(&self, campaign: &Campaign) -> Result<Vec<CopiedFile>, StorageError> {
+    pub fn records(&self, campaign: &Campaign) -> Result<Vec<CopiedFile>, Failure> {
         let kept: BTreeMap<PathBuf, usize> = match campaign.source.copies().filter(|_| campaign.source.is_recorded()) {
             Some(copies) => copies.records.iter().map(|(number, path)| (path.clone(), *number)).collect(),
             None => {
@@ -184,8 +183,8 @@ impl OutputFolder {
     ///
     /// # Errors
     /// When it cannot be written; an earlier one stays.
-    pub fn write_manifest(&self, manifest: &Manifest) -> Result<(), StorageError> {
-        let text = manifest.to_text().map_err(|e| StorageError::new("write", &self.path.join(MANIFEST), e))?;
+    pub fn write_manifest(&self, manifest: &Manifest) -> Result<(), Failure> {
+        let text = manifest.to_text().map_err(|e| Failure::cannot("write", &self.path.join(MANIFEST), e))?;
         self.write(MANIFEST, &text)
     }
 
@@ -193,7 +192,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// When it cannot be written; an earlier one stays.
-    pub fn write_page(&self, page: &str) -> Result<(), StorageError> {
+    pub fn write_page(&self, page: &str) -> Result<(), Failure> {
         self.write(PAGE, page)
     }
 
@@ -201,12 +200,12 @@ impl OutputFolder {
     ///
     /// # Errors
     /// When the disk fails.
-    pub fn sync(&self, files: &[FileRecord]) -> Result<(), StorageError> {
+    pub fn sync(&self, files: &[FileRecord]) -> Result<(), Failure> {
         files.iter().map(|file| self.path.join(&file.name)).try_for_each(|path| {
             let synced = fs::File::open(&path).and_then(|file| file.sync_data());
-            synced.map_err(|e| StorageError::new("write", &path, e))
+            synced.map_err(|e| Failure::cannot("write", &path, e))
         })?;
-        own_files::sync_folder(&self.path).map_err(|e| StorageError::new("write", &self.path, e))
+        own_files::sync_folder(&self.path).map_err(|e| Failure::cannot("write", &self.path, e))
     }
 
     /// Syncs the names of the folder and of the one that it is in to the disk; those above may be of others.
@@ -216,7 +215,7 @@ impl OutputFolder {
         }
     }
 
-    fn write(&self, name: &str, text: &str) -> Result<(), StorageError> {
+    fn write(&self, name: &str, text: &str) -> Result<(), Failure> {
         own_files::replace(&self.path.join(name), text.as_bytes())
     }
 }

@@ -11,7 +11,8 @@ use arrow_schema::{Metadata, SchemaRef};
 use parquet::arrow::ArrowWriter;
 use parquet::errors::ParquetError;
 
-use crate::run_folder::{StorageError, own_files};
+use crate::failure::Failure;
+use crate::run_folder::own_files;
 use crate::table::parquet_properties::properties;
 
 /// What a written file survives when the call returns.
@@ -24,40 +25,35 @@ pub(super) enum Durability {
 }
 
 /// A Parquet error as a storage error, with the system's message when there is one.
-fn failure(path: &Path, error: ParquetError) -> StorageError {
-    let message = match &error {
-        ParquetError::External(inner) => inner.to_string(),
-        other => other.to_string(),
-    };
-    StorageError::new("write", path, message)
+fn failure(path: &Path, error: ParquetError) -> Failure {
+    Failure::cannot("write", path, Failure::from(error))
 }
 
 /// A table with this metadata.
-fn described(table: RecordBatch, about: Metadata) -> Result<RecordBatch, String> {
+fn described(table: RecordBatch, about: Metadata) -> Result<RecordBatch, Failure> {
     let schema = Arc::new(table.schema().as_ref().clone().with_metadata(about));
-    table.with_schema(schema).map_err(|e| e.to_string())
+    Ok(table.with_schema(schema)?)
 }
 
 /// The bytes of a file of one table with this metadata.
 ///
 /// # Errors
 /// When it cannot be made: a defect of this program.
-pub(crate) fn bytes_of(table: RecordBatch, about: Metadata) -> Result<Vec<u8>, String> {
+pub(crate) fn bytes_of(table: RecordBatch, about: Metadata) -> Result<Vec<u8>, Failure> {
     let table = described(table, about)?;
-    let mut writer = ArrowWriter::try_new(Vec::new(), table.schema(), Some(properties(&table.schema())))
-        .map_err(|e| e.to_string())?;
-    writer.write(&table).map_err(|e| e.to_string())?;
-    writer.into_inner().map_err(|e| e.to_string())
+    let mut writer = ArrowWriter::try_new(Vec::new(), table.schema(), Some(properties(&table.schema())))?;
+    writer.write(&table)?;
+    Ok(writer.into_inner()?)
 }
 
 /// Writes a file of one table with this metadata; an earlier file of the name is replaced as a whole.
 pub(super) fn write_table(
     path: &Path,
-    table: Result<RecordBatch, String>,
+    table: Result<RecordBatch, Failure>,
     about: Metadata,
     durability: Durability,
-) -> Result<(), StorageError> {
-    let table = table.and_then(|table| described(table, about)).map_err(|e| StorageError::new("write", path, e))?;
+) -> Result<(), Failure> {
+    let table = table.and_then(|table| described(table, about)).map_err(|e| Failure::cannot("write", path, e))?;
     write_whole(path, &table.schema(), std::iter::once(Ok(table)), durability)
 }
 
@@ -65,24 +61,24 @@ pub(super) fn write_table(
 pub(super) fn write_whole(
     path: &Path,
     schema: &SchemaRef,
-    batches: impl Iterator<Item = Result<RecordBatch, String>>,
+    batches: impl Iterator<Item = Result<RecordBatch, Failure>>,
     durability: Durability,
-) -> Result<(), StorageError> {
+) -> Result<(), Failure> {
     let beside = own_files::beside(path);
     let written = (|| {
-        let file = own_files::create(&beside).map_err(|e| StorageError::new("create", &beside, e))?;
+        let file = own_files::create(&beside).map_err(|e| Failure::cannot("create", &beside, e))?;
         let mut writer =
             ArrowWriter::try_new(file, schema.clone(), Some(properties(schema))).map_err(|e| failure(path, e))?;
         for batch in batches {
-            let batch = batch.map_err(|e| StorageError::new("write", path, e))?;
+            let batch = batch.map_err(|e| Failure::cannot("write", path, e))?;
             writer.write(&batch).map_err(|e| failure(path, e))?;
         }
         let file = writer.into_inner().map_err(|e| failure(path, e))?;
         if durability == Durability::Disk {
-            file.sync_data().map_err(|e| StorageError::new("write", path, e))?;
-            return own_files::name_for_good(&beside, path).map_err(|e| StorageError::new("name", path, e));
+            file.sync_data().map_err(|e| Failure::cannot("write", path, e))?;
+            return own_files::name_for_good(&beside, path).map_err(|e| Failure::cannot("name", path, e));
         }
-        fs::rename(&beside, path).map_err(|e| StorageError::new("name", path, e))
+        fs::rename(&beside, path).map_err(|e| Failure::cannot("name", path, e))
     })();
     if written.is_err() {
         // The data that it was made from are kept elsewhere.

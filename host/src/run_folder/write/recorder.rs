@@ -14,7 +14,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crate::run_folder::StorageError;
+use crate::failure::Failure;
 use crate::run_folder::journal::{Entry, JOURNAL};
 use crate::run_folder::schema::samples::PointLabel;
 
@@ -56,13 +56,13 @@ pub trait Sink: Send + 'static {
     ///
     /// # Errors
     /// When it cannot be written.
-    fn take(&mut self, message: Message) -> Result<(), StorageError>;
+    fn take(&mut self, message: Message) -> Result<(), Failure>;
 
     /// Syncs everything to the disk.
     ///
     /// # Errors
     /// When it cannot be written.
-    fn sync(&mut self) -> Result<(), StorageError>;
+    fn sync(&mut self) -> Result<(), Failure>;
 }
 
 /// The recorder as a run uses it, whatever its sink.
@@ -71,7 +71,7 @@ pub trait Recording {
     ///
     /// # Errors
     /// That failure.
-    fn check(&self) -> Result<(), StorageError>;
+    fn check(&self) -> Result<(), Failure>;
 
     /// Adds a line to the journal. Never waits.
     fn note(&self, entry: Entry);
@@ -90,7 +90,7 @@ struct Shared {
     /// Lines of the journal that wait.
     entries: Mutex<usize>,
     room: Condvar,
-    failed: Mutex<Option<StorageError>>,
+    failed: Mutex<Option<Failure>>,
 }
 
 /// The data behind these locks are valid even if a thread panicked while it held one.
@@ -148,7 +148,7 @@ impl<S: Sink> Recorder<S> {
 
     /// Waits until everything is written; gives the sink back, and the failure if there was one. `None` when the thread
     /// could not even give the sink back.
-    pub fn finish(mut self) -> (Option<S>, Result<(), StorageError>) {
+    pub fn finish(mut self) -> (Option<S>, Result<(), Failure>) {
         self.queue = None;
         let sink = self.thread.take().and_then(|thread| thread.join().ok());
         let outcome = self.check();
@@ -157,7 +157,7 @@ impl<S: Sink> Recorder<S> {
 }
 
 impl<S: Sink> Recording for Recorder<S> {
-    fn check(&self) -> Result<(), StorageError> {
+    fn check(&self) -> Result<(), Failure> {
         if let Some(error) = lock(&self.shared.failed).clone() {
             return Err(error);
         }
@@ -172,7 +172,7 @@ impl<S: Sink> Recording for Recorder<S> {
         let mut entries = lock(&self.shared.entries);
         if *entries >= MAX_ENTRIES {
             let message = format!("{MAX_ENTRIES} lines of the journal are waiting: the disk is too slow");
-            lock(&self.shared.failed).get_or_insert(StorageError::new("record", Path::new(JOURNAL), message));
+            lock(&self.shared.failed).get_or_insert(Failure::cannot("record", Path::new(JOURNAL), message));
             return;
         }
         *entries += 1;
@@ -203,10 +203,10 @@ impl<S: Sink> Recording for Recorder<S> {
 }
 
 /// The error of a thread that has panicked, with the panic's message.
-fn defect(panic: Option<&(dyn Any + Send)>) -> StorageError {
+fn defect(panic: Option<&(dyn Any + Send)>) -> Failure {
     let said = panic.and_then(|p| p.downcast_ref::<String>().map(String::as_str).or(p.downcast_ref::<&str>().copied()));
     let said = said.map_or(String::new(), |said| format!(" ({said})"));
-    StorageError::new(
+    Failure::cannot(
         "record",
         Path::new("the run"),
         format!("the recorder has failed: this is a defect of damprig{said}"),
@@ -265,7 +265,7 @@ mod tests {
     }
 
     impl Sink for Stalled {
-        fn take(&mut self, message: Message) -> Result<(), StorageError> {
+        fn take(&mut self, message: Message) -> Result<(), Failure> {
             let _ = self.holds.send(());
             let _ = self.leave.recv();
             match message {
@@ -275,7 +275,7 @@ mod tests {
             Ok(())
         }
 
-        fn sync(&mut self) -> Result<(), StorageError> {
+        fn sync(&mut self) -> Result<(), Failure> {
             Ok(())
         }
     }
@@ -322,11 +322,11 @@ mod tests {
     struct Full;
 
     impl Sink for Full {
-        fn take(&mut self, _: Message) -> Result<(), StorageError> {
-            Err(StorageError::new("write", Path::new("samples"), "no space left on device"))
+        fn take(&mut self, _: Message) -> Result<(), Failure> {
+            Err(Failure::cannot("write", Path::new("samples"), "no space left on device"))
         }
 
-        fn sync(&mut self) -> Result<(), StorageError> {
+        fn sync(&mut self) -> Result<(), Failure> {
             Ok(())
         }
     }
@@ -334,11 +334,11 @@ mod tests {
     struct Defective;
 
     impl Sink for Defective {
-        fn take(&mut self, _: Message) -> Result<(), StorageError> {
+        fn take(&mut self, _: Message) -> Result<(), Failure> {
             panic!("a defect, on purpose");
         }
 
-        fn sync(&mut self) -> Result<(), StorageError> {
+        fn sync(&mut self) -> Result<(), Failure> {
             Ok(())
         }
     }

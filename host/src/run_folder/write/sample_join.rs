@@ -7,7 +7,7 @@ use std::path::Path;
 use arrow_schema::SchemaRef;
 
 use super::parquet_file::{Durability, write_whole};
-use crate::run_folder::StorageError;
+use crate::failure::Failure;
 use crate::run_folder::checksum::{self, FileRecord};
 use crate::run_folder::file_name::FileName;
 use crate::run_folder::journal::{Joined, Sealed};
@@ -22,7 +22,7 @@ const AGAIN: &str = "samples.again.parquet";
 ///
 /// # Errors
 /// When the file cannot be written, or another file with other content has its name.
-pub fn join(folder: &Path, schema: &SchemaRef, sealed: &[Sealed]) -> Result<Joined, StorageError> {
+pub fn join(folder: &Path, schema: &SchemaRef, sealed: &[Sealed]) -> Result<Joined, Failure> {
     let is_intact = |s: &&Sealed| {
         let is_same = checksum::of_file(folder, &s.file.name).is_ok_and(|now| now == s.file);
         is_same && read(&folder.join(&s.file.name)).is_ok_and(|mut batches| batches.all(|batch| batch.is_ok()))
@@ -36,9 +36,7 @@ pub fn join(folder: &Path, schema: &SchemaRef, sealed: &[Sealed]) -> Result<Join
             Err(error) => Box::new(std::iter::once(Err(error))),
         }
     });
-    let counted = batches
-        .map(|batch| batch.map_err(|e| e.to_string()))
-        .inspect(|batch| joined.rows += batch.as_ref().map_or(0, |b| b.num_rows() as u64));
+    let counted = batches.inspect(|batch| joined.rows += batch.as_ref().map_or(0, |b| b.num_rows() as u64));
     let path = folder.join(JOINED);
     if !path.exists() {
         write_whole(&path, schema, counted, Durability::Disk)?;
@@ -49,14 +47,14 @@ pub fn join(folder: &Path, schema: &SchemaRef, sealed: &[Sealed]) -> Result<Join
     let again = folder.join(AGAIN);
     write_whole(&again, schema, counted, Durability::Program)?;
     let (there, own) = (record_of(folder, JOINED), record_of(folder, AGAIN));
-    fs::remove_file(&again).map_err(|e| StorageError::new("remove", &again, e))?;
+    fs::remove_file(&again).map_err(|e| Failure::cannot("remove", &again, e))?;
     if there.is_some() && there.as_ref().map(|f| &f.sha256) == own.as_ref().map(|f| &f.sha256) {
         joined.file = there;
         return Ok(joined);
     }
     let message =
         format!("a file of this name exists and differs from the joined {PARTS}; move it elsewhere and resume");
-    Err(StorageError::new("write", &path, message))
+    Err(Failure::cannot("write", &path, message))
 }
 
 fn record_of(folder: &Path, name: &str) -> Option<FileRecord> {
@@ -67,12 +65,12 @@ fn record_of(folder: &Path, name: &str) -> Option<FileRecord> {
 ///
 /// # Errors
 /// When they cannot be removed.
-pub fn remove_parts<'a>(folder: &Path, joined: impl Iterator<Item = &'a Sealed>) -> Result<(), StorageError> {
+pub fn remove_parts<'a>(folder: &Path, joined: impl Iterator<Item = &'a Sealed>) -> Result<(), Failure> {
     for part in joined {
         let path = folder.join(&part.file.name);
         match fs::remove_file(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
-                return Err(StorageError::new("remove", &path, error));
+                return Err(Failure::cannot("remove", &path, error));
             }
             _ => {}
         }
@@ -80,7 +78,7 @@ pub fn remove_parts<'a>(folder: &Path, joined: impl Iterator<Item = &'a Sealed>)
     let path = folder.join(PARTS);
     match fs::remove_dir(&path) {
         Err(error) if !matches!(error.kind(), ErrorKind::NotFound | ErrorKind::DirectoryNotEmpty) => {
-            Err(StorageError::new("remove", &path, error))
+            Err(Failure::cannot("remove", &path, error))
         }
         _ => Ok(()),
     }

@@ -13,10 +13,11 @@ use arrow_ipc::writer::StreamWriter;
 use arrow_schema::{Metadata, SchemaRef};
 
 use super::parquet_file::{Durability, write_whole};
+use crate::failure::Failure;
+use crate::run_folder::own_files;
 use crate::run_folder::read::open_part::Salvaged;
 use crate::run_folder::schema::samples::{self, PointLabel, SampleColumn, open_part_name, part_name, stream_schema};
 use crate::run_folder::schema::stream_sums::{RunningSum, sums_path};
-use crate::run_folder::{StorageError, own_files};
 
 /// A part is closed at this many rows, if its point has not ended before.
 pub(super) const MAX_ROWS: u64 = 100_000;
@@ -68,12 +69,12 @@ impl OpenPart {
         label: Arc<PointLabel>,
         signals: &[SampleColumn],
         tick_hz: f64,
-    ) -> Result<Self, StorageError> {
+    ) -> Result<Self, Failure> {
         let path = folder.join(open_part_name(number));
         let schema = stream_schema(&label, signals, tick_hz);
-        let file = own_files::create(&path).map_err(|e| StorageError::new("create", &path, e))?;
+        let file = own_files::create(&path).map_err(|e| Failure::cannot("create", &path, e))?;
         let mut sums =
-            own_files::create(&sums_path(&path)).map_err(|e| StorageError::new("create", &sums_path(&path), e))?;
+            own_files::create(&sums_path(&path)).map_err(|e| Failure::cannot("create", &sums_path(&path), e))?;
         let file = SummedFile { file: BufWriter::new(file), sum: RunningSum::default() };
         let mut writer = StreamWriter::try_new(file, &schema).map_err(|e| failed(&path, &e))?;
         writer.flush().map_err(|e| failed(&path, &e))?;
@@ -100,7 +101,7 @@ impl OpenPart {
     }
 
     /// Adds a row; `values` holds all signals.
-    pub(crate) fn push(&mut self, tick: u64, gap_ticks: u32, values: &[f32]) -> Result<(), StorageError> {
+    pub(crate) fn push(&mut self, tick: u64, gap_ticks: u32, values: &[f32]) -> Result<(), Failure> {
         self.ticks.push(tick);
         self.gaps.push(gap_ticks);
         for (column, value) in self.signals.iter_mut().zip(values) {
@@ -111,7 +112,7 @@ impl OpenPart {
     }
 
     /// Writes the gathered rows to the file: they survive the program from here on.
-    pub(super) fn write(&mut self) -> Result<(), StorageError> {
+    pub(super) fn write(&mut self) -> Result<(), Failure> {
         if self.ticks.is_empty() {
             return Ok(());
         }
@@ -128,7 +129,7 @@ impl OpenPart {
     }
 
     /// Syncs the gathered rows to the disk: they survive a power cut from here on.
-    pub(super) fn sync(&mut self) -> Result<(), StorageError> {
+    pub(super) fn sync(&mut self) -> Result<(), Failure> {
         self.write()?;
         if !self.is_on_disk {
             self.writer.get_ref().file.get_ref().sync_data().map_err(|e| failed(&self.path, &e))?;
@@ -150,7 +151,7 @@ impl OpenPart {
         signals: &[SampleColumn],
         about: &Metadata,
         tick_hz: f64,
-    ) -> Result<(), StorageError> {
+    ) -> Result<(), Failure> {
         self.write()?;
         create_folder_of_parts(folder)?;
         let schema = samples::schema(signals, about);
@@ -160,22 +161,22 @@ impl OpenPart {
 }
 
 /// Adds the line for what has been written to the stream.
-fn note_sum(sums: &mut File, stream: &StreamWriter<SummedFile>, path: &Path) -> Result<(), StorageError> {
+fn note_sum(sums: &mut File, stream: &StreamWriter<SummedFile>, path: &Path) -> Result<(), Failure> {
     sums.write_all(stream.get_ref().sum.line().as_bytes()).map_err(|e| failed(&sums_path(path), &e))
 }
 
-fn failed(path: &Path, error: &dyn std::fmt::Display) -> StorageError {
-    StorageError::new("write", path, error)
+fn failed(path: &Path, error: &dyn std::fmt::Display) -> Failure {
+    Failure::cannot("write", path, error)
 }
 
 /// Does not create the run folder: it may have been removed.
-fn create_folder_of_parts(folder: &Path) -> Result<(), StorageError> {
+fn create_folder_of_parts(folder: &Path) -> Result<(), Failure> {
     let parts = folder.join(samples::PARTS);
     match fs::create_dir(&parts) {
         Ok(()) => Ok(()),
         // Not through a link: it would lead out of the folder.
         Err(_) if fs::symlink_metadata(&parts).is_ok_and(|there| there.is_dir()) => Ok(()),
-        Err(error) => Err(StorageError::new("create", &parts, error)),
+        Err(error) => Err(Failure::cannot("create", &parts, error)),
     }
 }
 
@@ -188,7 +189,7 @@ pub(super) fn seal_salvaged(
     number: u32,
     salvaged: &Salvaged,
     schema: &SchemaRef,
-) -> Result<(), StorageError> {
+) -> Result<(), Failure> {
     if salvaged.batches.is_empty() {
         return Ok(());
     }

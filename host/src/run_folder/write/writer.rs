@@ -14,6 +14,7 @@ use super::parquet_file::{Durability, write_table};
 use super::recorder::{Message, Rows, Sink};
 use super::sample_join::{join, remove_parts};
 use super::sample_part::{MAX_ROWS, OpenPart, seal_salvaged};
+use crate::failure::Failure;
 use crate::run_folder::file_name::FileName;
 use crate::run_folder::journal::{Entry, Journal, Sealed, SetAside};
 use crate::run_folder::read::folder::readable_rows;
@@ -28,7 +29,7 @@ use crate::run_folder::schema::samples::{
 use crate::run_folder::schema::self_description::DESCRIPTION;
 use crate::run_folder::schema::stream_sums::sums_path;
 use crate::run_folder::schema::transients::{self, TRANSIENTS};
-use crate::run_folder::{StorageError, checksum, own_files};
+use crate::run_folder::{checksum, own_files};
 
 /// What is recorded, and in which order results are written.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,7 +94,7 @@ impl Writer {
     ///
     /// # Errors
     /// When that cannot be written.
-    pub fn new(folder: &Path, journal: Journal, layout: Layout, state: JournalState) -> Result<Self, StorageError> {
+    pub fn new(folder: &Path, journal: Journal, layout: Layout, state: JournalState) -> Result<Self, Failure> {
         let files = [closed_parts(folder), open_parts(folder), open_sums(folder)].into_iter().flatten().map(|(n, _)| n);
         // The number of a file that was removed is not used again.
         let listed = state.sealed.iter().map(|s| s.part).chain(state.set_aside.iter().map(|s| s.part));
@@ -137,7 +138,7 @@ impl Writer {
         self.state.rows_in_order(&self.layout.order)
     }
 
-    fn close_left_open(&mut self) -> Result<(), StorageError> {
+    fn close_left_open(&mut self) -> Result<(), Failure> {
         for (part, open) in open_parts(&self.folder) {
             let stream = read_stream(&open)?;
             let sound_bytes = stream.has_damage().then_some(stream.sound_bytes() as u64);
@@ -163,7 +164,7 @@ impl Writer {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn note(&mut self, entry: &Entry) -> Result<(), StorageError> {
+    pub fn note(&mut self, entry: &Entry) -> Result<(), Failure> {
         if matches!(entry, Entry::Result(_) | Entry::Transient(_)) {
             self.sync_samples()?;
         }
@@ -175,14 +176,14 @@ impl Writer {
     }
 
     /// Syncs the rows so far to the disk, in the open part and in closed ones.
-    fn sync_samples(&mut self) -> Result<(), StorageError> {
+    fn sync_samples(&mut self) -> Result<(), Failure> {
         if let Some(part) = &mut self.open {
             part.sync()?;
         }
         if self.pending.is_empty() { Ok(()) } else { self.journal_pending() }
     }
 
-    fn sync_journal(&mut self) -> Result<(), StorageError> {
+    fn sync_journal(&mut self) -> Result<(), Failure> {
         if !self.is_synced {
             self.journal.sync()?;
             self.is_synced = true;
@@ -190,7 +191,7 @@ impl Writer {
         Ok(())
     }
 
-    fn entry(&mut self, mut entry: Entry) -> Result<(), StorageError> {
+    fn entry(&mut self, mut entry: Entry) -> Result<(), Failure> {
         match &mut entry {
             Entry::Segment(_) => {
                 self.seal()?;
@@ -212,12 +213,12 @@ impl Writer {
         if is_final { self.sync_journal() } else { Ok(()) }
     }
 
-    fn push(&mut self, rows: &Rows) -> Result<(), StorageError> {
+    fn push(&mut self, rows: &Rows) -> Result<(), Failure> {
         let every = u64::from(self.layout.every_ticks).max(1);
         let width = self.layout.signals.len();
         if rows.values.len() != rows.ticks.len() * width {
             let message = format!("{} values are not {} rows of {width} signals", rows.values.len(), rows.ticks.len());
-            return Err(StorageError::new("record", &self.folder, message));
+            return Err(Failure::cannot("record", &self.folder, message));
         }
         for (n, tick) in rows.ticks.iter().enumerate() {
             let tick = u64::from(*tick);
@@ -244,7 +245,7 @@ impl Writer {
     }
 
     /// Closes the open part.
-    fn seal(&mut self) -> Result<(), StorageError> {
+    fn seal(&mut self) -> Result<(), Failure> {
         let Some(mut part) = self.open.take() else { return Ok(()) };
         let sealed = part.seal(&self.folder, &self.layout.signals, &self.layout.about, self.layout.tick_hz);
         if sealed.is_ok() {
@@ -261,23 +262,23 @@ impl Writer {
     }
 
     /// Syncs closed parts to the disk, then adds them to the journal; only then their streams are removed, or kept aside.
-    fn journal_pending(&mut self) -> Result<(), StorageError> {
+    fn journal_pending(&mut self) -> Result<(), Failure> {
         let pending = std::mem::take(&mut self.pending);
         let closed: Vec<&Pending> = pending.iter().filter(|p| p.rows > 0 && !self.state.is_sealed(p.part)).collect();
         for p in &closed {
             let path = self.folder.join(part_name(p.part));
-            File::open(&path).and_then(|f| f.sync_data()).map_err(|e| StorageError::new("write", &path, e))?;
+            File::open(&path).and_then(|f| f.sync_data()).map_err(|e| Failure::cannot("write", &path, e))?;
         }
         if !closed.is_empty() {
             // A closed part is known by its stream until the journal has it, so that name comes first.
             for folder in [self.folder.clone(), self.folder.join(PARTS)] {
-                own_files::sync_folder(&folder).map_err(|e| StorageError::new("write", &folder, e))?;
+                own_files::sync_folder(&folder).map_err(|e| Failure::cannot("write", &folder, e))?;
             }
         }
         for p in closed {
             let path = self.folder.join(part_name(p.part));
-            let file = FileName::new(&part_name(p.part)).map_err(|e| StorageError::new("read", &path, e))?;
-            let file = checksum::of_file(&self.folder, &file).map_err(|e| StorageError::new("read", &path, e))?;
+            let file = FileName::new(&part_name(p.part)).map_err(|e| Failure::cannot("read", &path, e))?;
+            let file = checksum::of_file(&self.folder, &file).map_err(|e| Failure::cannot("read", &path, e))?;
             self.note(&Entry::Sealed(Sealed { part: p.part, file, rows: p.rows, lost_rows: p.lost_rows }))?;
         }
         for p in &pending {
@@ -289,9 +290,9 @@ impl Writer {
         for p in &pending {
             if p.sound_bytes.is_some() {
                 let aside = self.folder.join(damaged_part_name(p.part));
-                own_files::name_for_good(&p.open, &aside).map_err(|e| StorageError::new("name", &aside, e))?;
+                own_files::name_for_good(&p.open, &aside).map_err(|e| Failure::cannot("name", &aside, e))?;
             } else {
-                std::fs::remove_file(&p.open).map_err(|e| StorageError::new("remove", &p.open, e))?;
+                std::fs::remove_file(&p.open).map_err(|e| Failure::cannot("remove", &p.open, e))?;
             }
             // Older runs have no checksums of a stream.
             own_files::remove_left(&sums_path(&p.open));
@@ -303,7 +304,7 @@ impl Writer {
     ///
     /// # Errors
     /// The first thing that cannot be written.
-    pub fn close(&mut self) -> Result<(), StorageError> {
+    pub fn close(&mut self) -> Result<(), Failure> {
         self.journal.is_in_place()?;
         let sealed = self.seal();
         let impacts = self.write_impacts();
@@ -312,7 +313,7 @@ impl Writer {
         sealed.and(impacts).and(synced).and(results)
     }
 
-    fn write_impacts(&self) -> Result<(), StorageError> {
+    fn write_impacts(&self) -> Result<(), Failure> {
         if self.state.impacts.is_empty() {
             return Ok(());
         }
@@ -320,7 +321,7 @@ impl Writer {
         write_table(&self.folder.join(IMPACTS), table, self.layout.about(impacts::ROW), Durability::Disk)
     }
 
-    fn write_results(&self, durability: Durability) -> Result<(), StorageError> {
+    fn write_results(&self, durability: Durability) -> Result<(), Failure> {
         let about = self.layout.about(results::ROW);
         write_table(&self.folder.join(RESULTS), results::table(&self.results()), about, durability)?;
         if self.state.transients().is_empty() {
@@ -342,7 +343,7 @@ impl Writer {
     ///
     /// # Errors
     /// When the joined file cannot be written; the parts stay then.
-    pub fn join(&mut self) -> Result<(), StorageError> {
+    pub fn join(&mut self) -> Result<(), Failure> {
         if self.state.joined.is_none() {
             let joined = join(&self.folder, &self.layout.samples(), &self.state.sealed)?;
             self.note(&Entry::Joined(joined))?;
@@ -355,19 +356,19 @@ impl Writer {
 }
 
 /// The entry of a damaged open part, whose file gets another name.
-fn set_aside(folder: &Path, part: u32, sound_bytes: u64) -> Result<SetAside, StorageError> {
+fn set_aside(folder: &Path, part: u32, sound_bytes: u64) -> Result<SetAside, Failure> {
     let (open, aside) = (open_part_name(part), damaged_part_name(part));
-    let failed = |e: &dyn std::fmt::Display| StorageError::new("read", &folder.join(&open), e);
+    let failed = |e: &dyn std::fmt::Display| Failure::cannot("read", &folder.join(&open), e);
     let file = FileName::new(&open).map_err(|e| failed(&e))?;
     let mut file = checksum::of_file(folder, &file).map_err(|e| failed(&e))?;
     file.name = FileName::new(&aside).map_err(|e| failed(&e))?;
     Ok(SetAside { part, file, sound_bytes })
 }
 
-fn new_part(folder: &Path, next: &mut u32, label: &Arc<PointLabel>, layout: &Layout) -> Result<OpenPart, StorageError> {
+fn new_part(folder: &Path, next: &mut u32, label: &Arc<PointLabel>, layout: &Layout) -> Result<OpenPart, Failure> {
     let number = *next;
     if number > LAST_PART {
-        return Err(StorageError::new(
+        return Err(Failure::cannot(
             "create",
             &folder.join(PARTS),
             format!("part {LAST_PART} exists; no number is left"),
@@ -378,14 +379,14 @@ fn new_part(folder: &Path, next: &mut u32, label: &Arc<PointLabel>, layout: &Lay
 }
 
 impl Sink for Writer {
-    fn take(&mut self, message: Message) -> Result<(), StorageError> {
+    fn take(&mut self, message: Message) -> Result<(), Failure> {
         match message {
             Message::Entry(entry) => self.entry(*entry),
             Message::Rows(rows) => self.push(&rows),
         }
     }
 
-    fn sync(&mut self) -> Result<(), StorageError> {
+    fn sync(&mut self) -> Result<(), Failure> {
         self.journal.is_in_place()?;
         if let Some(part) = &mut self.open {
             part.sync()?;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use damprig::identify::CannotIdentify;
+use damprig::failure::Failure;
 use damprig::identify::modal::quantity::Quantity;
 use damprig::identify::modal::{FrequencyResponse, Line, Misfit, Modal, Wish, identify};
 use realfft::num_complex::Complex;
@@ -168,7 +168,7 @@ impl Account {
         self.kinds.extend(found.misfits.first());
     }
 
-    fn take(&mut self, found: Result<Modal, CannotIdentify>, structure: &Structure, lines: usize) {
+    fn take(&mut self, found: Result<Modal, Failure>, structure: &Structure, lines: usize) {
         match found {
             Ok(found) => self.note(&found, structure),
             Err(error) => {

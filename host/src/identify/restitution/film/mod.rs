@@ -14,7 +14,7 @@ use std::path::Path;
 
 use super::Options;
 use super::law::Impacts;
-use crate::identify::CannotIdentify;
+use crate::failure::Failure;
 use bounces::Bounces;
 use read::{Film, Track};
 use segments::{Segments, segments};
@@ -39,9 +39,9 @@ pub(super) fn is_film(path: &Path) -> bool {
 /// # Errors
 /// A file that is no film, a missing frame rate, no flight, several tracks or axes without a choice, a scale and a frame rate that gravity
 /// contradicts, impacts that gain energy.
-pub(super) fn impacts(path: &Path, options: &Options) -> Result<(Impacts, Vec<String>), CannotIdentify> {
+pub(super) fn impacts(path: &Path, options: &Options) -> Result<(Impacts, Vec<String>), Failure> {
     let film = Film::read(path)?;
-    let refuse = |why: String| CannotIdentify(format!("{}: {why}", film.file));
+    let refuse = |why: String| Failure::Input(format!("{}: {why}", film.file));
     check(&film, options).map_err(refuse)?;
     let track = film.track(&options.tracks)?;
     let (step_s, track) = in_steps(&film, track, options).map_err(refuse)?;

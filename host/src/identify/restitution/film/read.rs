@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use crate::identify::CannotIdentify;
+use crate::failure::Failure;
 use crate::input::regular;
 use crate::signal_file::unit::{Kind, Unit};
 use crate::signal_file::{Dialect, SAMPLE_BYTES, is_plain_table};
@@ -207,11 +207,11 @@ impl Film {
     ///
     /// # Errors
     /// Names the line of what is no number and of a frame that does not follow, and the columns where it is not known what they hold.
-    pub(super) fn read(path: &Path) -> Result<Self, CannotIdentify> {
+    pub(super) fn read(path: &Path) -> Result<Self, Failure> {
         let file = path.display().to_string();
-        let bytes = regular::read_input(path).map_err(|e| CannotIdentify(format!("cannot read {file}: {e}")))?;
+        let bytes = regular::read_input(path).map_err(|e| Failure::Input(format!("cannot read {file}: {e}")))?;
         let text = String::from_utf8_lossy(&bytes);
-        Self::parse(&file, &text).map_err(|why| CannotIdentify(format!("{file}: {why}")))
+        Self::parse(&file, &text).map_err(|why| Failure::Input(format!("{file}: {why}")))
     }
 
     fn parse(file: &str, text: &str) -> Result<Self, String> {
@@ -290,8 +290,8 @@ impl Film {
     ///
     /// # Errors
     /// Several tracks without a choice, a number that is none of theirs, tracks that overlap.
-    pub(super) fn track(&self, chosen: &[u32]) -> Result<Track, CannotIdentify> {
-        let refuse = |why: String| CannotIdentify(format!("{}: {why}", self.file));
+    pub(super) fn track(&self, chosen: &[u32]) -> Result<Track, Failure> {
+        let refuse = |why: String| Failure::Input(format!("{}: {why}", self.file));
         let list = || -> String {
             let ends = |track: &Track| (track.at[0], track.at[track.at.len() - 1]);
             let line = |track: &Track| format!("\n  --track {}: {} to {}", track.number, ends(track).0, ends(track).1);
