@@ -59,7 +59,8 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 29] = [
+const HOST_LAYERS: [&str; 30] = [
+    "failure",
     "host_time",
     "quantity",
     "storage",

@@ -88,7 +88,7 @@ Examples:
 
 Exit codes:
   0    success
-  1    the rig, the link, the disk or standard output failed; recorded data are kept
+  1    the rig, the link, the disk or standard output failed, or a run cannot be read; recorded data are kept
   2    the command line or a file is wrong; nothing has moved
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the rig was stopped, recorded data are kept";
 
