@@ -8,6 +8,7 @@ use include_dir::{Dir, File, include_dir};
 
 use damprig::failure::Failure;
 use damprig::run_folder::own_files;
+use damprig::storage::create_folder;
 
 static FILES: Dir = include_dir!("$CARGO_MANIFEST_DIR/files");
 
@@ -43,7 +44,7 @@ pub fn write_out(out: &Path) -> Result<PathBuf, Failure> {
             }
             Err(_) => {
                 let parent = path.parent().unwrap_or(&folder);
-                std::fs::create_dir_all(parent).map_err(|error| Failure::cannot("create", parent, error))?;
+                create_folder(parent)?;
                 own_files::replace(&path, file.contents())?;
             }
         }

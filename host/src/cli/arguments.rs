@@ -1,16 +1,17 @@
-//! Command-line options that several subcommands share (`--rig`, `--speed`, `--json`, `--force`, `--quiet`), and values of others.
+//! Command-line options that several subcommands share (`--rig`, `--speed`, `--set`, `--json`, `--force`, `--quiet`), and values of others.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
-use super::output::be_quiet;
+use super::output::{be_quiet, print_json};
 use crate::client::devices::{Answer, only, ports, query};
 use crate::client::link::{Address, Speed};
 use crate::failure::{Failure, Outcome};
 use crate::settings::read_board;
 use crate::signal_file::unit::Unit;
 use crate::signal_file::{Calibration, Selector, Sensitivity, Stated};
+use crate::simulation::SetValues;
 use crate::storage::out_file::{EXISTS, OutFile};
 
 /// The value of `--rig`.
@@ -68,6 +69,32 @@ impl JsonArg {
     /// Whether JSON is printed.
     pub(super) fn is_given(self) -> bool {
         self.json
+    }
+
+    /// Prints the answer in place of all lines that follow, if it is given.
+    ///
+    /// # Errors
+    /// A defect of the answer.
+    pub(super) fn print(self, answer: &impl serde::Serialize) -> Outcome {
+        if self.json { print_json(answer) } else { Ok(()) }
+    }
+}
+
+/// The option `--set`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct SetArg {
+    /// Set a key in place of the file's value, with its tables: particle.wall.coefficient=0.5; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+impl SetArg {
+    /// What is set.
+    ///
+    /// # Errors
+    /// What is no key and value, or no TOML.
+    pub(super) fn values(&self) -> Result<SetValues, Failure> {
+        SetValues::from_arguments(&self.set)
     }
 }
 

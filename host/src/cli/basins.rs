@@ -1,14 +1,13 @@
 //! `damprig study basins`: follows every start of a grid and draws which motion it ends on.
 
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args as ClapArgs;
 
-use super::arguments::{ForceArg, QuietArg};
+use super::arguments::{ForceArg, QuietArg, SetArg};
+use super::ctrl_c::CtrlC;
 use super::examples;
-use super::output::print_always;
+use super::output::print_place;
 use super::progress::StudyBar;
 use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
@@ -17,6 +16,7 @@ use crate::report::basins_files;
 use crate::report::numbers::significant;
 use crate::simulation::case::default_name;
 use crate::simulation::{Case, SetValues};
+use crate::storage::create_folder;
 use crate::study::basins::{self, Grid, LEAST_CYCLES, MAX_PERIODS};
 use crate::study::bifurcation::SweepAxis;
 
@@ -36,9 +36,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(i64::from(LEAST_CYCLES)..=1_000_000))]
     cycles: u32,
 
-    /// Set another key in place of the file's value; may be repeated
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    set: SetArg,
 
     /// Folder of the results
     #[arg(long, value_name = "FOLDER", default_value = "basins")]
@@ -79,28 +78,25 @@ pub fn run(args: &Args) -> Outcome {
         return Err(Failure::Input(words));
     };
     let grid = Grid { axes, most_cycles: args.cycles };
-    let set = SetValues::from_arguments(&args.set)?;
-    let set = SetValues { origin: "--axis and --set".into(), ..set };
+    let set = SetValues { origin: "--axis and --set".into(), ..args.set.values()? };
     let file = examples::find(FileKind::Case, &args.case)?;
     let source = Source::read(&file)?;
     let name = default_name(&file);
     let case = Case::parse_changed(&source, &name, &set)?;
     let table = args.out.join(basins_files::STARTS);
     args.force.check(&table)?;
-    let stop = Arc::new(AtomicBool::new(false));
-    super::watch_for_ctrl_c(&stop)?;
+    let ctrl_c = CtrlC::watch()?;
     let bar = StudyBar::new(&name, grid.starts() as u64);
     let go_on = |done: u64| {
         bar.reach(done, None);
-        !stop.load(Ordering::Relaxed)
+        !ctrl_c.is_pressed()
     };
     let found = basins::run((source.name(), source.text(), &name), &grid, &set, &go_on);
     bar.end();
     let Some(found) = found? else {
         return Err(Failure::Interrupted("interrupted; nothing was written".into()));
     };
-    std::fs::create_dir_all(&args.out)
-        .map_err(|e| Failure::Failed(format!("cannot create {}: {e}", args.out.display())))?;
+    create_folder(&args.out)?;
     basins_files::write(&args.out, &case, &found, &grid)?;
     let all = found.ends.len();
     let share = |starts: usize| format!("{} %", significant(100.0 * starts as f64 / all as f64, 3));
@@ -128,6 +124,6 @@ pub fn run(args: &Args) -> Outcome {
         );
     }
     say!("Figure: {}", args.out.join("basins.svg").display());
-    print_always(&format!("Table:  {} ({all} rows)", table.display()));
+    print_place(&format!("Table:  {} ({all} rows)", table.display()));
     Ok(())
 }

@@ -1,14 +1,13 @@
 //! `damprig study bifurcation`: sweeps a key of a case up and down and draws the sampled cycles.
 
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Args as ClapArgs, ValueEnum};
 
-use super::arguments::{ForceArg, QuietArg};
+use super::arguments::{ForceArg, QuietArg, SetArg};
+use super::ctrl_c::CtrlC;
 use super::examples;
-use super::output::print_always;
+use super::output::print_place;
 use super::progress::StudyBar;
 use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
@@ -16,6 +15,7 @@ use crate::input::Source;
 use crate::report::bifurcation_files;
 use crate::simulation::SetValues;
 use crate::simulation::case::default_name;
+use crate::storage::create_folder;
 use crate::study::bifurcation::{self, Direction, Sweep, SweepAxis};
 
 /// Draws a bifurcation diagram: sweeps a key of a case up and down.
@@ -42,9 +42,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     cycles: u32,
 
-    /// Set another key in place of the file's value; may be repeated
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    set: SetArg,
 
     /// Also draw the Poincaré section (x, x′) at the value nearest to this one
     #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
@@ -100,18 +99,15 @@ pub fn run(args: &Args) -> Outcome {
         settle_cycles: args.settle_cycles,
         cycles: args.cycles,
     };
-    let set = SetValues::from_arguments(&args.set)?;
-    let set = SetValues { origin: "--axis and --set".into(), ..set };
+    let set = SetValues { origin: "--axis and --set".into(), ..args.set.values()? };
     let file = examples::find(FileKind::Case, &args.case)?;
     let source = Source::read(&file)?;
     let name = default_name(&file);
     let cases = bifurcation::cases(source.name(), source.text(), &name, &sweep, &set)?;
     let table = args.out.join(bifurcation_files::TABLE);
     args.force.check(&table)?;
-    std::fs::create_dir_all(&args.out)
-        .map_err(|e| Failure::Failed(format!("cannot create {}: {e}", args.out.display())))?;
-    let stop = Arc::new(AtomicBool::new(false));
-    super::watch_for_ctrl_c(&stop)?;
+    create_folder(&args.out)?;
+    let ctrl_c = CtrlC::watch()?;
     let directions: &[Direction] = match args.direction {
         DirectionArg::Both => &[Direction::Up, Direction::Down],
         DirectionArg::Up => &[Direction::Up],
@@ -120,7 +116,7 @@ pub fn run(args: &Args) -> Outcome {
     let bar = StudyBar::new(&name, (cases.len() * directions.len()) as u64);
     let go_on = |done: u64| {
         bar.reach(done, None);
-        !stop.load(Ordering::Relaxed)
+        !ctrl_c.is_pressed()
     };
     let samples = bifurcation::run_all(&cases, &sweep, directions, &go_on);
     bar.end();
@@ -130,8 +126,8 @@ pub fn run(args: &Args) -> Outcome {
     if let Some(title) = section {
         say!("Section: {} ({title})", args.out.join("section.svg").display());
     }
-    print_always(&format!("Table:  {} ({} rows)", table.display(), samples.len()));
-    if stop.load(Ordering::Relaxed) {
+    print_place(&format!("Table:  {} ({} rows)", table.display(), samples.len()));
+    if ctrl_c.is_pressed() {
         return Err(Failure::Interrupted("interrupted; the values so far are written".into()));
     }
     Ok(())

@@ -2,8 +2,6 @@
 
 use std::io::Write;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::Args as ClapArgs;
@@ -13,6 +11,7 @@ use damprig_protocol::{PlantKind, Request};
 use super::arguments::{ForceArg, JsonArg, Rig, not_negative, seconds};
 use super::calibrate_operator::Person;
 use super::consent::ConsentArg;
+use super::ctrl_c::CtrlC;
 use crate::calibrate::fit::MIN_POINTS;
 use crate::calibrate::guide::{self, Operator, Plan};
 use crate::calibrate::readings::{self, Kept};
@@ -249,15 +248,14 @@ fn guided(args: &Args) -> Outcome {
 /// Calibrates the rig of an open session.
 fn on_the_rig(args: &Args, plan: &Plan, session: &mut Session) -> Outcome {
     let settings = session.settings;
-    let stop = Arc::new(AtomicBool::new(false));
-    super::watch_for_ctrl_c(&stop)?;
+    let ctrl_c = CtrlC::watch()?;
     let stamp = host_time::now().strftime("%Y%m%d-%H%M%S");
     let kept = match &args.keep {
         Some(path) => Kept::create(path.clone(), args.channel).map_err(Failure::input)?,
         None => Kept::create_new(&format!("calibrate-{}-{stamp}", args.channel), args.channel)?,
     };
     let name = session.name().to_string();
-    let mut rig = CalibratedRig::new(session, &stop)?;
+    let mut rig = CalibratedRig::new(session, ctrl_c.flag())?;
     let mut operator: Box<dyn Operator> = match args.rehearse {
         Some(seed) => {
             let truth = Truth::draw(args.channel, seed, &settings);
@@ -282,16 +280,13 @@ fn on_the_rig(args: &Args, plan: &Plan, session: &mut Session) -> Outcome {
 }
 
 fn print(args: &Args, record: &Record) -> Outcome {
-    if args.json.is_given() {
-        say!("{}", serde_json::to_string(record)?);
-    } else {
-        say!("{}", calibration::text(record));
-        if !args.save {
-            say!(
-                "Nothing on the board has changed{}.",
-                if args.readings.is_none() { "; --save uses and saves the new settings" } else { "" }
-            );
-        }
+    args.json.print(record)?;
+    say!("{}", calibration::text(record));
+    if !args.save {
+        say!(
+            "Nothing on the board has changed{}.",
+            if args.readings.is_none() { "; --save uses and saves the new settings" } else { "" }
+        );
     }
     Ok(())
 }

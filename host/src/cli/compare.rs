@@ -2,13 +2,13 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args as ClapArgs;
 
 use super::arguments::{ForceArg, JsonArg, positive};
+use super::ctrl_c::CtrlC;
 use super::progress::bar;
 use crate::campaign::Campaign;
 use crate::compare::{Comparison, Options, compare};
@@ -19,6 +19,7 @@ use crate::report::terminal;
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::campaign_copy::new_campaign;
 use crate::run_folder::read::folder::find;
+use crate::storage::create_folder;
 use crate::storage::out_file::{to_failure, write_new};
 
 /// Compares a run with simulations of its set-ups, with uncertainties and normalised errors.
@@ -84,17 +85,12 @@ pub fn run(args: &Args) -> Outcome {
     let set_ups = args.set_ups.as_ref().map(|file| new_campaign(file)).transpose()?;
     let run = RunFolder::open(&path)?;
     let comparison = compared(&run, set_ups, args.scale_uncertainty)?;
-    if args.json.is_given() {
-        say!("{}", serde_json::to_string(&comparison)?);
-    } else {
-        say!("Run {} ({}), set-ups of {}", comparison.run, comparison.state, comparison.set_ups_from);
-        say!("{}", terminal::comparison::text(&comparison));
-    }
+    args.json.print(&comparison)?;
+    say!("Run {} ({}), set-ups of {}", comparison.run, comparison.state, comparison.set_ups_from);
+    say!("{}", terminal::comparison::text(&comparison));
     if let Some(out) = &args.out {
         write(&comparison, out, args.force)?;
-        if !args.json.is_given() {
-            say!("Page, table and JSON: {}", out.display());
-        }
+        say!("Page, table and JSON: {}", out.display());
     }
     if comparison.unreadable.is_empty() {
         return Ok(());
@@ -117,10 +113,9 @@ fn compared(
     set_ups_from: Option<Campaign>,
     scale_uncertainty: Option<f64>,
 ) -> Result<Comparison, Failure> {
-    let stop = Arc::new(AtomicBool::new(false));
-    super::watch_for_ctrl_c(&stop)?;
+    let ctrl_c = CtrlC::watch()?;
     let done = AtomicUsize::new(0);
-    let options = Options { scale_uncertainty, done: &done, stop: &stop };
+    let options = Options { scale_uncertainty, done: &done, stop: ctrl_c.flag() };
     let points = run.manifest().points_taken as u64;
     let bar = bar(points);
     bar.set_message("simulating");
@@ -147,8 +142,7 @@ fn compared(
 }
 
 fn write(comparison: &Comparison, out: &Path, force: ForceArg) -> Outcome {
-    std::fs::create_dir_all(out)
-        .map_err(|error| Failure::Failed(format!("cannot create {}: {error}", out.display())))?;
+    create_folder(out)?;
     let page = comparison_page(comparison);
     let mut table = Vec::new();
     write_csv(comparison, &mut table).map_err(Failure::failed)?;

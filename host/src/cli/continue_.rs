@@ -14,6 +14,7 @@ use crate::optimise::table::check_folder;
 use crate::report::branch_table;
 use crate::report::figures::{branches, curves};
 use crate::report::terminal;
+use crate::storage::create_folder;
 use crate::storage::out_file::OutFile;
 
 /// Follows periodic orbits of a case over a parameter, stable or not, and locates folds, period doublings, Neimark-Sacker points and
@@ -92,38 +93,29 @@ pub fn run(args: &Args) -> Outcome {
         }
     }
     let found = continuation.follow()?;
-    if args.json.is_given() {
-        say!("{}", serde_json::to_string(&found)?);
-    } else {
-        say!("{}", terminal::continuation::text(&found));
-    }
+    args.json.print(&found)?;
+    say!("{}", terminal::continuation::text(&found));
     if let Some(path) = &table {
         let rows = branch_table::write(branch_table::orbits(&found), &args.force.file(path));
         let rows = rows?;
-        if !args.json.is_given() {
-            say!("Table: {} ({rows} orbits)", path.display());
-        }
+        say!("Table: {} ({rows} orbits)", path.display());
     }
     let branches = args.plot.as_ref().map(|path| (path, branches::draw(&found)));
     let curves = args.plot_curves.as_ref().map(|path| (path, curves::draw(&found)));
     for (path, picture) in branches.into_iter().chain(curves) {
         picture.and_then(|picture| picture.save(path))?;
-        if !args.json.is_given() {
-            say!("Figure: {}", path.display());
-        }
+        say!("Figure: {}", path.display());
     }
     if let Some(folder) = folder {
         write_all(&found, folder).map_err(Failure::failed)?;
-        if !args.json.is_given() {
-            say!("Written to {}", folder.display());
-        }
+        say!("Written to {}", folder.display());
     }
     Ok(())
 }
 
 /// Writes all tables and figures to a folder.
 fn write_all(found: &Found, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
-    std::fs::create_dir_all(folder).map_err(|error| format!("cannot create {}: {error}", folder.display()))?;
+    create_folder(folder)?;
     let has_curves = found.curve_parameters.is_some();
     for extension in ["parquet", "csv"] {
         let file = |stem: &str| OutFile { path: folder.join(format!("{stem}.{extension}")), force: true };

@@ -13,6 +13,7 @@ use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
 use crate::input::shipped::{FILES, ROOT, plain};
 use crate::input::{Source, near};
+use crate::storage::create_folder;
 use crate::storage::out_file::{to_failure, write_new};
 
 /// Lists the example files that come with damprig, or copies one of them here.
@@ -205,8 +206,7 @@ fn copy(wanted: &str, json: JsonArg, force: ForceArg) -> Outcome {
     }
     for (to, text) in &new {
         if let Some(folder) = to.parent() {
-            std::fs::create_dir_all(folder)
-                .map_err(|error| Failure::Failed(format!("cannot create {}: {error}", folder.display())))?;
+            create_folder(folder)?;
         }
         write_new(&force.file(to), |file| file.write_all(text.as_bytes()).map_err(|e| to_failure(to)(&e)))?;
     }

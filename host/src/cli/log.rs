@@ -9,12 +9,12 @@
 
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args as ClapArgs;
 
+use super::ctrl_c::CtrlC;
 use super::flash_probe::ImageAndProbe;
 use crate::board::CHIP;
 use crate::failure::{Failure, Outcome};
@@ -60,12 +60,11 @@ pub fn run(args: &Args) -> Outcome {
         // It has printed why.
         std::process::exit(check.code().unwrap_or(1));
     }
-    let stop = Arc::default();
-    super::watch_for_ctrl_c(&stop)?;
+    let ctrl_c = CtrlC::watch()?;
     let decoder = decoder(&probe, &image.path).spawn().map_err(|e| {
         Failure::Failed(format!("cannot start probe-rs: {e}; install it with `cargo install probe-rs-tools`"))
     })?;
-    match wait(decoder, &stop).map_err(|e| Failure::Failed(format!("cannot wait for probe-rs: {e}")))? {
+    match wait(decoder, ctrl_c.flag()).map_err(|e| Failure::Failed(format!("cannot wait for probe-rs: {e}")))? {
         None => Err(Failure::Interrupted("the log has ended; the board was not halted".into())),
         Some(status) if status.success() => Ok(()),
         Some(status) => Err(Failure::Failed(format!("probe-rs attach ended with {status}"))),

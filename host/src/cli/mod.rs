@@ -25,6 +25,7 @@ mod calibrate_operator;
 mod compare;
 mod consent;
 mod continue_;
+pub mod ctrl_c;
 mod devices;
 mod documents;
 mod examples;
@@ -60,11 +61,10 @@ mod without_probe;
 
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-use crate::failure::{Failure, Outcome};
+use crate::failure::Outcome;
 
 /// Runs, records, simulates and reports experiments on a vibration-damper rig, real or virtual.
 #[derive(Debug, Parser)]
@@ -201,44 +201,6 @@ fn run(command: Command) -> Outcome {
         Command::Man(args) => documents::manual_page(&args, Cli::command()),
         Command::Help(args) => help::run(&args, groups::grouped(Cli::command())),
     }
-}
-
-/// Sets `stop` at the first Ctrl-C, SIGTERM or SIGHUP. A second Ctrl-C or SIGTERM ends the program at once; a terminal that
-/// closes may send SIGHUP several times.
-///
-/// # Errors
-/// When signals cannot be watched.
-pub fn watch_for_ctrl_c(stop: &Arc<AtomicBool>) -> Outcome {
-    #[cfg(unix)]
-    watch_other_signals(stop).map_err(|e| Failure::Failed(format!("cannot watch for signals: {e}")))?;
-    let stop = Arc::clone(stop);
-    let handler = move || {
-        if stop.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    };
-    ctrlc::set_handler(handler).map_err(|e| Failure::Failed(format!("cannot watch for Ctrl-C: {e}")))
-}
-
-#[cfg(unix)]
-fn watch_other_signals(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
-    use signal_hook::consts::{SIGHUP, SIGTERM};
-    use signal_hook::flag::{register, register_conditional_shutdown};
-    register_conditional_shutdown(SIGTERM, 130, Arc::clone(stop))?;
-    register(SIGTERM, Arc::clone(stop))?;
-    if !is_hangup_ignored() {
-        register(SIGHUP, Arc::clone(stop))?;
-    }
-    Ok(())
-}
-
-/// Whether the program was started to outlive its terminal (`nohup`).
-#[cfg(unix)]
-fn is_hangup_ignored() -> bool {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).map(str::trim);
-    let mask = mask.and_then(|mask| u64::from_str_radix(mask, 16).ok()).unwrap_or(0);
-    mask >> (signal_hook::consts::SIGHUP - 1) & 1 == 1
 }
 
 #[cfg(test)]

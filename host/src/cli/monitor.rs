@@ -11,6 +11,7 @@ use std::time::Duration;
 use clap::Args as ClapArgs;
 
 use super::arguments::{Rig, SpeedArg, seconds};
+use super::ctrl_c::CtrlC;
 use crate::client::link::{Address, Cable, cable};
 use crate::client::session::Session;
 use crate::failure::{Failure, Outcome};
@@ -167,11 +168,10 @@ Exit codes:
 /// A rig that does not answer, a folder without a run, an address in use.
 pub fn run(args: &Args) -> Outcome {
     check_terminal(args.tui)?;
-    let stop = Arc::new(AtomicBool::new(false));
-    super::watch_for_ctrl_c(&stop)?;
+    let ctrl_c = CtrlC::watch()?;
     match (&args.run, &args.rig) {
-        (Some(wanted), _) => watch_folder(args, wanted, &stop),
-        (None, Some(rig)) => watch_rig(args, rig, &stop),
+        (Some(wanted), _) => watch_folder(args, wanted, ctrl_c.flag()),
+        (None, Some(rig)) => watch_rig(args, rig, ctrl_c.flag()),
         (None, None) => Err(Failure::Input("give --rig or --run".into())),
     }
 }

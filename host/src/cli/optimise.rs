@@ -1,13 +1,12 @@
 //! `damprig optimise`: looks for the values of a case's keys at which a metric is best.
 
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use clap::Args as ClapArgs;
 
 use super::arguments::{ForceArg, JsonArg};
+use super::ctrl_c::CtrlC;
 use super::examples;
 use super::progress::StudyBar;
 use crate::failure::{Failure, Outcome};
@@ -77,34 +76,25 @@ pub fn run(args: &Args) -> Outcome {
     if !args.json.is_given() {
         say!("{scope}");
     }
-    let stop = Arc::new(AtomicBool::new(false));
-    super::watch_for_ctrl_c(&stop)?;
+    let ctrl_c = CtrlC::watch()?;
     let (start, bar) = (Instant::now(), StudyBar::new(&optimisation.name, run::about(&optimisation)));
     let report = |reached: Reached| {
         let objective =
             |best: &Evaluated| format!("{} {}", optimisation.objective.name(), significant(best.objective, 5));
         bar.set_length(reached.about);
         bar.reach(reached.simulations, reached.best.map(objective).as_deref());
-        !stop.load(Ordering::Relaxed)
+        !ctrl_c.is_pressed()
     };
-    let (found, answer) = match run::run(&optimisation, &report) {
-        Err(refusal) if stop.load(Ordering::Relaxed) => return Err(Failure::Interrupted(refusal.to_string())),
-        run => run?,
-    };
+    let (found, answer) = run::run(&optimisation, &report)?;
     bar.end();
-    if args.json.is_given() {
-        say!("{}", serde_json::to_string(&answer)?);
-    } else {
-        say!("{}", terminal::optimise::answer(&optimisation, &answer));
-        let took = duration(start.elapsed().as_secs_f64());
-        say!("\n{} points, {} simulations in {took}", answer.evaluations, answer.simulations);
-    }
+    args.json.print(&answer)?;
+    say!("{}", terminal::optimise::answer(&optimisation, &answer));
+    let took = duration(start.elapsed().as_secs_f64());
+    say!("\n{} points, {} simulations in {took}", answer.evaluations, answer.simulations);
     if let Some(folder) = &args.out {
         table::write(&optimisation, &found, &answer, folder)?;
         optimum_files::write(&optimisation, &answer, &scope, folder)?;
-        if !args.json.is_given() {
-            say!("Page:  {}", folder.join(optimum_files::PAGE).display());
-        }
+        say!("Page:  {}", folder.join(optimum_files::PAGE).display());
     }
     if answer.is_stopped && !found.is_stopped {
         let message = "stopped after the search: the optimum is above; what is around it, its front, or an alternative is not complete";

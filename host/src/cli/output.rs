@@ -7,36 +7,67 @@
 use std::io::{Error, ErrorKind, Write, stderr, stdout};
 use std::process::ExitCode;
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU8, Ordering};
 
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::input::shown;
 
 /// The first error of standard output.
 static FAILED: OnceLock<Error> = OnceLock::new();
 
-/// Whether lines are left out: `--quiet`.
-static QUIET: AtomicBool = AtomicBool::new(false);
+/// What is printed to standard output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lines {
+    /// All.
+    All,
+    /// The places of results: `--quiet`.
+    Places,
+    /// One answer for programs: `--json`.
+    Json,
+}
 
-/// Leaves out all lines from now on, but those that are always printed.
+static LINES: AtomicU8 = AtomicU8::new(Lines::All as u8);
+
+fn is(lines: Lines) -> bool {
+    LINES.load(Ordering::Relaxed) == lines as u8
+}
+
+/// Leaves out all lines from now on, but the places of results.
 pub(super) fn be_quiet() {
-    QUIET.store(true, Ordering::Relaxed);
+    LINES.store(Lines::Places as u8, Ordering::Relaxed);
 }
 
 /// Whether [`be_quiet`] was called.
 pub(super) fn is_quiet() -> bool {
-    QUIET.load(Ordering::Relaxed)
+    is(Lines::Places)
 }
 
-/// Prints a line to standard output, what controls a terminal spelled out, unless the command is to be quiet; nothing more after an error.
+/// Prints a line to standard output, what controls a terminal spelled out, unless the command is to be quiet or prints JSON; nothing more
+/// after an error.
 pub fn print(line: &str) {
-    if !is_quiet() {
-        print_always(line);
+    if is(Lines::All) {
+        write_line(line);
     }
 }
 
-/// Prints a line to standard output, what controls a terminal spelled out; nothing more after an error.
-pub(super) fn print_always(line: &str) {
+/// Prints where a result is, with `--quiet` too; not beside JSON.
+pub(super) fn print_place(line: &str) {
+    if !is(Lines::Json) {
+        write_line(line);
+    }
+}
+
+/// Prints an answer as JSON, and no line from now on.
+///
+/// # Errors
+/// A defect of the answer.
+pub(super) fn print_json(answer: &impl serde::Serialize) -> Outcome {
+    LINES.store(Lines::Json as u8, Ordering::Relaxed);
+    write_line(&serde_json::to_string(answer)?);
+    Ok(())
+}
+
+fn write_line(line: &str) {
     if FAILED.get().is_none()
         && let Err(error) = writeln!(stdout(), "{}", shown(line))
     {

@@ -10,6 +10,7 @@ use damprig_protocol::ClockSource;
 
 use super::arguments::{QuietArg, Rig, SpeedArg, seconds, seconds_or_zero};
 use super::consent::ConsentArg;
+use super::ctrl_c::CtrlC;
 use super::examples;
 use super::monitor::{PageArgs, check_terminal};
 use super::output::is_quiet;
@@ -198,10 +199,9 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         say!("{}", settings_line(args, &session));
         return Ok(());
     }
-    let stop = Arc::new(AtomicBool::new(false));
-    super::watch_for_ctrl_c(&stop)?;
+    let ctrl_c = CtrlC::watch()?;
     let log = args.log.as_deref().map(Log::open).transpose()?;
-    let live = args.live_views(&rig, &stop)?;
+    let live = args.live_views(&rig, ctrl_c.flag())?;
     let now = host_time::now();
     let folder = match &args.out {
         Some(path) => OutputFolder::create_at(path),
@@ -226,7 +226,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         taken: JournalState::default(),
         withdrawn: Vec::new(),
     };
-    job.run(&mut session, selection, begin, journal, &stop)
+    job.run(&mut session, selection, begin, journal, ctrl_c.flag())
 }
 
 /// Rejects a target that is a file or a folder with something in it.
@@ -273,10 +273,9 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     let campaign = &earlier.campaign;
     let predicted = Predicted::of(campaign)?;
     check(campaign, &predicted, &session)?;
-    let stop = Arc::new(AtomicBool::new(false));
-    super::watch_for_ctrl_c(&stop)?;
+    let ctrl_c = CtrlC::watch()?;
     let log = args.log.as_deref().map(Log::open).transpose()?;
-    let live = args.live_views(&rig, &stop)?;
+    let live = args.live_views(&rig, ctrl_c.flag())?;
     let folder = OutputFolder::existing(&path);
     let records = folder.records(campaign)?;
     let begin = begin_entry(campaign, &session, &selection, records, &host_time::now());
@@ -309,7 +308,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         taken: earlier.journal.clone(),
         withdrawn: earlier.withdrawn.clone(),
     };
-    job.run(&mut session, selection, begin, journal, &stop)
+    job.run(&mut session, selection, begin, journal, ctrl_c.flag())
 }
 
 /// Rejects predicted displacements beyond limits, stroke or drive, and predicted forces far beyond the limit.

@@ -228,7 +228,7 @@ impl Job<'_> {
         terminal::transients::results(taken.transients()).iter().for_each(|table| say!("{table}"));
         say!("{}", compared::IN_A_LINE);
         say!("{}", terminal::campaign::summary(&manifest));
-        super::output::print_always(&format!("Run folder: {}", self.folder.path().display()));
+        super::output::print_place(&format!("Run folder: {}", self.folder.path().display()));
         if let Err(error) = result {
             let (taken, planned) = (manifest.points_taken, manifest.points_planned);
             let shown = self.folder.path().display();

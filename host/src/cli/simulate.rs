@@ -1,13 +1,13 @@
 //! `damprig simulate`: simulates a case and writes its summary, time history and figure.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args as ClapArgs;
 
-use super::arguments::{ForceArg, JsonArg, not_negative, positive};
+use super::arguments::{ForceArg, JsonArg, SetArg, not_negative, positive};
+use super::ctrl_c::CtrlC;
 use super::examples;
+use super::output::print_json;
 use super::progress::SimulationBar;
 use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
@@ -29,9 +29,8 @@ pub struct Args {
     #[arg(value_name = "CASE", required = true)]
     cases: Vec<PathBuf>,
 
-    /// Set a key in place of the file's value, with its tables: particle.wall.coefficient=0.5; may be repeated
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    set: SetArg,
 
     #[command(flatten)]
     json: JsonArg,
@@ -108,17 +107,16 @@ pub fn run(args: &Args) -> Outcome {
             second.display()
         )));
     }
-    let values = SetValues::from_arguments(&args.set)?;
+    let values = args.set.values()?;
     let paths = args.cases.iter().map(|path| examples::find(FileKind::Case, path)).collect::<Result<Vec<_>, _>>()?;
     let read = |path: &PathBuf| Case::read_changed(path, &values);
     let cases = paths.iter().map(read).collect::<Result<Vec<_>, _>>()?;
-    let stop = Arc::new(AtomicBool::new(false));
-    super::watch_for_ctrl_c(&stop)?;
+    let ctrl_c = CtrlC::watch()?;
     for (place, (path, (case, unusual))) in paths.iter().zip(cases).enumerate() {
-        if place > 0 && !args.json.is_given() {
+        if place > 0 {
             say!("");
         }
-        simulate_one(args, path, (&case, &unusual), &values, &stop)?;
+        simulate_one(args, path, (&case, &unusual), &values, &ctrl_c)?;
     }
     Ok(())
 }
@@ -135,7 +133,7 @@ fn simulate_one(
     path: &Path,
     (case, unusual): (&Case, &[String]),
     values: &SetValues,
-    stop: &AtomicBool,
+    ctrl_c: &CtrlC,
 ) -> Outcome {
     if args.analyse {
         let source = Source::read(path)?;
@@ -159,7 +157,7 @@ fn simulate_one(
     let mut bar = SimulationBar::new(&case.name, case.run.duration_s);
     let mut go_on = |t_s: f64| {
         bar.reach(t_s);
-        !stop.load(Ordering::Relaxed)
+        !ctrl_c.is_pressed()
     };
     let options = RunOptions { keep: args.json.is_given(), longest_part_s, go_on: &mut go_on };
     let result = simulate(case, &mut viewer, options);
@@ -182,7 +180,7 @@ fn simulate_one(
             warn!("warning: the result lists the first {kept} of {all} impacts; --out writes them all");
         }
         let answer = Answer { case: Simulated::of(case, &values.lines), result: &result, analysis, cycle_max_m: None };
-        say!("{}", serde_json::to_string(&answer)?);
+        print_json(&answer)?;
     } else {
         say!("{}", terminal::simulation::summary(case, &result));
         if let Some(analysis) = &analysis {
@@ -191,13 +189,11 @@ fn simulate_one(
     }
     written?;
     drawn?;
-    if !args.json.is_given() {
-        if let (Some(path), Some(rows), Some(rate_hz)) = (&args.out, rows, rate_hz) {
-            say!("Time history: {} ({rows} rows at {} Hz)", path.path().display(), significant(rate_hz, 6));
-        }
-        if let Some(path) = &args.plot {
-            say!("Figure: {}", path.display());
-        }
+    if let (Some(path), Some(rows), Some(rate_hz)) = (&args.out, rows, rate_hz) {
+        say!("Time history: {} ({rows} rows at {} Hz)", path.path().display(), significant(rate_hz, 6));
+    }
+    if let Some(path) = &args.plot {
+        say!("Figure: {}", path.display());
     }
     match result.stopped_at_s {
         Some(t_s) => Err(Failure::Interrupted(format!(

@@ -1,15 +1,14 @@
 //! `damprig study`: runs a study and keeps its table.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use clap::{Args as ClapArgs, Subcommand};
 
 use super::arguments::QuietArg;
+use super::ctrl_c::CtrlC;
 use super::examples;
-use super::output::print_always;
+use super::output::print_place;
 use super::progress::StudyBar;
 use super::study_figures::say_result;
 use super::study_work;
@@ -129,14 +128,13 @@ fn run_study(args: &RunArgs) -> Outcome {
     }
     let place = place(&args.study, args.out.as_deref());
     let data_set = DataSet::open(&study, Store::at(&place)?)?;
-    let stop = Arc::new(AtomicBool::new(false));
-    super::watch_for_ctrl_c(&stop)?;
+    let ctrl_c = CtrlC::watch()?;
     say!("{scope}; {} on {cores} cores", about(estimate_s));
     let (start, bar) = (Instant::now(), StudyBar::new(&study.name, study.rows()));
     let report = |progress: &Progress| {
         let best = progress.best.map(|(_, value)| format!("{} {}", study.objective.name(), significant(value, 5)));
         bar.reach(progress.done, best.as_deref());
-        !stop.load(Ordering::Relaxed)
+        !ctrl_c.is_pressed()
     };
     let ending = run::run(&study, &data_set, &report);
     bar.end();
@@ -155,7 +153,7 @@ fn run_study(args: &RunArgs) -> Outcome {
 /// Prints where the table is, with --quiet too, and how long it took.
 pub(super) fn say_table(study: &Study, table: &Path, start: Instant) {
     let took = duration(start.elapsed().as_secs_f64());
-    print_always(&format!("Table: {} ({} rows, {took})", table.display(), study.rows()));
+    print_place(&format!("Table: {} ({} rows, {took})", table.display(), study.rows()));
 }
 
 /// A failure with what is there already, and how to go on.

@@ -1,8 +1,6 @@
 //! `damprig study work`, `status`, `verify` and `merge`: a study computed by several workers.
 
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use clap::Args as ClapArgs;
@@ -10,6 +8,7 @@ use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
 use super::arguments::QuietArg;
+use super::ctrl_c::CtrlC;
 use super::examples;
 use super::progress::StudyBar;
 use super::study::{kept, place, say_table};
@@ -74,15 +73,14 @@ pub(super) fn work(args: &WorkArgs) -> Outcome {
     let study = Study::read(&examples::find(FileKind::Study, &args.place.study)?)?;
     let store = store(&args.place)?;
     let data_set = DataSet::open(&study, store)?;
-    let stop = Arc::new(AtomicBool::new(false));
-    super::watch_for_ctrl_c(&stop)?;
+    let ctrl_c = CtrlC::watch()?;
     let (parts, threads) = (data_set.manifest().parts(), rayon::current_num_threads());
     say!("{}; parts: {parts}, threads: {threads}", terminal::study::scope(&study, run::cycles(&study)));
     let seen = |Done { part, rows, took_s }: Done| {
         let (now, last, took) = (clock(), rows.end - 1, duration(took_s));
         say!("{now}  part {part} of {parts}: rows {} to {last}, {took}", rows.start);
     };
-    let ending = work::shard(&study, &data_set, args.shard, seen, &|| !stop.load(Ordering::Relaxed));
+    let ending = work::shard(&study, &data_set, args.shard, seen, &|| !ctrl_c.is_pressed());
     if ending.map_err(|error| kept(&data_set, error))? == Ending::Stopped {
         return Err(Failure::Interrupted(
             "stopped; the parts so far are kept, and the same command goes on with them".into(),

@@ -11,6 +11,7 @@ use crate::failure::Failure;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::{own_files, sealed_parquet};
 use crate::simulation::fixed_parameters;
+use crate::storage::create_folder;
 use crate::table::{Column, TableBuilder};
 
 /// File with the answer.
@@ -44,7 +45,7 @@ pub fn check_folder(folder: &Path) -> Result<(), Failure> {
 /// # Errors
 /// Names the file that cannot be written.
 pub fn write(optimisation: &Optimisation, found: &Found, answer: &Answer, folder: &Path) -> Result<(), Failure> {
-    fs::create_dir_all(folder).map_err(|error| Failure::cannot("create", folder, error))?;
+    create_folder(folder)?;
     let stages: Vec<&str> = found.points.iter().map(|(stage, _)| stage.name()).collect();
     let points: Vec<&Evaluated> = found.points.iter().map(|(_, point)| point).collect();
     write_table(optimisation, Some(&stages), &points, &folder.join(EVALUATIONS))?;

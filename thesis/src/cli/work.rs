@@ -1,7 +1,6 @@
 //! Computes the parts that `damprig-thesis` lacks, with their progress.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Instant;
 
@@ -9,8 +8,9 @@ use indicatif::ProgressBar;
 
 use crate::catalogue::{self, Catalogue};
 use crate::run::{self, Ending, Task};
+use damprig::cli::ctrl_c::CtrlC;
 use damprig::cli::output::{print, print_error};
-use damprig::cli::{progress, watch_for_ctrl_c};
+use damprig::cli::progress;
 use damprig::failure::{Failure, Outcome};
 use damprig::input::shown_in_line;
 use damprig::report::numbers::duration;
@@ -22,8 +22,7 @@ pub(super) fn compute(catalogue: &Catalogue, tasks: &[Task], is_silent: bool) ->
     if open.is_empty() {
         return Ok(Ok(()));
     }
-    let stop = Arc::new(AtomicBool::new(false));
-    watch_for_ctrl_c(&stop)?;
+    let ctrl_c = CtrlC::watch()?;
     let estimate_s: f64 = open.iter().map(|task| task.estimate_s).sum();
     if !is_silent {
         let (parts, all) = (open.len(), tasks.len());
@@ -34,7 +33,7 @@ pub(super) fn compute(catalogue: &Catalogue, tasks: &[Task], is_silent: bool) ->
         catalogue,
         open: &open,
         bar: progress::bar((1e3 * estimate_s) as u64),
-        stop: &stop,
+        ctrl_c: &ctrl_c,
         is_silent,
         state: Mutex::new(State { shares: vec![0.0; open.len()], complete: 0, failure: None }),
     };
@@ -47,7 +46,7 @@ pub(super) fn compute(catalogue: &Catalogue, tasks: &[Task], is_silent: bool) ->
     });
     work.bar.finish_and_clear();
     let state = work.state.into_inner().unwrap_or_else(PoisonError::into_inner);
-    if stop.load(Ordering::Relaxed) && state.complete < open.len() {
+    if ctrl_c.is_pressed() && state.complete < open.len() {
         let message =
             format!("stopped after {} of {} parts; the same command goes on with them", state.complete, open.len());
         return Ok(Err(Failure::Interrupted(message)));
@@ -60,7 +59,7 @@ struct Work<'a> {
     catalogue: &'a Catalogue,
     open: &'a [&'a Task<'a>],
     bar: ProgressBar,
-    stop: &'a AtomicBool,
+    ctrl_c: &'a CtrlC,
     is_silent: bool,
     state: Mutex<State>,
 }
@@ -98,7 +97,7 @@ impl Work<'_> {
     }
 
     fn is_stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
+        self.ctrl_c.is_pressed()
     }
 
     fn with_state<T>(&self, what: impl FnOnce(&mut State) -> T) -> T {

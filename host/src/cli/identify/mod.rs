@@ -266,22 +266,17 @@ fn finish_if_consistent(args: &OutArgs, identified: Identification, despite_misf
 /// Prints the results and writes the set-up file.
 fn finish(args: &OutArgs, identified: Identification) -> Outcome {
     let text = args.out.as_ref().map(|path| set_up_text(args, path, &identified)).transpose()?;
-    if args.json.is_given() {
-        say!("{}", serde_json::to_string(&identified)?);
-    } else {
-        say!("{}", text_of(&identified));
-    }
+    args.json.print(&identified)?;
+    say!("{}", text_of(&identified));
     let (Some(path), Some(text)) = (&args.out, text) else { return Ok(()) };
     let out = OutFile { path: path.clone(), force: args.force.is_given() || args.update };
     let failed = to_failure(path);
     write_new(&out, |file| file.write_all(text.as_bytes()).map_err(|e| failed(&e)))?;
-    if !args.json.is_given() {
-        say!(
-            "\nWritten to {}: `set_up_file = {:?}` at the top of a campaign reads it.",
-            path.display(),
-            path.display().to_string()
-        );
-    }
+    say!(
+        "\nWritten to {}: `set_up_file = {:?}` at the top of a campaign reads it.",
+        path.display(),
+        path.display().to_string()
+    );
     Ok(())
 }
 
