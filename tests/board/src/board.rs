@@ -22,7 +22,6 @@ use crate::peripherals::nvic::{HARD_FAULT, Masks};
 use crate::peripherals::rcc::ResetCause;
 use crate::register::Refused;
 use crate::time::Time;
-use damprig::failure::Failure;
 
 /// Cycles from an interrupt to the first instruction of its handler (Cortex-M4 TRM, without wait states).
 pub const ENTRY_CYCLES: u64 = 12;
