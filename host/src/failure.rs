@@ -15,7 +15,10 @@ pub enum Failure {
     /// The command line or a file is wrong (exit code 2); nothing has moved, nothing was written.
     #[error("{0}")]
     Input(String),
-    /// A run or a result cannot be written, or cannot be read again (exit code 1).
+    /// The disk refuses a file or folder (exit code 1).
+    #[error("{0}")]
+    Disk(String),
+    /// What is stored is damaged or missing, or a result cannot be made of it (exit code 1).
     #[error("{0}")]
     Storage(String),
     /// The rig, the link or a program that is needed failed (exit code 1).
@@ -35,7 +38,7 @@ impl Failure {
         Self::Input(error.to_string())
     }
 
-    /// A run or a result that cannot be written or read.
+    /// What is stored is damaged or missing, or a result cannot be made of it.
     pub fn storage(error: impl Display) -> Self {
         Self::Storage(error.to_string())
     }
@@ -53,7 +56,7 @@ impl Failure {
 
     /// What cannot be done with a file or folder; `action` is a verb: "write", "create".
     pub fn cannot(action: &str, path: &Path, error: impl Display) -> Self {
-        Self::Storage(format!("cannot {action} {}: {error}", path.display()))
+        Self::Disk(format!("cannot {action} {}: {error}", path.display()))
     }
 
     /// A figure that cannot be drawn or written.
@@ -77,6 +80,7 @@ impl Failure {
     pub fn with(self, text: impl FnOnce(&str) -> String) -> Self {
         match self {
             Self::Input(old) => Self::Input(text(&old)),
+            Self::Disk(old) => Self::Disk(text(&old)),
             Self::Storage(old) => Self::Storage(text(&old)),
             Self::Failed(old) => Self::Failed(text(&old)),
             Self::Interrupted(old) => Self::Interrupted(text(&old)),
@@ -87,7 +91,7 @@ impl Failure {
     #[must_use]
     pub const fn exit_code(&self) -> u8 {
         match self {
-            Self::Storage(_) | Self::Failed(_) => 1,
+            Self::Disk(_) | Self::Storage(_) | Self::Failed(_) => 1,
             Self::Input(_) => 2,
             Self::Interrupted(_) => 130,
         }

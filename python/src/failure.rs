@@ -27,7 +27,7 @@ impl Raised {
             Self::Exception(error) => error,
             Self::Fault { message, cause, value, limit } => fault(py, message, cause, value, limit),
             Self::Failure(Failure::Input(message)) => made(py, "InputError", (message,)),
-            Self::Failure(Failure::Storage(message)) => made(py, "RunFolderError", (message,)),
+            Self::Failure(Failure::Disk(message) | Failure::Storage(message)) => made(py, "RunFolderError", (message,)),
             Self::Failure(Failure::Failed(message)) => made(py, "RigError", (message,)),
             Self::Failure(Failure::Interrupted(message)) => PyKeyboardInterrupt::new_err(message),
         }

@@ -159,13 +159,14 @@ pub(super) fn say_table(study: &Study, table: &Path, start: Instant) {
 /// A failure with what is there already, and how to go on.
 pub(super) fn kept(data_set: &DataSet, error: Failure) -> Failure {
     let parts = data_set.parts().map_or(0, |parts| parts.len());
-    if parts == 0 || !matches!(error, Failure::Storage(_)) {
+    if parts == 0 || !matches!(error, Failure::Disk(_)) {
         return error;
     }
     let (all, place) = (data_set.manifest().parts(), data_set.store().path(""));
     error.with(|error| {
         format!(
-            "{error}\n  {parts} of {all} parts are kept in {}: the same command goes on with them (a full disk: free space first)",
+            "{error}\n  {parts} of {all} parts are kept in {}: when it can be written (a full disk: free space), the same command goes on \
+             with them",
             place.display()
         )
     })

@@ -48,7 +48,7 @@ const POSITIVE_TIME: &str = "particle.positive_wall.contact_time_s";
 /// # Errors
 /// No run, no impacts or those of several experiments, a set-up without a model or with a soft wall, fewer than two pulses on a wall.
 pub fn of_run(path: &Path, choice: &Choice) -> Result<Identification, Failure> {
-    let run = RunFolder::open(path)?;
+    let run = RunFolder::open(path).map_err(Failure::input)?;
     let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let all = pulses(&run).map_err(|e| failed(&e))?;
     let mut pairs: Vec<Pair> = all.iter().map(|(pair, _)| pair.clone()).collect();

@@ -46,7 +46,7 @@ type Key = (String, String, u64);
 /// # Errors
 /// No run, no impacts or those of several experiments; a set-up without a model; no samples of x.
 pub fn particle_run(path: &Path, choice: &Choice) -> Result<ParticleRun, Failure> {
-    let run = RunFolder::open(path)?;
+    let run = RunFolder::open(path).map_err(Failure::input)?;
     let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let mut segments = impacts(&run).map_err(|e| failed(&e))?;
     let pairs: Vec<(String, String)> = segments.keys().map(|key| (key.0.clone(), key.1.clone())).collect();

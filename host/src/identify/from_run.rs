@@ -103,7 +103,7 @@ pub(super) fn signal(
 /// # Errors
 /// No run, no free vibration or several of them; a damper that is not friction; missing samples.
 pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Failure> {
-    let run = RunFolder::open(path)?;
+    let run = RunFolder::open(path).map_err(Failure::input)?;
     let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let mut found: Vec<((String, String), [f64; 3])> = Vec::new();
     for batch in run.transients().map_err(|e| failed(&e))? {
@@ -145,7 +145,7 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Fai
 /// # Errors
 /// No run, no stepped sine or several of them; a set-up with a damper; too few settled points.
 pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, Failure> {
-    let run = RunFolder::open(path)?;
+    let run = RunFolder::open(path).map_err(Failure::input)?;
     let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let mut found: Vec<((String, String), Point, bool)> = Vec::new();
     for batch in run.results().map_err(|e| failed(&e))? {

@@ -30,7 +30,7 @@ struct Played {
 /// # Errors
 /// No run, none or several such experiments; a set-up with a damper; missing samples.
 pub fn response_of_run(path: &Path, choice: &Choice) -> Result<OfRun, Failure> {
-    let run = RunFolder::open(path)?;
+    let run = RunFolder::open(path).map_err(Failure::input)?;
     let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let played = played(&run).map_err(|e| failed(&e))?;
     let mut pairs: Vec<(String, String)> = played.iter().map(|played| played.names.clone()).collect();

@@ -59,7 +59,7 @@ A campaign or a case reads the written file with set_up_file = \"identified.toml
 
 Exit codes:
   0    success
-  1    the run cannot be read, or a file could not be written
+  1    a file could not be written
   2    the command line or the record is wrong; nothing was written";
 
 #[derive(Debug, Subcommand)]
