@@ -239,10 +239,7 @@ fn guided(args: &Args) -> Outcome {
         amplitude_m: args.amplitude_m.unwrap_or(if args.channel == Channel::Drive { 5e-4 } else { 2e-3 }),
         frequencies_hz: args.frequency_hz.clone(),
     };
-    on_the_rig(args, &plan, &mut session).map_err(|error| match error {
-        Failure::Interrupted(error) => Failure::Interrupted(format!("{error}\n  the board has its settings of before")),
-        error => error,
-    })
+    on_the_rig(args, &plan, &mut session)
 }
 
 /// Calibrates the rig of an open session.
@@ -324,7 +321,11 @@ fn save(session: &mut Session, record: &Record) -> Outcome {
 
 /// The failure with where the readings are. Readings of the rig that cannot be used are a failure of the rig.
 fn with_kept(error: Failure, channel: Channel, kept: &Kept) -> Failure {
-    let error = if let Failure::Input(text) = error { Failure::Failed(text) } else { error };
+    let error = match error {
+        Failure::Input(text) => Failure::Failed(text),
+        Failure::Interrupted(text) => Failure::Interrupted(format!("{text}\n  the board has its settings of before")),
+        error => error,
+    };
     let is_empty = std::fs::read_to_string(kept.path()).is_ok_and(|text| text.lines().count() < 2);
     if is_empty {
         kept.remove();
