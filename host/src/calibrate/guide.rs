@@ -10,7 +10,6 @@ use super::fit;
 use super::moving::{blows, drive, dwell_s, matched, spring};
 use super::readings::{Kept, Point};
 use super::rig::{CalibratedRig, Reading};
-
 use crate::failure::Failure;
 
 /// Share of the usable span that a target at rest may drift during a reading.

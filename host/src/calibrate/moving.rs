@@ -6,7 +6,6 @@ use damprig_core::io::DriveScale;
 use super::guide::{Answer, Ask, Operator, Plan, ready};
 use super::readings::{Kept, Point};
 use super::rig::CalibratedRig;
-
 use crate::failure::Failure;
 
 /// Both displacement sensors on the moving base: three amplitudes at each frequency.

@@ -12,7 +12,6 @@ use damprig_simulator::plant::{Bench, Blow, DataSheet, PlantConfig, SensorModel,
 use super::Channel;
 use super::guide::{Answer, Ask, Operator, question};
 use super::rig::CalibratedRig;
-
 use crate::failure::Failure;
 
 /// Standard error of placing a target, m: a gauge block against a stop.

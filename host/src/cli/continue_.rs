@@ -96,8 +96,7 @@ pub fn run(args: &Args) -> Outcome {
     args.json.print(&found)?;
     say!("{}", terminal::continuation::text(&found));
     if let Some(path) = &table {
-        let rows = branch_table::write(branch_table::orbits(&found), &args.force.file(path));
-        let rows = rows?;
+        let rows = branch_table::write(&branch_table::orbits(&found)?, &args.force.file(path))?;
         say!("Table: {} ({rows} orbits)", path.display());
     }
     let branches = args.plot.as_ref().map(|path| (path, branches::draw(&found)));
@@ -107,21 +106,21 @@ pub fn run(args: &Args) -> Outcome {
         say!("Figure: {}", path.display());
     }
     if let Some(folder) = folder {
-        write_all(&found, folder).map_err(Failure::failed)?;
+        write_all(&found, folder)?;
         say!("Written to {}", folder.display());
     }
     Ok(())
 }
 
 /// Writes all tables and figures to a folder.
-fn write_all(found: &Found, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
+fn write_all(found: &Found, folder: &Path) -> Outcome {
     create_folder(folder)?;
     let has_curves = found.curve_parameters.is_some();
     for extension in ["parquet", "csv"] {
         let file = |stem: &str| OutFile { path: folder.join(format!("{stem}.{extension}")), force: true };
-        branch_table::write(branch_table::orbits(found), &file("orbits"))?;
+        branch_table::write(&branch_table::orbits(found)?, &file("orbits"))?;
         if has_curves {
-            branch_table::write(branch_table::curves(found), &file("curves"))?;
+            branch_table::write(&branch_table::curves(found)?, &file("curves"))?;
         }
     }
     branches::draw(found)?.write(folder, "branches")?;

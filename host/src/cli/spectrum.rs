@@ -178,7 +178,7 @@ pub fn run(args: &Args) -> Outcome {
     let points = spectra(&record, &args.damping, &args.periods.0, method)
         .map_err(|why| Failure::Input(format!("{name}: {why}")))?;
     if let Some(path) = &args.out {
-        branch_table::write(spectrum_table::table(&points, &name, method), &args.force.file(path))?;
+        branch_table::write(&spectrum_table::table(&points, &name, method)?, &args.force.file(path))?;
     }
     if let Some(path) = &args.plot {
         figures::spectrum::draw(&points).and_then(|picture| picture.save(path))?;

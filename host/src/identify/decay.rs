@@ -13,7 +13,6 @@ use super::decay_record::{Swings, swings};
 use super::lack_of_fit::{Compared, LackOfFit, lack_of_fit};
 use super::statistics::{Fit, Value, fit, inflation, line};
 use super::{Estimate, Sensors};
-
 use crate::failure::Failure;
 
 /// What is fitted besides the linear motion.

@@ -6,7 +6,6 @@ use nalgebra::{DMatrix, DVector};
 
 use super::statistics::fit;
 use super::table::{Quantity, Table};
-
 use crate::failure::Failure;
 
 /// Force on a wall.

@@ -6,7 +6,6 @@
 use super::Estimate;
 use super::statistics::{Value, line};
 use super::table::{METRES, Quantity, SECONDS, Table};
-
 use crate::failure::Failure;
 
 const ANGLE: Quantity = Quantity {

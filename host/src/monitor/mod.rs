@@ -38,13 +38,12 @@ pub use control::{Actions, Asked, Handles, Player};
 pub use feed::Feed;
 pub use words::spring as spring_event;
 
+use crate::failure::Failure;
 use control::Control;
 use feed::Update;
 use live::Live;
 use places::Places;
 use server::Shared;
-
-use crate::failure::Failure;
 
 /// The port of the page when none is given and it is free.
 pub const PORT: u16 = 8421;

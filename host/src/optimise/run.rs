@@ -9,7 +9,6 @@ use super::file::Optimisation;
 use super::front::{Front, Second};
 use super::search::{self, Found, Progress};
 use super::size::{self, Size};
-
 use crate::failure::Failure;
 
 /// Where a run is.

@@ -36,9 +36,8 @@ pub fn share(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Resu
 
 /// At how many instants of the last cycle the structure is stuck.
 fn looks(case: &Case, optimisation: &Optimisation) -> Result<u32, Failure> {
-    let refused = |invalid: damprig_core::io::Invalid| Failure::Input(invalid.to_string());
     let counted = Counted::of(case, optimisation.record);
-    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial).map_err(refused)?;
+    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
     let mut is_stuck = |look: u32| {
         motion.run(counted.end_s - counted.cycle_s * (1.0 - f64::from(look) / f64::from(LOOKS)), &mut ());
         motion.mode().grip == Grip::Stuck

@@ -38,17 +38,16 @@ pub fn place(text: &str) -> Result<PathBuf, String> {
 ///
 /// # Errors
 /// Names the file that exists or cannot be written.
-pub fn write(table: Result<RecordBatch, Failure>, out: &OutFile) -> Result<usize, Failure> {
+pub fn write(batch: &RecordBatch, out: &OutFile) -> Result<usize, Failure> {
     let failed = to_failure(&out.path);
-    let batch = table.map_err(|e| failed(&e))?;
     let is_csv = out.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
     write_new(out, |file| {
         if !is_csv {
-            let bytes = sealed_parquet::bytes(&batch).map_err(|e| failed(&e))?;
+            let bytes = sealed_parquet::bytes(batch).map_err(|e| failed(&e))?;
             return file.write_all(&bytes).map_err(|e| failed(&e));
         }
         let written = CsvTable::new(file, &batch.schema(), Heads::Names)
-            .and_then(|mut table| table.write(&batch).and_then(|()| table.finish().map(drop)));
+            .and_then(|mut table| table.write(batch).and_then(|()| table.finish().map(drop)));
         written.map_err(|e| failed(&e))
     })?;
     Ok(batch.num_rows())

@@ -51,7 +51,7 @@ impl EarlierRun {
                 );
                 return Err(Failure::Input(message));
             }
-            Err(error) => return Err(Failure::Input(error.to_string())),
+            Err(error) => return Err(Failure::input(error)),
         };
         let mut taken = JournalState::of(&lines.entries);
         if is_unused(folder).unwrap_or(false) {

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use super::whole_file::WholeFile;
-
 use crate::failure::Failure;
 
 /// A file to write.

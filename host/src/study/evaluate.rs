@@ -237,12 +237,11 @@ pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Quantity]) ->
     let start = Instant::now();
     let counted = Counted::of(&case, record);
     let end_s = counted.end_s;
-    let refused = |invalid: damprig_core::io::Invalid| Failure::Input(invalid.to_string());
     // The analysis runs the motion again, and some of its periods many times.
     let times = if metrics.iter().any(|metric| metric::needs_analysis(*metric)) { 4.0 } else { 1.0 };
     if case.many_particles.is_some() {
         let run = RunSpec { duration_s: end_s, ..RunSpec::default() };
-        return Ok(times * cost::estimate(&Case { run, ..case }).map_err(refused)?.seconds);
+        return Ok(times * cost::estimate(&Case { run, ..case })?.seconds);
     }
     if case.record.is_some() || linear::settled(&case, &counted).is_some() {
         // Nothing stops it, so it has a result.
@@ -255,14 +254,14 @@ pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Quantity]) ->
         loop {
             // Twice as far each time, from the start.
             let start = Instant::now();
-            multi_degree::driver::counted(&case, several, (0, 0.0), until_s, wanted, &|| true).map_err(refused)?;
+            multi_degree::driver::counted(&case, several, (0, 0.0), until_s, wanted, &|| true)?;
             if until_s >= end_s || start.elapsed() > TRIAL {
                 return Ok(times * start.elapsed().as_secs_f64() * end_s / until_s);
             }
             until_s = (2.0 * until_s).min(end_s);
         }
     }
-    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial).map_err(refused)?;
+    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
     let mut response = Response::new(Wanted { cycle_s: Some(case.cycle_s()), ..Wanted::default() });
     let mut until_s = (8.0 * case.cycle_s()).min(end_s);
     loop {

@@ -5,7 +5,6 @@ use std::time::SystemTime;
 use super::Study;
 use super::data_set::{DataSet, PARTS, TABLE, part_number};
 use super::sums::{SUMS, Sums};
-
 use crate::failure::Failure;
 
 /// Parts that the pace is taken from: the latest.

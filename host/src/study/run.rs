@@ -9,7 +9,6 @@ use super::data_set::DataSet;
 use super::evaluate::{UNRESOLVED, columns, cycles_per_row, main_column, rows, trial_s};
 use super::file::Study;
 use super::part::Part;
-
 use crate::failure::Failure;
 
 /// Rows tried for an estimate.

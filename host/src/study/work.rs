@@ -7,7 +7,6 @@ use std::time::Instant;
 use super::data_set::DataSet;
 use super::file::Study;
 use super::run::{Ending, compute};
-
 use crate::failure::Failure;
 
 /// A share of the parts: those that leave the remainder `index` when divided by `count`.

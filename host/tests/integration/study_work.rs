@@ -112,7 +112,9 @@ fn a_share_has_the_parts_of_its_remainder_and_merging_names_the_others() {
     let said = succeeds(&study(&folder, "work", "out", &["--shard", "2/4"]));
     assert!(said.contains("part 1 of 6: rows 2 to 3") && said.contains("missing parts of other shares: 4"), "{said}");
     assert_eq!(names(&folder.path().join("out/parts")), ["00000001.parquet", "00000005.parquet"]);
-    fails(&study(&folder, "merge", "out", &[]), 1, &["4 of 6 parts", "missing: 0, 2 to 4", "study work"]);
+    let merged = study(&folder, "merge", "out", &[]);
+    fails(&merged, 1, &["4 of 6 parts", "missing: 0, 2 to 4", "study work"]);
+    assert!(!String::from_utf8_lossy(&merged.stderr).contains("full disk"), "merging again would not help");
     assert!(!folder.path().join("out/table.parquet").exists());
     let said = succeeds(&study(&folder, "status", "out", &[]));
     assert!(said.contains("2 of 6 parts done, 4 missing") && said.contains("left"), "{said}");

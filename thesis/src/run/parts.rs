@@ -110,7 +110,7 @@ pub(super) fn bifurcation(
 pub(super) fn continuation(file: &Path, folder: &Path) -> Result<Ending, Failure> {
     let found = Continuation::read(file)?.follow()?;
     let out = OutFile { path: folder.join(BRANCHES_TABLE), force: true };
-    branch_table::write(branch_table::orbits(&found), &out)?;
+    branch_table::write(&branch_table::orbits(&found)?, &out)?;
     branches::draw(&found).and_then(|picture| picture.write(folder, "branches"))?;
     let json = serde_json::to_string(&found)?;
     own_files::replace(&folder.join(BRANCHES), json.as_bytes())?;

@@ -127,7 +127,7 @@ fn draw(args: &DecayArgs, decay: &Decay, identified: &Identification) -> Outcome
             "--table: the record has too few cycles for a table over the amplitude\n  record longer".into(),
         ));
     }
-    let table = backbone_table::table(&identified.over_amplitude, &identified.taken_from);
-    branch_table::write(table, &args.out.force.file(path))?;
+    let table = backbone_table::table(&identified.over_amplitude, &identified.taken_from)?;
+    branch_table::write(&table, &args.out.force.file(path))?;
     Ok(())
 }

@@ -121,8 +121,8 @@ pub(super) fn run(args: &RestitutionArgs) -> Outcome {
         if option == "--plot" {
             figure::draw(law, &over.impacts).and_then(|picture| picture.save(path))?;
         } else {
-            let table = restitution_table::table(&over.impacts, &identified.taken_from);
-            branch_table::write(table, &args.out.force.file(path))?;
+            let table = restitution_table::table(&over.impacts, &identified.taken_from)?;
+            branch_table::write(&table, &args.out.force.file(path))?;
         }
     }
     let help = "test at the speeds of the experiment, or write the coefficient of all impacts";

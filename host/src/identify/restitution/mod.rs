@@ -17,7 +17,6 @@ use super::force_record::FORCE;
 use super::statistics::Value;
 use super::table::{TIME, Table};
 use super::{Estimate, Identification};
-
 use crate::failure::Failure;
 
 /// Mass and approach velocity of the body on a force record.

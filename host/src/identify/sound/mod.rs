@@ -10,10 +10,9 @@ pub mod weighting;
 
 use super::Estimate;
 use super::statistics::Value;
+use crate::failure::Failure;
 use recording::Recording;
 use weighting::Weighting;
-
-use crate::failure::Failure;
 
 /// Reference pressure, Pa: 0 dB.
 pub const REFERENCE_PA: f64 = 20e-6;

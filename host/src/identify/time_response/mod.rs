@@ -12,10 +12,9 @@ pub mod welch;
 
 use super::response::{self, DrivenBy, Point};
 use super::{Estimate, Sensors};
+use crate::failure::Failure;
 use output_error::OutputError;
 use welch::{Segments, Spectrum};
-
-use crate::failure::Failure;
 
 /// Motion of structure and base at even times.
 #[derive(Clone, Debug, PartialEq)]

@@ -8,7 +8,6 @@ use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
 use super::Motion;
-
 use crate::failure::Failure;
 
 /// Segments of a record.

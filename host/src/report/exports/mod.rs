@@ -222,7 +222,7 @@ impl ExportSelection {
                 *chosen &= t_s >= self.from_s && t_s < self.to_s;
             }
         }
-        filter_record_batch(batch, &BooleanArray::from(is_chosen)).map_err(|e| Failure::Storage(e.to_string()))
+        Ok(filter_record_batch(batch, &BooleanArray::from(is_chosen))?)
     }
 }
 

@@ -91,7 +91,7 @@ pub fn read_samples(path: &Path) -> Result<Batches, Failure> {
             Err(error) => {
                 return match closed_of(path).filter(|closed| !path.exists() && closed.exists()) {
                     Some(closed) => Ok(Box::new(read(&closed)?)),
-                    None => Err(Failure::Storage(error.to_string())),
+                    None => Err(Failure::storage(error)),
                 };
             }
         };
