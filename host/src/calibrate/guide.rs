@@ -220,7 +220,7 @@ fn one(
         }
         refused += 1;
     }
-    Err(Failure::Failed(format!("{MAX_REFUSED} readings in a row were none; the points so far are kept")))
+    Err(Failure::Failed(format!("none of {MAX_REFUSED} readings in a row could be used; the points so far are kept")))
 }
 
 /// Checks a reference of a channel at rest against the usable span of its sensor.

@@ -62,7 +62,7 @@ pub struct ComparedExperiment {
 pub struct ComparedPoint {
     /// Drive frequency, Hz; none without a drive frequency.
     pub frequency_hz: Option<f64>,
-    /// Neighbouring starts part: maxima and time histories of two runs differ, their statistics are compared.
+    /// Nearby trajectories diverge: maxima and time histories of two runs differ, their statistics are compared.
     pub is_sensitive: bool,
     /// Why the simulation on the measured base motion is missing.
     pub without_measured_base: Option<String>,

@@ -389,7 +389,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     fn add_clock_pair(&mut self, tick: u32) {
         if !self.run.session.is_granted() {
             let device_s = f64::from(tick) / f64::from(TICK_HZ);
-            // A rig that runs faster than the clock on the wall has no drift because of that.
+            // In rig seconds: the pace of a rig with a speed of its own is no drift.
             let host_s = self.run.began.elapsed().as_secs_f64() * self.run.session.speed();
             let pair = self.clock.add(Pair { device_s, host_s });
             pair.into_iter().for_each(|pair| self.run.note(Entry::Clock(pair)));

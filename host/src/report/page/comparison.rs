@@ -160,7 +160,7 @@ fn histories(point: &ComparedPoint) -> Markup {
         )
     });
     let parted = if point.is_sensitive {
-        " Neighbouring starts part here: the histories of two runs differ, their statistics are compared."
+        " Nearby trajectories diverge here: the histories of two runs differ, their statistics are compared."
     } else {
         ""
     };

@@ -86,7 +86,7 @@ fn optimum(answer: &Answer) -> String {
         line(constraint.metric, &format!("{value} ({}{})", constraint.limit, kept(constraint)));
     }
     if answer.unresolved > 0.0 {
-        line("unresolved", &format!("{} times too many events fell on one instant", answer.unresolved));
+        line("unresolved", &format!("{} instants with too many events", answer.unresolved));
     }
     text
 }

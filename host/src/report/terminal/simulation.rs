@@ -245,10 +245,8 @@ pub fn summary(case: &Case, result: &SimulationResult) -> String {
         lines.push(("accumulations", accumulations(result)));
     }
     if s.unresolved > 0 {
-        let text = format!(
-            "{} times too many events fell on one instant; the motion continued without resolving them",
-            s.unresolved
-        );
+        let text =
+            format!("{} instants with too many events; the motion continued without resolving them", s.unresolved);
         lines.push(("unresolved", text));
     }
     if let Some(beyond_m) = s.passed_wall_by_m {
