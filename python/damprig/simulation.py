@@ -17,6 +17,7 @@ from .tables import Table
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Mapping
 
     from numpy.typing import ArrayLike
 
@@ -201,6 +202,7 @@ def analyse(case: str | os.PathLike[str] | Case | dict[str, Any]) -> dict[str, A
 def simulate(
     case: str | os.PathLike[str] | Case | dict[str, Any],
     *,
+    set: Mapping[str, Any] | None = None,
     sample_times: ArrayLike | None = None,
     rate_hz: float | None = None,
 ) -> Simulation:
@@ -211,6 +213,8 @@ def simulate(
     case : path or dict
         A case file (TOML or JSON), or a dict with the keys of one (docs/KEYS.md). Relative files of a dict are those of the working
         directory. Arrays and scalars of NumPy are allowed.
+    set : dict of str, optional
+        Values in place of the case's, by their keys with tables: ``{"particle.wall.coefficient": 0.5}``, as ``--set`` of the command.
     sample_times : array_like of shape (n,), optional
         Times of the rows, s, in rising order, from 0 to the case's ``duration_s``.
     rate_hz : float, optional
@@ -233,7 +237,7 @@ def simulate(
     if sample_times is not None and rate_hz is not None:
         raise InputError("sample_times and rate_hz are both given: give one of them")
     times = None if sample_times is None else _times(sample_times)
-    done = _damprig.simulate(case, times, None if rate_hz is None else _number("rate_hz", rate_hz))
+    done = _damprig.simulate(case, _assignments(set or {}), times, None if rate_hz is None else _number("rate_hz", rate_hz))
     for warning in done.pop("warnings"):
         warnings.warn(warning, UnusualValueWarning, stacklevel=2)
     done["summary"] = json.loads(done["summary"])
@@ -248,6 +252,14 @@ def simulate(
         message = f"the result lists the first {listed} of {counted} impacts; `damprig simulate --out` writes them all"
         warnings.warn(message, UserWarning, stacklevel=2)
     return Simulation(**done)
+
+
+def _assignments(values: Mapping[str, Any]) -> list[str]:
+    try:
+        return [f"{key}={json.dumps(value, default=lambda array: array.tolist())}" for key, value in values.items()]
+    except (AttributeError, TypeError) as error:
+        message = f"set = {values!r} is not allowed: must be a dict from keys of the case to numbers, words or lists"
+        raise InputError(message) from error
 
 
 def _times(sample_times: ArrayLike) -> list[float]:

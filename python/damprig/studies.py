@@ -8,6 +8,7 @@ import os
 import re
 import tempfile
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,15 +19,20 @@ from . import _damprig
 from .errors import InputError
 from .numbers import real_array
 from .plots import plot_basins, plot_bifurcation, plot_branches, plot_optimisation, plot_study
+from .simulation import simulate
 from .tables import Table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import ArrayLike
 
     from . import keys
     from .keys import Case
+    from .simulation import Simulation
+
+    #: A number of a motion.
+    Metric = Callable[[Simulation], float]
 
 __all__ = ["Basins", "Bifurcation", "Branches", "Optimisation", "Study", "basins", "bifurcation", "continuation", "evaluate", "optimise", "study"]
 
@@ -200,7 +206,7 @@ def evaluate(
     case: str | os.PathLike[str] | Case | dict[str, Any],
     keys: Sequence[str],
     points: ArrayLike,
-    metrics: str | Sequence[str],
+    metrics: str | Metric | Sequence[str | Metric],
     *,
     axis: Sequence[keys.StudyAxis | dict[str, Any]] = (),
     record: keys.StudyRecord | dict[str, Any] | None = None,
@@ -215,8 +221,9 @@ def evaluate(
         What varies: keys of the case with their tables, as ``"particle.clearance_m"``.
     points : array_like of shape (n, len(keys))
         The values of the keys at each point, in the units of the keys.
-    metrics : str or sequence of str
-        What is computed; docs/STUDIES.md lists the metrics.
+    metrics : str, function or a sequence of them
+        What is computed; docs/STUDIES.md lists the metrics by name. A function of yours takes the :class:`damprig.Simulation` of a point, the whole
+        ``run`` of the case, and returns a number; it is called in several threads at once.
     axis : sequence of dict, optional
         Axes of a study with ``reduce``, over which each point is judged: a band of frequencies.
     record : dict, optional
@@ -234,14 +241,46 @@ def evaluate(
         The case, a key or a value is wrong; nothing is returned then.
     """
     array = _points(keys, points)
-    names = [metrics] if isinstance(metrics, str) else list(metrics)
+    is_single = isinstance(metrics, str) or callable(metrics)
+    wanted = [metrics] if is_single else list(metrics)
+    names = [metric for metric in wanted if not callable(metric)]
+    named = iter(_named(case, keys, array, names, axis, record).T if names or not wanted else [])
+    functions = [metric for metric in wanted if callable(metric)]
+    if functions and len(axis):
+        raise InputError("axis is not allowed: a function among the metrics has the motion of one point; leave out `axis`")
+    if record is not None and not names:
+        raise InputError("record is not allowed: a function has the whole motion; leave out `record`, or count in the function")
+    own = iter(_of_motions(case, keys, array, functions).T)
+    values = np.column_stack([next(own if callable(metric) else named) for metric in wanted])
+    return values[:, 0] if is_single else values
+
+
+def _named(case: Any, keys: Any, array: np.ndarray, names: list[str], axis: Any, record: Any) -> np.ndarray:
+    """Metrics by name: a row for each point."""
     given = {"case": case, "metrics": names, "points": "points", "axis": list(axis)}
     values = _damprig.evaluate(_given(given if record is None else {**given, "record": record}), list(keys), array)
     unresolved = np.flatnonzero(values[:, -1])
     if len(unresolved):
         message = f"too many events fell on one instant at {len(unresolved)} of {len(values)} points, first at point {unresolved[0]}"
-        warnings.warn(message, UserWarning, stacklevel=2)
-    return values[:, 0] if isinstance(metrics, str) else values[:, :-1]
+        warnings.warn(message, UserWarning, stacklevel=3)
+    return values[:, :-1]
+
+
+def _of_motions(case: Any, keys: Any, array: np.ndarray, functions: list[Metric]) -> np.ndarray:
+    """Functions of the motions: a row for each point. The motions are simulated on all cores."""
+
+    def values(point: list[float]) -> list[float]:
+        motion = simulate(case, set=dict(zip(keys, point, strict=True)))
+        return [float(function(motion)) for function in functions]
+
+    if not functions:
+        return np.empty((len(array), 0))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        try:
+            return np.array(list(pool.map(values, array.tolist()))).reshape(len(array), len(functions))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def _points(keys: Any, points: ArrayLike) -> np.ndarray:

@@ -72,11 +72,11 @@ impl Viewer for Motion {
     }
 }
 
-/// Reads the case; also its text, which has the warnings of unusual values.
-fn read(given: Given) -> Result<(Case, Source), Raised> {
+/// Reads the case with values that are set from outside; also its text, which has the warnings of unusual values.
+fn read(given: Given, set: &SetValues) -> Result<(Case, Source), Raised> {
     let name = given.name();
     let source = given.source()?;
-    Ok((Case::parse(&source, &name)?, source))
+    Ok((Case::parse_changed(&source, &name, set)?, source))
 }
 
 /// The times that are wanted: given ones, a rate, those of the case, or the usual rate.
@@ -125,7 +125,7 @@ impl Observer for Watch {
 pub fn analyse(py: Python<'_>, case: &Bound<'_, PyAny>) -> PyResult<(Vec<String>, String)> {
     let given = Given::of("case", case)?;
     work(py, || {
-        let (case, source) = read(given)?;
+        let (case, source) = read(given, &SetValues::default())?;
         let text = (source.name(), source.text());
         case.refuse_other_engines(text, &SetValues::default(), "analyse", false)?;
         let mut watch = Watch(Interrupt::new());
@@ -150,8 +150,13 @@ struct Simulated {
     result: SimulationResult,
 }
 
-fn simulated(given: Given, times_s: Option<Vec<f64>>, rate_hz: Option<f64>) -> Result<Simulated, Raised> {
-    let (mut case, source) = read(given)?;
+fn simulated(
+    given: Given,
+    set: &[String],
+    times_s: Option<Vec<f64>>,
+    rate_hz: Option<f64>,
+) -> Result<Simulated, Raised> {
+    let (mut case, source) = read(given, &SetValues::of("set", set)?)?;
     let times = times(&case, times_s, rate_hz)?;
     let rate_hz = if let Times::Rate(rate_hz) = times { Some(rate_hz) } else { None };
     // The states are kept here.
@@ -165,17 +170,18 @@ fn simulated(given: Given, times_s: Option<Vec<f64>>, rate_hz: Option<f64>) -> R
     Ok(Simulated { case, warnings: source.warnings(), motion, result })
 }
 
-/// Simulates a case: `case` is a path or a dict.
+/// Simulates a case: `case` is a path or a dict, `set` has texts `key=value`.
 #[pyfunction]
-#[pyo3(signature = (case, times_s, rate_hz))]
+#[pyo3(signature = (case, set, times_s, rate_hz))]
 pub fn simulate<'py>(
     py: Python<'py>,
     case: &Bound<'py, PyAny>,
+    set: Vec<String>,
     times_s: Option<Vec<f64>>,
     rate_hz: Option<f64>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let given = Given::of("case", case)?;
-    let done = work(py, || simulated(given, times_s, rate_hz))?;
+    let done = work(py, || simulated(given, &set, times_s, rate_hz))?;
     let dict = PyDict::new(py);
     dict.set_item("name", &done.case.name)?;
     dict.set_item("warnings", done.warnings)?;

@@ -210,6 +210,38 @@ def test_a_single_metric_over_a_band_has_one_value_for_each_point(folder):
     assert np.all(found >= alone)
 
 
+def test_functions_of_the_motion_are_metrics_beside_those_by_name():
+    case = tomllib.loads(CASE)
+    points = [[9.0, 0.4], [12.0, 0.6], [13.0, 0.5]]
+
+    def late_impacts(motion):
+        return np.sum(motion.impacts.time > motion.time[-1] / 2)
+
+    found = damprig.evaluate(case, KEYS, points, [late_impacts, "max_abs_x_m", lambda motion: np.max(np.abs(motion.x))])
+    for row, point in zip(found, points, strict=True):
+        motion = damprig.simulate(case, set=dict(zip(KEYS, point, strict=True)))
+        assert row[0] == late_impacts(motion) and row[2] == np.max(np.abs(motion.x))
+        # The rows of the motion are 200 a period.
+        assert abs(row[1] / row[2] - 1) < 1e-3
+    assert np.array_equal(damprig.evaluate(case, KEYS, points, late_impacts), found[:, 0])
+
+
+def test_a_function_that_fails_or_gets_what_it_cannot_use_says_so():
+    case = tomllib.loads(CASE)
+
+    def fails(motion):
+        raise ZeroDivisionError("of the function")
+
+    with pytest.raises(ZeroDivisionError, match="of the function"):
+        damprig.evaluate(case, KEYS[:1], [[9.0]] * 20, fails)
+    band = {"key": "base.frequency_ratio", "from": 0.95, "to": 1.05, "count": 5, "reduce": "maximum"}
+    for given in [{"axis": [band]}, {"record": {"cycles": 5}}]:
+        with pytest.raises(damprig.InputError, match="leave out"):
+            damprig.evaluate(case, KEYS[:1], [[9.0]], fails, **given)
+    with pytest.raises(damprig.InputError, match="clearance_ratoi"):
+        damprig.evaluate(case, ["particle.clearance_ratoi"], [[9.0]], fails)
+
+
 # Contacts with a soft wall that fall on one instant.
 NOT_TOLD_APART = """
 force = { kind = "sine", amplitude_n = 1, frequency_hz = 8 }

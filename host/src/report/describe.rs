@@ -125,7 +125,12 @@ pub fn excitation(case: &Case) -> String {
         Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, .. } => {
             let r = angular_frequency_rad_per_s / case.set_up.structure.angular_frequency_rad_per_s();
             let (z, f) = (millimetres(amplitude_m), hz(angular_frequency_rad_per_s));
-            format!("base Z = {z}, {f} Hz (f/fn = {})", significant(r, 4))
+            let beside = case.multi_degree.as_ref().and_then(|several| several.set_up.force_beside_base);
+            let force = beside.map_or(String::new(), |force| {
+                let (amplitude, phase) = (significant(force.amplitude_n, 4), significant(force.phase_rad, 4));
+                format!(", force {amplitude} N (φ = {phase} rad)")
+            });
+            format!("base Z = {z}, {f} Hz (f/fn = {}){force}", significant(r, 4))
         }
         Excitation::HalfSine { amplitude_m, duration_s } => {
             format!("half-sine pulse of the base, Z = {}, {} s", millimetres(amplitude_m), significant(duration_s, 4))

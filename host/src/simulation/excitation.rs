@@ -49,6 +49,11 @@ impl CaseExcitation {
         }
     }
 
+    /// Whether the base moves as a sine.
+    pub(super) fn is_sine_of_base(&self) -> bool {
+        matches!(self.closed_form(), Some(Excitation::Sine { .. }))
+    }
+
     /// Whether nothing moves the base and no force acts.
     pub(super) fn is_none(&self) -> bool {
         self.closed_form() == Some(&Excitation::Fixed)
@@ -146,6 +151,26 @@ fn amplitude(s: &Section, quantity: &Declared, stated_m: Option<f64>) -> Option<
         s.reject(own, format!("`{other}` gives the same quantity"), help);
     }
     stated_m
+}
+
+/// P, N, and φ, rad, of a force beside a sine of the base, whose frequency it has. Its place is another's to read.
+pub(super) fn force_beside_base(s: &Section) -> Option<(f64, f64)> {
+    s.leave(&force_sine::PLACE);
+    let force = match s.variant(&[force_sine::TABLE, force_half_sine::TABLE])? {
+        0 => {
+            if let Some(frequency) = s.written(&force_sine::FREQUENCY) {
+                let help = Some("leave it out".into());
+                s.reject(frequency.name, "beside a moving base the force has the base's frequency", help);
+            }
+            s.scalar(&force_sine::AMPLITUDE).zip(s.scalar(&force_sine::PHASE))
+        }
+        _ => {
+            s.reject("kind", "beside a moving base the force is a sine", Some("write kind = \"sine\"".into()));
+            return None;
+        }
+    };
+    s.finish();
+    force
 }
 
 /// Reads `force`, which acts on the structure over a fixed base. Its place is another's to read.

@@ -40,7 +40,7 @@ tables! {
         NAME: Optional, [key("name", Kind::Text, "name of the case in figures; the file name when left out")];
         SET_UP_FILE: Optional, [setup::SET_UP_FILE];
         BASE: Optional, [key("base", Kind::Table, "motion of the base; fixed when left out")];
-        FORCE: Optional, [key("force", Kind::Table, "force on the structure, over a fixed base")];
+        FORCE: Optional, [key("force", Kind::Table, "force on the structure; a sine also beside a sine of the base, whose frequency it has")];
         MANY_PARTICLES: Optional, [key("many_particles", Kind::Table, "spheres in a box on the structure, in place of the other dampers")];
         STOREYS: Optional, [key("storey", Kind::Tables, "a frame in place of `structure`: its storeys from the ground up; the places are its floors")];
         BEAM: Optional, [key("beam", Kind::Table, "a beam in place of `structure`; places are positions on it")];
@@ -94,7 +94,7 @@ tables! {
     "A harmonic force: P sin(Ωt + φ)."
     force_sine("force", "sine") {
         AMPLITUDE: Required, [number("amplitude_n", NotNegative, "P").usual(0.0, 1000.0)];
-        FREQUENCY: Required, [ANGULAR, HERTZ, FREQUENCY_RATIO];
+        FREQUENCY: RequiredUnless("a sine of the base gives it"), [ANGULAR, HERTZ, FREQUENCY_RATIO];
         PHASE: Default(Number(0.0)), [number("phase_rad", Any, "φ")];
         PLACE: Optional, [FORCE_PLACE[0], FORCE_PLACE[1]];
     }

@@ -78,7 +78,7 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
         refuse_place(root, quantity);
     }
     let stated_m = root.scalar(&BASE_AMPLITUDE);
-    let case_excitation = read_excitation(root, stated_m);
+    let (case_excitation, beside) = read_excitation(root, stated_m);
     let record = match &case_excitation {
         Some(CaseExcitation::Recorded(record)) => Some(record),
         _ => None,
@@ -154,7 +154,11 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
         });
     }
     let contacts = spec.contacts();
-    let case = Case { name, set_up, contacts, many_particles, excitation, record, initial, run, multi_degree: None };
+    let mut case =
+        Case { name, set_up, contacts, many_particles, excitation, record, initial, run, multi_degree: None };
+    if let Some(force) = beside {
+        case.multi_degree = Some(multi_degree::read::force_beside_base(root, &case, force)?);
+    }
     if let Some(section) = &run_section {
         check_cycles(section, &case);
     }
@@ -165,22 +169,29 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     Some(if case.record.is_some() { case.without_hertz() } else { case })
 }
 
-/// Reads `base` or `force`.
-pub(super) fn read_excitation(root: &Section, stated_m: Option<f64>) -> Option<CaseExcitation> {
+/// Reads `base` and `force`: the excitation, and P, N, and φ, rad, of a force beside a sine of the base.
+pub(super) fn read_excitation(root: &Section, stated_m: Option<f64>) -> (Option<CaseExcitation>, Option<(f64, f64)>) {
     let beside = |file: &str| resolve(Path::new(root.source().name()), file);
-    let base = root.table_of(&case::BASE, None).map(|s| excitation::base(&s, stated_m, &beside));
-    let force = root.table_of(&case::FORCE, None).map(|s| (s.span(), excitation::force(&s)));
-    let fixed = CaseExcitation::ClosedForm(Excitation::Fixed);
-    let Some((span, force)) = force else { return base.unwrap_or(Some(fixed)) };
-    if base.is_some_and(|base| base.is_some_and(|base| !base.is_none())) {
-        root.source().report(Problem {
-            title: "`force` and a moving `base` are both given".into(),
-            span,
-            allowed: "give one of them: a force acts on the structure over a fixed base".into(),
-            help: Some("write base = {kind = \"fixed\"}, or leave out `force`".into()),
-        });
+    let base = match root.table_of(&case::BASE, None) {
+        Some(s) => excitation::base(&s, stated_m, &beside),
+        None if root.is_given(&case::BASE) => None,
+        None => Some(CaseExcitation::ClosedForm(Excitation::Fixed)),
+    };
+    let Some(force) = root.table_of(&case::FORCE, None) else { return (base, None) };
+    match base {
+        Some(base) if base.is_none() => (excitation::force(&force), None),
+        Some(base) if base.is_sine_of_base() => (Some(base), excitation::force_beside_base(&force)),
+        Some(base) => {
+            root.source().report(Problem {
+                title: "`force` and a moving `base` are both given".into(),
+                span: force.span(),
+                allowed: "both can be given if both are sines: the force then has the base's frequency".into(),
+                help: Some("write base = {kind = \"fixed\"}, or leave out `force`".into()),
+            });
+            (Some(base), None)
+        }
+        None => (None, None),
     }
-    force
 }
 
 /// What ratios refer to: Z, the amplitude of the base motion, or the one stated in the set-up; P of a force; x0 of a free vibration.

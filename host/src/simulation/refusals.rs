@@ -31,6 +31,9 @@ impl Case {
                 "spheres have no motion whose every event is found exactly, which it needs",
                 "`damprig simulate` and `damprig study` follow spheres; or take a `particle`",
             ),
+            (None, Some(several)) if !several_places && several.set_up.force_beside_base.is_some() => {
+                (case::FORCE.name(), "it follows a moving base or a force, not both", "leave out one of them")
+            }
             (None, Some(several)) if !several_places => (
                 several.key,
                 "it follows a structure of one degree of freedom",

@@ -24,12 +24,18 @@ impl SetValues {
     /// # Errors
     /// Names the text without `=`, without a key, or with a key that another one sets too.
     pub fn from_arguments(arguments: &[String]) -> Result<Self, Failure> {
+        Self::of("--set", arguments)
+    }
+
+    /// From `key=value` texts that `origin` gives.
+    ///
+    /// # Errors
+    /// As [`SetValues::from_arguments`].
+    pub fn of(origin: &str, arguments: &[String]) -> Result<Self, Failure> {
         let mut lines = String::new();
         for argument in arguments {
             let refused = |why: &str| {
-                Failure::Input(format!(
-                    "--set {argument:?}: {why}; write for example --set particle.wall.coefficient=0.5"
-                ))
+                Failure::Input(format!("{origin} {argument:?}: {why}; write for example particle.wall.coefficient=0.5"))
             };
             let (key, value) = argument.split_once('=').ok_or_else(|| refused("there is no `=`"))?;
             let (key, value) = (key.trim(), value.trim());
@@ -48,7 +54,7 @@ impl SetValues {
                 return Err(refused(error.message()));
             }
         }
-        Ok(Self { origin: "--set".into(), lines })
+        Ok(Self { origin: origin.into(), lines })
     }
 
     /// Whether there are none.

@@ -51,5 +51,5 @@ pub use describe::{Beam, Damping, MAX_MODES, Storey, Support};
 pub use motion::Motion;
 pub use observe::{Impact, Observer, Piece};
 pub use refused::Refused;
-pub use set_up::{FrictionJoint, ImpactDamper, Mode, Modes, SetUp, TunedMass, base_at_start};
+pub use set_up::{FrictionJoint, HarmonicForce, ImpactDamper, Mode, Modes, SetUp, TunedMass, base_at_start};
 pub use state::{Body, State};

@@ -144,6 +144,16 @@ impl Mount {
         if let Some(place) = set_up.driven_place {
             force.iter_mut().zip(row(place)).for_each(|(force, row)| *force = C64::new(0.0, -row));
         }
+        if let Some(beside) = set_up.force_beside_base {
+            let Excitation::Sine { amplitude_m, phase_rad, .. } = *excitation else {
+                return Err(Refused::NoSineBeside);
+            };
+            if amplitude_m == 0.0 {
+                return Err(Refused::NoSineBeside);
+            }
+            let per_base = C64::from_polar(beside.amplitude_n / amplitude_m, beside.phase_rad - phase_rad);
+            force.iter_mut().zip(row(beside.place)).for_each(|(force, row)| *force += C64::new(0.0, -row) * per_base);
+        }
         let cavities = particles
             .iter()
             .map(|damper| {

@@ -40,6 +40,9 @@ pub enum Refused {
     /// A driven place of an excitation that moves the base.
     #[error("force.place: the excitation moves the base; leave the place out, or give a force")]
     BaseMoves,
+    /// A force beside something else than a sine of the base.
+    #[error("force: beside a moving base there is a force only if the base moves as a sine with an amplitude above 0")]
+    NoSineBeside,
     /// A particle that starts outside its cavity.
     #[error(
         "initial: y − x of the particle of impact damper {damper} is {offset_m} m, its walls are at {from_m} m and {to_m} m"

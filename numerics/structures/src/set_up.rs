@@ -3,7 +3,7 @@
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::integrator::exact::time::Time;
 use damprig_core::io::{finite, not_negative, positive};
-use damprig_core::model::{FrictionDamper, GRAVITY_M_PER_S2, Particle, Structure, Tmd};
+use damprig_core::model::{FrictionDamper, GRAVITY_M_PER_S2, Initial, Particle, SetUp as OneDegree, Structure, Tmd};
 
 use crate::describe::{matrix, not_growing};
 use crate::{Body, Refused, State};
@@ -78,6 +78,17 @@ pub struct TunedMass {
     pub tmd: Tmd,
 }
 
+/// A harmonic force P sin(Ωt + φ) at a place, beside a harmonic motion of the base whose Ω it has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HarmonicForce {
+    /// Number of the place.
+    pub place: usize,
+    /// P, N; 0 or greater.
+    pub amplitude_n: f64,
+    /// φ, rad.
+    pub phase_rad: f64,
+}
+
 /// A structure and the dampers mounted on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SetUp {
@@ -93,6 +104,23 @@ pub struct SetUp {
     pub gravity_m_per_s2: f64,
     /// The place at which the excitation's force acts; `None`: the excitation moves the base.
     pub driven_place: Option<usize>,
+    /// A force beside the excitation, which is then a sine of the base.
+    pub force_beside_base: Option<HarmonicForce>,
+}
+
+impl From<&OneDegree> for SetUp {
+    /// The same set-up on a structure of one mode and one place, on a moving base.
+    fn from(one: &OneDegree) -> Self {
+        let joint = |damper| FrictionJoint { place: 0, other: None, damper };
+        Self {
+            impact_dampers: one.particle.map(|particle| ImpactDamper { place: 0, particle }).into_iter().collect(),
+            // Without a force there is no damper.
+            friction_dampers: one.friction_damper.filter(|it| it.force_n > 0.0).map(joint).into_iter().collect(),
+            tuned_masses: one.tmd.map(|tmd| TunedMass { place: 0, tmd }).into_iter().collect(),
+            gravity_m_per_s2: one.gravity_m_per_s2,
+            ..Self::bare(one.structure)
+        }
+    }
 }
 
 impl SetUp {
@@ -106,6 +134,7 @@ impl SetUp {
             tuned_masses: Vec::new(),
             gravity_m_per_s2: GRAVITY_M_PER_S2,
             driven_place: None,
+            force_beside_base: None,
         }
     }
 
@@ -160,6 +189,11 @@ impl SetUp {
                 return Err(Refused::NoMotion);
             }
         }
+        if let Some(force) = self.force_beside_base {
+            exists("force.place", force.place)?;
+            not_negative("force.amplitude_n", force.amplitude_n)?;
+            finite("force.phase_rad", force.phase_rad)?;
+        }
         self.driven_place.map_or(Ok(()), |place| exists("force.place", place))
     }
 
@@ -183,10 +217,9 @@ impl SetUp {
     }
 
     /// One damper on a structure of its own, for the checks that a set-up of one degree of freedom has.
-    fn alone(&self, particle: Option<Particle>, tmd: Option<Tmd>) -> damprig_core::model::SetUp {
+    fn alone(&self, particle: Option<Particle>, tmd: Option<Tmd>) -> OneDegree {
         let structure = Structure { mass_kg: 1.0, stiffness_n_per_m: 1.0, damping_n_s_per_m: 0.0 };
-        let bare = damprig_core::model::SetUp::bare(structure);
-        damprig_core::model::SetUp { particle, tmd, gravity_m_per_s2: self.gravity_m_per_s2, ..bare }
+        OneDegree { particle, tmd, gravity_m_per_s2: self.gravity_m_per_s2, ..OneDegree::bare(structure) }
     }
 
     /// Displacement of a place relative to the base, m, in the modal coordinates of `state`.
@@ -218,6 +251,22 @@ impl SetUp {
             modal_rate: against(rate),
             particles: self.impact_dampers.iter().map(middle).collect(),
             tuned_masses: vec![Body::default(); self.tuned_masses.len()],
+        }
+    }
+}
+
+impl State {
+    /// The state of a set-up of one degree of freedom at t = 0, as one of [`SetUp::from`] that set-up under `excitation`.
+    #[must_use]
+    pub fn of_one_degree(one: &OneDegree, initial: &Initial, excitation: &Excitation) -> Self {
+        let at_rest = SetUp::from(one).at_rest(base_at_start(excitation));
+        let root = one.structure.mass_kg.sqrt();
+        let body = Body { y_m: initial.y_m, u_m_per_s: initial.u_m_per_s };
+        Self {
+            modal: vec![at_rest.modal[0] + root * initial.x_m],
+            modal_rate: vec![at_rest.modal_rate[0] + root * initial.v_m_per_s],
+            particles: one.particle.map(|_| body).into_iter().collect(),
+            tuned_masses: one.tmd.map(|_| body).into_iter().collect(),
         }
     }
 }

@@ -242,7 +242,12 @@ impl<'a> Section<'a> {
         let value = self.value(key)?;
         let Some(own) = value.get_ref().as_table() else {
             let help = Some(format!("write `[{}]` or `{key} = {{ … }}`", self.full(key)));
-            self.refuse(key, &value.span(), "must be a table", help);
+            let allowed = if value.get_ref().is_array() {
+                "must be one table: it has no list of them"
+            } else {
+                "must be a table"
+            };
+            self.refuse(key, &value.span(), allowed, help);
             return None;
         };
         Some(Section::new(self.source, self.full(key), value.span(), own, inherited.map(|t| (key, t))))

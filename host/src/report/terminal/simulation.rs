@@ -65,8 +65,8 @@ pub fn warnings(case: &Case, cost: &Cost, history: Option<(&TablePath, f64)>) ->
 fn set_up(case: &Case) -> Vec<(&'static str, String)> {
     if let Some(several) = &case.multi_degree {
         let mut lines = multi_degree::set_up(several);
-        let driven =
-            several.set_up.driven_place.map_or(String::new(), |place| format!(" at {}", several.places[place]));
+        let place = several.set_up.driven_place.or(several.set_up.force_beside_base.map(|force| force.place));
+        let driven = place.map_or(String::new(), |place| format!(" at {}", several.places[place]));
         lines.push(("excitation", describe::excitation(case) + &driven));
         return lines;
     }

@@ -6,7 +6,7 @@ mod start;
 mod structure;
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_structures::{Refused, SetUp};
+use damprig_structures::{Body, HarmonicForce, Refused, SetUp, State};
 
 use super::{MultiDegree, at_place, driver};
 use crate::input::key::Quantity;
@@ -16,7 +16,7 @@ use crate::simulation::Case;
 use crate::simulation::excitation::CaseExcitation;
 use crate::simulation::keys::{case, force_sine};
 use crate::simulation::read_case::{base_amplitude, check_cycles, read_excitation, read_run};
-use dampers::{Dampers, read_places};
+use dampers::{CONTACT_LEFT_OUT, Dampers, HERTZ_LEFT_OUT, read_places};
 use start::{BaseStart, Start, read_initial, start};
 use structure::{check_participation, read_structure};
 
@@ -36,7 +36,7 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
         root.leave(quantity);
     }
     let stated_m = root.scalar(&BASE_AMPLITUDE);
-    let excitation = read_excitation(root, stated_m);
+    let (excitation, beside) = read_excitation(root, stated_m);
     let force = root.table_of(&case::FORCE, None);
     let run_section = root.table_of(&case::RUN, None);
     let record_s = match &excitation {
@@ -78,10 +78,15 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
     if record.is_some() || (excitation.moves_base() && excitation != Excitation::Fixed) {
         check_participation(root)?;
     }
-    let mut read = Dampers {
-        set_up: SetUp { gravity_m_per_s2: gravity?, driven_place: driven, ..SetUp::bare(modes) },
-        starts_m: Vec::new(),
+    let beside =
+        beside.zip(driven).map(|((amplitude_n, phase_rad), place)| HarmonicForce { place, amplitude_n, phase_rad });
+    let set_up = SetUp {
+        gravity_m_per_s2: gravity?,
+        driven_place: driven.filter(|_| beside.is_none()),
+        force_beside_base: beside,
+        ..SetUp::bare(modes)
     };
+    let mut read = Dampers { set_up, starts_m: Vec::new() };
     let mut is_sound = true;
     for mounted in mounted {
         is_sound &= read.add(mounted, base, &places).is_some();
@@ -112,6 +117,45 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
         check_cycles(section, &case);
     }
     Some(case)
+}
+
+/// The case of one degree of freedom `case` with a force P sin(Ωt + φ), of P, N, and φ, rad, beside the sine of its base; `None` after a problem
+/// has been reported.
+pub fn force_beside_base(root: &Section, case: &Case, (amplitude_n, phase_rad): (f64, f64)) -> Option<MultiDegree> {
+    let key = case::FORCE.name();
+    let others = [
+        (case.many_particles.is_some(), "spheres in a box follow a moving base or a force"),
+        (
+            case.set_up.particle.is_some_and(|particle| particle.walls().iter().any(|wall| wall.hertz().is_some())),
+            HERTZ_LEFT_OUT,
+        ),
+        (case.contacts.iter().any(Option::is_some), CONTACT_LEFT_OUT),
+    ];
+    let allowed = others.iter().find(|(is_given, _)| *is_given).map(|(_, allowed)| *allowed);
+    if let Some(allowed) = allowed {
+        root.source().report(Problem {
+            title: "`force` beside a moving `base` is not available for this damper".into(),
+            span: root.span_of(key),
+            allowed: allowed.into(),
+            help: None,
+        });
+        return None;
+    }
+    let force = HarmonicForce { place: 0, amplitude_n, phase_rad };
+    let set_up = SetUp { force_beside_base: Some(force), ..SetUp::from(&case.set_up) };
+    let several = MultiDegree {
+        key,
+        kind: "one degree of freedom".into(),
+        set_up,
+        places: vec![set_up_keys::STRUCTURE.name().into()],
+        observed: 0,
+        start: State::of_one_degree(&case.set_up, &case.initial, &case.excitation),
+        place_starts: vec![Body { y_m: case.initial.x_m, u_m_per_s: case.initial.v_m_per_s }],
+    };
+    match driver::check(case, &several) {
+        Ok(()) => Some(several),
+        Err(refused) => refuse(root, key, &refused),
+    }
 }
 
 /// Refuses a second structure, and what goes only with a structure of one degree of freedom.

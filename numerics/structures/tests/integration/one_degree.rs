@@ -2,9 +2,12 @@
 
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation};
 use damprig_core::model::{Cavity, FrictionDamper, Particle, Release, SetUp as One, Structure, Tmd, Wall};
-use damprig_structures::{Motion, State};
+use damprig_structures::{HarmonicForce, Motion, SetUp, State};
+use nalgebra::Complex;
 
-use crate::one_mode::{set_up, state};
+use crate::one_mode::set_up;
+
+type C64 = Complex<f64>;
 
 fn structure() -> Structure {
     Structure::from_modal(1.6, 2.5, 0.0038)
@@ -30,9 +33,13 @@ struct Nearby {
 /// Compares x and y at the ends of `cycles`, relative to the largest x. The rounding of each cycle has grown as the distance of a motion
 /// that started this cycle [`NEARBY`].
 fn agrees(name: &str, one: &One, excitation: &Excitation, cycles: u32) {
+    let start = State::of_one_degree(one, &one.neutral(), excitation);
+    let motion = Motion::new(&set_up(one, excitation), excitation, &start).unwrap();
+    moves_as(name, motion, one, excitation, cycles);
+}
+
+fn moves_as(name: &str, mut motion: Motion, one: &One, excitation: &Excitation, cycles: u32) {
     let mut exact = Exact::new(one, excitation, &one.neutral()).unwrap();
-    let start = state(one, &one.neutral(), excitation);
-    let mut motion = Motion::new(&set_up(one, excitation), excitation, &start).unwrap();
     let root = one.structure.mass_kg.sqrt();
     let omega = excitation.angular_frequency_rad_per_s();
     let has_body = one.particle.is_some() || one.tmd.is_some();
@@ -123,6 +130,23 @@ fn an_inclined_cavity_off_its_centre_with_two_walls_moves_as_with_one_degree() {
     }
 }
 
+/// k z + c z′ + P sin(Ωt + φ) is what another base would exert, k z₂ + c z₂′.
+#[test]
+fn a_force_beside_a_moving_base_moves_as_the_base_that_exerts_both() {
+    let particle = Some(particle(30e-3, Wall::Restitution { coefficient: 0.5 }, 0.05));
+    let one = One { particle, ..One::bare(structure()) };
+    let (omega, [amplitude_m, phase_rad], [amplitude_n, of_force_rad]) =
+        (std::f64::consts::TAU * 2.5, [2e-3, 0.4], [0.5, -1.1]);
+    let exerts = C64::new(one.structure.stiffness_n_per_m, one.structure.damping_n_s_per_m * omega);
+    let other = C64::from_polar(amplitude_m, phase_rad) + C64::from_polar(amplitude_n, of_force_rad) / exerts;
+    let sine = |amplitude_m, phase_rad| Excitation::Sine { amplitude_m, angular_frequency_rad_per_s: omega, phase_rad };
+    let (base, other) = (sine(amplitude_m, phase_rad), sine(other.norm(), other.arg()));
+    let force = HarmonicForce { place: 0, amplitude_n, phase_rad: of_force_rad };
+    let set_up = SetUp { force_beside_base: Some(force), ..SetUp::from(&one) };
+    let start = State::of_one_degree(&one, &one.neutral(), &base);
+    moves_as("force and base", Motion::new(&set_up, &base, &start).unwrap(), &one, &other, 60);
+}
+
 #[test]
 fn a_driving_force_moves_as_with_one_degree() {
     let particle = Some(particle(22.5e-3, Wall::Restitution { coefficient: 0.4 }, 0.0));
@@ -168,7 +192,7 @@ fn a_pulse_in_any_number_of_parts_moves_as_with_one_degree() {
     let mut exact = Exact::new(&one, &excitation, &one.neutral()).unwrap();
     exact.run(0.4, &mut ());
     for parts in 1..=40 {
-        let start = state(&one, &one.neutral(), &excitation);
+        let start = State::of_one_degree(&one, &one.neutral(), &excitation);
         let mut motion = Motion::new(&set_up(&one, &excitation), &excitation, &start).unwrap();
         for part in 1..=parts {
             motion.run(0.3 * f64::from(part) / f64::from(parts), &mut ()).unwrap();

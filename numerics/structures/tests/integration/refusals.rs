@@ -3,7 +3,8 @@
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Cavity, Dissipation, FrictionDamper, Hertz, Particle, Structure, Wall};
 use damprig_structures::{
-    Beam, Damping, FrictionJoint, ImpactDamper, Modes, Motion, Refused, SetUp, Storey, Support, base_at_start,
+    Beam, Damping, FrictionJoint, HarmonicForce, ImpactDamper, Modes, Motion, Refused, SetUp, Storey, Support,
+    base_at_start,
 };
 
 const SINE: Excitation = Excitation::Sine { amplitude_m: 1e-3, angular_frequency_rad_per_s: 10.0, phase_rad: 0.0 };
@@ -74,6 +75,13 @@ fn dampers_and_forces_at_no_place_are_refused() {
     assert_eq!(refused(&set_up(), &FORCE), Refused::NoDrivenPlace);
     assert_eq!(refused(&SetUp { driven_place: Some(0), ..set_up() }, &SINE), Refused::BaseMoves);
     assert!(matches!(refused(&SetUp { driven_place: Some(7), ..set_up() }, &FORCE), Refused::Place { place: 7, .. }));
+    let force = HarmonicForce { place: 0, amplitude_n: 1.0, phase_rad: 0.0 };
+    let beside = |force| SetUp { force_beside_base: Some(force), ..set_up() };
+    for excitation in [&FORCE, &Excitation::Fixed] {
+        let driven_place = (*excitation == FORCE).then_some(0);
+        assert_eq!(refused(&SetUp { driven_place, ..beside(force) }, excitation), Refused::NoSineBeside);
+    }
+    assert!(matches!(refused(&beside(HarmonicForce { place: 7, ..force }), &SINE), Refused::Place { place: 7, .. }));
     let dissipation = Dissipation::HuntCrossley { coefficient_s_per_m: 0.1 };
     let hertz = Wall::Hertz(Hertz { stiffness_n_per_m15: 1e9, dissipation });
     assert_eq!(refused(&with_wall(hertz), &SINE), Refused::Hertz);

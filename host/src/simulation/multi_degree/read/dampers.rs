@@ -109,13 +109,18 @@ impl Dampers {
     }
 }
 
+/// Why Hertz walls are refused.
+pub const HERTZ_LEFT_OUT: &str =
+    "Hertz contact is not available with several places, or with a force beside a moving base; state the restitution";
+
+/// Why the contact of a hard wall is refused.
+pub const CONTACT_LEFT_OUT: &str = "the force of a hard wall is not available with several places, or with a force beside a moving base; leave its contact out";
+
 /// What of walls a structure of several degrees of freedom does not follow.
 fn left_out(spec: &SetUpSpec, walls: &[Wall; 2]) -> Option<&'static str> {
     if walls.iter().any(|wall| wall.hertz().is_some()) {
-        return Some("Hertz contact is not available on a structure with several places; state the restitution");
+        return Some(HERTZ_LEFT_OUT);
     }
     let is_stated = spec.contacts().iter().any(Option::is_some);
-    is_stated.then_some(
-        "the force of a hard wall is not available on a structure with several places; leave its contact out",
-    )
+    is_stated.then_some(CONTACT_LEFT_OUT)
 }

@@ -3,7 +3,7 @@
 use super::runge_kutta::{DOF, Phase, Vector};
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{ImpactLaw, Release};
-use damprig_structures::SetUp;
+use damprig_structures::{HarmonicForce, SetUp};
 use std::f64::consts::TAU;
 
 /// The excitation at an instant.
@@ -16,16 +16,20 @@ pub struct Drive {
 }
 
 impl Drive {
-    pub fn at(excitation: &Excitation, t: f64) -> Self {
+    /// `beside` is a force beside a sine of the base.
+    fn at(excitation: &Excitation, beside: Option<HarmonicForce>, t: f64) -> Self {
+        let harmonic = |amplitude_n: f64, w: f64, phase_rad: f64| {
+            let (sine, cosine) = (w * t + phase_rad).sin_cos();
+            [amplitude_n * sine, amplitude_n * w * cosine]
+        };
         match *excitation {
             Excitation::Sine { amplitude_m, angular_frequency_rad_per_s: w, phase_rad } => {
-                let (sine, cosine) = (w * t + phase_rad).sin_cos();
-                let [a, b] = [amplitude_m * sine, amplitude_m * w * cosine];
-                Self { base: [a, b, -w * w * a, -w * w * b], force: [0.0; 2] }
+                let [a, b] = harmonic(amplitude_m, w, phase_rad);
+                let force = beside.map_or([0.0; 2], |beside| harmonic(beside.amplitude_n, w, beside.phase_rad));
+                Self { base: [a, b, -w * w * a, -w * w * b], force }
             }
             Excitation::ForceSine { amplitude_n, angular_frequency_rad_per_s: w, phase_rad } => {
-                let (sine, cosine) = (w * t + phase_rad).sin_cos();
-                Self { base: [0.0; 4], force: [amplitude_n * sine, amplitude_n * w * cosine] }
+                Self { base: [0.0; 4], force: harmonic(amplitude_n, w, phase_rad) }
             }
             _ => Self::default(),
         }
@@ -121,6 +125,7 @@ pub struct Equations {
     /// Displacement of each place.
     pub places: Vec<Relative>,
     driven: Option<usize>,
+    beside: Option<HarmonicForce>,
     pub excitation: Excitation,
 }
 
@@ -204,7 +209,8 @@ impl Equations {
             joints,
             friction,
             cages,
-            driven: set_up.driven_place,
+            driven: set_up.driven_place.or(set_up.force_beside_base.map(|force| force.place)),
+            beside: set_up.force_beside_base,
             excitation: *excitation,
         }
     }
@@ -269,9 +275,14 @@ impl Equations {
         forces
     }
 
+    /// What drives at t.
+    pub fn drive(&self, t: f64) -> Drive {
+        Drive::at(&self.excitation, self.beside, t)
+    }
+
     /// Velocities and accelerations.
     pub fn rate(&self, pattern: &Pattern, t: f64, state: &Phase) -> Phase {
-        let drive = Drive::at(&self.excitation, t);
+        let drive = self.drive(t);
         let mut acceleration = self.free(pattern, state, &drive, 1.0);
         if !pattern.stuck.is_empty() {
             self.held(pattern, &mut acceleration, drive.base[2]);
@@ -281,7 +292,7 @@ impl Equations {
 
     /// Everything that guards look at.
     pub fn moment(&self, pattern: &Pattern, t: f64, state: &Phase) -> Moment {
-        let drive = Drive::at(&self.excitation, t);
+        let drive = self.drive(t);
         let mut acceleration = self.free(pattern, state, &drive, 1.0);
         let forces = self.held(pattern, &mut acceleration, drive.base[2]);
         let rate = Phase { displacement: state.velocity, velocity: acceleration };

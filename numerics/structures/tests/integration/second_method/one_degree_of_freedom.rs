@@ -1,11 +1,12 @@
 //! The second method compared with the exact integrator of the core, on random set-ups with one degree of freedom.
 
 use super::Reference;
-use crate::one_mode::{set_up, state};
+use crate::one_mode::set_up;
 use damprig_core::integrator::exact::{Exact, Excitation};
 use damprig_core::model::{
     Cavity, FrictionDamper, Initial, Particle, Release, Restitution, SetUp as Single, SpeedTable, Structure, Tmd, Wall,
 };
+use damprig_structures::State;
 use fastrand::Rng;
 use std::f64::consts::TAU;
 
@@ -42,7 +43,7 @@ fn compare(name: &str, seed: u64, mount: impl Fn(&mut Rng, Structure) -> Single)
         let mut reference = Reference::new(
             &set_up(&single, &excitation),
             &excitation,
-            &state(&single, &initial, &excitation),
+            &State::of_one_degree(&single, &initial, &excitation),
             cycle_s,
             clearance_m.max(amplitude_m),
         )
@@ -58,7 +59,7 @@ fn compare(name: &str, seed: u64, mount: impl Fn(&mut Rng, Structure) -> Single)
                 let now = exact.state();
                 let initial =
                     Initial { x_m: now.x_m, v_m_per_s: now.v_m_per_s, y_m: now.y_m(), u_m_per_s: now.u_m_per_s() };
-                state(&single, &initial, &excitation)
+                State::of_one_degree(&single, &initial, &excitation)
             };
             let (expected, changed) = (at(&mut exact), at(&mut beside));
             growth = growth.max(reference.apart_m(&expected, &changed) / (1e-10 * reference.scale_m()));

@@ -3,7 +3,7 @@
 mod events;
 mod guards;
 
-use super::equations::{Contact, Drive, Equations, Grip, Moment, Pattern, dot};
+use super::equations::{Contact, Equations, Grip, Moment, Pattern, dot};
 use super::runge_kutta::{Phase, step};
 use damprig_core::integrator::exact::Excitation;
 use damprig_structures::{Body, SetUp, State};
@@ -207,7 +207,7 @@ impl Reference {
 
     /// Removes what rounding adds to the velocities of stuck joints and to the positions of particles at rest on a wall.
     fn settle(&mut self) {
-        let drive = Drive::at(&self.equations.excitation, self.t);
+        let drive = self.equations.drive(self.t);
         let Equations { joints, cages, places, .. } = &self.equations;
         let slips: Vec<f64> =
             self.pattern.stuck.iter().map(|joint| joints[*joint].of(&self.state.velocity, drive.base[1])).collect();

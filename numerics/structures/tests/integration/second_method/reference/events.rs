@@ -1,7 +1,7 @@
 //! What an event does: impacts, and which joints stick and slip afterwards.
 
 use super::super::convex::{self, Hold, solve};
-use super::super::equations::{Contact, Drive, End, Grip};
+use super::super::equations::{Contact, End, Grip};
 use super::guards::Guard;
 use super::{Reference, sign_of};
 
@@ -108,7 +108,7 @@ impl Reference {
 
     /// Finds which joints stick and which slip from here on.
     pub fn classify(&mut self) -> Result<(), &'static str> {
-        let drive = Drive::at(&self.equations.excitation, self.t);
+        let drive = self.equations.drive(self.t);
         let count = self.equations.joints.len();
         let stuck_before = std::mem::take(&mut self.pattern.stuck);
         self.pattern.inverse.clear();
