@@ -507,7 +507,7 @@ class Case(TypedDict, total=False):
     base: Base
     """motion of the base; fixed when left out"""
     force: Force
-    """force on the structure, over a fixed base"""
+    """force on the structure; a sine also beside a sine of the base, whose frequency it has"""
     many_particles: ManyParticles
     """spheres in a box on the structure, in place of the other dampers"""
     storey: Sequence[Storey]

@@ -75,7 +75,10 @@ def interrupt():
     # The main thread stays in the function while native code works, which lets this thread run.
     seen = 0
     while seen < 1000:
-        seen += sys._current_frames()[main].f_code is code
+        frame = sys._current_frames()[main]
+        while frame is not None:
+            seen += frame.f_code is code
+            frame = frame.f_back
     os.kill(os.getpid(), signal.SIGINT)
 
 threading.Thread(target=interrupt, daemon=True).start()

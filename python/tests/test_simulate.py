@@ -158,7 +158,7 @@ def test_values_that_are_set_replace_those_of_the_case(project):
     case = project / "host/cases/spid.toml"
     motion = damprig.simulate(case, set={"run.duration_s": 2, "particle.start": "at_negative_wall", "particle.wall.coefficient": np.float64(0.3)})
     assert motion.time[-1] == 2 and motion.y[0] < motion.x[0]
-    assert motion.parameters["particle"]["wall"] == {"kind": "restitution", "coefficient": 0.3}
+    assert motion.parameters["set_up"]["particle"]["wall"] == {"Restitution": {"coefficient": 0.3}}
     with pytest.raises(damprig.InputError, match="particle.wall.coeficient"):
         damprig.simulate(case, set={"particle.wall.coeficient": 0.3})
     with pytest.raises(damprig.InputError, match="must be a dict"):
