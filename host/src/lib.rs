@@ -36,3 +36,7 @@ pub mod table;
 
 /// Name and version, as files and reports carry it.
 pub const VERSION_LINE: &str = concat!("damprig ", env!("CARGO_PKG_VERSION"));
+
+/// Digest of the sources of the library and of the crates of this workspace that it is built on: equal ones compute the same results, on
+/// whatever machine they were built.
+pub const BUILD: &str = env!("DAMPRIG_BUILD");

@@ -890,6 +890,9 @@ StudyAxis = TypedDict(
         "to": "float",  # last value of the range; greater than `from`
         "count": "int",  # number of values of the range; left out with [sampling]: drawn from the range
         "scale": "Literal['linear', 'log']",  # spacing of the values in the range
+        "distribution": "Literal['uniform', 'normal', 'lognormal']",  # what a value is drawn from with [sampling]: a range, or a distribution that is cut off at `from` and `to`, by default 4 standard deviations (of the logarithm of a lognormal value) from its middle
+        "mean": "float",  # mean of the value before its distribution is cut off, in the key's unit
+        "standard_deviation": "float",  # standard deviation of the value (not of its logarithm) before its distribution is cut off, in the key's unit
         "values": "Sequence[float]",  # the values, in place of a range
         "words": "Sequence[str]",  # the values of a key that takes words, in place of a range, in place of values
         "reduce": "Literal['maximum', 'minimum', 'mean', 'grid_maximum', 'scan_maximum']",  # the points of this axis become one: the largest (smallest, mean) value over it; over drive frequencies the largest and smallest are looked for between the values too, on 1600 intervals with scan_maximum; grid_maximum is that of the values alone
@@ -901,12 +904,12 @@ StudyAxis = TypedDict(
 class StudySampling(TypedDict, total=False):
     """Points drawn from the ranges of the axes without a `count`."""
 
-    method: Literal["latin_hypercube", "sobol"]
-    """how points are drawn"""
+    method: Literal["latin_hypercube", "sobol", "sobol_indices", "morris"]
+    """how points are drawn: a Latin hypercube, Sobol's sequence, or those that sensitivity indices need: Sobol' indices (variance shares) or Morris's elementary effects"""
     count: int
-    """number of points"""
+    """number of points; of base points with sobol_indices (count × (ranges + 2) points in all), of trajectories with morris (count × (ranges + 1) points)"""
     seed: int
-    """of the random numbers of a Latin hypercube"""
+    """of the random numbers"""
 
 
 class StudyRecord(TypedDict, total=False):
@@ -991,9 +994,12 @@ OptimisationUncertain = TypedDict(
     "OptimisationUncertain",
     {
         "key": "str",  # the key with its tables, as in the case: particle.wall.coefficient
-        "from": "float",  # least value; between it and `to` all are as likely
+        "from": "float",  # least value; without a distribution all between it and `to` are as likely
         "to": "float",  # largest value; greater than `from`
         "scale": "Literal['linear', 'log']",  # whether the value or its logarithm is as likely everywhere
+        "distribution": "Literal['uniform', 'normal', 'lognormal']",  # how likely a value is: as likely everywhere in the range, or as a distribution that is cut off at `from` and `to`, by default 4 standard deviations (of the logarithm of a lognormal value) from its middle. The worst counts all values between the ends alike
+        "mean": "float",  # mean of the value before its distribution is cut off, in the key's unit
+        "standard_deviation": "float",  # standard deviation of the value (not of its logarithm) before its distribution is cut off, in the key's unit
         "values": "Sequence[float]",  # values that are as likely as each other, in place of a range; the middle one is that of the answer's small changes
     },
     total=False,

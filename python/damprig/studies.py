@@ -51,6 +51,8 @@ class Study:
         The column whose best value ``best`` has.
     best : dict or None
         The best point: ``row``, ``objective`` (its value) and the axes by their keys; ``None`` if no point has a value.
+    sensitivity : list of dict
+        Sensitivity indices of each metric, as ``damprig study run --json`` prints them; empty of a study whose ``sampling`` is not for them.
     path : str or None
         Where ``table.parquet`` is; ``None`` of a dict without ``out``.
     """
@@ -59,6 +61,7 @@ class Study:
     axes: dict[str, str]
     objective: str
     best: dict[str, Any] | None
+    sensitivity: list[dict[str, Any]]
     path: str | None
 
     def plot(self, metric: str | None = None, ax: Any = None) -> Any:
@@ -165,9 +168,9 @@ def _study(given: str | dict[str, Any], folder: Path, executor: Any) -> Study:
         _damprig.study_run(given, folder)
     else:
         _compute_on(executor, given, folder)
-    native, axes, objective, best, address = _damprig.study_merge(given, folder)
+    native, axes, objective, best, sensitivity, address = _damprig.study_merge(given, folder)
     scales = {key: "log" if is_log else "linear" for key, is_log in axes}
-    return Study(Table(native), scales, objective, best and _best(*best), address)
+    return Study(Table(native), scales, objective, best and _best(*best), json.loads(sensitivity), address)
 
 
 def _given(file: Any) -> str | dict[str, Any]:

@@ -20,7 +20,9 @@ use damprig::study::data_set::{DataSet, Manifest, TABLE};
 use damprig::study::evaluate::{UNRESOLVED, main_column};
 use damprig::study::given_points::GivenPoints;
 use damprig::study::run::{self, Ending, Progress};
+use damprig::study::sensitivity::Sensitivity;
 use damprig::study::store::Store;
+use damprig::study::table::StudyTable;
 use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -102,8 +104,8 @@ pub fn study_write(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf, part:
     work(py, || {
         let (study, data_set) = opened(&design, &out)?;
         let (digest, rows) = rows;
-        if Manifest::of(&study).sha256 != Some(digest) {
-            let what = "a worker has another study, case or version of damprig";
+        if data_set.manifest().sha256 != Some(digest) {
+            let what = "a worker has another study, case, version or build of damprig";
             return Err(Failure::Input(format!("{what}: give all workers the same files and version")).into());
         }
         Ok(data_set.write_part(&study, part, &rows)?)
@@ -113,14 +115,15 @@ pub fn study_write(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf, part:
 /// The best point of a study: its row, the objective there, and the values of the axes.
 type Best = (u64, f64, Vec<(String, Option<f64>, Option<String>)>);
 
-/// The table of a study, the keys of its axes with whether each is logarithmic, the column of its objective, its best point, and where the table is.
-type Merged<'py> = (Bound<'py, PyDict>, Vec<(String, bool)>, String, Option<Best>, String);
+/// The table of a study, the keys of its axes with whether each is logarithmic, the column of its objective, its best point, sensitivity indices as
+/// JSON, and where the table is.
+type Merged<'py> = (Bound<'py, PyDict>, Vec<(String, bool)>, String, Option<Best>, String, String);
 
 /// Joins the parts of a study.
 #[pyfunction]
 pub fn study_merge<'py>(py: Python<'py>, study: &Bound<'py, PyAny>, out: PathBuf) -> PyResult<Merged<'py>> {
     let design = Design::of("study", study)?;
-    let (columns, axes, objective, best, address) = work(py, || {
+    let (columns, axes, objective, best, sensitivity, address) = work(py, || {
         let (study, data_set) = opened(&design, &out)?;
         let mut progress = Progress::none(study.rows());
         let address = data_set.join(&study, |part, batch| {
@@ -128,6 +131,12 @@ pub fn study_merge<'py>(py: Python<'py>, study: &Bound<'py, PyAny>, out: PathBuf
         })?;
         let shown = address.display().to_string();
         let bytes = data_set.store().get(TABLE)?.ok_or_else(|| Failure::Storage(format!("{shown} is missing")))?;
+        let sensitivity = if study.sampling.is_some() {
+            Sensitivity::of(&study, &StudyTable::read(&shown, bytes.clone())?)
+        } else {
+            Vec::new()
+        };
+        let sensitivity = serde_json::to_string(&sensitivity).map_err(Failure::from)?;
         let batches = parquet_file::content(&shown, bytes)?.batches;
         let place = |row: u64| {
             let values = study.points.values(&study.axes, row, 0);
@@ -142,9 +151,9 @@ pub fn study_merge<'py>(py: Python<'py>, study: &Bound<'py, PyAny>, out: PathBuf
             study.points.kept().iter().map(|axis| (study.axes[*axis].key.clone(), study.axes[*axis].is_log)).collect();
         let objective = main_column(&study, study.objective);
         let best = progress.best.map(|(row, value)| (row, value, place(row)));
-        Ok((Columns::of(&batches)?, axes, objective, best, shown))
+        Ok((Columns::of(&batches)?, axes, objective, best, sensitivity, shown))
     })?;
-    Ok((columns.into_dict(py)?, axes, objective, best, address))
+    Ok((columns.into_dict(py)?, axes, objective, best, sensitivity, address))
 }
 
 /// The metrics of a study at points from outside: a row for each point, a column for each metric and one for how often too many events fell

@@ -48,6 +48,29 @@ def same(one, other):
     return all(np.array_equal(one[name], other[name]) for name in one.columns)
 
 
+def test_sensitivity_indices_of_a_study_are_those_of_the_command(folder, command):
+    text = """
+case = "case.toml"
+metrics = ["rms_x_m"]
+record = { cycles = 5 }
+sampling = { method = "morris", count = 4 }
+[[axis]]
+key = "particle.clearance_ratio"
+from = 8
+to = 14
+[[axis]]
+key = "particle.wall.coefficient"
+distribution = "normal"
+mean = 0.5
+standard_deviation = 0.05
+"""
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    found = damprig.study(folder / "study.toml", folder / "python")
+    printed = json.loads(command("study", "run", folder / "study.toml", "--out", folder / "command", "--json"))
+    assert found.sensitivity == printed["sensitivity"]
+    assert [index["key"] for index in found.sensitivity[0]["indices"]][::3] == ["particle.clearance_ratio", "particle.wall.coefficient"]
+
+
 def test_a_study_has_the_table_of_the_command_with_units(folder, command):
     found = damprig.study(folder / "study.toml", folder / "python")
     command("study", "run", folder / "study.toml", "--out", folder / "command")

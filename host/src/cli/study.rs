@@ -5,10 +5,9 @@ use std::time::Instant;
 
 use clap::{Args as ClapArgs, Subcommand};
 
-use super::arguments::QuietArg;
+use super::arguments::{JsonArg, QuietArg};
 use super::ctrl_c::CtrlC;
 use super::examples;
-use super::output::print_place;
 use super::progress::StudyBar;
 use super::study_figures::say_result;
 use super::study_work;
@@ -18,7 +17,7 @@ use crate::file_keys::FileKind;
 use crate::report::numbers::{about, duration, significant};
 use crate::report::terminal;
 use crate::study::Study;
-use crate::study::data_set::DataSet;
+use crate::study::data_set::{DataSet, Manifest};
 use crate::study::run::{self, Ending, Progress};
 use crate::study::store::Store;
 
@@ -40,7 +39,7 @@ enum What {
     /// Read all files of a study and check them (exit code 1 if one is wrong or missing)
     Verify(study_work::PlaceArgs),
     /// Join the parts of a study to its table
-    Merge(study_work::PlaceArgs),
+    Merge(study_work::MergeArgs),
     /// Draw a bifurcation diagram: sweep a key of a case up and down
     Bifurcation(bifurcation::Args),
     /// Draw basins of attraction: which motion each start ends on
@@ -59,8 +58,8 @@ struct RunArgs {
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
 
-    /// Print points, simulations, cycles and estimated time, and simulate nothing more
-    #[arg(long, conflicts_with = "quiet")]
+    /// Print points, simulations, cycles, parts and estimated time, and simulate nothing more
+    #[arg(long, conflicts_with_all = ["quiet", "json"])]
     dry_run: bool,
 
     /// Start although the estimate is more than a day
@@ -69,6 +68,9 @@ struct RunArgs {
 
     #[command(flatten)]
     quiet: QuietArg,
+
+    #[command(flatten)]
+    json: JsonArg,
 }
 
 const RUN_HELP: &str = "\
@@ -78,7 +80,8 @@ Examples:
   damprig study run my-study.toml --out /data/my-study
 
 The folder gets table.parquet, a row for each point, with units and the study in its metadata: pandas, polars and
-DuckDB read it as it is. Ctrl-C stops after the points being computed, a second one at once; the same
+DuckDB read it as it is. A study whose [sampling] is for sensitivity indices also gets sensitivity.parquet, and a table and
+a figure of them. Ctrl-C stops after the points being computed, a second one at once; the same
 command goes on.
 
 Exit codes:
@@ -115,7 +118,7 @@ fn run_study(args: &RunArgs) -> Outcome {
     let scope = terminal::study::scope(&study, run::cycles(&study));
     study.settling()?.iter().for_each(|text| warn!("warning: {text}"));
     if args.dry_run {
-        say!("{scope}");
+        say!("{scope}; parts: {}", Manifest::of(&study).parts());
         say!("{} on {cores} cores", about(estimate_s));
         return Ok(());
     }
@@ -129,7 +132,9 @@ fn run_study(args: &RunArgs) -> Outcome {
     let place = place(&args.study, args.out.as_deref());
     let data_set = DataSet::open(&study, Store::at(&place)?)?;
     let ctrl_c = CtrlC::watch()?;
-    say!("{scope}; {} on {cores} cores", about(estimate_s));
+    if !args.json.is_given() {
+        say!("{scope}; {} on {cores} cores", about(estimate_s));
+    }
     let (start, bar) = (Instant::now(), StudyBar::new(&study.name, study.rows()));
     let report = |progress: &Progress| {
         let best = progress.best.map(|(_, value)| format!("{} {}", study.objective.name(), significant(value, 5)));
@@ -146,14 +151,7 @@ fn run_study(args: &RunArgs) -> Outcome {
         )));
     }
     let table = data_set.join(&study, |_, _| ()).map_err(|error| kept(&data_set, error))?;
-    say_table(&study, &table, start);
-    say_result(&study, &data_set, &last)
-}
-
-/// Prints where the table is, with --quiet too, and how long it took.
-pub(super) fn say_table(study: &Study, table: &Path, start: Instant) {
-    let took = duration(start.elapsed().as_secs_f64());
-    print_place(&format!("Table: {} ({} rows, {took})", table.display(), study.rows()));
+    say_result(&study, &data_set, &last, (&table, start), args.json)
 }
 
 /// A failure with what is there already, and how to go on.

@@ -1,10 +1,22 @@
 //! What `damprig study run` and `merge` end with: the best point, the figures and the page.
 
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Instant;
+
+use serde::Serialize;
+use serde_json::{Value as Json, json};
+
+use super::arguments::JsonArg;
+use super::output::print_place;
 use crate::failure::{Failure, Outcome};
+use crate::report::numbers::duration;
 use crate::report::study_files::{self, MAX_DRAWN};
 use crate::report::terminal;
+use crate::study::axis::Value;
 use crate::study::data_set::{DataSet, TABLE};
 use crate::study::run::{self, Progress};
+use crate::study::sensitivity::Sensitivity;
 use crate::study::{Study, evaluate};
 
 /// Says that parts are of an older version.
@@ -13,12 +25,54 @@ pub(super) fn without_digest(parts: u64) -> String {
     format!("{parts} {have} no digest; written by an older version, so that a changed result in them is not noticed")
 }
 
-/// Says which point is best, draws the table beside itself and makes the page.
-pub(super) fn say_result(study: &Study, data_set: &DataSet, progress: &Progress) -> Outcome {
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Answer<'a> {
+    name: &'a str,
+    rows: u64,
+    table: &'a Path,
+    best: Option<Best>,
+    sensitivity: Vec<Sensitivity>,
+}
+
+/// The best point.
+#[derive(Serialize)]
+struct Best {
+    row: u64,
+    column: String,
+    value: f64,
+    at: BTreeMap<String, Json>,
+}
+
+impl Best {
+    fn of(study: &Study, (row, value): (u64, f64)) -> Self {
+        let values = study.points.values(&study.axes, row, 0);
+        let json = |value: &Value| match value {
+            Value::Number(number) => json!(number),
+            Value::Word(word) => json!(word),
+        };
+        let kept = study.points.kept().iter();
+        let at = kept.map(|place| (study.axes[*place].key.clone(), json(&values[*place]))).collect();
+        Self { row, column: evaluate::main_column(study, study.objective), value, at }
+    }
+}
+
+/// Draws the table beside itself and makes the page; prints where it is, with --quiet too, how long it took since `start`, which point is best and
+/// sensitivity indices; or all of it as JSON.
+pub(super) fn say_result(
+    study: &Study,
+    data_set: &DataSet,
+    progress: &Progress,
+    (table, start): (&Path, Instant),
+    json: JsonArg,
+) -> Outcome {
     let mut summary = vec![terminal::study::scope(study, run::cycles(study))];
+    let took = duration(start.elapsed().as_secs_f64());
+    if !json.is_given() {
+        print_place(&format!("Table: {} ({} rows, {took})", table.display(), study.rows()));
+    }
     if let Some((row, value)) = progress.best {
         summary.push(terminal::study::best(study, row, value));
-        say!("{}", summary[1]);
     } else {
         let column = evaluate::main_column(study, study.objective);
         warn!("warning: no point has a value of {column}");
@@ -40,12 +94,21 @@ pub(super) fn say_result(study: &Study, data_set: &DataSet, progress: &Progress)
         let (table, again) = (data_set.store().path(TABLE), "`damprig study merge` draws it again");
         Failure::Failed(format!("{error}\n  {} is complete; {again}", table.display()))
     };
-    match drawn.map_err(|error| complete(&error))? {
-        None => warn!("warning: a table of more than {MAX_DRAWN} rows is not drawn"),
-        Some(drawn) => {
-            drawn.undrawn.iter().for_each(|(stem, error)| warn!("warning: {stem}: {error}"));
-            say!("Page:  {}", drawn.page.display());
-        }
+    let drawn = drawn.map_err(|error| complete(&error))?;
+    match &drawn {
+        None => warn!(
+            "warning: a table of more than {MAX_DRAWN} rows is not drawn, and no sensitivity indices are computed of it"
+        ),
+        Some(drawn) => drawn.undrawn.iter().for_each(|(stem, error)| warn!("warning: {stem}: {error}")),
+    }
+    let (page, sensitivity) = drawn.map(|drawn| (drawn.page, drawn.sensitivity)).unzip();
+    let sensitivity = sensitivity.unwrap_or_default();
+    let texts: Vec<String> = sensitivity.iter().map(terminal::sensitivity::text).collect();
+    let best = progress.best.map(|best| Best::of(study, best));
+    json.print(&Answer { name: &study.name, rows: study.rows(), table, best, sensitivity })?;
+    summary[1..].iter().chain(&texts).for_each(|text| say!("{text}"));
+    if let Some(page) = page {
+        say!("Page:  {}", page.display());
     }
     Ok(())
 }

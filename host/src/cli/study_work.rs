@@ -7,11 +7,11 @@ use clap::Args as ClapArgs;
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
-use super::arguments::QuietArg;
+use super::arguments::{JsonArg, QuietArg};
 use super::ctrl_c::CtrlC;
 use super::examples;
 use super::progress::StudyBar;
-use super::study::{kept, place, say_table};
+use super::study::{kept, place};
 use super::study_figures::{say_result, without_digest};
 use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
@@ -50,6 +50,16 @@ pub(super) struct PlaceArgs {
     /// Folder of the results [default: studies/ and the name of the file]
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
+}
+
+/// Joins the parts of a study to its table.
+#[derive(Debug, ClapArgs)]
+pub(super) struct MergeArgs {
+    #[command(flatten)]
+    place: PlaceArgs,
+
+    #[command(flatten)]
+    json: JsonArg,
 }
 
 const WORK_HELP: &str = "\
@@ -161,8 +171,8 @@ pub(super) fn verify(args: &PlaceArgs) -> Outcome {
     verdict(&data_set, found.wrong_files())
 }
 
-pub(super) fn merge(args: &PlaceArgs) -> Outcome {
-    let (study, data_set) = existing(args)?;
+pub(super) fn merge(args: &MergeArgs) -> Outcome {
+    let (study, data_set) = existing(&args.place)?;
     let (start, bar) = (Instant::now(), StudyBar::new(&study.name, study.rows()));
     let mut progress = Progress::none(study.rows());
     let table = data_set.join(&study, |part, there| {
@@ -171,8 +181,7 @@ pub(super) fn merge(args: &PlaceArgs) -> Outcome {
     });
     bar.end();
     let table = table.map_err(|error| kept(&data_set, error))?;
-    say_table(&study, &table, start);
-    say_result(&study, &data_set, &progress)
+    say_result(&study, &data_set, &progress, (&table, start), args.json)
 }
 
 fn store(args: &PlaceArgs) -> Result<Store, Failure> {

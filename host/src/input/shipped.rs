@@ -46,6 +46,7 @@ pub static FILES: &[(&str, &str)] = files![
     "optimisations/worst-start.toml",
     "studies/clearance-and-restitution.toml",
     "studies/many-particles.toml",
+    "studies/sensitivity.toml",
     "studies/single-particle.toml",
 ];
 

@@ -1,9 +1,10 @@
 //! Declares the keys of an optimisation file. Its axes and its record have the keys of a study.
 
 use crate::input::key::DefaultValue::{Number, Word};
-use crate::input::key::Need::{Default, Optional, Required};
+use crate::input::key::Need::{Default, Forbidden, IfWord, Optional, Required};
 use crate::input::key::Range::{Any, Inside, Positive, Whole};
 use crate::input::key::{Kind, MAX_WHOLE, Quantity, Table, key, number, tables, word};
+use crate::study::distribution::DISTRIBUTION_WORDS;
 use crate::study::metric::METRIC_NAMES;
 use crate::study::over::OVER_WORDS;
 
@@ -45,9 +46,12 @@ tables! {
     "A key of the case that nobody knows exactly or that changes in use: the objective counts over its values."
     uncertain("uncertain") {
         KEY: Required, [key("key", Kind::Text, "the key with its tables, as in the case: particle.wall.coefficient")];
-        FROM: Optional, [number("from", Any, "least value; between it and `to` all are as likely")];
+        FROM: Optional, [number("from", Any, "least value; without a distribution all between it and `to` are as likely")];
         TO: Optional, [number("to", Any, "largest value; greater than `from`")];
         SCALE: Default(Word("linear")), [word("scale", &["linear", "log"], "whether the value or its logarithm is as likely everywhere")];
+        DISTRIBUTION: Default(Word("uniform")), [word("distribution", DISTRIBUTION_WORDS, "how likely a value is: as likely everywhere in the range, or as a distribution that is cut off at `from` and `to`, by default 4 standard deviations (of the logarithm of a lognormal value) from its middle. The worst counts all values between the ends alike")];
+        MEAN: IfWord(&DISTRIBUTION, "uniform", &Forbidden, &Required), [number("mean", Any, "mean of the value before its distribution is cut off, in the key's unit")];
+        STANDARD_DEVIATION: IfWord(&DISTRIBUTION, "uniform", &Forbidden, &Required), [number("standard_deviation", Positive, "standard deviation of the value (not of its logarithm) before its distribution is cut off, in the key's unit")];
         VALUES: Optional, [key("values", Kind::Numbers(Any), "values that are as likely as each other, in place of a range; the middle one is that of the answer's small changes")];
     }
 

@@ -9,6 +9,7 @@ use super::file::Optimisation;
 use crate::failure::Failure;
 use crate::study::axis::{Axis, Values};
 use crate::study::band::Effort;
+use crate::study::distribution::Distribution;
 
 const CARE: Care = Care::of(Effort::Peaks);
 
@@ -62,7 +63,7 @@ pub struct Jump {
 /// A change of 1 % of a variable.
 #[must_use]
 pub fn step(axis: &Axis, value: f64) -> f64 {
-    let Values::Drawn { from, to, .. } = axis.values else { return 0.0 };
+    let Values::Drawn(Distribution { from, to, .. }) = axis.values else { return 0.0 };
     0.01 * if value == 0.0 { to - from } else { value.abs() }
 }
 
@@ -74,7 +75,7 @@ pub(super) const fn points(variables: usize) -> u64 {
 }
 
 fn is_inside(axis: &Axis, value: f64) -> bool {
-    matches!(axis.values, Values::Drawn { from, to, .. } if (from..=to).contains(&value))
+    matches!(axis.values, Values::Drawn(Distribution { from, to, .. }) if (from..=to).contains(&value))
 }
 
 /// What a change of each variable alone does.

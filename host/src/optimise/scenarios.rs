@@ -1,10 +1,11 @@
 //! What becomes of nominal values: each variable lies anywhere within its tolerance, and what is uncertain has any of its values. Some of
 //! that is simulated, as here.
 //!
-//! A scenario has a place for each variable, from −1 to 1 of its tolerance, and one for each uncertain key, from 0 to 1 of its range.
+//! A scenario has a place for each variable, from −1 to 1 of its tolerance, and one for each uncertain key, from 0 to 1 of its range (for a mean
+//! or a quantile: of its probability).
 
 use super::file::Optimisation;
-use crate::study::axis::Value;
+use crate::study::axis::Values;
 use crate::study::over::Over;
 use crate::study::points::{Method, Sampling};
 
@@ -57,10 +58,12 @@ pub fn values(optimisation: &Optimisation, nominal: &[f64], scenario: &[f64]) ->
     let (sides, shares) = scenario.split_at(optimisation.variables.len());
     let mut values: Vec<f64> = sides.iter().enumerate().map(made).collect();
     for ((axis, uncertain), share) in optimisation.uncertain_axes().iter().zip(&optimisation.uncertain).zip(shares) {
-        values.push(match (&uncertain.values, axis.value(0, *share)) {
+        values.push(match (&uncertain.values, &axis.values) {
             (Some(values), _) => values[((share * values.len() as f64) as usize).min(values.len() - 1)],
-            (None, Value::Number(value)) => value,
-            (None, Value::Word(_)) => f64::NAN,
+            // The worst counts however likely it is: its levels are even in the value.
+            (None, Values::Drawn(distribution)) if optimisation.over == Over::Worst => distribution.between(*share),
+            (None, Values::Drawn(distribution)) => distribution.quantile(*share),
+            (None, _) => f64::NAN,
         });
     }
     values

@@ -3,7 +3,9 @@
 use super::keys::{uncertain, variable};
 use crate::input::Section;
 use crate::input::key::Quantity;
+use crate::input::section::Number;
 use crate::study::axis::{self, Axis, Values};
+use crate::study::distribution::{self, Distribution};
 
 /// Tolerance of a variable as a share of its value (of its range where it is 0), unless the file states one.
 pub const TOLERANCE: f64 = 1e-3;
@@ -45,7 +47,7 @@ pub struct Variable {
 /// What is not known: its axis is one of the optimisation's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Uncertain {
-    /// Its values, rising, all as likely; `None` for a range.
+    /// Its values, rising, all as likely; `None` for a range or a distribution.
     pub values: Option<Vec<f64>>,
 }
 
@@ -132,7 +134,8 @@ pub(super) fn read(s: &Section) -> Option<(Axis, Variable)> {
     let step = s.is_given(&variable::STEP).then(|| s.scalar(&variable::STEP));
     let tolerance = s.is_given(&variable::TOLERANCE).then(|| s.one_of(&variable::TOLERANCE));
     let if_equal = "leave the variable out, and state it in the case";
-    let range = read_range(s, [&variable::FROM, &variable::TO, &variable::SCALE, &variable::VALUES], if_equal);
+    let ends = [s.placed(&variable::FROM), s.placed(&variable::TO)];
+    let range = read_range(s, [&variable::FROM, &variable::TO, &variable::SCALE, &variable::VALUES], ends, if_equal);
     s.finish();
     let key = axis::checked_key(s, key?)?;
     let range = range?;
@@ -168,14 +171,39 @@ pub(super) fn read(s: &Section) -> Option<(Axis, Variable)> {
     Some((range.axis(key.value, key.span), variable))
 }
 
+/// The keys of a distribution of what is not known.
+const DISTRIBUTION: distribution::Keys = distribution::Keys {
+    distribution: &uncertain::DISTRIBUTION,
+    mean: &uncertain::MEAN,
+    standard_deviation: &uncertain::STANDARD_DEVIATION,
+    ends: [&uncertain::FROM, &uncertain::TO],
+    scale: &uncertain::SCALE,
+};
+
 /// What is not known and its axis.
 pub(super) fn read_uncertain(s: &Section) -> Option<(Axis, Uncertain)> {
     let key = s.text_of(&uncertain::KEY);
     let if_equal = "leave the table out, and state it in the case";
-    let range = read_range(s, [&uncertain::FROM, &uncertain::TO, &uncertain::SCALE, &uncertain::VALUES], if_equal);
+    let ends = [s.placed(&uncertain::FROM), s.placed(&uncertain::TO)];
+    let distribution = distribution::read(s, &DISTRIBUTION, &ends);
+    // A distribution is read above; what is wrong with it has its message.
+    let is_range = matches!(distribution, Some(None));
+    let keys = [&uncertain::FROM, &uncertain::TO, &uncertain::SCALE, &uncertain::VALUES];
+    let range = is_range.then(|| read_range(s, keys, ends, if_equal));
+    let has_values = s.is_given(&uncertain::VALUES);
     s.finish();
     let key = axis::checked_key(s, key?)?;
-    let range = range?;
+    if let Some((distribution, value_spans)) = distribution? {
+        if has_values {
+            let help = "leave one of them out";
+            s.reject(uncertain::VALUES.name(), "does not go with a distribution", Some(help.into()));
+            return None;
+        }
+        let (values, is_log) = (Values::Drawn(distribution), distribution.is_log());
+        let axis = Axis { key: key.value, values, is_log, reduce: None, span: key.span, value_spans };
+        return Some((axis, Uncertain { values: None }));
+    }
+    let range = range??;
     let values = range.values.clone();
     Some((range.axis(key.value, key.span), Uncertain { values }))
 }
@@ -191,16 +219,20 @@ struct Range {
 
 impl Range {
     fn axis(self, key: String, span: crate::input::Span) -> Axis {
-        let values = Values::Drawn { from: self.from, to: self.to, is_log: self.is_log };
+        let values = Values::Drawn(Distribution::uniform(self.from, self.to, self.is_log));
         Axis { key, values, is_log: self.is_log, reduce: None, span, value_spans: self.spans }
     }
 }
 
-/// Reads `from`, `to` and `scale`, or `values`.
-fn read_range(s: &Section, [from, to, scale, values]: [&Quantity; 4], if_equal: &str) -> Option<Range> {
+/// Reads `scale` of a range with these ends, or `values`.
+fn read_range(
+    s: &Section,
+    [from, to, scale, values]: [&Quantity; 4],
+    ends: [Option<Number>; 2],
+    if_equal: &str,
+) -> Option<Range> {
     let is_log = s.word(scale) == Some(1);
     let has_range = s.is_given(from) || s.is_given(to);
-    let ends = (s.placed(from), s.placed(to));
     if s.is_given(values) {
         let mut numbers = s.numbers_of(values)?;
         if has_range {
@@ -221,7 +253,7 @@ fn read_range(s: &Section, [from, to, scale, values]: [&Quantity; 4], if_equal: 
         let values = Some(numbers.iter().map(|number| number.value).collect());
         return Some(Range { from, to, is_log: false, values, spans });
     }
-    let (Some(from), Some(to)) = ends else {
+    let [Some(from), Some(to)] = ends else {
         let help = "give both `from` and `to`, or the values that there are as values = […]";
         let is_half = s.is_given(from) || s.is_given(to);
         // A number that is refused has its message.

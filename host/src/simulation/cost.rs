@@ -54,6 +54,39 @@ impl Viewer for ArcCounter {
     }
 }
 
+/// Computing time on a usual core, s, as measured in studies: of a cycle with what a case has, of a cycle for each mode of a structure with several
+/// places, of a step for each sphere, and of a step of a record.
+const CYCLE_S: f64 = 4e-7;
+const FRICTION_CYCLE_S: f64 = 2e-6;
+const TUNED_CYCLE_S: f64 = 4e-6;
+const SOFT_CYCLE_S: f64 = 6e-6;
+const MODE_CYCLE_S: f64 = 1e-5;
+const HERTZ_CYCLE_S: f64 = 2e-5;
+const SPHERE_STEP_S: f64 = 5e-7;
+const RECORD_STEP_S: f64 = 1e-7;
+
+/// Computing time of `duration_s` of a case on a usual core, s, within a factor of about three: from what it has and without a trial,
+/// so that every machine says the same.
+#[must_use]
+pub fn usual_s(case: &Case, duration_s: f64) -> f64 {
+    let (set_up, cycles) = (&case.set_up, duration_s / case.cycle_s());
+    if let Some(damper) = &case.many_particles {
+        return duration_s / damper.step_s(&set_up.structure) * damper.count as f64 * SPHERE_STEP_S;
+    }
+    if let Some(several) = &case.multi_degree {
+        return cycles * several.set_up.structure.modes.len() as f64 * MODE_CYCLE_S;
+    }
+    let steps = case.record.as_ref().map_or(0.0, |record| duration_s / record.step_s);
+    let has_friction = set_up.friction_damper.is_some()
+        || set_up.particle.as_ref().is_some_and(|particle| particle.friction_coefficient > 0.0);
+    let cycle_s = CYCLE_S
+        + if has_friction { FRICTION_CYCLE_S } else { 0.0 }
+        + if set_up.tmd.is_some() { TUNED_CYCLE_S } else { 0.0 }
+        + if set_up.has_soft_walls() { SOFT_CYCLE_S } else { 0.0 }
+        + if set_up.has_hertz_walls() { HERTZ_CYCLE_S } else { 0.0 };
+    cycles * cycle_s + steps * RECORD_STEP_S
+}
+
 /// Estimates the cost of a case.
 ///
 /// # Errors

@@ -1,5 +1,6 @@
 //! An axis of a study: a key of the case and its values.
 
+use super::distribution::{self, Distribution, between};
 use super::keys::axis as keys;
 use crate::input::key::Unit;
 use crate::input::section::{Given, Number, Text};
@@ -32,15 +33,8 @@ pub enum Values {
     Numbers(Vec<f64>),
     /// These words.
     Words(Vec<String>),
-    /// Drawn between two ends, evenly or evenly in the logarithm.
-    Drawn {
-        /// Lower end.
-        from: f64,
-        /// Upper end.
-        to: f64,
-        /// Even in the logarithm.
-        is_log: bool,
-    },
+    /// Drawn from a distribution.
+    Drawn(Distribution),
     /// Those of points from outside, between two ends.
     Given {
         /// Lower end.
@@ -125,14 +119,14 @@ impl Axis {
         match &self.values {
             Values::Numbers(numbers) => numbers.len(),
             Values::Words(words) => words.len(),
-            Values::Drawn { .. } | Values::Given { .. } => 1,
+            Values::Drawn(_) | Values::Given { .. } => 1,
         }
     }
 
     /// Whether its values are drawn or from outside, one for each point, and no grid.
     #[must_use]
     pub fn is_scattered(&self) -> bool {
-        matches!(self.values, Values::Drawn { .. } | Values::Given { .. })
+        matches!(self.values, Values::Drawn(_) | Values::Given { .. })
     }
 
     /// Whether it is a band of drive frequencies whose extreme is looked for between its values too.
@@ -154,7 +148,7 @@ impl Axis {
         match &self.values {
             Values::Numbers(numbers) => Value::Number(numbers[place]),
             Values::Words(words) => Value::Word(words[place].clone()),
-            Values::Drawn { from, to, is_log } => Value::Number(between(*from, *to, *is_log, share)),
+            Values::Drawn(distribution) => Value::Number(distribution.quantile(share)),
             Values::Given { from, to } => Value::Number(between(*from, *to, false, share)),
         }
     }
@@ -184,7 +178,7 @@ impl Axis {
     #[must_use]
     pub fn checked_values(&self) -> Vec<Value> {
         match &self.values {
-            Values::Drawn { from, to, .. } | Values::Given { from, to } => {
+            Values::Drawn(Distribution { from, to, .. }) | Values::Given { from, to } => {
                 vec![Value::Number(*from), Value::Number(*to)]
             }
             _ => (0..self.count()).map(|place| self.value(place, 0.0)).collect(),
@@ -192,28 +186,35 @@ impl Axis {
     }
 }
 
-/// A value between two ends: exactly the ends at 0 and 1, and a whole number where only rounding keeps it from being one.
-fn between(from: f64, to: f64, is_log: bool, share: f64) -> f64 {
-    let value = match share {
-        0.0 => return from,
-        1.0 => return to,
-        _ if is_log => from * libm::exp(share * libm::log(to / from)),
-        _ => from + share * (to - from),
-    };
-    let whole = value.round();
-    if (value - whole).abs() <= 4.0 * f64::EPSILON * value.abs().max(from.abs()).max(to.abs()) { whole } else { value }
-}
+/// The keys of an axis that is drawn from a distribution.
+const DISTRIBUTION: distribution::Keys = distribution::Keys {
+    distribution: &keys::DISTRIBUTION,
+    mean: &keys::MEAN,
+    standard_deviation: &keys::STANDARD_DEVIATION,
+    ends: [&keys::FROM, &keys::TO],
+    scale: &keys::SCALE,
+};
 
 /// Reads an `[[axis]]`. `has_sampling`: a range without a `count` is drawn from; `missing_count` says what to do about one that is not.
 pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Option<Axis> {
     let key = s.text_of(&keys::KEY);
-    let (from, to) = (s.placed(&keys::FROM), s.placed(&keys::TO));
+    let ends = [s.placed(&keys::FROM), s.placed(&keys::TO)];
     let count = s.scalar(&keys::COUNT);
     let is_log = s.word(&keys::SCALE) == Some(1);
     let numbers = s.is_given(&keys::VALUES).then(|| s.given(&keys::VALUES));
     let reduce = s.word(&keys::REDUCE).map(|place| Reduction::ALL[place]);
+    let distribution = distribution::read(s, &DISTRIBUTION, &ends);
     s.finish();
     let key = checked_key(s, key?)?;
+    if let Some((distribution, value_spans)) = distribution? {
+        if !has_sampling || numbers.is_some() || s.is_given(&keys::COUNT) || reduce.is_some() {
+            let allowed = "is for an axis whose values are drawn: one of a study with [sampling], without `count`, `values`, `words` and `reduce`";
+            s.reject(keys::DISTRIBUTION.name(), allowed, None);
+            return None;
+        }
+        let (values, is_log) = (Values::Drawn(distribution), distribution.is_log());
+        return Some(Axis { key: key.value, values, is_log, reduce, span: key.span, value_spans });
+    }
     let is_range = s.is_given(&keys::FROM) || s.is_given(&keys::TO) || s.is_given(&keys::COUNT);
     let mut value_spans = Vec::new();
     let values = match numbers {
@@ -227,8 +228,8 @@ pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Opti
         }
         Some(given) => read_list(s, given?.1, &mut value_spans)?,
         None => {
-            let (from, to) = match (from, to) {
-                (Some(from), Some(to)) => (from, to),
+            let [from, to] = match ends {
+                [Some(from), Some(to)] => [from, to],
                 _ if !is_range => {
                     s.reject(
                         keys::KEY.name(),
@@ -252,7 +253,7 @@ pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Opti
                     Values::Numbers((0..count as usize).map(|n| between(from, to, is_log, n as f64 / last)).collect())
                 }
                 None if s.is_given(&keys::COUNT) => return None,
-                None if has_sampling && reduce.is_none() => Values::Drawn { from, to, is_log },
+                None if has_sampling && reduce.is_none() => Values::Drawn(Distribution::uniform(from, to, is_log)),
                 None => {
                     s.reject(keys::KEY.name(), "has a range without a number of values", Some(missing_count.into()));
                     return None;
@@ -315,7 +316,7 @@ fn read_list(s: &Section, given: Given, spans: &mut Vec<Span>) -> Option<Values>
     let is_empty = match &values {
         Values::Numbers(numbers) => numbers.is_empty(),
         Values::Words(words) => words.is_empty(),
-        Values::Drawn { .. } | Values::Given { .. } => false,
+        Values::Drawn(_) | Values::Given { .. } => false,
     };
     if is_empty {
         let key = s.written(&keys::VALUES).map_or("values", |key| key.name);
@@ -328,16 +329,6 @@ fn read_list(s: &Section, given: Given, spans: &mut Vec<Span>) -> Option<Values>
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_range_has_both_its_ends_exactly_and_a_log_range_even_ratios() {
-        assert_eq!([between(0.1, 0.7, false, 0.0), between(0.1, 0.7, false, 1.0)], [0.1, 0.7]);
-        assert_eq!([between(0.1, 0.7, true, 0.0), between(0.1, 0.7, true, 1.0)], [0.1, 0.7]);
-        let whole: Vec<f64> = (0..100).map(|n| between(1.0, 100.0, false, f64::from(n) / 99.0)).collect();
-        assert!(whole.iter().all(|value| value.fract() == 0.0), "seeds are whole numbers: {whole:?}");
-        let middle = between(1.0, 100.0, true, 0.5);
-        assert!((middle - 10.0).abs() < 1e-14, "{middle}");
-    }
 
     #[test]
     fn a_reduction_gives_the_value_and_its_place_and_a_missing_value_stays_missing() {

@@ -12,7 +12,7 @@ use std::time::SystemTime;
 use parquet::arrow::ArrowWriter;
 use serde::{Deserialize, Serialize};
 
-use super::evaluate::cycles_per_row;
+use super::evaluate::usual_s;
 use super::file::Study;
 use super::part::{self, Part, batch, schema};
 use super::store::Store;
@@ -26,8 +26,8 @@ use crate::table::parquet_properties::properties;
 /// Version of the layout of parts and table; part of a study's identity.
 pub const FORMAT: &str = "study 1";
 
-/// Simulated cycles of a part, about: a second of computing.
-const CYCLES_PER_PART: f64 = 2e6;
+/// Computing time of a part on one usual core, s, about.
+const PART_S: f64 = 1.0;
 
 /// Most rows of a part.
 const MAX_ROWS_PER_PART: u64 = 65_536;
@@ -55,6 +55,9 @@ pub struct Manifest {
     /// Source revision of the program, if its build knew it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub revision: Option<String>,
+    /// Digest of the program's sources ([`crate::BUILD`]); older versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub build: Option<String>,
     /// Name of the study.
     pub name: String,
     /// Identity of the study.
@@ -76,11 +79,12 @@ impl Manifest {
     /// Of a study.
     #[must_use]
     pub fn of(study: &Study) -> Self {
-        let usual = (CYCLES_PER_PART / cycles_per_row(study)).ceil().clamp(1.0, MAX_ROWS_PER_PART as f64);
+        let usual = (PART_S / usual_s(study)).ceil().clamp(1.0, MAX_ROWS_PER_PART as f64);
         let manifest = Self {
             format: FORMAT.into(),
             damprig: crate::VERSION_LINE.into(),
             revision: option_env!("DAMPRIG_REVISION").map(str::to_string),
+            build: Some(crate::BUILD.into()),
             name: study.name.clone(),
             identity: study.identity.clone(),
             rows: study.rows(),
@@ -174,7 +178,7 @@ impl DataSet {
     /// Results of another study or version; a place that cannot be read; a damaged manifest.
     pub fn existing(study: &Study, store: Store) -> Result<Option<Self>, Failure> {
         let Some(bytes) = store.get(MANIFEST)? else { return Ok(None) };
-        let manifest = Manifest::of(study);
+        let now = Manifest::of(study);
         let shown = store.path(MANIFEST);
         let damaged = |what: &dyn std::fmt::Display| {
             let help = "remove it: the next `damprig study run` or `work` writes it again and goes on with the parts";
@@ -186,10 +190,16 @@ impl DataSet {
         if !there.sha256.as_ref().is_none_or(is_as_written) {
             return Err(damaged(&"it was changed since it was written (SHA-256 differs)"));
         }
-        if there.digest() != manifest.digest() {
-            return Err(Failure::Input(changed(&there, &manifest, &store.path(""))));
+        if there.rows_per_part == 0 {
+            return Err(damaged(&"its parts have no rows"));
         }
-        Ok(Some(Self { store, manifest }))
+        // An older version sized parts in another way, and knew no build.
+        let build = there.build.as_ref().and(now.build.clone());
+        let now = Manifest { build, rows_per_part: there.rows_per_part, ..now };
+        if there.digest() != now.digest() {
+            return Err(Failure::Input(changed(&there, &now, &store.path(""))));
+        }
+        Ok(Some(Self { store, manifest: there }))
     }
 
     /// Where it is.
@@ -343,6 +353,9 @@ pub fn ranges(numbers: &[u64]) -> String {
 fn changed(there: &Manifest, now: &Manifest, folder: &Path) -> String {
     let what = if there.damprig != now.damprig || there.revision != now.revision || there.format != now.format {
         format!("its parts were written by {}, this is {}", there.damprig, now.damprig)
+    } else if there.build != now.build {
+        let [there, now] = [there, now].map(|manifest| manifest.build.as_deref().unwrap_or_default());
+        format!("its parts were written by another build of this version, {there}, this is {now}")
     } else if there.study != now.study {
         "the study file has changed since".into()
     } else if there.case != now.case {

@@ -237,8 +237,7 @@ pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Quantity]) ->
     let start = Instant::now();
     let counted = Counted::of(&case, record);
     let end_s = counted.end_s;
-    // The analysis runs the motion again, and some of its periods many times.
-    let times = if metrics.iter().any(|metric| metric::needs_analysis(*metric)) { 4.0 } else { 1.0 };
+    let times = times_of_metrics(metrics);
     if case.many_particles.is_some() {
         let run = RunSpec { duration_s: end_s, ..RunSpec::default() };
         return Ok(times * cost::estimate(&Case { run, ..case })?.seconds);
@@ -285,7 +284,7 @@ fn most_simulations(study: &Study) -> f64 {
     study.simulations_per_row() as f64 * (1.0 + around)
 }
 
-/// Simulated cycles of a row at its first point, for estimates and for the size of parts.
+/// Simulated cycles of a row at its first point.
 #[must_use]
 pub fn cycles_per_row(study: &Study) -> f64 {
     let values = study.points.values(&study.axes, 0, 0);
@@ -294,6 +293,33 @@ pub fn cycles_per_row(study: &Study) -> f64 {
         counted.end_s / counted.cycle_s
     });
     cycles * most_simulations(study)
+}
+
+/// Time beside the simulations of a row, s: reading its case and writing its results.
+const ROW_S: f64 = 5e-5;
+
+/// Computing time of a row on one usual core, s, the same on every machine: the mean of [`cost::usual_s`] over some rows.
+#[must_use]
+pub fn usual_s(study: &Study) -> f64 {
+    let of_row = |row: u64| {
+        let case = study.case_with(&study.points.values(&study.axes, row, 0)).ok()?;
+        let counted = Counted::of(&case, study.record);
+        Some(if linear::settled(&case, &counted).is_some() { 0.0 } else { cost::usual_s(&case, counted.end_s) })
+    };
+    let found: Vec<f64> = spread_rows(study.rows()).filter_map(of_row).collect();
+    let mean_s = found.iter().sum::<f64>() / found.len().max(1) as f64;
+    ROW_S + mean_s * times_of_metrics(&study.metrics) * most_simulations(study)
+}
+
+/// Rows in the middles of up to eight equal parts of a table: not along an edge of it.
+pub fn spread_rows(rows: u64) -> impl Iterator<Item = u64> {
+    let tried = rows.min(8);
+    (0..tried).map(move |n| (((n as f64 + 0.5) / tried as f64 * rows as f64) as u64).min(rows - 1))
+}
+
+/// How many times as long as a simulation its metrics take: the analysis runs the motion again, and some of its periods many times.
+fn times_of_metrics(metrics: &[Quantity]) -> f64 {
+    if metrics.iter().any(|metric| metric::needs_analysis(*metric)) { 4.0 } else { 1.0 }
 }
 
 #[cfg(test)]

@@ -31,6 +31,12 @@ const MISSING_COUNT: &str = "give `count`, or draw from the range with a table [
 /// Quantiles over the starts unless the study states others.
 const QUANTILES: [f64; 3] = [0.05, 0.5, 0.95];
 
+/// Least `count` of base points or trajectories: the uncertainty of indices is that of their scatter.
+const LEAST_FOR_INDICES: usize = 4;
+
+/// Most points that are drawn: they are kept in memory.
+const MOST_DRAWN: usize = 100_000_000;
+
 /// Several starts of the particle at each point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ensemble {
@@ -57,6 +63,8 @@ pub struct Study {
     pub axes: Vec<Axis>,
     /// What its points are.
     pub points: Points,
+    /// How points are drawn, if they are.
+    pub sampling: Option<Sampling>,
     /// What is counted; as the case's `run` says without one.
     pub record: Option<Record>,
     /// Several starts, if any.
@@ -298,7 +306,9 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option
     let mut all = points.as_ref().map_or_else(Vec::new, |points| points.axes(&root.span_of(keys::POINTS.name())));
     all.extend(axes.into_iter().collect::<Option<Vec<Axis>>>()?);
     let axes = all;
-    check_axes(root, &axes, sampling);
+    if !check_axes(root, &axes, sampling) {
+        return None;
+    }
     let (metrics, (case_path, case_text)) = (metrics?, case?);
     let overlays = overlays.into_iter().collect::<Option<Vec<_>>>()?;
     for (named, overlay) in &overlays {
@@ -322,6 +332,7 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option
         case_path,
         case_text,
         points,
+        sampling,
         axes,
         record: record.unwrap_or(Some(None))?,
         ensemble: ensemble.unwrap_or(Some(None))?,
@@ -388,7 +399,8 @@ fn read_metrics(root: &Section) -> Option<Vec<Quantity>> {
     Some(metrics)
 }
 
-fn check_axes(root: &Section, axes: &[Axis], sampling: Option<Sampling>) {
+/// Reports what is wrong with the axes together; answers whether points can be drawn.
+fn check_axes(root: &Section, axes: &[Axis], sampling: Option<Sampling>) -> bool {
     if axes.is_empty() {
         root.source().report(Problem {
             title: "`axis` is missing".into(),
@@ -405,7 +417,28 @@ fn check_axes(root: &Section, axes: &[Axis], sampling: Option<Sampling>) {
     if sampling.is_some() && !axes.iter().any(Axis::is_scattered) {
         let help = "leave out the `count` of the axes that are to be drawn from, or this table";
         root.reject(keys::SAMPLING.name(), "there is no range to draw from", Some(help.into()));
+        return false;
     }
+    let Some(sampling) = sampling else { return true };
+    let (ranges, name) = (axes.iter().filter(|axis| axis.is_scattered()).count(), sampling.method.name());
+    let is_grid = |axis: &&Axis| sampling.method.is_for_indices() && !axis.is_scattered() && axis.reduce.is_none();
+    if let Some(axis) = axes.iter().find(is_grid) {
+        let allowed = format!("has listed values, and method = {name:?} draws every axis");
+        let help = "give `from` and `to` without `count`, add `reduce`, or make a study of each value";
+        root.refuse(keys::AXIS.name(), &axis.span, allowed, Some(help.into()));
+        return false;
+    }
+    if ranges > sampling.method.most_ranges() {
+        let allowed = format!("has {ranges} ranges; at most {} with method = {name:?}", sampling.method.most_ranges());
+        root.reject(keys::AXIS.name(), allowed, None);
+        return false;
+    }
+    let is_too_many = sampling.points(ranges).is_none_or(|points| points > MOST_DRAWN);
+    if is_too_many {
+        let allowed = format!("draws more than {MOST_DRAWN:e} points from {ranges} ranges with method = {name:?}");
+        root.reject(keys::SAMPLING.name(), allowed, Some("make `count` smaller".into()));
+    }
+    !is_too_many
 }
 
 fn read_sampling(s: &Section) -> Option<Sampling> {
@@ -413,8 +446,17 @@ fn read_sampling(s: &Section) -> Option<Sampling> {
     let count = s.scalar(&sampling::COUNT);
     let seed = s.scalar(&sampling::SEED);
     s.finish();
-    let method = if method? == 0 { Method::LatinHypercube } else { Method::Sobol };
-    Some(Sampling { method, count: count? as usize, seed: seed.unwrap_or(1.0) as u64 })
+    let (method, count) = (Method::ALL[method?], count? as usize);
+    if method.is_for_indices() && count < LEAST_FOR_INDICES {
+        let allowed = format!("must be at least {LEAST_FOR_INDICES} with method = {:?}", method.name());
+        s.reject(
+            sampling::COUNT.name(),
+            allowed,
+            Some("a power of two, as 512, for sobol_indices; 20 for morris".into()),
+        );
+        return None;
+    }
+    Some(Sampling { method, count, seed: seed.unwrap_or(1.0) as u64 })
 }
 
 /// Reads `[record]`.

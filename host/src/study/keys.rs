@@ -1,7 +1,9 @@
 //! Declares the keys of a study file.
 
+use super::distribution::DISTRIBUTION_WORDS;
 use super::metric::METRIC_NAMES;
 use super::over::OVER_WORDS;
+use super::points::SAMPLING_WORDS;
 use crate::input::key::DefaultValue::{Number, Word};
 use crate::input::key::Need::{Default, Forbidden, If, IfWord, Optional, Required};
 use crate::input::key::Range::{Any, Between, Positive, Whole};
@@ -33,6 +35,9 @@ tables! {
         TO: Optional, [number("to", Any, "last value of the range; greater than `from`")];
         COUNT: Optional, [number("count", Whole(2.0, 1e6), "number of values of the range; left out with [sampling]: drawn from the range")];
         SCALE: Default(Word("linear")), [word("scale", &["linear", "log"], "spacing of the values in the range")];
+        DISTRIBUTION: Default(Word("uniform")), [word("distribution", DISTRIBUTION_WORDS, "what a value is drawn from with [sampling]: a range, or a distribution that is cut off at `from` and `to`, by default 4 standard deviations (of the logarithm of a lognormal value) from its middle")];
+        MEAN: IfWord(&DISTRIBUTION, "uniform", &Forbidden, &Required), [number("mean", Any, "mean of the value before its distribution is cut off, in the key's unit")];
+        STANDARD_DEVIATION: IfWord(&DISTRIBUTION, "uniform", &Forbidden, &Required), [number("standard_deviation", Positive, "standard deviation of the value (not of its logarithm) before its distribution is cut off, in the key's unit")];
         VALUES: Optional, [
             key("values", Kind::Numbers(Any), "the values, in place of a range"),
             key("words", Kind::Texts, "the values of a key that takes words, in place of a range"),
@@ -42,9 +47,9 @@ tables! {
 
     "Points drawn from the ranges of the axes without a `count`."
     sampling("sampling") {
-        METHOD: Required, [word("method", &["latin_hypercube", "sobol"], "how points are drawn")];
-        COUNT: Required, [number("count", Whole(1.0, 1e8), "number of points")];
-        SEED: IfWord(&METHOD, "latin_hypercube", &Default(Number(1.0)), &Optional), [number("seed", Whole(0.0, MAX_WHOLE), "of the random numbers of a Latin hypercube")];
+        METHOD: Required, [word("method", SAMPLING_WORDS, "how points are drawn: a Latin hypercube, Sobol's sequence, or those that sensitivity indices need: Sobol' indices (variance shares) or Morris's elementary effects")];
+        COUNT: Required, [number("count", Whole(1.0, 1e8), "number of points; of base points with sobol_indices (count × (ranges + 2) points in all), of trajectories with morris (count × (ranges + 1) points)")];
+        SEED: IfWord(&METHOD, "sobol", &Optional, &Default(Number(1.0))), [number("seed", Whole(0.0, MAX_WHOLE), "of the random numbers")];
     }
 
     "What is counted of each simulation."

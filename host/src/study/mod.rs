@@ -2,7 +2,7 @@
 //! user's page.
 //!
 //! [`mod@file`] reads the study, [`axis`], [`points`] and [`given_points`] say which values it has, [`varied_case`] and [`direct`] make
-//! cases of them, `samples` says which are checked, [`evaluate`] simulates them, [`band`] finds peaks, [`over`] says what of several starts counts, [`mod@overlay`] which curves are over a map, [`data_set`] keeps the results as parts ([`part`]) that survive a kill
+//! cases of them, `samples` says which are checked, [`evaluate`] simulates them, [`sensitivity`] says what their results depend on, [`band`] finds peaks, [`over`] says what of several starts counts, [`mod@overlay`] which curves are over a map, [`data_set`] keeps the results as parts ([`part`]) that survive a kill
 //! in a [`store`], [`run`] does all of it on this machine, [`work`] a share of it as one of several workers; [`inspect`] tells how far
 //! they are.
 
@@ -10,8 +10,11 @@ pub mod axis;
 pub mod band;
 pub mod basins;
 pub mod bifurcation;
+pub mod bootstrap;
 pub mod data_set;
 pub mod direct;
+pub mod distribution;
+pub mod elementary_effects;
 pub mod evaluate;
 pub mod file;
 pub mod given_points;
@@ -25,7 +28,9 @@ pub mod part;
 pub mod points;
 pub mod run;
 pub(crate) mod samples;
+pub mod sensitivity;
 pub mod simulate;
+pub mod sobol_indices;
 pub mod store;
 pub mod sums;
 pub mod table;

@@ -24,6 +24,9 @@ use crate::table;
 /// Column with the number of a row.
 pub const ROW: &str = "row";
 
+/// Key of the program's build in the metadata of a part.
+const BUILD: &str = "damprig.build";
+
 /// A part that has been read.
 #[derive(Clone, Debug)]
 pub struct Part {
@@ -54,6 +57,7 @@ pub fn schema(study: &Study, manifest: &Manifest) -> SchemaRef {
     let mut about = of_file("a row for each point of the study");
     about.insert(IDENTITY, manifest.identity.as_str());
     about.insert("damprig.revision", manifest.revision.as_deref().unwrap_or_default());
+    about.insert(BUILD, manifest.build.as_deref().unwrap_or_default());
     about.insert("damprig.name", manifest.name.as_str());
     about.insert("damprig.study", manifest.study.as_str());
     about.insert("damprig.case", manifest.case.as_str());
@@ -116,6 +120,10 @@ pub(super) fn read(
     let content = parquet_file::content(shown, bytes)?;
     if content.metadata.get(IDENTITY) != Some(&manifest.identity) {
         return Err(wrong(&"belongs to another study or another version of it"));
+    }
+    let built = content.metadata.get(BUILD).filter(|build| !build.is_empty());
+    if let Some((there, now)) = built.zip(manifest.build.as_ref()).filter(|(there, now)| there != now) {
+        return Err(wrong(&format!("was written by another build of damprig, {there}, and the study by {now}")));
     }
     let there = content.batches.first().map(RecordBatch::schema).ok_or_else(|| wrong(&"has no rows"))?;
     let schema = schema(study, manifest);

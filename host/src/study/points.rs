@@ -9,6 +9,7 @@ use sobol::params::JoeKuoD6;
 
 use super::axis::{Axis, Value};
 use super::given_points::GivenPoints;
+use super::{elementary_effects, sobol_indices};
 
 /// How points are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,6 +18,40 @@ pub enum Method {
     LatinHypercube,
     /// Sobol's sequence with the direction numbers of Joe and Kuo (2008), from its first point.
     Sobol,
+    /// Points from which Sobol' indices are computed.
+    SobolIndices,
+    /// Trajectories from which elementary effects are computed.
+    Morris,
+}
+
+/// Words of files, in the order of [`Method::ALL`].
+pub const SAMPLING_WORDS: &[&str] = &["latin_hypercube", "sobol", "sobol_indices", "morris"];
+
+impl Method {
+    /// All, in the order of the words of files.
+    pub const ALL: [Self; 4] = [Self::LatinHypercube, Self::Sobol, Self::SobolIndices, Self::Morris];
+
+    /// As files name it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        SAMPLING_WORDS[self as usize]
+    }
+
+    /// Whether its points are those of sensitivity indices.
+    #[must_use]
+    pub const fn is_for_indices(self) -> bool {
+        matches!(self, Self::SobolIndices | Self::Morris)
+    }
+
+    /// Most ranges that points are drawn from.
+    #[must_use]
+    pub const fn most_ranges(self) -> usize {
+        match self {
+            Self::LatinHypercube | Self::Morris => usize::MAX,
+            Self::Sobol => 2 * sobol_indices::MOST_INPUTS,
+            Self::SobolIndices => sobol_indices::MOST_INPUTS,
+        }
+    }
 }
 
 /// Drawn points.
@@ -24,19 +59,31 @@ pub enum Method {
 pub struct Sampling {
     /// How.
     pub method: Method,
-    /// How many.
+    /// How many; of base points or trajectories where they are for indices.
     pub count: usize,
     /// Of the random numbers.
     pub seed: u64,
 }
 
 impl Sampling {
+    /// Number of points in so many dimensions; `None` if there are more than a program can count.
+    #[must_use]
+    pub fn points(&self, dimensions: usize) -> Option<usize> {
+        self.count.checked_mul(match self.method {
+            Method::LatinHypercube | Method::Sobol => 1,
+            Method::SobolIndices => sobol_indices::points_per_base(dimensions),
+            Method::Morris => elementary_effects::points_per_trajectory(dimensions),
+        })
+    }
+
     /// Shares of the ranges, 0 to 1, a list of `dimensions` for each point.
     #[must_use]
     pub fn shares(&self, dimensions: usize) -> Vec<Vec<f64>> {
         match self.method {
             Method::Sobol => Sobol::<f64>::new(dimensions, &JoeKuoD6::standard()).take(self.count).collect(),
             Method::LatinHypercube => latin_hypercube(self.count, dimensions, self.seed),
+            Method::SobolIndices => sobol_indices::shares(self.count, dimensions, self.seed),
+            Method::Morris => elementary_effects::shares(self.count, dimensions, self.seed),
         }
     }
 }
@@ -121,6 +168,12 @@ impl Points {
         if let Some(Rows::Values(rows)) = &self.rows { Some(rows) } else { None }
     }
 
+    /// Shares of the ranges that the scattered points have; none of points from outside.
+    #[must_use]
+    pub fn shares(&self) -> &[Vec<f64>] {
+        if let Some(Rows::Shares(rows)) = &self.rows { rows } else { &[] }
+    }
+
     /// Rows of the table; `None` if there are more than a program can count.
     #[must_use]
     pub fn rows(&self, axes: &[Axis]) -> Option<u64> {
@@ -168,6 +221,7 @@ fn unravel(number: u64, chosen: &[usize], axes: &[Axis], places: &mut [usize]) -
 #[cfg(test)]
 mod tests {
     use super::super::axis::{Reduction, Values};
+    use super::super::distribution::Distribution;
     use super::*;
 
     fn axis(key: &str, values: Values, reduce: Option<Reduction>) -> Axis {
@@ -217,7 +271,7 @@ mod tests {
     #[test]
     fn draws_are_multiplied_by_the_grid_of_the_other_axes() {
         let axes = [
-            axis("a", Values::Drawn { from: 10.0, to: 20.0, is_log: false }, None),
+            axis("a", Values::Drawn(Distribution::uniform(10.0, 20.0, false)), None),
             axis("w", Values::Words(vec!["x".into(), "y".into()]), None),
         ];
         let points = Points::new(&axes, Some(Scattered::Drawn(Sampling { method: Method::Sobol, count: 4, seed: 1 })));

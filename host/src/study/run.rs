@@ -6,13 +6,10 @@ use arrow_array::Float64Array;
 use rayon::prelude::*;
 
 use super::data_set::DataSet;
-use super::evaluate::{UNRESOLVED, columns, cycles_per_row, main_column, rows, trial_s};
+use super::evaluate::{UNRESOLVED, columns, cycles_per_row, main_column, rows, spread_rows, trial_s};
 use super::file::Study;
 use super::part::Part;
 use crate::failure::Failure;
-
-/// Rows tried for an estimate.
-const TRIED_ROWS: u64 = 8;
 
 /// Where a study is.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,15 +40,8 @@ pub enum Ending {
 /// # Errors
 /// The refusal of a case that the axes make.
 pub fn estimate_s(study: &Study) -> Result<f64, Failure> {
-    let rows = study.rows();
-    let tried = rows.min(TRIED_ROWS);
-    let mut seconds = 0.0;
-    for n in 0..tried {
-        // In the middle of each eighth: not along an edge of the table.
-        let row = (n as f64 + 0.5) / tried as f64 * rows as f64;
-        seconds += trial_s(study, (row as u64).min(rows - 1))?;
-    }
-    Ok(seconds * rows as f64 / tried as f64)
+    let seconds = spread_rows(study.rows()).map(|row| trial_s(study, row)).collect::<Result<Vec<f64>, Failure>>()?;
+    Ok(seconds.iter().sum::<f64>() * study.rows() as f64 / seconds.len() as f64)
 }
 
 /// Simulated cycles of a whole study, about.

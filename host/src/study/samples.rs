@@ -2,6 +2,7 @@
 //! in the model is compared with what is read.
 
 use super::axis::{Axis, Value, Values};
+use super::distribution::Distribution;
 use super::points::Points;
 
 /// Most corners of a grid.
@@ -72,7 +73,7 @@ pub(super) fn ends_and_middles(axes: &[Axis], first: &[Value]) -> Vec<Vec<Value>
     let values = |axis: &Axis| {
         let (mut numbers, is_list) = match &axis.values {
             Values::Numbers(numbers) => (numbers.clone(), true),
-            Values::Drawn { from, to, .. } | Values::Given { from, to } => (vec![*from, *to], false),
+            Values::Drawn(Distribution { from, to, .. }) | Values::Given { from, to } => (vec![*from, *to], false),
             Values::Words(_) => return Vec::new(),
         };
         numbers.sort_by(f64::total_cmp);
@@ -99,7 +100,7 @@ fn alone(axes: &[Axis], first: &[Value], values: impl Fn(&Axis) -> Vec<Value>) -
 pub(super) fn are_all_checked(axis: &Axis) -> bool {
     match &axis.values {
         Values::Numbers(numbers) => numbers.len() <= MAX_VALUES || numbers.is_sorted(),
-        Values::Words(_) | Values::Drawn { .. } | Values::Given { .. } => true,
+        Values::Words(_) | Values::Drawn(_) | Values::Given { .. } => true,
     }
 }
 

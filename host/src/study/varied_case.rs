@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::axis::{Axis, Value};
+use super::axis::{Axis, Value, Values};
 use crate::failure::Failure;
 use crate::input::{Files, Problem, Source};
 use crate::simulation::case::default_name;
@@ -89,7 +89,11 @@ fn refused(
                 let title = format!("`{}` = {written} is not allowed", axis.key);
                 (span, title, problem.help)
             }
-            None if axis.is_scattered() => (axis.span.clone(), problem.title, problem.help),
+            None if axis.is_scattered() => {
+                let help = "its distribution ends there: give `from` and `to`, between which it is cut off".to_string();
+                let help = matches!(axis.values, Values::Drawn(_)).then_some(help).or(problem.help);
+                (axis.span.clone(), problem.title, help)
+            }
             // Both ends are allowed.
             None => {
                 let help = "choose `from`, `to` and `count` so that every value is allowed, or give `values`";

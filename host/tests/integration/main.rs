@@ -81,6 +81,7 @@ mod study_cluster;
 mod study_damage;
 mod study_figures;
 mod study_points;
+mod study_sensitivity;
 mod study_work;
 mod transients;
 mod universal_files;

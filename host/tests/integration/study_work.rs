@@ -10,6 +10,8 @@ use std::time::Duration;
 
 use crate::common::damprig;
 use crate::study::folder;
+use arrow_array::RecordBatch;
+use damprig::run_folder::sealed_parquet;
 use damprig::study::Study;
 use damprig::study::data_set::DataSet;
 use damprig::study::store::Store;
@@ -169,6 +171,48 @@ fn a_worker_of_another_version_is_refused_and_writes_nothing() {
 }
 
 #[test]
+fn a_worker_of_another_build_is_refused_and_so_are_its_parts() {
+    let folder = folder(&short_study());
+    succeeds(&study(&folder, "work", "out", &["--shard", "1/2"]));
+    let path = folder.path().join("out/study.json");
+    let mut manifest: serde_json::Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    let own = manifest["build"].as_str().expect("a digest").to_string();
+    assert!(own.len() == 16 && own == damprig::BUILD, "{own}");
+    manifest["build"] = "0123456789abcdef".into();
+    manifest.as_object_mut().unwrap().remove("sha256");
+    fs::write(&path, manifest.to_string()).unwrap();
+    for (action, more) in [("work", ["--shard", "2/2"].as_slice()), ("status", &[]), ("merge", &[])] {
+        fails(&study(&folder, action, "out", more), 2, &["another build", "0123456789abcdef", &own, "--out"]);
+    }
+    // The parts say it too, where the manifest was removed.
+    fs::remove_file(&path).unwrap();
+    let other = data_set(&folder, "out").part(&study_of(&folder), 0).unwrap().expect("a part").batch;
+    let mut about = other.schema().metadata().clone();
+    about.insert("damprig.build", "0123456789abcdef");
+    let schema = other.schema().as_ref().clone().with_metadata(about);
+    let other = RecordBatch::try_new(schema.into(), other.columns().to_vec()).unwrap();
+    let bytes = sealed_parquet::bytes(&other).unwrap();
+    fs::write(part(&folder, "out", 0), bytes).unwrap();
+    fails(&study(&folder, "verify", "out", &[]), 1, &["00000000.parquet", "another build", "0123456789abcdef", &own]);
+}
+
+#[test]
+fn parts_are_sized_by_the_time_that_their_points_take() {
+    let parts = |case: &str, count: usize| {
+        let folder = folder(&format!(
+            "case = \"case.toml\"\nmetrics = [\"rms_x_m\"]\n[[axis]]\nkey = \"base.frequency_hz\"\nfrom = 2\nto = 3\ncount = {count}\n"
+        ));
+        fs::write(folder.path().join("case.toml"), case).unwrap();
+        let said = succeeds(&study(&folder, "run", "out", &["--dry-run"]));
+        let (_, parts) = said.split_once("parts: ").expect("the parts");
+        parts.lines().next().unwrap().parse::<u64>().unwrap()
+    };
+    let spheres = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/cases/many-particles.toml")).unwrap();
+    assert!(parts(&spheres, 48) > 16, "each worker of several has points of spheres");
+    assert_eq!(parts(crate::study::CASE, 48), 1, "short simulations share a part");
+}
+
+#[test]
 fn a_half_written_part_and_a_strange_file_are_named_with_what_to_do() {
     let folder = folder(&short_study());
     let expected = undisturbed(&folder);
@@ -254,4 +298,32 @@ fn joining_many_parts_takes_the_memory_of_few() {
     let (short, long) = (memory_of_merging(2_000_000), memory_of_merging(8_000_000));
     // Its footer lists more row groups, and the allocator keeps some memory.
     assert!(long < short + (24 << 20), "{short} and {long} bytes");
+}
+
+#[test]
+fn a_million_points_are_computed_in_shares_and_joined() {
+    if std::env::var_os("DAMPRIG_FULL").is_none() {
+        return;
+    }
+    let folder = folder(
+        "case = \"case.toml\"\nmetrics = [\"max_abs_x_m\"]\nrecord = { cycles = 2 }\n\
+         [[axis]]\nkey = \"particle.clearance_ratio\"\nfrom = 8\nto = 16\ncount = 1000\n\
+         [[axis]]\nkey = \"particle.wall.coefficient\"\nfrom = 0.2\nto = 0.8\ncount = 1000\n",
+    );
+    let mut workers: Vec<Child> = ["1/2", "2/2"].map(|shard| worker(&folder, "out", &["--shard", shard])).into();
+    workers.iter_mut().for_each(|worker| assert!(worker.wait().unwrap().success()));
+    let said = succeeds(&study(&folder, "merge", "out", &[]));
+    assert!(said.contains("1000000 rows"), "{said}");
+    let table = crate::study::table(&folder.path().join("out/table.parquet"));
+    let [values, clearances, coefficients] = ["max_abs_x_m", "particle.clearance_ratio", "particle.wall.coefficient"]
+        .map(|name| crate::study::column(&table, name));
+    for row in [0, 123_456, 999_999] {
+        let set = [
+            format!("particle.clearance_ratio={:?}", clearances[row]),
+            format!("particle.wall.coefficient={:?}", coefficients[row]),
+            "run.duration_s=0.8".into(),
+        ];
+        let single = crate::study::simulated(&folder, &set)["summary"]["max_abs_x_m"].as_f64().unwrap();
+        assert!((values[row] / single - 1.0).abs() < 1e-9, "row {row}: {} and not {single}", values[row]);
+    }
 }

@@ -15,6 +15,7 @@ pub mod frequency_response;
 pub mod modal_response;
 pub mod peak_motion;
 pub mod restitution;
+pub mod sensitivity;
 pub mod set_ups;
 pub mod signals;
 pub mod simulated_motion;

@@ -10,7 +10,7 @@ use crate::quantity::Quantity;
 use crate::report::numbers::significant;
 use crate::report::plot::{Breadth, Picture};
 use crate::study::Study;
-use crate::study::axis::{Axis, Value, Values};
+use crate::study::axis::{Axis, Value};
 use crate::study::evaluate::main_column;
 use crate::study::table::{MIN_OF_MAP, StudyTable, numbers};
 
@@ -331,11 +331,10 @@ impl Sheet<'_> {
         let points = (0..self.values.len() as u64).map(point).collect();
         let curve = Curve { points, is_scattered: true, ..Curve::default() };
         let best = self.best_words().map(|(row, words)| (point(row), words));
-        let is_log = matches!(self.axis(x).values, Values::Drawn { is_log: true, .. });
         let labels = CurveLabels {
             title: self.study.name.clone(),
             x: label(self.study, self.axis(x)),
-            is_log,
+            is_log: self.axis(x).is_log,
             y: self.value_label(),
             best,
             marks: Vec::new(),

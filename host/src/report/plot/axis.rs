@@ -149,7 +149,8 @@ impl Axis {
     }
 
     /// Label of a tick, with the decimals that the tick spacing needs.
-    pub(super) fn tick_label(&self, value: f64) -> String {
+    #[must_use]
+    pub fn tick_label(&self, value: f64) -> String {
         let (step, size) = (self.even_step(), self.from.abs().max(self.to.abs()));
         let smallest = step.unwrap_or(value);
         if size >= LONG_LABEL.0 || smallest.log10() < -f64::from(LONG_LABEL.1) {

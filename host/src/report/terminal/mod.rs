@@ -7,6 +7,7 @@ pub mod comparison;
 pub mod continuation;
 pub mod multi_degree;
 pub mod optimise;
+pub mod sensitivity;
 pub mod set_ups;
 pub mod simulation;
 pub mod study;

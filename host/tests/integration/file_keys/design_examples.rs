@@ -1,6 +1,6 @@
 //! Studies, optimisations and a continuation with the tables and keys that the shipped ones leave out.
 
-pub const MORE_STUDIES: [&str; 4] = [
+pub const MORE_STUDIES: [&str; 6] = [
     r#"
 name = "more"
 case = "../cases/soft-wall.toml"
@@ -46,6 +46,36 @@ to = 1.1
 case = "../cases/spid.toml"
 metrics = ["rms_x_m"]
 points = "design.csv"
+"#,
+    r#"
+case = "../cases/spid.toml"
+metrics = ["rms_x_m"]
+sampling = { method = "sobol_indices", count = 8, seed = 2 }
+
+[[axis]]
+key = "particle.clearance_ratio"
+distribution = "normal"
+mean = 12
+standard_deviation = 1
+from = 9
+to = 15
+
+[[axis]]
+key = "particle.wall.coefficient"
+distribution = "lognormal"
+mean = 0.5
+standard_deviation = 0.05
+"#,
+    r#"
+case = "../cases/spid.toml"
+metrics = ["rms_x_m"]
+sampling = { method = "morris", count = 5, seed = 2 }
+
+[[axis]]
+key = "particle.clearance_ratio"
+from = 9
+to = 15
+distribution = "uniform"
 "#,
 ];
 
@@ -125,6 +155,12 @@ scale = "log"
 [[uncertain]]
 key = "structure.damping_ratio"
 values = [0.003, 0.004, 0.005]
+
+[[uncertain]]
+key = "particle.friction_coefficient"
+distribution = "lognormal"
+mean = 0.1
+standard_deviation = 0.02
 
 [[axis]]
 key = "base.frequency_ratio"
