@@ -25,7 +25,7 @@ pub const fn points_per_trajectory(inputs: usize) -> usize {
 #[must_use]
 pub fn shares(trajectories: usize, inputs: usize, seed: u64) -> Vec<Vec<f64>> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
-    let mut below = |count: u64| (random.next_u64() >> 32) * count >> 32;
+    let mut below = |count: u64| ((random.next_u64() >> 32) * count) >> 32;
     let mut all = Vec::with_capacity(trajectories * points_per_trajectory(inputs));
     for _ in 0..trajectories {
         let mut point: Vec<f64> = (0..inputs).map(|_| (below(LEVELS) as f64 + 0.5) / LEVELS as f64).collect();

@@ -18,6 +18,9 @@ const RIGHT: f64 = BROAD - 30.0;
 const ROW: f64 = 40.0;
 const BAR: f64 = 12.0;
 
+/// A key and its indices.
+type Row = (String, Vec<Estimate>);
+
 /// First order and total.
 const TINTS: [Colour; 2] = [colour(2), colour(3)];
 
@@ -26,7 +29,7 @@ const TINTS: [Colour; 2] = [colour(2), colour(3)];
 pub fn draw(study: &Study, sensitivity: &Sensitivity) -> Option<StudyFigure> {
     let title = format!("{}: {}", study.name, metric_label(study, sensitivity.metric));
     let column = &sensitivity.column;
-    let rows: Vec<(String, Vec<Estimate>)> = sensitivity
+    let rows: Vec<Row> = sensitivity
         .by_key()
         .map(|(key, estimates)| (short(study, key), estimates))
         .filter(|(_, estimates)| estimates.iter().all(is_drawn))
@@ -58,7 +61,7 @@ fn short(study: &Study, key: &str) -> String {
 }
 
 /// For each key a bar of its first-order and one of its total index.
-fn bars(rows: &[(String, Vec<Estimate>)]) -> Picture {
+fn bars(rows: &[Row]) -> Picture {
     let font = Font::new(LABEL, INK);
     let left = 40.0 + rows.iter().map(|(key, _)| font.width(key)).fold(80.0, f64::max);
     let bottom = TOP + ROW * rows.len() as f64;
@@ -96,9 +99,9 @@ fn square(tint: Colour) -> Svg {
 }
 
 /// σ over µ*: beside the dashed line σ = µ* an effect changes its sign.
-fn effects(rows: &[(String, Vec<Estimate>)], unit: &str) -> Picture {
-    let [magnitude, deviation] = [1, 2].map(|place| move |(_, estimates): &(String, Vec<Estimate>)| estimates[place]);
-    let most = |of: &dyn Fn(&(String, Vec<Estimate>)) -> f64| rows.iter().map(of).fold(0.0, f64::max);
+fn effects(rows: &[Row], unit: &str) -> Picture {
+    let [magnitude, deviation] = [1, 2].map(|place| move |(_, estimates): &Row| estimates[place]);
+    let most = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
     let largest = most(&|row| magnitude(row).interval_95[1]).max(most(&|row| deviation(row).value));
     let axis = |label: &str| Axis::around(format!("{label}{unit}"), Scale::Linear, [0.0, largest]);
     let frame = Frame {
