@@ -166,7 +166,7 @@ def test_rows_of_a_worker_with_another_case_are_refused(folder):
             (folder / "case.toml").write_text(CASE, encoding="utf-8")
             return super().submit(lambda: rows)
 
-    with Elsewhere(1) as threads, pytest.raises(damprig.InputError, match="another study, case or version"):
+    with Elsewhere(1) as threads, pytest.raises(damprig.InputError, match="another study, case, version or build"):
         damprig.study(folder / "study.toml", folder / "out", executor=threads)
     assert not (folder / "out" / "parts").exists()
 

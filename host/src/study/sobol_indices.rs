@@ -5,9 +5,10 @@
 
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use sobol::Sobol;
+use sobol::params::JoeKuoD6;
 
 use super::bootstrap::{Estimate, estimates};
-use super::points::{Method, Sampling};
 
 /// Most inputs: Sobol's sequence has two dimensions for each.
 pub const MOST_INPUTS: usize = 500;
@@ -30,7 +31,7 @@ pub fn shares(count: usize, inputs: usize, seed: u64) -> Vec<Vec<f64>> {
     let scale = (1u64 << BITS) as f64;
     let shifted = |(share, shift): (&f64, &u64)| ((share * scale) as u64 ^ shift) as f64 / scale;
     let mut all = Vec::with_capacity(count * points_per_base(inputs));
-    for base in (Sampling { method: Method::Sobol, count, seed }).shares(2 * inputs) {
+    for base in Sobol::<f64>::new(2 * inputs, &JoeKuoD6::standard()).take(count) {
         let both: Vec<f64> = base.iter().zip(&shifts).map(shifted).collect();
         let (a, b) = both.split_at(inputs);
         all.push(a.to_vec());

@@ -3,11 +3,11 @@
 use super::study::StudyFigure;
 use super::study_labels::{metric_label, name};
 use crate::report::plot::axis::{Axis, Frame, Scale};
-use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::legend::{self, Arrangement, Entry};
 use crate::report::plot::palette::{GREY, INK, PALE, colour};
 use crate::report::plot::svg::{Colour, Font, Svg};
 use crate::report::plot::traces::{Traces, circle};
-use crate::report::plot::{BROAD, LABEL, Picture, TITLE};
+use crate::report::plot::{BROAD, Breadth, LABEL, Picture, TITLE};
 use crate::study::Study;
 use crate::study::bootstrap::Estimate;
 use crate::study::sensitivity::Sensitivity;
@@ -98,27 +98,26 @@ fn square(tint: Colour) -> Svg {
     svg
 }
 
-/// σ over µ*: beside the dashed line σ = µ* an effect changes its sign.
+/// σ over µ*, with the line σ = µ*: near it and above an effect depends on where the step is taken.
 fn effects(rows: &[Row], unit: &str) -> Picture {
     let [magnitude, deviation] = [1, 2].map(|place| move |(_, estimates): &Row| estimates[place]);
     let most = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
     let largest = most(&|row| magnitude(row).interval_95[1]).max(most(&|row| deviation(row).value));
     let axis = |label: &str| Axis::around(format!("{label}{unit}"), Scale::Linear, [0.0, largest]);
-    let frame = Frame {
-        x: axis("µ*, mean magnitude of the effect"),
-        y: axis("σ of the effect"),
-        bounds: (92.0, 44.0, RIGHT, 420.0),
-    };
+    let entry = |(row, place): (&Row, usize)| Entry::mark(row.0.as_str(), &circle(4.5, colour(place).fill()));
+    let entries: Vec<Entry> = rows.iter().zip(1..).map(entry).collect();
+    let places = Arrangement::of(Breadth::Broad, (92.0, 44.0), &entries, 26.0);
+    let (x, y) = (axis("µ*, mean magnitude of the effect"), axis("σ of the effect"));
+    let frame = Frame { x, y, bounds: places.bounds };
     let mut traces = Traces::new(&frame);
     traces.line([(0.0, 0.0), (largest, largest)], GREY.stroke(1.0).dashed("5 4"));
     for (row, place) in rows.iter().zip(1..) {
         let (x, y, tint) = (magnitude(row), deviation(row).value, colour(place));
         traces.line(x.interval_95.map(|end| (end, y)), tint.stroke(1.4));
-        let mut mark = circle(4.5, tint.fill());
-        mark.text(&row.0, (8.0, -9.0), Font::new(LABEL, INK));
-        traces.mark((x.value, y), &mark);
+        traces.dot((x.value, y), 4.5, tint);
     }
-    let mut picture = Picture::new(BROAD, 490.0);
+    let mut picture = places.picture();
     picture.panel(&frame, &traces.svg());
+    legend::column(&mut picture, places.legend, &entries);
     picture
 }
