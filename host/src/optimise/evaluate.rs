@@ -38,6 +38,21 @@ pub struct Evaluated {
     pub violation: f64,
     /// How often an event search was given up.
     pub unresolved: f64,
+    /// The simulations of which one is the worst here, and may be another one nearby.
+    pub tops: Vec<Top>,
+}
+
+/// A simulation that may decide.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Top {
+    /// Values of the variables and of what is uncertain.
+    pub values: Vec<f64>,
+    /// Start of the particle as a share, if it is one of several.
+    pub start: Option<f64>,
+    /// Values of the band's axes.
+    pub band: Vec<Value>,
+    /// The objective's metric.
+    pub value: f64,
 }
 
 impl Evaluated {
@@ -92,12 +107,16 @@ impl Care {
 /// The values of the variables at these shares of their ranges, and the middle ones of what is uncertain.
 #[must_use]
 pub fn values(optimisation: &Optimisation, shares: &[f64]) -> Vec<f64> {
-    let number = |(axis, share): (&Axis, &f64)| match axis.value(0, *share) {
+    let nominal = optimisation.variable_axes().iter().zip(shares).map(|(axis, share)| number(axis, *share));
+    scenarios::values(optimisation, &nominal.collect::<Vec<f64>>(), &scenarios::nominal(optimisation))
+}
+
+/// The value of a variable at a share of its range.
+pub(super) fn number(axis: &Axis, share: f64) -> f64 {
+    match axis.value(0, share) {
         Value::Number(number) => number,
         Value::Word(_) => f64::NAN,
-    };
-    let nominal: Vec<f64> = optimisation.variable_axes().iter().zip(shares).map(number).collect();
-    scenarios::values(optimisation, &nominal, &scenarios::nominal(optimisation))
+    }
 }
 
 /// Evaluates the point with these values of the variables and of what is uncertain; it has no shares.
@@ -117,7 +136,19 @@ pub fn at_values(optimisation: &Optimisation, values: Vec<f64>, care: Care, go_o
     if care.effort != Effort::Grid && (can_improve || evaluated.cost(optimisation.is_maximum) <= care.up_to_cost) {
         evaluated = point.evaluated(&simulated, care.effort)?;
     }
-    Ok(Evaluated { there: values.clone(), values, ..evaluated })
+    let tops = evaluated.tops.into_iter().map(|top| Top { values: values.clone(), ..top }).collect();
+    Ok(Evaluated { there: values.clone(), values, tops, ..evaluated })
+}
+
+/// The objective's metric of a simulation with other values of the variables and of what is uncertain.
+///
+/// # Errors
+/// As [`at_values`].
+pub fn of_top(optimisation: &Optimisation, top: &Top, values: &[f64], go_on: GoOn) -> Result<f64, Failure> {
+    let cases = Cases::at(optimisation, values)?;
+    let case = |at: &[Value]| cases.case(at);
+    let mut point = Simulations { optimisation, case: &case, go_on, unresolved: 0.0 };
+    Ok(point.at(std::slice::from_ref(&top.band), top.start, optimisation.objective)?[0])
 }
 
 /// Evaluates nominal values in some scenarios; as they are alone where that costs more already than `care` allows, since the worst is no
@@ -183,6 +214,7 @@ pub fn together(optimisation: &Optimisation, nominal: Vec<f64>, scenarios: &[&Ev
         violation: violation(optimisation, &constraints),
         constraints,
         unresolved: scenarios.iter().map(|point| point.unresolved).sum(),
+        tops: scenarios.iter().flat_map(|point| point.tops.iter().cloned()).collect(),
     }
 }
 
@@ -366,6 +398,11 @@ impl Simulations<'_> {
         for (place, grid) in simulated[0].iter().enumerate() {
             of_starts.push(self.reduced(&optimisation.reduced_band, grid, share_of(place), effort)?);
         }
+        let top = |start| move |(band, value)| Top { values: Vec::new(), start, band, value };
+        let tops = of_starts.iter_mut().enumerate();
+        let tops =
+            tops.flat_map(|(place, reduced)| std::mem::take(&mut reduced.tops).into_iter().map(top(share_of(place))));
+        let tops = tops.collect();
         // The objective over the starts, with the place in the band of the start nearest to it.
         of_starts.sort_by(|a, b| a.value.total_cmp(&b.value));
         let sorted: Vec<f64> = of_starts.iter().map(|reduced| reduced.value).collect();
@@ -393,6 +430,7 @@ impl Simulations<'_> {
             violation: violation(optimisation, &constraints),
             constraints,
             unresolved: self.unresolved,
+            tops,
         })
     }
 }

@@ -14,7 +14,7 @@ use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::simulation::case::default_name;
 use crate::study::axis::{self, Axis, Reduction, Value};
-use crate::study::band::{self, Band};
+use crate::study::band::{self, Band, Curve};
 use crate::study::direct::Direct;
 use crate::study::file::read_record;
 use crate::study::metric::{self, METRICS};
@@ -100,11 +100,11 @@ impl Optimisation {
         let mut read =
             read.ok_or_else(|| Failure::Input(format!("{}: the optimisation could not be read", path.display())))?;
         read.check(source)?;
-        read.direct = read.direct();
+        read.prepare()?;
         for alternative in &mut read.alternatives {
             alternative.adapt();
             alternative.check(source)?;
-            alternative.direct = alternative.direct();
+            alternative.prepare()?;
         }
         Ok(read)
     }
@@ -177,8 +177,11 @@ impl Optimisation {
         samples::corners(&self.axes).swap_remove(0)
     }
 
-    fn direct(&self) -> Direct {
-        Direct::of(self.varied_case(), samples::corners(&self.axes), |axis| axis >= self.set())
+    fn prepare(&mut self) -> Result<(), Failure> {
+        self.direct = Direct::of(self.varied_case(), samples::corners(&self.axes), |axis| axis >= self.set());
+        let curve = Curve::of(&self.first_case()?, self.record);
+        (self.reduced_band.curve, self.constraint_band.curve) = (curve, curve);
+        Ok(())
     }
 
     pub(super) fn varied_case(&self) -> VariedCase<'_> {
@@ -196,6 +199,19 @@ impl Optimisation {
     pub fn can_improve_between(&self) -> bool {
         let refined = self.reduced_band.refined();
         refined.is_some_and(|reduction| self.is_maximum == (reduction != Reduction::Minimum))
+    }
+
+    /// Whether the objective is the worst of simulations without jumps, and nothing else bounds it.
+    #[must_use]
+    pub fn has_slopes(&self) -> bool {
+        let is_worst = |axis: &Axis| {
+            axis.reduce != Some(Reduction::Mean) && self.is_maximum == (axis.reduce == Some(Reduction::Minimum))
+        };
+        let counts_worst = self.over == Over::Worst || (self.starts.is_none() && !self.is_robust());
+        self.reduced_band.curve > Curve::Jumps
+            && counts_worst
+            && self.constraints.is_empty()
+            && self.band().iter().all(is_worst)
     }
 
     /// Whether `new` is a better value of the objective than `old`.

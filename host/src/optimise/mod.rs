@@ -3,7 +3,7 @@
 //! What is asked: [`mod@file`] with [`constraint`] and `alternative`; [`variable`] says what can be made, [`scenarios`] what may become of
 //! it; what of that counts is one of [`crate::study::over`].
 //!
-//! How it is found: [`evaluate`] gives the objective at a point, [`search`] looks for the best point, [`mount`] for values near it that a
+//! How it is found: [`evaluate`] gives the objective at a point, [`search`] looks for the best point, `gradient` where it is smooth, [`mount`] for values near it that a
 //! person can set, `verify` tries these in many more scenarios; [`size`] says how many simulations all that takes.
 //!
 //! What is said about it: [`neighbourhood`] what small changes do, [`references`] what other dampers do, [`mod@over_band`] the curve over
@@ -16,6 +16,7 @@ pub mod constraint;
 pub mod evaluate;
 pub mod file;
 pub mod front;
+mod gradient;
 mod keys;
 pub mod mount;
 pub mod neighbourhood;

@@ -87,7 +87,7 @@ pub fn best(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<O
         return mounting.verified_best(found);
     }
     let mut settings: Vec<Setting> = Vec::new();
-    for place in best_places(&found.points, optimisation.is_maximum, (PLACES, APART)) {
+    for place in best_places(&found.points, optimisation.is_maximum, (places(found), APART)) {
         settings.extend(mounting.setting(&place.values, Effort::Peaks, None)?);
     }
     mounting.sort(&mut settings);
@@ -116,6 +116,11 @@ pub fn best(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<O
         }
     }
     Ok(best)
+}
+
+/// Places of a search that are made: its best one alone if it has no others, likely.
+const fn places(found: &Found) -> usize {
+    if found.is_complete { 1 } else { PLACES }
 }
 
 struct Mounting<'a> {
@@ -164,7 +169,7 @@ impl Mounting<'_> {
             found.points.iter().map(|(_, point)| point.clone()).collect()
         } else {
             let mut settings: Vec<Setting> = Vec::new();
-            for place in best_places(&found.points, self.optimisation.is_maximum, (PLACES, APART)) {
+            for place in best_places(&found.points, self.optimisation.is_maximum, (places(found), APART)) {
                 settings.extend(self.setting(&place.values, Effort::Peaks, None)?);
             }
             self.sort(&mut settings);

@@ -1,7 +1,8 @@
-//! The search: all points that can be made where these are few; otherwise Sobol points over the whole range, a particle swarm from the
-//! best of them, and Nelder–Mead from the best places.
+//! The search: all points that can be made where these are few; otherwise gradient steps from some places, which end it where they
+//! show that the objective has few optima; otherwise Sobol points over the whole range, a particle swarm from the best of them, and
+//! Nelder–Mead from the best places.
 //!
-//! The objective of an impact damper jumps along ridges and has many local optima. So no step uses a slope, many places are tried
+//! The objective of an impact damper jumps along ridges and has many local optima. So no further step uses a slope, many places are tried
 //! before any is followed, and several are followed to their end. The points do not depend on the number of threads.
 
 use std::borrow::Borrow;
@@ -17,6 +18,7 @@ use rayon::prelude::*;
 
 use super::evaluate::{self, Care, Evaluated, Known};
 use super::file::Optimisation;
+use super::gradient;
 use super::scenarios::{self, Scenario, Scenarios};
 use super::variable::Variable;
 use crate::failure::Failure;
@@ -46,6 +48,9 @@ pub(super) const APART: f64 = 0.03;
 /// Edge of the first simplex as a share of the ranges, and of the second one, from where the first has ended.
 const EDGES: [f64; 2] = [0.03, 0.003];
 
+/// Evaluations for each variable with which Nelder–Mead follows the end of gradient steps.
+const POLISHED: usize = 25;
+
 /// Standard deviation of the objective in a simplex, as a share of it, at which Nelder–Mead has ended.
 const FLAT: f64 = 1e-6;
 
@@ -54,6 +59,8 @@ const FLAT: f64 = 1e-6;
 pub enum Stage {
     /// All points that can be made.
     All,
+    /// Gradient steps from places over the whole range.
+    Gradient,
     /// Over the whole range.
     Sobol,
     /// The swarm.
@@ -68,6 +75,7 @@ impl Stage {
     pub const fn name(self) -> &'static str {
         match self {
             Self::All => "all",
+            Self::Gradient => "gradient",
             Self::Sobol => "sobol",
             Self::Swarm => "swarm",
             Self::Polish => "nelder_mead",
@@ -95,6 +103,8 @@ pub struct Found {
     pub best: usize,
     /// Simulations behind them.
     pub simulations: u64,
+    /// Whether gradient steps from many places showed that it has no other optima, likely.
+    pub is_complete: bool,
     /// It was stopped before its end.
     pub is_stopped: bool,
 }
@@ -105,8 +115,8 @@ pub struct Found {
 /// A case that is refused; a search that was stopped before its first point.
 pub fn run(optimisation: &Optimisation, report: &(dyn Fn(&Progress) -> bool + Sync)) -> Result<Found, Failure> {
     let judge = Judge::new(optimisation, report);
-    let points = match points_that_can_be_made(optimisation) {
-        Some(points) => all(&judge, &points),
+    let (points, is_complete) = match points_that_can_be_made(optimisation) {
+        Some(points) => (all(&judge, &points), false),
         None => searched(&judge),
     };
     judge.verdict()?;
@@ -114,7 +124,7 @@ pub fn run(optimisation: &Optimisation, report: &(dyn Fn(&Progress) -> bool + Sy
     let best = (0..points.len()).min_by(|a, b| cost(a).total_cmp(&cost(b)));
     let best = best.ok_or_else(|| Failure::Interrupted("stopped before the first point".into()))?;
     let (simulations, is_stopped) = (judge.simulations.into_inner(), judge.is_stopped.into_inner());
-    Ok(Found { points, best, simulations, is_stopped })
+    Ok(Found { points, best, simulations, is_complete, is_stopped })
 }
 
 /// All points that can be made, if they are no more than the evaluations of the search.
@@ -181,11 +191,27 @@ fn all(judge: &Judge, points: &[Vec<f64>]) -> Vec<(Stage, Evaluated)> {
     found.into_iter().map(|point| (Stage::All, point)).collect()
 }
 
-/// Searches a range.
-fn searched(judge: &Judge) -> Vec<(Stage, Evaluated)> {
+/// Searches a range: with gradient steps alone if they show that it has few optima.
+fn searched(judge: &Judge) -> (Vec<(Stage, Evaluated)>, bool) {
     let optimisation = judge.optimisation;
+    let mut descended = Vec::new();
+    if optimisation.has_slopes() {
+        let evaluate = |shares: &[f64]| judge.evaluate(shares, f64::INFINITY);
+        let found = judge.kept(gradient::descents(optimisation, &evaluate, &|ended| judge.goes_on(ended)));
+        if let Some(found) = found {
+            descended = found.points.into_iter().map(|point| (Stage::Gradient, point)).collect();
+            let best = best_places(&descended, optimisation.is_maximum, (1, APART)).pop();
+            if let Some(best) = best.filter(|_| found.is_complete) {
+                // Kinks that differences smooth over.
+                let [_, edge] = EDGES;
+                descended.extend(polish(judge, best, (POLISHED * optimisation.variables.len(), &[edge])));
+                return (descended, true);
+            }
+        }
+    }
     let cost = |point: &(Stage, Evaluated)| point.1.cost(optimisation.is_maximum);
-    let share = |share: f64| (share * optimisation.evaluations as f64) as usize;
+    let evaluations = (optimisation.evaluations as usize).saturating_sub(descended.len());
+    let share = |share: f64| (share * evaluations as f64) as usize;
     let sampling = Sampling { method: Method::Sobol, count: share(SOBOL_SHARE).max(1), seed: optimisation.seed };
     // The first point of the sequence is a corner; the second is the middle.
     let shares = sampling.shares(optimisation.variables.len());
@@ -197,13 +223,14 @@ fn searched(judge: &Judge) -> Vec<(Stage, Evaluated)> {
     let bar = costs.get(costs.len() / FIRST).copied().unwrap_or(f64::INFINITY);
     points.extend(judge.evaluate_all(Stage::Sobol, rest, bar));
     points.extend(swarm(judge, &points, share(SWARM_SHARE) / PARTICLES));
+    points.extend(descended);
     let places = best_places(&points, optimisation.is_maximum, (PLACES, APART));
     let left = optimisation.evaluations as usize - points.len().min(optimisation.evaluations as usize);
     let each = left / places.len().max(1);
     let polished: Vec<Vec<(Stage, Evaluated)>> =
-        places.into_par_iter().map(|place| polish(judge, place, each)).collect();
+        places.into_par_iter().map(|place| polish(judge, place, (each, &EDGES))).collect();
     points.extend(polished.into_iter().flatten());
-    points
+    (points, false)
 }
 
 /// So many of the best points so far that are apart from each other by this share of the ranges, best first.
@@ -258,10 +285,10 @@ fn swarm(judge: &Judge, points: &[(Stage, Evaluated)], iterations: usize) -> Vec
 }
 
 /// Follows a place to its end with Nelder–Mead, with about so many evaluations.
-fn polish(judge: &Judge, place: Evaluated, evaluations: usize) -> Vec<(Stage, Evaluated)> {
+fn polish(judge: &Judge, place: Evaluated, (evaluations, edges): (usize, &[f64])) -> Vec<(Stage, Evaluated)> {
     let is_maximum = judge.optimisation.is_maximum;
     let (mut best, mut points) = (place, Vec::new());
-    for edge in EDGES {
+    for edge in edges.iter().copied() {
         let corner = |variable: usize| {
             let mut corner = best.shares.clone();
             corner[variable] += if corner[variable] + edge <= 1.0 { edge } else { -edge };
@@ -270,7 +297,7 @@ fn polish(judge: &Judge, place: Evaluated, evaluations: usize) -> Vec<(Stage, Ev
         let mut simplex = vec![best.shares.clone()];
         simplex.extend((0..judge.optimisation.variables.len()).map(corner));
         // An iteration has at least one evaluation.
-        let limit = (evaluations / EDGES.len()).max(1);
+        let limit = (evaluations / edges.len()).max(1);
         let kept = Mutex::default();
         let search = Search { judge, stage: Stage::Polish, limit, bar: best.cost(is_maximum), points: &kept };
         let Ok(solver) = NelderMead::new(simplex).with_sd_tolerance(FLAT * best.objective.abs()) else { return points };

@@ -4,7 +4,7 @@ use super::answer::DENSE_STARTS;
 use super::cases::Cases;
 use super::evaluate;
 use super::file::Optimisation;
-use super::{mount, neighbourhood, over_band, scenarios, search};
+use super::{gradient, mount, neighbourhood, over_band, scenarios, search};
 use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::study::band::{Band, Effort};
@@ -17,6 +17,9 @@ const SEARCHED: f64 = 0.5;
 /// Share of the scenarios of a search that are simulated, about: the worst of a point is no better than its nominal values, so most points
 /// need none, and neighbours share some.
 const COMPARED: f64 = 0.05;
+
+/// Points of gradient steps, about.
+const DESCENDED: u64 = 150;
 
 /// Points tried for an estimate.
 const TRIED: usize = 4;
@@ -55,12 +58,16 @@ impl Size {
         let (tried, scanned) = mount::points(optimisation);
         let points = search::points_that_can_be_made(optimisation).map(|points| points.len() as u64);
         let search = points.unwrap_or(optimisation.evaluations);
+        // Likely the descents find all optima.
+        let has_slopes = points.is_none() && optimisation.has_slopes();
+        let likely = if has_slopes { search.min(DESCENDED) } else { search };
+        let slopes = if has_slopes { gradient::most_simulations(optimisation.variables.len()) } else { 0 };
         // Each point at its nominal values, and some of them in all their scenarios.
         let few = if optimisation.is_robust() { scenarios::compared(optimisation).len() as u64 } else { 0 };
-        let compared = (COMPARED * (search * few) as f64) as u64;
+        let compared = (COMPARED * (likely * few) as f64) as u64;
         Self {
-            most: search * (1 + few) * peaks + tried.most * peaks + scanned.most * scan + around,
-            search: search * grid + (SEARCHED * (search * (peaks - grid)) as f64) as u64 + compared * peaks,
+            most: search * ((1 + few) * peaks + slopes) + tried.most * peaks + scanned.most * scan + around,
+            search: likely * grid + (SEARCHED * (likely * (peaks - grid)) as f64) as u64 + compared * peaks,
             after: tried.about * peaks + scanned.about * scan + around,
         }
     }

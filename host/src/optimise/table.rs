@@ -73,7 +73,8 @@ fn write_table(
     let some = |value: f64| Some(value).filter(|value| !value.is_nan());
     let mut table = TableBuilder::new(&rows);
     if let Some(stages) = stages {
-        let stage = Column::new("stage", "", "part of the search: all (that can be made), sobol, swarm, nelder_mead");
+        let stage =
+            Column::new("stage", "", "part of the search: all (that can be made), gradient, sobol, swarm, nelder_mead");
         table = table.column(stage, |(place, _)| stages[*place]);
     }
     for (variable, axis) in optimisation.variable_axes().iter().enumerate() {
