@@ -38,7 +38,7 @@ pub struct Evaluated {
     pub violation: f64,
     /// How often an event search was given up.
     pub unresolved: f64,
-    /// The simulations of which one is the worst here, and may be another one nearby.
+    /// The simulations of which one is the worst here, and another one may be nearby; none where no gradient steps are made.
     pub tops: Vec<Top>,
 }
 
@@ -398,11 +398,18 @@ impl Simulations<'_> {
         for (place, grid) in simulated[0].iter().enumerate() {
             of_starts.push(self.reduced(&optimisation.reduced_band, grid, share_of(place), effort)?);
         }
-        let top = |start| move |(band, value)| Top { values: Vec::new(), start, band, value };
-        let tops = of_starts.iter_mut().enumerate();
-        let tops =
-            tops.flat_map(|(place, reduced)| std::mem::take(&mut reduced.tops).into_iter().map(top(share_of(place))));
-        let tops = tops.collect();
+        let mut tops = Vec::new();
+        if optimisation.has_slopes() {
+            for (place, reduced) in of_starts.iter().enumerate() {
+                let top = |(band, value): &(Vec<Value>, f64)| Top {
+                    values: Vec::new(),
+                    start: share_of(place),
+                    band: band.clone(),
+                    value: *value,
+                };
+                tops.extend(reduced.tops.iter().map(top));
+            }
+        }
         // The objective over the starts, with the place in the band of the start nearest to it.
         of_starts.sort_by(|a, b| a.value.total_cmp(&b.value));
         let sorted: Vec<f64> = of_starts.iter().map(|reduced| reduced.value).collect();

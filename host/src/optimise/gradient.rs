@@ -5,8 +5,8 @@
 //! (so at a tie all that tie count), and is made if the simulated objective is better there; the reach grows where the parabolas
 //! predict that, and shrinks where they do not. The differences need no periodic motion and hold for every damper and metric.
 //!
-//! The starts cover the ranges. When they end on few local optima, more of these are unlikely (the rule of Boender and Rinnooy Kan, Mathematical Programming 37,
-//! 1987); an objective with jumps has many, and is left to another search.
+//! The starts cover the ranges. When they end on few local optima, more of these are unlikely (the rule of Boender and Rinnooy Kan,
+//! Mathematical Programming 37, 1987); an objective with jumps has many, and is left to another search.
 
 use rayon::prelude::*;
 
@@ -19,8 +19,8 @@ use crate::study::points::{Method, Sampling};
 const TOGETHER: usize = 8;
 const STARTS: usize = 32;
 
-/// Starts that end within this share of the objective have the same optimum.
-const SAME: f64 = 1e-3;
+/// Ends within this share of the objective and this distance, as a share of the ranges, are the same optimum: those on a plateau are not.
+const SAME: (f64, f64) = (1e-3, 0.1);
 
 /// Most points of a descent.
 const POINTS: usize = 24;
@@ -70,7 +70,7 @@ pub(super) fn descents(optimisation: &Optimisation, evaluate: Evaluate, go_on: G
     let starts = &sampling.shares(optimisation.variables.len())[1..];
     let most = optimisation.evaluations as usize;
     let descent = Descent { optimisation, evaluate, go_on, most: POINTS.min(most / (2 * TOGETHER)).max(1) };
-    let (mut points, mut ends) = (Vec::new(), Vec::new());
+    let (mut points, mut ends, mut optima) = (Vec::new(), 0, Vec::<(f64, Vec<f64>)>::new());
     let mut is_complete = false;
     for part in starts.chunks(TOGETHER) {
         if points.len() + part.len() * descent.most > most {
@@ -78,24 +78,26 @@ pub(super) fn descents(optimisation: &Optimisation, evaluate: Evaluate, go_on: G
         }
         let descend = |start: &Vec<f64>| descent.from(start);
         let followed: Vec<Vec<Evaluated>> = part.par_iter().map(descend).collect::<Result<_, Failure>>()?;
-        let least = |points: &Vec<Evaluated>| {
-            points.iter().map(|point| point.cost(optimisation.is_maximum)).fold(f64::INFINITY, f64::min)
-        };
-        ends.extend(followed.iter().map(least));
+        for points in &followed {
+            let ends = points.iter().map(|point| (point.cost(optimisation.is_maximum), point.shares.clone()));
+            let Some(end) = ends.min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
+            if !optima.iter().any(|known| is_same(known, &end)) {
+                optima.push(end);
+            }
+        }
+        ends += followed.len();
         points.extend(followed.into_iter().flatten());
-        let optima = different(&mut ends);
-        is_complete = is_likely_all(optima, ends.len());
-        if is_complete || !is_likely_all(optima, STARTS) {
+        is_complete = is_likely_all(optima.len(), ends);
+        if is_complete || !is_likely_all(optima.len(), STARTS) {
             break;
         }
     }
     Ok(Descents { points, is_complete })
 }
 
-/// Number of different costs.
-fn different(costs: &mut [f64]) -> usize {
-    costs.sort_by(f64::total_cmp);
-    costs.windows(2).filter(|two| two[1] - two[0] > SAME * two[0].abs()).count() + 1
+/// Whether two ends, with cost and place, are the same optimum.
+fn is_same((cost, at): &(f64, Vec<f64>), (other, there): &(f64, Vec<f64>)) -> bool {
+    (cost - other).abs() <= SAME.0 * cost.abs() && at.iter().zip(there).all(|(a, b)| (a - b).abs() <= SAME.1)
 }
 
 /// Whether so many optima of so many descents are likely all: their expected number is below half a one more.
@@ -280,6 +282,7 @@ mod tests {
     fn more_different_ends_need_more_starts() {
         let least = |optima: usize| (1..=1000).find(|descents| is_likely_all(optima, *descents));
         assert_eq!([1, 2, 3, 4].map(least), [Some(8), Some(17), Some(30), Some(47)]);
-        assert_eq!(different(&mut [2.0, 1.0, 1.0005, 1.0012, 3.0]), 3);
+        let near = |cost: f64, place: f64| is_same(&(2.0, vec![0.5, 0.2]), &(cost, vec![0.45, place]));
+        assert!(near(2.001, 0.25) && !near(2.003, 0.25) && !near(2.0, 0.4), "a plateau is no optimum");
     }
 }

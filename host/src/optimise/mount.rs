@@ -12,7 +12,7 @@ use super::search::{self, APART, Found, PLACES, Stage, best_places};
 use super::variable::Variable;
 use super::verify::{self, Verification};
 use crate::failure::Failure;
-use crate::study::band::Effort;
+use crate::study::band::{Curve, Effort};
 use crate::study::over::Over;
 
 /// Best places of the search that are moved.
@@ -27,7 +27,7 @@ const TRIES: usize = 60;
 /// Share of the moves with which the tolerances are evaluated, about; the others are no better without them.
 const WHOLE_MOVES: f64 = 0.05;
 
-/// Places whose band is scanned, unless none of them keeps the constraints.
+/// Places whose band is scanned, unless none of them keeps the constraints; without jumps the worst scenarios whose band is.
 const SCANNED: usize = 2;
 
 /// Number and distance of the places that are scanned if none of those keeps the constraints.
@@ -147,11 +147,25 @@ impl Mounting<'_> {
         if is_worst && bar.is_some_and(|bar| !self.is_better(&alone, bar)) {
             return Ok(None);
         }
-        let at = |scenario: &Scenario| {
-            let values = scenarios::values(self.optimisation, &alone.at.values, scenario);
-            at_values(self.optimisation, values, Care::of(effort), self.go_on)
+        let at = |values: &Vec<f64>, effort: Effort| {
+            at_values(self.optimisation, values.clone(), Care::of(effort), self.go_on)
         };
-        let others: Vec<Evaluated> = self.scenarios.par_iter().map(at).collect::<Result<_, Failure>>()?;
+        let all = |values: &[Vec<f64>], effort: Effort| -> Result<Vec<Evaluated>, Failure> {
+            values.par_iter().map(|values| at(values, effort)).collect()
+        };
+        let values = |scenario: &Scenario| scenarios::values(self.optimisation, &alone.at.values, scenario);
+        let values: Vec<Vec<f64>> = self.scenarios.iter().map(values).collect();
+        let others = if effort == Effort::Scan && self.optimisation.reduced_band.curve > Curve::Jumps {
+            // A scan changes little here, so that the worst stays among the worst.
+            let mut others = all(&values, Effort::Peaks)?;
+            others.sort_by(|a, b| self.cost(b).total_cmp(&self.cost(a)));
+            let worst = others.iter().take(SCANNED).map(|other| other.values.clone());
+            let scanned = all(&worst.collect::<Vec<_>>(), effort)?;
+            others.splice(..scanned.len(), scanned);
+            others
+        } else {
+            all(&values, effort)?
+        };
         let over = if self.optimisation.is_robust() {
             with_scenarios(self.optimisation, &alone.at, &others.iter().collect::<Vec<_>>())
         } else {

@@ -203,8 +203,9 @@ fn searched(judge: &Judge) -> (Vec<(Stage, Evaluated)>, bool) {
             let best = best_places(&descended, optimisation.is_maximum, (1, APART)).pop();
             if let Some(best) = best.filter(|_| found.is_complete) {
                 // Kinks that differences smooth over.
-                let [_, edge] = EDGES;
-                descended.extend(polish(judge, best, (POLISHED * optimisation.variables.len(), &[edge])));
+                let left = (optimisation.evaluations as usize).saturating_sub(descended.len());
+                let most = left.min(POLISHED * optimisation.variables.len());
+                descended.extend(polish(judge, best, (most, &EDGES[1..])));
                 return (descended, true);
             }
         }

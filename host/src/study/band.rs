@@ -508,7 +508,7 @@ mod tests {
             asked(Effort::Scan, two),
             (reduced(vec![frequencies(Reduction::Maximum)], Effort::Scan, |f, _| two(f)).value, SCAN),
         );
-        assert!((value / scanned - 1.0).abs() < PREDICTED && 8 * count < most, "{value}, {scanned}, {count} of {most}");
+        assert!((value / scanned - 1.0).abs() < PREDICTED && 4 * count < most, "{value}, {scanned}, {count} of {most}");
         let irregular = |f: f64| two(f) * (1.0 + 0.1 * f64::sin(1e4 * f));
         assert!(asked(Effort::Scan, irregular).1 > SCAN / 2);
     }
