@@ -17,6 +17,7 @@ mod from_run;
 pub mod lack_of_fit;
 pub mod modal;
 mod motion_of_run;
+pub mod next;
 pub mod response;
 pub mod restitution;
 pub mod sensors;

@@ -96,7 +96,7 @@ fn response(frequency_hz: f64, parameters: &[f64]) -> (f64, f64) {
 }
 
 /// Least relative uncertainty of a point: of sensors and calibration.
-const MIN_UNCERTAINTY: f64 = 1e-4;
+pub(super) const MIN_UNCERTAINTY: f64 = 1e-4;
 
 /// Points that a fit needs at least.
 pub(super) const MIN: usize = 5;

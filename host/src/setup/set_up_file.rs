@@ -12,6 +12,7 @@ use toml::de::DeTable;
 
 use super::TABLES as SET_UP_TABLES;
 use super::keys::{PARTS, SET_UP_FILE, set_up};
+use crate::failure::Failure;
 use crate::input::key::Need::{Optional, Required};
 use crate::input::key::Range::Any;
 use crate::input::key::{Kind, Quantity, Table, key, number, tables};
@@ -83,6 +84,20 @@ pub struct SetUpFile {
     pub identified: Vec<Identified>,
 }
 
+impl SetUpFile {
+    /// Reads a file that no campaign or case needs to name.
+    ///
+    /// # Errors
+    /// All its problems, each with file, line, key, value, what is allowed and the likely fix.
+    pub fn read(path: &Path) -> Result<Self, Failure> {
+        let source = Source::read(path)?;
+        let identified = source.read_toml(source.text(), "the set-up file is not TOML", read_all);
+        source.verdict()?;
+        let (file, text) = (source.name().to_string(), source.text().to_string());
+        Ok(Self { file, text, identified: identified.unwrap_or_default() })
+    }
+}
+
 /// Where a run folder keeps the set-up file of its campaign, given the subfolder for copies.
 #[must_use]
 pub fn kept(copies: &Path, file: &str) -> PathBuf {
@@ -137,11 +152,8 @@ impl SetUpText {
     /// Checks every key of the parsed file, also those that no set-up uses; gives its origin. `None` after a problem.
     pub fn check(&self, source: &Source, document: &Spanned<DeTable>) -> Option<SetUpFile> {
         let root = Section::root(source, document);
-        check_parts(&root);
-        let entries = root.tables_of(&top::IDENTIFIED);
-        let identified: Vec<Option<Identified>> = entries.iter().map(read_identified).collect();
+        let identified = read_all(&root);
         root.finish();
-        let identified: Option<Vec<Identified>> = identified.into_iter().collect();
         Some(SetUpFile { file: self.file.clone(), text: self.text.clone(), identified: identified? })
     }
 }
@@ -169,6 +181,14 @@ fn check_table(section: &Section, path: &str) {
         check_table(&inner, &format!("{path}.{name}"));
     }
     section.finish();
+}
+
+/// Checks the tables, and reads where the values come from; `None` after a problem.
+fn read_all(root: &Section) -> Option<Vec<Identified>> {
+    check_parts(root);
+    let entries = root.tables_of(&top::IDENTIFIED);
+    let identified: Vec<Option<Identified>> = entries.iter().map(read_identified).collect();
+    identified.into_iter().collect()
 }
 
 fn read_identified(entry: &Section) -> Option<Identified> {

@@ -2,6 +2,7 @@
 
 mod contact;
 mod decay;
+mod next;
 mod response;
 mod restitution;
 mod sound;
@@ -54,6 +55,7 @@ Examples:
   damprig identify friction incline.csv --out identified.toml --update
   damprig identify sound impacts.wav --calibration tone.wav --background quiet.wav
   damprig identify wall dma.csv --shape-factor-m 0.07 --frequency-hz 40 --out soft.toml
+  damprig identify next runs/20260601-101500-sweep-ab12 --set-up-file identified.toml --plot next.svg
 
 A campaign or a case reads the written file with set_up_file = \"identified.toml\" at its top.
 
@@ -78,6 +80,9 @@ enum What {
     Wall(WallArgs),
     /// Sound pressure levels of a recording
     Sound(sound::SoundArgs),
+    /// Points to measure next: the frequency and the set-up that narrow the identified values of a run most
+    #[command(long_flag = "next")]
+    Next(next::NextArgs),
 }
 
 /// Friction coefficient of the particle from an incline, or friction force per deflection of the damper's spring.
@@ -225,6 +230,7 @@ pub fn run(args: &Args) -> Outcome {
             args.out.check(from_ref(&args.source), &[])?;
             finish(&args.out, sound::identify(args)?)
         }
+        What::Next(args) => next::run(args),
         What::Wall(args) => {
             args.out.check(from_ref(&args.source), &[])?;
             finish(&args.out, wall(args)?)

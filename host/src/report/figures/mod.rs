@@ -13,6 +13,7 @@ pub mod curves;
 mod extremes;
 pub mod frequency_response;
 pub mod modal_response;
+pub mod next_points;
 pub mod peak_motion;
 pub mod restitution;
 pub mod sensitivity;

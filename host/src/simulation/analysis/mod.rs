@@ -11,6 +11,7 @@ mod steady_state;
 
 pub use lyapunov::Lyapunov;
 pub use periodic_orbit::{Multiplier, OrbitError, PeriodicOrbit, Stability};
+pub(crate) use sensitivities::MORE;
 pub use sensitivities::{Sensitivities, Sensitivity};
 pub use steady_state::{Analysis, ForcedResponse, MotionKind, OrbitSummary, SectionState, TwoImpactOrbit};
 

@@ -3,7 +3,7 @@
 
 use std::f64::consts::TAU;
 
-use damprig_continuation::{ReturnMap, UnresolvedEvent, Variation};
+use damprig_continuation::{Derivatives, NoDerivatives, Parameter, ReturnMap, UnresolvedEvent, Variation};
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation};
 use damprig_core::io::Invalid;
 use damprig_core::model::{Initial, SetUp};
@@ -88,6 +88,17 @@ impl PeriodicOrbit {
         } else {
             Stability::Stable
         }
+    }
+
+    /// Derivatives by parameters; `map` is that over its periods from its section.
+    ///
+    /// # Errors
+    /// The orbit has none, with the reason.
+    pub fn derivatives(&self, map: &ReturnMap, parameters: &[Parameter]) -> Result<Derivatives, NoDerivatives> {
+        if self.multipliers.iter().any(|multiplier| multiplier.is_neutral) {
+            return Err(NoDerivatives::NotIsolated);
+        }
+        map.orbit_derivatives(&initial(&self.start), parameters)
     }
 
     /// Finds the orbit near `guess`, a state at drive phase 0, that repeats after `periods` periods of the base motion

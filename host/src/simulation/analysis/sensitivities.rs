@@ -1,16 +1,16 @@
 //! How the results of a periodic motion follow its quantities: exact derivatives through every event
 //! ([`damprig_continuation::Derivatives`]).
 
-use damprig_continuation::{Derived, NoDerivatives, Parameter};
+use damprig_continuation::{Derived, Parameter};
 use serde::Serialize;
 
-use super::periodic_orbit::{PeriodicOrbit, initial};
+use super::periodic_orbit::PeriodicOrbit;
 use super::return_map;
 use crate::simulation::Case;
 use crate::simulation::parameters::PARAMETERS;
 
 /// Keys besides those that `damprig continue` follows.
-const MORE: [(&str, Parameter); 2] =
+pub(crate) const MORE: [(&str, Parameter); 2] =
     [("structure.natural_frequency_hz", Parameter::NaturalFrequency), ("structure.mass_kg", Parameter::StructureMass)];
 
 /// Ratios and the dashpot's constant say again what the other keys say.
@@ -56,9 +56,6 @@ pub struct Sensitivities {
 impl Sensitivities {
     /// Of an orbit of a case under a sine; without them the reason.
     pub fn of(case: &Case, orbit: &PeriodicOrbit) -> Result<Self, String> {
-        if orbit.multipliers.iter().any(|multiplier| multiplier.is_neutral) {
-            return Err(NoDerivatives::NotIsolated.to_string());
-        }
         let set_up = &case.set_up;
         let map = return_map(case, orbit.section_phase_rad, orbit.periods).map_err(|why| why.to_string())?;
         let second_mass = if set_up.tmd.is_some() { "tmd." } else { "particle." };
@@ -75,7 +72,7 @@ impl Sensitivities {
             .filter(|(_, _, value)| *value != 0.0)
             .collect();
         let parameters: Vec<Parameter> = quantities.iter().map(|(_, parameter, _)| *parameter).collect();
-        let found = map.orbit_derivatives(&initial(&orbit.start), &parameters).map_err(|why| why.to_string())?;
+        let found = orbit.derivatives(&map, &parameters).map_err(|why| why.to_string())?;
         let (x, fastest) = (&found.largest_abs_x_m, found.fastest_impact_m_per_s.as_ref());
         let mut of: Vec<Sensitivity> = quantities
             .iter()

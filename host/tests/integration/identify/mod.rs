@@ -12,6 +12,7 @@ mod flights;
 mod misfit;
 mod modal;
 mod modal_files;
+mod next;
 mod nonlinear;
 mod refusals;
 mod response;
