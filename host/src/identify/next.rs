@@ -45,10 +45,11 @@ const SAME: f64 = 1e-6;
 
 /// Why a point is no candidate.
 const NOT_PERIODIC: &str = "the motion from rest does not end on a stable motion of the drive's period";
-const NO_DERIVATIVE: &str = "the motion has no derivative there (grazing, a bifurcation, a particle that may be anywhere)";
+const NO_DERIVATIVE: &str =
+    "the motion has no derivative there (grazing, a bifurcation, a particle that may be anywhere)";
 const EVENTS_CHANGE: &str = "a change of a parameter by its standard uncertainty adds or removes an impact or a stick";
 const BEYOND_LIMIT: &str = "|x| would leave the displacement limit";
-const NOT_SETTLED: &str = "the run's nearest point did not settle: the same dwell would not do";
+const NOT_SETTLED: &str = "a neighbouring point of the run did not settle: the same dwell would not do";
 
 /// What is asked for.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -139,7 +140,7 @@ pub struct NextPoint {
     pub frequency_hz: f64,
     /// X/Z as the identified values predict it.
     pub x_over_z: f64,
-    /// Relative standard uncertainty of its X/Z: that of the run's nearest point.
+    /// Relative standard uncertainty of its X/Z: the larger one of the run's neighbouring points.
     pub relative_uncertainty: f64,
     /// Standard uncertainty of each parameter after this point and those before it, in its unit.
     pub standard_uncertainties: Vec<f64>,
@@ -148,10 +149,19 @@ pub struct NextPoint {
 /// Points that are no candidates.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LeftOut {
+    /// Their set-up.
+    pub set_up: String,
     /// Why.
     pub reason: &'static str,
     /// How many.
     pub points: usize,
+}
+
+impl std::fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let points = if self.points == 1 { "point" } else { "points" };
+        write!(f, "{}: {} {points} left out: {}", self.set_up, self.points, self.reason)
+    }
 }
 
 /// What one point does.
@@ -267,7 +277,8 @@ impl Mounted {
         let turning = TAU * frequency_hz;
         let rate = set_up.structure.damping_ratio() * set_up.structure.angular_frequency_rad_per_s();
         let cycles = (SETTLED / rate * frequency_hz).ceil().clamp(CYCLES[0], CYCLES[1]);
-        let initial = Initial { y_m: self.start_m, ..Initial::default() };
+        let [low_m, high_m] = set_up.particle.map_or([0.0; 2], |particle| particle.ends_m());
+        let initial = Initial { y_m: self.start_m.clamp(low_m, high_m), ..Initial::default() };
         let mut motion = Exact::new(set_up, &sine(amplitude_m, turning, 0.0), &initial).map_err(|_| NOT_PERIODIC)?;
         let mut seen = Response::new(Wanted::default());
         motion.run(cycles / frequency_hz, &mut seen);
@@ -300,10 +311,11 @@ impl Mounted {
         scale: f64,
         limit_m: f64,
     ) -> Result<Candidate, &'static str> {
-        let away = |measured: &&(f64, Option<f64>)| (measured.0 - frequency_hz).abs();
         // Of a frequency that was measured several times the last point counts.
-        let nearest = self.measured.iter().rev().min_by(|a, b| away(a).total_cmp(&away(b)));
-        let relative_uncertainty = nearest.and_then(|(_, uncertainty)| *uncertainty).ok_or(NOT_SETTLED)?;
+        let below = self.measured.iter().filter(|(hz, _)| *hz <= frequency_hz).max_by(|a, b| a.0.total_cmp(&b.0));
+        let above = self.measured.iter().rev().filter(|(hz, _)| *hz >= frequency_hz).min_by(|a, b| a.0.total_cmp(&b.0));
+        let uncertainties = [below, above].into_iter().flatten().map(|(_, uncertainty)| uncertainty.ok_or(NOT_SETTLED));
+        let relative_uncertainty = uncertainties.collect::<Result<Vec<_>, _>>()?.into_iter().fold(0.0, f64::max);
         let parameters: Vec<Parameter> = self.own.iter().map(|n| all[*n].parameter).collect();
         let settled = self.point(frequency_hz, &parameters)?;
         if settled.max_abs_x_m > limit_m {
@@ -367,6 +379,9 @@ fn mounted(
     let mut settings: Vec<Vec<(Parameter, f64)>> = vec![Vec::new(); mounted.len()];
     for entry in identified.iter().filter(|entry| entry.standard_uncertainty > 0.0) {
         let Some(parameter) = parameter_of(&entry.key) else { continue };
+        if all.iter().any(|other| other.key == entry.key) {
+            return Err(Failure::Input(format!("`{}` is identified twice\n  leave one entry of it", entry.key)));
+        }
         let away = |n: usize| {
             let own = stated(&mounted[n].model, &systems[n], &entry.key, parameter)?;
             Some((own - entry.value).abs() / entry.value.abs())
@@ -406,13 +421,19 @@ fn uncertainty_of(row: &ResultRow) -> Option<f64> {
 
 /// The frequencies to look at, Hz.
 fn frequencies(wish: &Wish, rows: &[ResultRow], set_ups: usize) -> Result<Vec<f64>, Failure> {
-    let ends = rows.iter().map(|row| row.frequency_hz);
-    let from_hz = wish.from_hz.unwrap_or(ends.clone().fold(f64::INFINITY, f64::min));
-    let to_hz = wish.to_hz.unwrap_or(ends.fold(0.0, f64::max));
+    let all = || rows.iter().map(|row| row.frequency_hz);
+    let (lowest_hz, highest_hz) = (all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max));
+    let (from_hz, to_hz) = (wish.from_hz.unwrap_or(lowest_hz), wish.to_hz.unwrap_or(highest_hz));
     if from_hz >= to_hz {
         return Err(Failure::Input(format!(
             "the band from {from_hz} Hz to {to_hz} Hz is empty\n  --from-hz must be less than --to-hz; their defaults are the run's lowest and \
              highest frequency"
+        )));
+    }
+    if from_hz < 0.1 * lowest_hz || to_hz > 10.0 * highest_hz {
+        return Err(Failure::Input(format!(
+            "the band from {from_hz} Hz to {to_hz} Hz is far from that of the run, {lowest_hz} Hz to {highest_hz} Hz\n  --from-hz may be down to a \
+             tenth of it, --to-hz up to ten times"
         )));
     }
     let step_hz = wish.step_hz.unwrap_or((to_hz - from_hz) / STEPS);
@@ -450,7 +471,8 @@ pub fn identify(path: &Path, file: Option<&Path>, wish: &Wish) -> Result<Next, F
     };
     let can_be_used = |set_up: &&CampaignSetUp| !(set_up.has_unmodelled_damper || set_up.model().is_force_driven);
     let set_ups: Vec<&CampaignSetUp> = campaign.set_ups.iter().filter(can_be_used).collect();
-    let (mut set_ups, parameters) = mounted(&set_ups, &known.identified, file.is_some())?;
+    let (mut set_ups, parameters) = mounted(&set_ups, &known.identified, file.is_some())
+        .map_err(|error| Failure::Input(format!("{}: {error}", known.file)))?;
     if parameters.is_empty() {
         return Err(Failure::Input(format!(
             "{}: none of its identified values with an uncertainty is that of a set-up of {} on a moving base\n  `damprig identify … --out` writes \
@@ -463,7 +485,10 @@ pub fn identify(path: &Path, file: Option<&Path>, wish: &Wish) -> Result<Next, F
     let only = match &wish.key {
         Some(key) => Some(place_of(key).ok_or_else(|| {
             let keys: Vec<&str> = parameters.iter().map(|parameter| parameter.key.as_str()).collect();
-            Failure::Input(format!("--for {key}: it has no identified value with an uncertainty\n  one of {}", keys.join(", ")))
+            Failure::Input(format!(
+                "--for {key}: it has no identified value with an uncertainty\n  one of {}",
+                keys.join(", ")
+            ))
         })?),
         None => None,
     };
@@ -488,9 +513,17 @@ pub fn identify(path: &Path, file: Option<&Path>, wish: &Wish) -> Result<Next, F
         (0..set_ups.len()).flat_map(|set_up| frequencies.iter().map(move |hz| (set_up, *hz))).collect();
     let looked: Vec<Result<Candidate, &'static str>> =
         places.par_iter().map(|at| set_ups[at.0].candidate(*at, &parameters, scale, limit_m)).collect();
-    let mut reasons: BTreeMap<&'static str, usize> = BTreeMap::new();
-    looked.iter().filter_map(|looked| looked.as_ref().err()).for_each(|reason| *reasons.entry(reason).or_default() += 1);
-    let left_out: Vec<LeftOut> = reasons.into_iter().map(|(reason, points)| LeftOut { reason, points }).collect();
+    let mut reasons: BTreeMap<(usize, &'static str), usize> = BTreeMap::new();
+    for (at, looked) in places.iter().zip(&looked) {
+        if let Err(reason) = looked {
+            *reasons.entry((at.0, *reason)).or_default() += 1;
+        }
+    }
+    let left_out = reasons.into_iter().map(|((set_up, reason), points)| {
+        let set_up = set_ups[set_up].name.clone();
+        LeftOut { set_up, reason, points }
+    });
+    let left_out: Vec<LeftOut> = left_out.collect();
     let before = Knowledge::before(parameters.len(), only);
     let gain = |candidate: &Candidate| before.after(&candidate.changes, candidate.relative_uncertainty).uncertainty();
     let gains = set_ups.iter().zip(looked.chunks(frequencies.len())).map(|(set_up, own)| {
@@ -500,7 +533,7 @@ pub fn identify(path: &Path, file: Option<&Path>, wish: &Wish) -> Result<Next, F
     let gains = gains.collect();
     let candidates: Vec<Candidate> = looked.into_iter().filter_map(Result::ok).collect();
     if candidates.is_empty() {
-        let why: Vec<String> = left_out.iter().map(|left| format!("\n  {} points: {}", left.points, left.reason)).collect();
+        let why: Vec<String> = left_out.iter().map(|left| format!("\n  {left}")).collect();
         return Err(failed(format!("none of {} points can be used{}", places.len(), why.concat())));
     }
     let points = before.choose(&candidates, wish.points).into_iter().map(|(n, known)| {
@@ -527,8 +560,8 @@ pub fn identify(path: &Path, file: Option<&Path>, wish: &Wish) -> Result<Next, F
 /// What a person has to know.
 fn remarks(campaign: &Campaign, known: &SetUpFile, set_ups: &[Mounted], all: &[Uncertain], scale: f64) -> Vec<String> {
     let mut remarks = vec![format!(
-        "the uncertainty of a point is that of the run's nearest one on its set-up, so it needs the same dwell; the sensors' scale adds {:.3} % to all \
-         points together",
+        "the uncertainty of a point is the larger one of the run's neighbouring points on its set-up, so it needs the same dwell; the error of the \
+         sensors' scale, {:.3} %, is common to all points",
         100.0 * scale
     )];
     let is_used = |entry: &&Identified| all.iter().any(|parameter| parameter.key == entry.key);
@@ -538,8 +571,7 @@ fn remarks(campaign: &Campaign, known: &SetUpFile, set_ups: &[Mounted], all: &[U
         remarks.push(format!("not used: {} of {}; they count as exact", unused.join(", "), known.file));
     }
     let is_left_out = |set_up: &&CampaignSetUp| set_ups.iter().all(|other| other.name != set_up.name);
-    let left_out: Vec<&str> =
-        campaign.set_ups.iter().filter(is_left_out).map(|set_up| set_up.name.as_str()).collect();
+    let left_out: Vec<&str> = campaign.set_ups.iter().filter(is_left_out).map(|set_up| set_up.name.as_str()).collect();
     if !left_out.is_empty() {
         let text = "set-ups that are left out, since they have a damper without a model or are driven by a force";
         remarks.push(format!("{text}: {}", left_out.join(", ")));

@@ -108,11 +108,11 @@ fn text_of(found: &Next) -> String {
             significant(point.frequency_hz, 6),
             significant(point.x_over_z, 4),
         ];
-        points.add_row(first.into_iter().chain(point.standard_uncertainties.iter().map(|after| significant(*after, 2))));
+        points
+            .add_row(first.into_iter().chain(point.standard_uncertainties.iter().map(|after| significant(*after, 2))));
     }
     let what = found.key.as_ref().map_or("all parameters together".into(), |key| format!("`{key}`"));
-    let left_out: String =
-        found.left_out.iter().map(|left| format!("\n{} points left out: {}", left.points, left.reason)).collect();
+    let left_out: String = found.left_out.iter().map(|left| format!("\n{left}")).collect();
     let remarks: String = found.remarks.iter().map(|remark| format!("\n{remark}")).collect();
     format!(
         "Identified values of {}, before and after {} more points\n{parameters}\nPoints that narrow {what} most, with the standard uncertainties \

@@ -19,10 +19,10 @@ pub fn draw(next: &Next) -> Result<Picture, Failure> {
         return Err(Failure::undrawn("there is no point to measure"));
     }
     let look = |set_up| Look { set_up, run: 0 };
-    let entry = |(n, gain): (usize, &Gain)| {
-        Entry::line(gain.label.clone(), look(n).line(2.0)).with_detail(gain.set_up.clone())
-    };
-    let entries: Vec<Entry> = next.gains.iter().enumerate().map(entry).collect();
+    let entry =
+        |(n, gain): (usize, &Gain)| Entry::line(gain.label.clone(), look(n).line(2.0)).with_detail(gain.set_up.clone());
+    let is_drawn = |(_, gain): &(usize, &Gain)| gain.points.iter().any(|(_, share)| share.is_some());
+    let entries: Vec<Entry> = next.gains.iter().enumerate().filter(is_drawn).map(entry).collect();
     let parts = Arrangement::of(Breadth::Broad, (92.0, 30.0), &entries, 0.0);
     let of = next.key.as_deref().unwrap_or("all parameters");
     let frame = Frame {
@@ -42,7 +42,9 @@ pub fn draw(next: &Next) -> Result<Picture, Failure> {
         }
     }
     for (number, point) in (1..).zip(&next.points) {
-        let Some((n, gain)) = next.gains.iter().enumerate().find(|(_, gain)| gain.set_up == point.set_up) else { continue };
+        let Some((n, gain)) = next.gains.iter().enumerate().find(|(_, gain)| gain.set_up == point.set_up) else {
+            continue;
+        };
         let Some((hz, Some(share))) = gain.points.iter().find(|(hz, _)| *hz == point.frequency_hz) else { continue };
         let mut sign = marker(look(n), true);
         sign.text(&number.to_string(), (9.0, 0.0), Font::new(LABEL, INK));
