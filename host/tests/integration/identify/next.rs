@@ -147,14 +147,9 @@ fn evenly(candidates: &[Candidate], points: usize) -> Vec<&Candidate> {
     all.iter().flat_map(|own| (0..each).map(move |n| own[(2 * n + 1) * own.len() / (2 * each)])).collect()
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
-}
-
 /// The points of drawn rigs, chosen at identified values that are off by their uncertainty and judged at the true ones.
 #[test]
-fn chosen_points_narrow_as_much_as_twice_as_many_evenly_spaced_ones() {
+fn on_most_rigs_half_as_many_chosen_points_narrow_as_much_as_evenly_spaced_ones() {
     const EVEN: usize = 24;
     let (seeds, steps) = if is_full() { (100, 100) } else { (3, 50) };
     let (mut together, mut each) = (Vec::new(), Vec::new());
@@ -172,20 +167,13 @@ fn chosen_points_narrow_as_much_as_twice_as_many_evenly_spaced_ones() {
         each.push(needed(&|known| known.shares().iter().zip(even.shares()).all(|(own, even)| *own <= even)));
         println!("{seed}: {:?} {:?} {:?}", together.last(), each.last(), even.shares());
     }
-    let shown = |shares: &Vec<f64>| {
-        let mut sorted = shares.clone();
-        sorted.sort_by(f64::total_cmp);
-        let count = shares.iter().filter(|share| **share <= 0.5).count();
-        format!(
-            "median {:.2}, {:.2} to {:.2}, {count} of {seeds} up to 0.5",
-            median(sorted.clone()),
-            sorted[0],
-            sorted[sorted.len() - 1]
-        )
-    };
-    println!("points of the evenly spaced ones' number for the same uncertainty together: {}", shown(&together));
-    println!("for each parameter: {}", shown(&each));
-    assert!(median(together) <= 0.5);
+    let at_most_half = |shares: &[f64]| shares.iter().filter(|share| **share <= 0.5).count();
+    for (what, shares) in [("all together", &mut together), ("each parameter", &mut each)] {
+        shares.sort_by(f64::total_cmp);
+        let (median, ends) = (shares[shares.len() / 2], [shares[0], shares[shares.len() - 1]]);
+        println!("{what}: median {median:.2}, from {ends:.2?}, at most half in {} of {seeds}", at_most_half(shares));
+    }
+    assert!(5 * at_most_half(&together) >= 4 * together.len());
 }
 
 /// The fit of all parameters to noisy points of drawn rigs is off by as much as the covariance says.
