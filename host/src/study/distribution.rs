@@ -16,7 +16,7 @@ const LEAST_KEPT: f64 = 0.01;
 /// Halvings of an interval of standard normal quantiles: beyond the digits of a number.
 const HALVINGS: usize = 60;
 
-/// Words of files, in the order of [`read`].
+/// Words of files, in the order in which they are read.
 pub const DISTRIBUTION_WORDS: &[&str] = &["uniform", "normal", "lognormal"];
 
 /// A distribution between two ends.
