@@ -14,7 +14,7 @@ use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::simulation::case::default_name;
 use crate::study::axis::{self, Axis, Reduction, Value};
-use crate::study::band::{self, Band, Curve};
+use crate::study::band::{self, Band, Smoothness};
 use crate::study::direct::Direct;
 use crate::study::file::read_record;
 use crate::study::metric::{self, METRICS};
@@ -179,8 +179,8 @@ impl Optimisation {
 
     fn prepare(&mut self) -> Result<(), Failure> {
         self.direct = Direct::of(self.varied_case(), samples::corners(&self.axes), |axis| axis >= self.set());
-        let curve = Curve::of(&self.first_case()?, self.record);
-        (self.reduced_band.curve, self.constraint_band.curve) = (curve, curve);
+        let smoothness = Smoothness::of(&self.first_case()?, self.record);
+        (self.reduced_band.smoothness, self.constraint_band.smoothness) = (smoothness, smoothness);
         Ok(())
     }
 
@@ -208,7 +208,7 @@ impl Optimisation {
             axis.reduce != Some(Reduction::Mean) && self.is_maximum == (axis.reduce == Some(Reduction::Minimum))
         };
         let counts_worst = self.over == Over::Worst || (self.starts.is_none() && !self.is_robust());
-        self.reduced_band.curve > Curve::Jumps
+        self.reduced_band.smoothness > Smoothness::Jumps
             && counts_worst
             && self.constraints.is_empty()
             && self.band().iter().all(is_worst)

@@ -12,7 +12,7 @@ use super::search::{self, APART, Found, PLACES, Stage, best_places};
 use super::variable::Variable;
 use super::verify::{self, Verification};
 use crate::failure::Failure;
-use crate::study::band::{Curve, Effort};
+use crate::study::band::{Effort, Smoothness};
 use crate::study::over::Over;
 
 /// Best places of the search that are moved.
@@ -155,7 +155,7 @@ impl Mounting<'_> {
         };
         let values = |scenario: &Scenario| scenarios::values(self.optimisation, &alone.at.values, scenario);
         let values: Vec<Vec<f64>> = self.scenarios.iter().map(values).collect();
-        let others = if effort == Effort::Scan && self.optimisation.reduced_band.curve > Curve::Jumps {
+        let others = if effort == Effort::Scan && self.optimisation.reduced_band.smoothness > Smoothness::Jumps {
             // A scan changes little here, so that the worst stays among the worst.
             let mut others = all(&values, Effort::Peaks)?;
             others.sort_by(|a, b| self.cost(b).total_cmp(&self.cost(a)));

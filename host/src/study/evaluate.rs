@@ -7,7 +7,7 @@ use damprig_core::integrator::exact::Exact;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 
 use super::axis::{Axis, Reduction, Value};
-use super::band::{Band, Curve, Reduced};
+use super::band::{Band, Reduced, Smoothness};
 use super::file::Study;
 use super::linear;
 use super::metric;
@@ -129,7 +129,7 @@ pub fn rows(study: &Study, rows: Range<u64>, go_on: GoOn) -> Result<Vec<Vec<f64>
     let each = study.simulations_per_row() as usize;
     let axes = study.points.reduced().iter().map(|axis| study.axes[*axis].clone()).collect();
     let mut band = Band::of(axes);
-    band.curve = cases.first().map_or(Curve::Jumps, |case| Curve::of(case, study.record));
+    band.smoothness = cases.first().map_or(Smoothness::Jumps, |case| Smoothness::of(case, study.record));
     let row_of = |(row, simulated)| row_of(study, &band, row, simulated, go_on);
     rows.zip(simulated.chunks(each)).map(row_of).collect()
 }

@@ -25,6 +25,7 @@ pub mod metric;
 pub mod over;
 pub mod overlay;
 pub mod part;
+mod peaks;
 pub mod points;
 pub mod run;
 pub(crate) mod samples;
