@@ -159,12 +159,14 @@ pub(super) fn force_beside_base(s: &Section) -> Option<(f64, f64)> {
     let force = match s.variant(&[force_sine::TABLE, force_half_sine::TABLE])? {
         0 => {
             if let Some(frequency) = s.written(&force_sine::FREQUENCY) {
+                s.one_of(&force_sine::FREQUENCY);
                 let help = Some("leave it out".into());
                 s.reject(frequency.name, "beside a moving base the force has the base's frequency", help);
             }
             s.scalar(&force_sine::AMPLITUDE).zip(s.scalar(&force_sine::PHASE))
         }
         _ => {
+            force(s);
             s.reject("kind", "beside a moving base the force is a sine", Some("write kind = \"sine\"".into()));
             return None;
         }

@@ -9,7 +9,7 @@ use toml::de::DeTable;
 use super::case::{Case, RunSpec};
 use super::excitation::{self, CaseExcitation};
 use super::json_case;
-use super::keys::{case, force_sine, initial, run};
+use super::keys::{case, force_half_sine, force_sine, initial, run};
 use super::set_values::{self, SetValues};
 use super::{many_particles, multi_degree, refusals};
 use crate::input::locate::Step::Key;
@@ -188,9 +188,16 @@ pub(super) fn read_excitation(root: &Section, stated_m: Option<f64>) -> (Option<
                 allowed: "both can be given if both are sines: the force then has the base's frequency".into(),
                 help: Some("write base = {kind = \"fixed\"}, or leave out `force`".into()),
             });
+            excitation::force(&force);
             (Some(base), None)
         }
-        None => (None, None),
+        None => {
+            // Without frequency or duration it may be one beside the base that cannot be read.
+            if force.is_given(&force_sine::FREQUENCY) || force.is_given(&force_half_sine::DURATION) {
+                excitation::force(&force);
+            }
+            (None, None)
+        }
     }
 }
 
