@@ -20,7 +20,7 @@ use damprig::study::data_set::{DataSet, Manifest, TABLE};
 use damprig::study::evaluate::{UNRESOLVED, main_column};
 use damprig::study::given_points::GivenPoints;
 use damprig::study::run::{self, Ending, Progress};
-use damprig::study::sensitivity::Sensitivity;
+use damprig::study::sensitivity::SensitivityIndices;
 use damprig::study::store::Store;
 use damprig::study::table::StudyTable;
 use numpy::{PyArray2, PyReadonlyArray2};
@@ -132,7 +132,7 @@ pub fn study_merge<'py>(py: Python<'py>, study: &Bound<'py, PyAny>, out: PathBuf
         let shown = address.display().to_string();
         let bytes = data_set.store().get(TABLE)?.ok_or_else(|| Failure::Storage(format!("{shown} is missing")))?;
         let sensitivity = if study.sampling.is_some() {
-            Sensitivity::of(&study, &StudyTable::read(&shown, bytes.clone())?)
+            SensitivityIndices::of(&study, &StudyTable::read(&shown, bytes.clone())?)
         } else {
             Vec::new()
         };

@@ -16,7 +16,7 @@ use crate::report::terminal;
 use crate::study::axis::Value;
 use crate::study::data_set::{DataSet, TABLE};
 use crate::study::run::{self, Progress};
-use crate::study::sensitivity::Sensitivity;
+use crate::study::sensitivity::SensitivityIndices;
 use crate::study::{Study, evaluate};
 
 /// Says that parts are of an older version.
@@ -32,7 +32,7 @@ struct Answer<'a> {
     rows: u64,
     table: &'a Path,
     best: Option<Best>,
-    sensitivity: Vec<Sensitivity>,
+    sensitivity: Vec<SensitivityIndices>,
 }
 
 /// The best point.

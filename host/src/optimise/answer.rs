@@ -19,8 +19,8 @@ use super::variable::Choice;
 use crate::failure::Failure;
 use crate::study::axis::{Axis, Reduction, Value};
 use crate::study::band::Effort;
-use crate::study::evaluate::quantile;
 use crate::study::over::Over;
+use crate::study::over::quantile;
 
 /// Starts from wall to wall from which the optimum is simulated again.
 pub(super) const DENSE_STARTS: u32 = 101;

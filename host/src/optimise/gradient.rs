@@ -1,8 +1,8 @@
 //! Gradient steps from several starts, for an objective that is smooth between few kinks: the worst of simulations.
 //!
 //! Around a point each of the simulations that may be the worst is a parabola along each variable, from central differences of that
-//! simulation alone, which costs far less than the point with its band. A step goes to the least worst of the parabolas within reach
-//! (so at a tie all that tie count), and is made if the simulated objective is better there; the reach grows where the parabolas
+//! simulation alone (its expansion), which costs far less than the point with its band. A step goes to the least worst of the expansions within reach
+//! (so at a tie all that tie count), and is made if the simulated objective is better there; the reach grows where the expansions
 //! predict that, and shrinks where they do not. The differences need no periodic motion and hold for every damper and metric.
 //!
 //! The starts cover the ranges. When they end on few local optima, more of these are unlikely (the rule of Boender and Rinnooy Kan,
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::evaluate::{Evaluated, GoOn, Top, number, of_top};
 use super::file::Optimisation;
 use crate::failure::Failure;
-use crate::study::points::{Method, Sampling};
+use crate::study::sampling::{Method, Sampling};
 
 /// Starts that are followed side by side, and at most.
 const TOGETHER: usize = 8;
@@ -38,7 +38,7 @@ const TOPS: usize = 8;
 /// Step of the differences as a share of the reach: what is smaller than that does not lead a step astray, as small ripples do.
 const STEP: f64 = 0.1;
 
-/// Rounds in which the weights of the parabolas approach those of the least worst point, halvings in each, and the share of the value
+/// Rounds in which the weights of the expansions approach those of the least worst point, halvings in each, and the share of the value
 /// within which they are there.
 const ROUNDS: usize = 200;
 const HALVINGS: usize = 30;
@@ -143,21 +143,21 @@ impl Descent<'_> {
         point.cost(self.optimisation.is_maximum)
     }
 
-    /// The parabolas at a point, from differences over `small` to either side.
-    fn model(&self, at: &Evaluated, small: f64) -> Result<Model, Failure> {
+    /// The expansions at a point, from differences over `small` to either side.
+    fn model(&self, at: &Evaluated, small: f64) -> Result<Expansions, Failure> {
         let sign = if self.optimisation.is_maximum { -1.0 } else { 1.0 };
         let worst = self.cost(at);
         let mut tops: Vec<&Top> = at.tops.iter().filter(|top| sign * top.value >= worst - NEAR * worst.abs()).collect();
         tops.sort_by(|a, b| (sign * b.value).total_cmp(&(sign * a.value)));
         tops.truncate(TOPS);
-        let parabola = |top: &Top| {
-            let mut parabola = Parabola { value: sign * top.value, along: Vec::new() };
+        let expansion = |top: &Top| {
+            let mut expansion = Expansion { value: sign * top.value, along: Vec::new() };
             for (place, axis) in self.optimisation.variable_axes().iter().enumerate() {
                 let share = at.shares[place];
                 let (less, more) = ((share - small).max(0.0), (share + small).min(1.0));
                 let moved = |to: f64| -> Result<f64, Failure> {
                     if to == share {
-                        return Ok(parabola.value);
+                        return Ok(expansion.value);
                     }
                     let mut values = top.values.clone();
                     values[place] += number(axis, to) - number(axis, share);
@@ -165,37 +165,37 @@ impl Descent<'_> {
                 };
                 let (below, above) = (moved(less)?, moved(more)?);
                 let is_inside = less < share && share < more;
-                let bend = if is_inside { (above - 2.0 * parabola.value + below) / (small * small) } else { 0.0 };
-                parabola.along.push(((above - below) / (more - less), bend.max(0.0)));
+                let bend = if is_inside { (above - 2.0 * expansion.value + below) / (small * small) } else { 0.0 };
+                expansion.along.push(((above - below) / (more - less), bend.max(0.0)));
             }
-            Ok(parabola)
+            Ok(expansion)
         };
-        Ok(Model(tops.into_iter().map(parabola).collect::<Result<_, Failure>>()?))
+        Ok(Expansions(tops.into_iter().map(expansion).collect::<Result<_, Failure>>()?))
     }
 }
 
-/// Of a simulation: its value, and slope and bend along each variable.
-struct Parabola {
+/// A simulation's expansion to the second order: its value, and slope and bend along each variable.
+struct Expansion {
     value: f64,
     along: Vec<(f64, f64)>,
 }
 
 /// The simulations that may be the worst.
-struct Model(Vec<Parabola>);
+struct Expansions(Vec<Expansion>);
 
-impl Parabola {
+impl Expansion {
     fn at(&self, step: &[f64]) -> f64 {
         let along = |((slope, bend), step): (&(f64, f64), &f64)| slope * step + 0.5 * bend * step * step;
         self.value + self.along.iter().zip(step).map(along).sum::<f64>()
     }
 }
 
-impl Model {
+impl Expansions {
     fn worst(&self, step: &[f64]) -> f64 {
-        self.0.iter().map(|parabola| parabola.at(step)).fold(f64::NAN, f64::max)
+        self.0.iter().map(|expansion| expansion.at(step)).fold(f64::NAN, f64::max)
     }
 
-    /// The step to the least worst point within reach and the ranges: the saddle point of the weighted parabolas. Weight moves from the
+    /// The step to the least worst point within reach and the ranges: the saddle point of the weighted expansions. Weight moves from the
     /// least of those that have some to the worst one.
     fn step(&self, shares: &[f64], reach: f64) -> Vec<f64> {
         let count = self.0.len().max(1) as f64;
@@ -206,7 +206,7 @@ impl Model {
             if self.worst(&step) < self.worst(&best) {
                 best.clone_from(&step);
             }
-            let at: Vec<f64> = self.0.iter().map(|parabola| parabola.at(&step)).collect();
+            let at: Vec<f64> = self.0.iter().map(|expansion| expansion.at(&step)).collect();
             let by_value = |a: &usize, b: &usize| at[*a].total_cmp(&at[*b]);
             let weighted = (0..at.len()).filter(|place| weights[*place] > 0.0);
             let (Some(worst), Some(least)) = ((0..at.len()).max_by(by_value), weighted.min_by(by_value)) else { break };
@@ -231,14 +231,14 @@ impl Model {
         best
     }
 
-    /// The step to the least value of the weighted parabolas. A little bend makes it unique.
+    /// The step to the least value of the weighted expansions. A little bend makes it unique.
     fn least(&self, weights: &[f64], shares: &[f64], reach: f64) -> Vec<f64> {
         let along = |(place, share): (usize, &f64)| {
             let sum = |of: &dyn Fn(&(f64, f64)) -> f64| -> f64 {
-                self.0.iter().zip(weights).map(|(parabola, weight)| weight * of(&parabola.along[place])).sum()
+                self.0.iter().zip(weights).map(|(expansion, weight)| weight * of(&expansion.along[place])).sum()
             };
             let steepest =
-                self.0.iter().map(|parabola| parabola.along[place].0.abs()).fold(f64::MIN_POSITIVE, f64::max);
+                self.0.iter().map(|expansion| expansion.along[place].0.abs()).fold(f64::MIN_POSITIVE, f64::max);
             let (slope, bend) = (sum(&|along| along.0), sum(&|along| along.1) + 0.02 * steepest / reach);
             (-slope / bend).clamp((-reach).max(-share), reach.min(1.0 - share))
         };
@@ -250,12 +250,12 @@ impl Model {
 mod tests {
     use super::*;
 
-    fn lines(lines: &[(f64, &[f64])]) -> Model {
-        let line = |(value, slopes): &(f64, &[f64])| Parabola {
+    fn lines(lines: &[(f64, &[f64])]) -> Expansions {
+        let line = |(value, slopes): &(f64, &[f64])| Expansion {
             value: *value,
             along: slopes.iter().map(|slope| (*slope, 0.0)).collect(),
         };
-        Model(lines.iter().map(line).collect())
+        Expansions(lines.iter().map(line).collect())
     }
 
     #[test]
@@ -272,7 +272,7 @@ mod tests {
     fn a_step_stays_within_reach_and_within_the_ranges() {
         let falling = lines(&[(1.0, &[-1.0, 1.0])]);
         assert_eq!(falling.step(&[0.5, 0.1], 0.25), [0.25, -0.1]);
-        let bent = Model(vec![Parabola { value: 1.0, along: vec![(-1.0, 20.0)] }]);
+        let bent = Expansions(vec![Expansion { value: 1.0, along: vec![(-1.0, 20.0)] }]);
         // At slope/bend, but for the little bend that is added: 0.02·1/0.25 of 20.
         assert!((bent.step(&[0.5], 0.25)[0] - 0.05).abs() < 0.005 * 0.05);
     }

@@ -7,7 +7,7 @@
 use super::file::Optimisation;
 use crate::study::axis::Values;
 use crate::study::over::Over;
-use crate::study::points::{Method, Sampling};
+use crate::study::sampling::{Method, Sampling};
 
 /// A scenario.
 pub type Scenario = Vec<f64>;

@@ -24,7 +24,7 @@ use super::variable::Variable;
 use crate::failure::Failure;
 use crate::study::band::Effort;
 use crate::study::over::Over;
-use crate::study::points::{Method, Sampling};
+use crate::study::sampling::{Method, Sampling};
 
 /// Share of the evaluations that the Sobol points have, and the swarm; the rest is Nelder–Mead's.
 const SOBOL_SHARE: f64 = 0.4;

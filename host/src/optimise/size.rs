@@ -9,7 +9,7 @@ use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::study::band::{Band, Effort};
 use crate::study::evaluate::simulating_s;
-use crate::study::points::{Method, Sampling};
+use crate::study::sampling::{Method, Sampling};
 
 /// Share of the points of the search whose band is searched, about.
 const SEARCHED: f64 = 0.5;

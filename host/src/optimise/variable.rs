@@ -172,7 +172,7 @@ pub(super) fn read(s: &Section) -> Option<(Axis, Variable)> {
 }
 
 /// The keys of a distribution of what is not known.
-const DISTRIBUTION: distribution::Keys = distribution::Keys {
+const DISTRIBUTION: distribution::DistributionKeys = distribution::DistributionKeys {
     distribution: &uncertain::DISTRIBUTION,
     mean: &uncertain::MEAN,
     standard_deviation: &uncertain::STANDARD_DEVIATION,

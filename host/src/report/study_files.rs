@@ -13,7 +13,7 @@ use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::sealed_parquet::{self, IDENTITY};
 use crate::study::Study;
 use crate::study::data_set::{DataSet, TABLE};
-use crate::study::sensitivity::{Index, Sensitivity};
+use crate::study::sensitivity::{SensitivityIndex, SensitivityIndices};
 use crate::study::sums::Sums;
 use crate::study::table::StudyTable;
 use crate::table::{Column, TableBuilder};
@@ -32,8 +32,8 @@ pub const MAX_DRAWN: u64 = 2_000_000;
 pub struct Drawn {
     /// Where the page is.
     pub page: PathBuf,
-    /// Sensitivity indices, of a study that has them.
-    pub sensitivity: Vec<Sensitivity>,
+    /// SensitivityIndices indices, of a study that has them.
+    pub sensitivity: Vec<SensitivityIndices>,
     /// Names of the figures that could not be drawn, files of curves that are not on the map, and why.
     pub undrawn: Vec<(String, String)>,
 }
@@ -57,7 +57,7 @@ pub fn write(
     let bytes = store.get(TABLE)?.ok_or_else(|| Failure::Storage(format!("{shown} is missing")))?;
     let table = StudyTable::read(&shown, bytes)?;
     let (overlays, mut undrawn) = overlays(study);
-    let sensitivity = Sensitivity::of(study, &table);
+    let sensitivity = SensitivityIndices::of(study, &table);
     let identity = &data_set.manifest().identity;
     let source = plot::source("study", identity);
     let figures: Vec<StudyFigure> = study::draw(study, &table, best, &overlays)
@@ -90,8 +90,8 @@ pub fn write(
 }
 
 /// The table of sensitivity indices: a row for each index of each key and metric.
-fn sensitivity_table(sensitivity: &[Sensitivity], identity: &str) -> Result<Vec<u8>, Failure> {
-    let rows: Vec<(&Sensitivity, &Index)> =
+fn sensitivity_table(sensitivity: &[SensitivityIndices], identity: &str) -> Result<Vec<u8>, Failure> {
+    let rows: Vec<(&SensitivityIndices, &SensitivityIndex)> =
         sensitivity.iter().flat_map(|of| of.indices.iter().map(move |index| (of, index))).collect();
     let finite = |value: f64| Some(value).filter(|value| value.is_finite());
     let mut about = of_file("a row for each sensitivity index of each key and metric");

@@ -187,7 +187,7 @@ impl Axis {
 }
 
 /// The keys of an axis that is drawn from a distribution.
-const DISTRIBUTION: distribution::Keys = distribution::Keys {
+const DISTRIBUTION: distribution::DistributionKeys = distribution::DistributionKeys {
     distribution: &keys::DISTRIBUTION,
     mean: &keys::MEAN,
     standard_deviation: &keys::STANDARD_DEVIATION,

@@ -3,7 +3,7 @@
 use super::axis::{Axis, Reduction, Value};
 use super::evaluate::reduce_over;
 pub use super::peaks::Smoothness;
-use super::peaks::{EACH_SIDE, ROUNDS, SCAN, Sample, add_between, halve, highest, highest_of, sort};
+use super::peaks::{EACH_SIDE, LinePoint, ROUNDS, SCAN, add_between, halve, highest, highest_of, sort};
 use crate::failure::Failure;
 
 /// How a band is searched between the values of its grid.
@@ -112,17 +112,17 @@ impl Band {
         let (inner_axes, count) = (&self.axes[place + 1..], axis.count());
         let inner_points: usize = inner.iter().map(|axis| axis.count()).product();
         let is_minimum = axis.reduce == Some(Reduction::Minimum);
-        let mut best: Vec<Sample> = Vec::new();
-        let mut tops: Vec<(usize, Sample)> = Vec::new();
+        let mut best: Vec<LinePoint> = Vec::new();
+        let mut tops: Vec<(usize, LinePoint)> = Vec::new();
         for (number, of_line) in grid.chunks(count * inner_points).enumerate() {
             let first = values_at(&self.axes[..place], number);
             let sample = |(frequency, values): (f64, &[f64])| {
                 let (value, inner) = reduce_over(inner, values);
-                Sample { frequency, value, inner }
+                LinePoint { frequency, value, inner }
             };
-            let mut line: Vec<Sample> =
+            let mut line: Vec<LinePoint> =
                 numbers(axis).into_iter().zip(of_line.chunks(inner_points)).map(sample).collect();
-            let mut evaluate = |frequencies: &[f64]| -> Result<Vec<Sample>, Failure> {
+            let mut evaluate = |frequencies: &[f64]| -> Result<Vec<LinePoint>, Failure> {
                 let at = |frequency: &f64, point: usize| {
                     let own = std::iter::once(Value::Number(*frequency));
                     first.iter().cloned().chain(own).chain(values_at(inner_axes, point)).collect::<Vec<Value>>()
@@ -146,7 +146,7 @@ impl Band {
             tops.extend(found.into_iter().map(|sample| (number, sample)));
         }
         let (value, number) = reduce_over(outer, &best.iter().map(|sample| sample.value).collect::<Vec<_>>());
-        let at = |(number, sample): (usize, Sample)| {
+        let at = |(number, sample): (usize, LinePoint)| {
             let mut at = values_at(&self.axes[..place], number);
             at.push(Value::Number(sample.frequency));
             at.extend(values_at(inner_axes, sample.inner));

@@ -5,7 +5,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::evaluate::quantile;
+use super::over::quantile;
 
 /// Samples drawn from the sample.
 const RESAMPLES: u64 = 1000;
@@ -18,7 +18,7 @@ const SEED: u64 = 1;
 
 /// A value with an interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Estimate {
+pub struct IntervalEstimate {
     /// The value; not a number if it cannot be computed.
     pub value: f64,
     /// The 2.5 % and 97.5 % quantiles of the value over samples drawn from the sample.
@@ -27,7 +27,7 @@ pub struct Estimate {
 
 /// Estimates that follow from sums over the members of a sample, of which the terms are `terms`.
 #[must_use]
-pub fn estimates(terms: &[Vec<f64>], of_sums: impl Fn(&[f64]) -> Vec<f64> + Sync) -> Vec<Estimate> {
+pub fn estimates(terms: &[Vec<f64>], of_sums: impl Fn(&[f64]) -> Vec<f64> + Sync) -> Vec<IntervalEstimate> {
     let Some(width) = terms.first().map(Vec::len) else { return Vec::new() };
     let sum = |members: &mut dyn Iterator<Item = &Vec<f64>>| {
         let mut sums = vec![0.0; width];
@@ -46,7 +46,7 @@ pub fn estimates(terms: &[Vec<f64>], of_sums: impl Fn(&[f64]) -> Vec<f64> + Sync
     let estimate = |(place, value): (usize, f64)| {
         let mut values: Vec<f64> = all.iter().map(|values| values[place]).collect();
         values.sort_by(f64::total_cmp);
-        Estimate { value, interval_95: [0.025, 0.975].map(|share| quantile(&values, share)) }
+        IntervalEstimate { value, interval_95: [0.025, 0.975].map(|share| quantile(&values, share)) }
     };
     of_sums(&sum(&mut members.iter())).into_iter().enumerate().map(estimate).collect()
 }

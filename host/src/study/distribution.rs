@@ -26,11 +26,11 @@ pub struct Distribution {
     pub from: f64,
     /// Upper end.
     pub to: f64,
-    shape: Shape,
+    family: Family,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Shape {
+enum Family {
     /// The value is as likely everywhere.
     Even,
     /// Its logarithm is.
@@ -45,15 +45,15 @@ impl Distribution {
     /// As likely everywhere between two ends: the value, or its logarithm, for which both are greater than 0.
     #[must_use]
     pub fn uniform(from: f64, to: f64, is_log: bool) -> Self {
-        Self { from, to, shape: if is_log { Shape::EvenLog } else { Shape::Even } }
+        Self { from, to, family: if is_log { Family::EvenLog } else { Family::Even } }
     }
 
     /// A normal distribution, cut off at `ends` if they are given.
     fn normal(mean: f64, standard_deviation: f64, ends: [Option<f64>; 2]) -> Self {
         let end = |side: f64| mean + side * FARTHEST * standard_deviation;
         let [from, to] = ends;
-        let shape = Shape::Normal { mean, standard_deviation };
-        Self { from: from.unwrap_or_else(|| end(-1.0)), to: to.unwrap_or_else(|| end(1.0)), shape }
+        let family = Family::Normal { mean, standard_deviation };
+        Self { from: from.unwrap_or_else(|| end(-1.0)), to: to.unwrap_or_else(|| end(1.0)), family }
     }
 
     /// A lognormal distribution with the mean and the standard deviation of the value itself, cut off at `ends` if they are given.
@@ -62,14 +62,14 @@ impl Distribution {
         let (mean, standard_deviation) = (libm::log(mean) - 0.5 * variance, variance.sqrt());
         let end = |side: f64| libm::exp(mean + side * FARTHEST * standard_deviation);
         let [from, to] = ends;
-        let shape = Shape::LogNormal { mean, standard_deviation };
-        Self { from: from.unwrap_or_else(|| end(-1.0)), to: to.unwrap_or_else(|| end(1.0)), shape }
+        let family = Family::LogNormal { mean, standard_deviation };
+        Self { from: from.unwrap_or_else(|| end(-1.0)), to: to.unwrap_or_else(|| end(1.0)), family }
     }
 
     /// Whether it is one of the logarithm.
     #[must_use]
     pub const fn is_log(&self) -> bool {
-        matches!(self.shape, Shape::EvenLog | Shape::LogNormal { .. })
+        matches!(self.family, Family::EvenLog | Family::LogNormal { .. })
     }
 
     /// The value below which a share of it lies, 0 to 1: exactly the ends at 0 and 1.
@@ -79,12 +79,12 @@ impl Distribution {
             let ends = [from, to].map(|end| (end - mean) / standard_deviation);
             mean + standard_deviation * cut_normal_quantile(ends, share)
         };
-        match self.shape {
+        match self.family {
             _ if share <= 0.0 => self.from,
             _ if share >= 1.0 => self.to,
-            Shape::Even | Shape::EvenLog => self.between(share),
-            Shape::Normal { mean, standard_deviation } => of_normal(mean, standard_deviation, [self.from, self.to]),
-            Shape::LogNormal { mean, standard_deviation } => {
+            Family::Even | Family::EvenLog => self.between(share),
+            Family::Normal { mean, standard_deviation } => of_normal(mean, standard_deviation, [self.from, self.to]),
+            Family::LogNormal { mean, standard_deviation } => {
                 libm::exp(of_normal(mean, standard_deviation, [self.from, self.to].map(libm::log)))
             }
         }
@@ -102,10 +102,10 @@ impl Distribution {
             let [low, high] = ends.map(|end| (end - mean) / standard_deviation);
             if low > 0.0 { below(-low) - below(-high) } else { below(high) - below(low) }
         };
-        match self.shape {
-            Shape::Even | Shape::EvenLog => 1.0,
-            Shape::Normal { mean, standard_deviation } => of_normal(mean, standard_deviation, [self.from, self.to]),
-            Shape::LogNormal { mean, standard_deviation } => {
+        match self.family {
+            Family::Even | Family::EvenLog => 1.0,
+            Family::Normal { mean, standard_deviation } => of_normal(mean, standard_deviation, [self.from, self.to]),
+            Family::LogNormal { mean, standard_deviation } => {
                 of_normal(mean, standard_deviation, [self.from, self.to].map(libm::log))
             }
         }
@@ -146,7 +146,7 @@ pub(super) fn between(from: f64, to: f64, is_log: bool, share: f64) -> f64 {
 
 /// The keys of a distribution that is no range.
 #[derive(Clone, Copy, Debug)]
-pub struct Keys {
+pub struct DistributionKeys {
     /// Its word.
     pub distribution: &'static Quantity,
     /// Its mean.
@@ -161,7 +161,11 @@ pub struct Keys {
 
 /// Reads a normal or lognormal distribution between `ends` as read, with their places if both are given. `Some(None)` for a uniform one,
 /// which is a range; `None` after a problem has been reported.
-pub(crate) fn read(s: &Section, keys: &Keys, ends: &[Option<Number>; 2]) -> Option<Option<(Distribution, Vec<Span>)>> {
+pub(crate) fn read(
+    s: &Section,
+    keys: &DistributionKeys,
+    ends: &[Option<Number>; 2],
+) -> Option<Option<(Distribution, Vec<Span>)>> {
     let (word, mean) = (s.word(keys.distribution), s.placed(keys.mean));
     let standard_deviation = s.scalar(keys.standard_deviation);
     let is_lognormal = match word? {

@@ -7,7 +7,7 @@
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use super::bootstrap::{Estimate, estimates};
+use super::bootstrap::{IntervalEstimate, estimates};
 
 /// Levels of an input, in the middles of equal parts of its range, so that the ends of a distribution, which are rare, do not decide.
 const LEVELS: u64 = 4;
@@ -46,7 +46,7 @@ pub fn shares(trajectories: usize, inputs: usize, seed: u64) -> Vec<Vec<f64>> {
 /// For each input the mean of its effects, the mean of their magnitudes (µ*) and their standard deviation (σ), from the values at the points
 /// of [`shares`]. Trajectories with a value that is not a number are left out; the number of the others is returned too.
 #[must_use]
-pub fn effects(shares: &[Vec<f64>], values: &[f64], inputs: usize) -> (Vec<[Estimate; 3]>, usize) {
+pub fn effects(shares: &[Vec<f64>], values: &[f64], inputs: usize) -> (Vec<[IntervalEstimate; 3]>, usize) {
     let points = points_per_trajectory(inputs);
     let whole = |(_, values): &(&[Vec<f64>], &[f64])| values.iter().all(|value| value.is_finite());
     let terms = |(shares, values): (&[Vec<f64>], &[f64])| {
@@ -81,7 +81,7 @@ fn of_sums(sums: &[f64]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    fn found(of: impl Fn(&[f64]) -> f64, trajectories: usize, inputs: usize) -> Vec<[Estimate; 3]> {
+    fn found(of: impl Fn(&[f64]) -> f64, trajectories: usize, inputs: usize) -> Vec<[IntervalEstimate; 3]> {
         let shares = shares(trajectories, inputs, 3);
         let values: Vec<f64> = shares.iter().map(|shares| of(shares)).collect();
         effects(&shares, &values, inputs).0

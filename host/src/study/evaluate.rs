@@ -11,7 +11,7 @@ use super::band::{Band, Reduced, Smoothness};
 use super::file::Study;
 use super::linear;
 use super::metric;
-use super::over::Over;
+use super::over::{Over, quantile};
 use super::simulate::{Counted, GoOn, Record, Simulated, metrics_of_all};
 use crate::failure::Failure;
 use crate::quantity::Quantity;
@@ -182,18 +182,6 @@ fn row_of(study: &Study, band: &Band, row: u64, simulated: &[Simulated], go_on: 
     }
     row_values.push(unresolved);
     Ok(row_values)
-}
-
-/// A quantile of sorted values, linear between them (type 7 of Hyndman and Fan); not a number if one of them is not.
-#[must_use]
-pub fn quantile(sorted: &[f64], share: f64) -> f64 {
-    // `total_cmp` sorts them to the ends.
-    if sorted.first().is_none_or(|first| first.is_nan()) || sorted.last().is_some_and(|last| last.is_nan()) {
-        return f64::NAN;
-    }
-    let at = share * (sorted.len() - 1) as f64;
-    let (low, high) = (at.floor() as usize, at.ceil() as usize);
-    sorted[low] + (at - low as f64) * (sorted[high] - sorted[low])
 }
 
 /// Reduces the values at all points of some axes, of which the last varies fastest, to one, with the number of its point.

@@ -7,13 +7,14 @@ use sha2::{Digest, Sha256};
 
 use super::axis::{self, Axis, Value};
 use super::direct::{Cases, Direct};
+use super::ensemble::{self, Ensemble};
 use super::given_points::GivenPoints;
-use super::keys::{ensemble, overlay as overlay_keys, record, sampling, study as keys};
+use super::keys::{overlay as overlay_keys, record, sampling, study as keys};
 use super::metric::{self, METRICS};
-use super::over::Over;
 use super::overlay::{self, Overlay};
-use super::points::{Method, Points, Sampling, Scattered};
+use super::points::{Points, Scattered};
 use super::samples;
+use super::sampling::{Method, Sampling};
 use super::simulate::{Counted, Record};
 use super::varied_case::VariedCase;
 use crate::failure::Failure;
@@ -28,25 +29,11 @@ use crate::simulation::settling;
 /// What to do about a range without a `count`.
 const MISSING_COUNT: &str = "give `count`, or draw from the range with a table [sampling]";
 
-/// Quantiles over the starts unless the study states others.
-const QUANTILES: [f64; 3] = [0.05, 0.5, 0.95];
-
 /// Least `count` of base points or trajectories: the uncertainty of indices is that of their scatter.
 const LEAST_FOR_INDICES: usize = 4;
 
 /// Most points that are drawn: they are kept in memory.
 const MOST_DRAWN: usize = 100_000_000;
-
-/// Several starts of the particle at each point.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Ensemble {
-    /// Places of the particle at the start as shares of the clearance from the centre, −1 to 1.
-    pub shares: Vec<f64>,
-    /// The value over the starts that maps, curves and the best point have.
-    pub over: Over,
-    /// Quantiles over the starts that the table has, rising; that of `over` is one of them.
-    pub quantiles: Vec<f64>,
-}
 
 /// A study as read.
 #[derive(Clone, Debug)]
@@ -299,7 +286,7 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option
     let axes: Vec<Option<Axis>> =
         root.tables_of(&keys::AXIS).iter().map(|s| axis::read(s, sampling_section.is_some(), missing_count)).collect();
     let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
-    let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| read_ensemble(&s, goal == Some(1)));
+    let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| ensemble::read(&s, goal == Some(1)));
     let overlays: Vec<Option<(Text, Overlay)>> =
         root.tables_of(&keys::OVERLAY).iter().map(|s| overlay::read(s, path)).collect();
     let points = points?;
@@ -471,34 +458,4 @@ pub(crate) fn read_record(s: &Section) -> Option<Option<Record>> {
         settle_cycles: if settle.0 == 0 { settle.1 } else { 0.0 },
         settle_s: if settle.0 == 1 { settle.1 } else { 0.0 },
     }))
-}
-
-fn read_ensemble(s: &Section, is_maximum: bool) -> Option<Option<Ensemble>> {
-    let starts = s.scalar(&ensemble::STARTS);
-    let over = s.word(&ensemble::OVER).map(|place| Over::ALL[place]);
-    let quantiles = s.numbers_of(&ensemble::QUANTILES);
-    let is_given = s.is_given(&ensemble::QUANTILES);
-    s.finish();
-    let last = starts? - 1.0;
-    let shares = (0..=last as usize).map(|n| 2.0 * (n as f64 / last) - 1.0).collect();
-    let mut quantiles: Vec<f64> = match quantiles {
-        Some(quantiles) => quantiles.iter().map(|number| number.value).collect(),
-        None if is_given => return None,
-        None => QUANTILES.to_vec(),
-    };
-    if quantiles.is_empty() {
-        s.reject(
-            ensemble::QUANTILES.name(),
-            "must have at least one quantile",
-            Some("leave it out for 0.05, 0.5 and 0.95".into()),
-        );
-        return None;
-    }
-    let over = over?;
-    // Where the largest objective is the best, its bad side is below and that of the other metrics above.
-    let sides = [over.quantile(is_maximum), over.quantile(false)];
-    quantiles.extend(sides.into_iter().flatten().filter(|_| over != Over::Worst));
-    quantiles.sort_by(f64::total_cmp);
-    quantiles.dedup();
-    Some(Some(Ensemble { shares, over, quantiles }))
 }

@@ -3,7 +3,7 @@
 use super::distribution::DISTRIBUTION_WORDS;
 use super::metric::METRIC_NAMES;
 use super::over::OVER_WORDS;
-use super::points::SAMPLING_WORDS;
+use super::sampling::SAMPLING_WORDS;
 use crate::input::key::DefaultValue::{Number, Word};
 use crate::input::key::Need::{Default, Forbidden, If, IfWord, Optional, Required};
 use crate::input::key::Range::{Any, Between, Positive, Whole};

@@ -1,10 +1,11 @@
 //! Studies: a case, the keys that are varied, and what is computed at each point; docs/STUDIES.md is the
 //! user's page.
 //!
-//! [`mod@file`] reads the study, [`axis`], [`points`] and [`given_points`] say which values it has, [`varied_case`] and [`direct`] make
-//! cases of them, `samples` says which are checked, [`evaluate`] simulates them, [`sensitivity`] says what their results depend on, [`band`] finds peaks, [`over`] says what of several starts counts, [`mod@overlay`] which curves are over a map, [`data_set`] keeps the results as parts ([`part`]) that survive a kill
-//! in a [`store`], [`run`] does all of it on this machine, [`work`] a share of it as one of several workers; [`inspect`] tells how far
-//! they are.
+//! [`mod@file`] reads the study, [`ensemble`] its starts, [`axis`], [`distribution`], [`sampling`], [`points`] and [`given_points`] say which
+//! values it has, [`varied_case`] and [`direct`] make cases of them, `samples` says which are checked, [`evaluate`] simulates them. [`band`] finds
+//! peaks, [`over`] says what of several starts counts, [`sensitivity`] what results depend on, [`mod@overlay`] which curves are over a map.
+//! [`data_set`] keeps the results as parts ([`part`]) that survive a kill in a [`store`], [`run`] does all of it on this machine, [`work`] a
+//! share of it as one of several workers; [`inspect`] tells how far they are.
 
 pub mod axis;
 pub mod band;
@@ -15,6 +16,7 @@ pub mod data_set;
 pub mod direct;
 pub mod distribution;
 pub mod elementary_effects;
+pub mod ensemble;
 pub mod evaluate;
 pub mod file;
 pub mod given_points;
@@ -29,6 +31,7 @@ mod peaks;
 pub mod points;
 pub mod run;
 pub(crate) mod samples;
+pub mod sampling;
 pub mod sensitivity;
 pub mod simulate;
 pub mod sobol_indices;

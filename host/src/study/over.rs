@@ -2,8 +2,6 @@
 
 use serde::Serialize;
 
-use super::evaluate::quantile;
-
 /// Words of files, in the order of [`Over::ALL`].
 pub const OVER_WORDS: &[&str] = &["worst", "q95", "median", "mean"];
 
@@ -67,6 +65,18 @@ impl Over {
             (Self::Mean, _) => None,
         }
     }
+}
+
+/// A quantile of sorted values, linear between them (type 7 of Hyndman and Fan); not a number if one of them is not.
+#[must_use]
+pub fn quantile(sorted: &[f64], share: f64) -> f64 {
+    // `total_cmp` sorts them to the ends.
+    if sorted.first().is_none_or(|first| first.is_nan()) || sorted.last().is_some_and(|last| last.is_nan()) {
+        return f64::NAN;
+    }
+    let at = share * (sorted.len() - 1) as f64;
+    let (low, high) = (at.floor() as usize, at.ceil() as usize);
+    sorted[low] + (at - low as f64) * (sorted[high] - sorted[low])
 }
 
 #[cfg(test)]

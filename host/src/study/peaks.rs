@@ -53,11 +53,11 @@ const APART: f64 = 1e-3;
 const TOPS: usize = 6;
 
 /// Evaluates a line of the band at some frequencies.
-pub(super) type Evaluate<'a> = &'a mut dyn FnMut(&[f64]) -> Result<Vec<Sample>, Failure>;
+pub(super) type Evaluate<'a> = &'a mut dyn FnMut(&[f64]) -> Result<Vec<LinePoint>, Failure>;
 
 /// The value at a frequency, all later axes reduced.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sample {
+pub(super) struct LinePoint {
     pub frequency: f64,
     pub value: f64,
     /// Point of the later axes.
@@ -72,12 +72,16 @@ pub(super) fn highest_of<T>(mut all: Vec<T>, is_minimum: bool, value: impl Fn(&T
     all
 }
 
-pub(super) fn sort(line: &mut [Sample]) {
+pub(super) fn sort(line: &mut [LinePoint]) {
     line.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
 }
 
 /// Adds so many samples within each interval of a sorted line, and gives them.
-pub(super) fn add_between(line: &mut Vec<Sample>, count: usize, evaluate: Evaluate) -> Result<Vec<Sample>, Failure> {
+pub(super) fn add_between(
+    line: &mut Vec<LinePoint>,
+    count: usize,
+    evaluate: Evaluate,
+) -> Result<Vec<LinePoint>, Failure> {
     let ends = line.windows(2).map(|ends| (ends[0].frequency, ends[1].frequency));
     let added = evaluate(&ends.flat_map(|(from, to)| between(from, to, count)).collect::<Vec<f64>>())?;
     line.extend(&added);
@@ -86,18 +90,19 @@ pub(super) fn add_between(line: &mut Vec<Sample>, count: usize, evaluate: Evalua
 }
 
 /// Halves the steps of a sorted line until all added values follow from those before.
-pub(super) fn halve(line: &mut Vec<Sample>, evaluate: Evaluate) -> Result<(), Failure> {
+pub(super) fn halve(line: &mut Vec<LinePoint>, evaluate: Evaluate) -> Result<(), Failure> {
     while 2 * (line.len() - 1) <= SCAN {
         let before = line.clone();
         let added = add_between(line, 1, evaluate)?;
         let highest = before.iter().map(|sample| sample.value.abs()).fold(0.0, f64::max);
         // A cubic through two samples on each side.
-        let follows = |sample: &Sample| {
+        let follows = |sample: &LinePoint| {
             let after = before.partition_point(|known| known.frequency < sample.frequency);
             let from = after.saturating_sub(2).min(before.len().saturating_sub(4));
             let near = &before[from..(from + 4).min(before.len())];
-            let others = |own: &Sample| {
-                let factor = |other: &Sample| (sample.frequency - other.frequency) / (own.frequency - other.frequency);
+            let others = |own: &LinePoint| {
+                let factor =
+                    |other: &LinePoint| (sample.frequency - other.frequency) / (own.frequency - other.frequency);
                 near.iter().filter(|other| other.frequency != own.frequency).map(factor).product::<f64>()
             };
             let expected: f64 = near.iter().map(|own| own.value * others(own)).sum();
@@ -115,24 +120,24 @@ pub(super) fn halve(line: &mut Vec<Sample>, evaluate: Evaluate) -> Result<(), Fa
 /// A peak of a smooth response is predicted from three samples, and found if what is simulated there and between the samples is as
 /// predicted; otherwise that is done once more. Other peaks are looked for on even steps.
 pub(super) fn highest(
-    line: Vec<Sample>,
+    line: Vec<LinePoint>,
     is_minimum: bool,
     peaks: usize,
     smoothness: Smoothness,
     evaluate: Evaluate,
-) -> Result<Vec<Sample>, Failure> {
-    let height = |sample: &Sample| if is_minimum { -sample.value } else { sample.value };
+) -> Result<Vec<LinePoint>, Failure> {
+    let height = |sample: &LinePoint| if is_minimum { -sample.value } else { sample.value };
     if let Some(missing) = line.iter().find(|sample| sample.value.is_nan()) {
         return Ok(vec![*missing]);
     }
     let predicted = if smoothness == Smoothness::Smooth { ROUNDS } else { 0 };
     let rounds = ROUNDS + predicted / 2;
-    let mut open: Vec<Vec<Sample>> = local_maxima(&line, &height).into_iter().take(peaks).collect();
-    let mut found: Vec<Sample> = Vec::new();
+    let mut open: Vec<Vec<LinePoint>> = local_maxima(&line, &height).into_iter().take(peaks).collect();
+    let mut found: Vec<LinePoint> = Vec::new();
     for round in 0..rounds {
-        let prediction = |peak: &Vec<Sample>| Prediction::of(peak, &height).filter(|_| round < predicted);
-        let predictions: Vec<Option<Prediction>> = open.iter().map(prediction).collect();
-        let asked = |(peak, prediction): (&Vec<Sample>, &Option<Prediction>)| match prediction {
+        let prediction = |peak: &Vec<LinePoint>| PeakFit::of(peak, &height).filter(|_| round < predicted);
+        let predictions: Vec<Option<PeakFit>> = open.iter().map(prediction).collect();
+        let asked = |(peak, prediction): (&Vec<LinePoint>, &Option<PeakFit>)| match prediction {
             Some(prediction) => prediction.checks.clone(),
             None => {
                 // The middle of two samples that are all that there are.
@@ -145,13 +150,13 @@ pub(super) fn highest(
         let mut simulated = evaluate(&asked.concat())?.into_iter();
         let mut next = Vec::new();
         for ((mut peak, asked), prediction) in open.into_iter().zip(&asked).zip(predictions) {
-            let new: Vec<Sample> = simulated.by_ref().take(asked.len()).collect();
+            let new: Vec<LinePoint> = simulated.by_ref().take(asked.len()).collect();
             if let Some(missing) = new.iter().find(|sample| sample.value.is_nan()) {
                 return Ok(vec![*missing]);
             }
             peak.extend(&new);
             sort(&mut peak);
-            let holds = |prediction: Prediction| new.iter().all(|sample| prediction.holds(sample, &height));
+            let holds = |prediction: PeakFit| new.iter().all(|sample| prediction.holds(sample, &height));
             if prediction.is_some_and(holds) || round + 1 == rounds {
                 found.extend(highest_of(peak, is_minimum, |sample| sample.value).first());
             } else {
@@ -164,7 +169,7 @@ pub(super) fn highest(
 }
 
 /// The local maxima of a sorted line, highest first, each with its neighbours: with two samples at an end of the line.
-fn local_maxima(line: &[Sample], height: &impl Fn(&Sample) -> f64) -> Vec<Vec<Sample>> {
+fn local_maxima(line: &[LinePoint], height: &impl Fn(&LinePoint) -> f64) -> Vec<Vec<LinePoint>> {
     let last = line.len() - 1;
     let is_peak = |place: &usize| {
         let here = height(&line[*place]);
@@ -181,23 +186,23 @@ fn local_maxima(line: &[Sample], height: &impl Fn(&Sample) -> f64) -> Vec<Vec<Sa
 }
 
 /// The highest of some sorted samples with its neighbours.
-fn bracket<'a>(samples: &'a [Sample], height: &impl Fn(&Sample) -> f64) -> &'a [Sample] {
+fn bracket<'a>(samples: &'a [LinePoint], height: &impl Fn(&LinePoint) -> f64) -> &'a [LinePoint] {
     let top = (0..samples.len()).fold(0, |a, b| if height(&samples[b]) > height(&samples[a]) { b } else { a });
     &samples[top.saturating_sub(1)..(top + 2).min(samples.len())]
 }
 
 /// A parabola over the square of the frequency through three samples: of 1/height² where all are positive, which it is exactly for one
 /// resonance; otherwise of the height.
-struct Prediction {
+struct PeakFit {
     is_inverse: bool,
     nodes: [(f64, f64); 3],
     /// Frequencies where it is checked: its peak, and the middles between samples.
     checks: Vec<f64>,
 }
 
-impl Prediction {
+impl PeakFit {
     /// From the highest of some sorted samples and its neighbours, or the last three at an end; `None` of fewer than three.
-    fn of(samples: &[Sample], height: &impl Fn(&Sample) -> f64) -> Option<Self> {
+    fn of(samples: &[LinePoint], height: &impl Fn(&LinePoint) -> f64) -> Option<Self> {
         let within = bracket(samples, height);
         let three = match within {
             [_, _, _] => within,
@@ -237,7 +242,7 @@ impl Prediction {
     }
 
     /// Whether a sample is as predicted.
-    fn holds(&self, sample: &Sample, height: &impl Fn(&Sample) -> f64) -> bool {
+    fn holds(&self, sample: &LinePoint, height: &impl Fn(&LinePoint) -> f64) -> bool {
         let ((a, at_a), (b, _)) = (self.nodes[0], self.nodes[1]);
         let ((slope, bend), square) = (self.slopes(), sample.frequency * sample.frequency);
         let value = at_a + (square - a) * (slope + (square - b) * bend);

@@ -1,31 +1,31 @@
-//! Sensitivity indices of a study's metrics, from its table: those of Sobol' or Morris, as its sampling says.
+//! SensitivityIndices indices of a study's metrics, from its table: those of Sobol' or Morris, as its sampling says.
 
 use serde::Serialize;
 
 use super::Study;
-use super::bootstrap::Estimate;
+use super::bootstrap::IntervalEstimate;
 use super::elementary_effects;
 use super::evaluate::main_column;
-use super::points::Method;
+use super::sampling::Method;
 use super::sobol_indices;
 use super::table::StudyTable;
 use crate::quantity::Quantity;
 
 /// An index of one input of one metric.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Index {
+pub struct SensitivityIndex {
     /// Key of the case.
     pub key: String,
     /// Which: `first_order` or `total` (shares of the variance), `mean_effect`, `mean_absolute_effect` (µ*) or `effect_deviation` (σ).
     pub index: &'static str,
     /// Its value and 95 % interval: of a share a plain number, of an effect in the unit of the metric, for the whole range of the key.
     #[serde(flatten)]
-    pub estimate: Estimate,
+    pub estimate: IntervalEstimate,
 }
 
 /// The indices of a metric.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Sensitivity {
+pub struct SensitivityIndices {
     /// The metric.
     #[serde(skip)]
     pub metric: Quantity,
@@ -40,14 +40,14 @@ pub struct Sensitivity {
     /// Those that are left out, because the metric is missing at one of their points.
     pub left_out: usize,
     /// For each key its indices, in the order of the axes; empty if all are left out.
-    pub indices: Vec<Index>,
+    pub indices: Vec<SensitivityIndex>,
 }
 
 /// Names of Sobol' indices, and of those of elementary effects.
 const SHARES: [&str; 2] = ["first_order", "total"];
 const EFFECTS: [&str; 3] = ["mean_effect", "mean_absolute_effect", "effect_deviation"];
 
-impl Sensitivity {
+impl SensitivityIndices {
     /// Of each metric of a study whose sampling is for indices; none of another study.
     #[must_use]
     pub fn of(study: &Study, table: &StudyTable) -> Vec<Self> {
@@ -59,15 +59,16 @@ impl Sensitivity {
         let of_metric = |metric: &Quantity| {
             let (column, unit) = (main_column(study, *metric), metric.unit());
             let values = table.column(&column)?;
-            let named = |names: &'static [&'static str], key: &str, estimates: &[Estimate]| -> Vec<Index> {
-                let index = |(index, estimate): (&&'static str, &Estimate)| Index {
-                    key: key.into(),
-                    index,
-                    estimate: *estimate,
+            let named =
+                |names: &'static [&'static str], key: &str, estimates: &[IntervalEstimate]| -> Vec<SensitivityIndex> {
+                    let index = |(index, estimate): (&&'static str, &IntervalEstimate)| SensitivityIndex {
+                        key: key.into(),
+                        index,
+                        estimate: *estimate,
+                    };
+                    names.iter().zip(estimates).map(index).collect()
                 };
-                names.iter().zip(estimates).map(index).collect()
-            };
-            let (indices, used): (Vec<Vec<Index>>, usize) = if sampling.method == Method::SobolIndices {
+            let (indices, used): (Vec<Vec<SensitivityIndex>>, usize) = if sampling.method == Method::SobolIndices {
                 let (found, used) = sobol_indices::indices(&values, keys.len());
                 (keys.iter().zip(&found).map(|(key, found)| named(&SHARES, key, found)).collect(), used)
             } else {
@@ -81,7 +82,7 @@ impl Sensitivity {
     }
 
     /// The estimates of each key, in the order of their names.
-    pub fn by_key(&self) -> impl Iterator<Item = (&str, Vec<Estimate>)> {
+    pub fn by_key(&self) -> impl Iterator<Item = (&str, Vec<IntervalEstimate>)> {
         let keys = self.indices.chunk_by(|a, b| a.key == b.key);
         keys.map(|of_key| (of_key[0].key.as_str(), of_key.iter().map(|index| index.estimate).collect()))
     }

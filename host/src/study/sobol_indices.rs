@@ -8,7 +8,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use sobol::Sobol;
 use sobol::params::JoeKuoD6;
 
-use super::bootstrap::{Estimate, estimates};
+use super::bootstrap::{IntervalEstimate, estimates};
 
 /// Most inputs: Sobol's sequence has two dimensions for each.
 pub const MOST_INPUTS: usize = 500;
@@ -48,7 +48,7 @@ pub fn shares(count: usize, inputs: usize, seed: u64) -> Vec<Vec<f64>> {
 /// First-order and total index of each input, from the values at the points of [`shares`]. Base points with a value that is not a
 /// number are left out; the number of the others is returned too.
 #[must_use]
-pub fn indices(values: &[f64], inputs: usize) -> (Vec<[Estimate; 2]>, usize) {
+pub fn indices(values: &[f64], inputs: usize) -> (Vec<[IntervalEstimate; 2]>, usize) {
     let bases: Vec<&[f64]> = values
         .chunks_exact(points_per_base(inputs))
         .filter(|base| base.iter().all(|value| value.is_finite()))
@@ -105,7 +105,7 @@ mod tests {
         [[first / all, (first + both) / all], [second / all, second / all], [0.0, both / all]]
     }
 
-    fn found(of: impl Fn(&[f64]) -> f64, count: usize, inputs: usize, seed: u64) -> Vec<[Estimate; 2]> {
+    fn found(of: impl Fn(&[f64]) -> f64, count: usize, inputs: usize, seed: u64) -> Vec<[IntervalEstimate; 2]> {
         let values: Vec<f64> = shares(count, inputs, seed).iter().map(|shares| of(shares)).collect();
         indices(&values, inputs).0
     }
@@ -144,7 +144,7 @@ mod tests {
         let mut holding = 0;
         for seed in 0..seeds {
             for (found, exact) in found(ishigami, 256, 3, seed).iter().zip(&exact) {
-                let holds = |(estimate, exact): (&Estimate, &f64)| {
+                let holds = |(estimate, exact): (&IntervalEstimate, &f64)| {
                     let [low, high] = estimate.interval_95;
                     // Of an index that is computed without error the interval is a point.
                     low - 1e-12 <= *exact && *exact <= high + 1e-12

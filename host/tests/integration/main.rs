@@ -49,6 +49,7 @@ mod mutations;
 mod noise;
 mod not_files;
 mod optimise;
+mod optimise_gradient;
 mod optimise_robust;
 mod output;
 mod peak_points;

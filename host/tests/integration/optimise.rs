@@ -7,14 +7,13 @@ use std::time::{Duration, Instant};
 use crate::common::damprig;
 use damprig::input::Source;
 use damprig::optimise::evaluate::{Care, Evaluated};
-use damprig::optimise::search::{self, Found, Progress};
+use damprig::optimise::search::{self, Progress};
 use damprig::optimise::{Answer, Optimisation, evaluate};
 use damprig::study::band::Effort;
-use fastrand::Rng;
 use serde_json::Value;
 use tempfile::TempDir;
 
-const CASE: &str = "\
+pub const CASE: &str = "\
 structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
 base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }
 particle = { mass_ratio = 0.1, clearance_ratio = 10, wall = { kind = \"restitution\", coefficient = 0.5 } }
@@ -29,7 +28,7 @@ const RESTITUTION: &str = "[[variable]]\nkey = \"particle.wall.coefficient\"\nfr
 
 const BAND: &str = "[[axis]]\nkey = \"base.frequency_hz\"\nfrom = 2.3\nto = 2.7\ncount = 5\nreduce = \"maximum\"\n";
 
-fn folder(case: &str, file: &str) -> TempDir {
+pub fn folder(case: &str, file: &str) -> TempDir {
     let folder = TempDir::new().unwrap();
     std::fs::write(folder.path().join("case.toml"), case).unwrap();
     std::fs::write(folder.path().join("file.toml"), file).unwrap();
@@ -52,7 +51,7 @@ fn variable(answer: &Value, place: usize) -> f64 {
     answer["variables"][place]["value"].as_f64().unwrap()
 }
 
-fn read(folder: &TempDir) -> Optimisation {
+pub fn read(folder: &TempDir) -> Optimisation {
     Optimisation::read(&folder.path().join("file.toml")).expect("it is sound")
 }
 
@@ -426,61 +425,6 @@ fn a_tolerance_says_how_closely_the_optimum_is_stated() {
         let output = run(&folder(CASE, &format!("{TOP}{CLEARANCE}{text}\n")), "2", &[]);
         let told = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.code() == Some(2) && words.iter().all(|word| told.contains(word)), "{told}");
-    }
-}
-
-/// A damper with the ranges of its variables, the objective and what is recorded.
-type Smooth = (String, String, &'static str, &'static str);
-
-fn smooth(damper: &str, variables: &[(&str, f64, f64)], objective: &'static str, record: &'static str) -> Smooth {
-    let variable =
-        |(key, from, to): &(&str, f64, f64)| format!("[[variable]]\nkey = {key:?}\nfrom = {from}\nto = {to}\n");
-    (damper.into(), variables.iter().map(variable).collect(), objective, record)
-}
-
-/// The search of a smooth problem, and of the same one with a constraint that every point keeps, which leaves it to points over the whole range.
-fn with_gradients_and_without((damper, variables, objective, record): &Smooth) -> [(Optimisation, Found); 2] {
-    let constraint = "[[constraint]]\nmetric = \"rms_x_m\"\nat_most = 1e9\n";
-    [("", ""), (constraint, "evaluations = 600\n")].map(|(constraint, evaluations)| {
-        let case = CASE.replace("particle = { mass_ratio = 0.1, clearance_ratio = 10, wall = { kind = \"restitution\", coefficient = 0.5 } }", damper);
-        let band = "[[axis]]\nkey = \"base.frequency_hz\"\nfrom = 2\nto = 3\ncount = 21\nreduce = \"maximum\"\n";
-        let file = format!("case = \"case.toml\"\nobjective = {objective:?}\n{evaluations}{variables}{band}[record]\n{record}\n{constraint}");
-        let optimisation = read(&folder(&case, &file));
-        let found = search::run(&optimisation, &|_| true).expect("it is sound");
-        (optimisation, found)
-    })
-}
-
-/// Checks a smooth problem: at most a tenth of the simulations that the grid alone of all points would take, and a value that is no worse than
-/// by the accuracy of a peak.
-fn check_smooth(smooth: &Smooth) {
-    let [(optimisation, found), (_, other)] = with_gradients_and_without(smooth);
-    let [best, least] = [&found, &other].map(|found| found.points[found.best].1.objective);
-    assert!(found.is_complete && !other.is_complete, "{smooth:?}");
-    let all = optimisation.evaluations * optimisation.band_points() as u64;
-    assert!(10 * found.simulations < all, "{} of {all}: {smooth:?}", found.simulations);
-    assert!(best < least * (1.0 + 1e-3), "{best} after {least}: {smooth:?}");
-}
-
-/// Tuned masses and friction dampers of random structures, in the steady state and from rest.
-#[test]
-fn a_smooth_objective_takes_a_tenth_of_the_simulations_and_is_no_worse() {
-    let count = if std::env::var_os("DAMPRIG_FULL").is_some() { 20 } else { 1 };
-    let mut random = Rng::with_seed(36);
-    let mut between = |from: f64, to: f64| from + (to - from) * random.f64();
-    for number in 0..count {
-        let record = ["settle_cycles = 60\ncycles = 5", "duration_s = 16"][number % 2];
-        let objective = ["x_over_z", "max_x_over_z", "rms_x_m"][number % 3];
-        check_smooth(&if number % 4 < 2 {
-            let mass_ratio = between(0.03, 0.2);
-            let tmd = format!("tmd = {{ mass_ratio = {mass_ratio}, frequency_ratio = 0.9, damping_ratio = 0.2 }}");
-            let tuning = ("tmd.frequency_ratio", between(0.6, 0.85), between(0.95, 1.2));
-            let damping = ("tmd.damping_ratio", 0.02, between(0.3, 0.6));
-            smooth(&tmd, &[tuning, damping], objective, record)
-        } else {
-            let force = ("friction_damper.friction_ratio", 0.05, between(1.0, 4.0));
-            smooth("friction_damper = { friction_ratio = 0.5 }", &[force], objective, record)
-        });
     }
 }
 

@@ -8,7 +8,7 @@ use super::digits_of;
 use crate::cli::arguments::{ForceArg, JsonArg, positive};
 use crate::cli::simulate::picture;
 use crate::failure::Outcome;
-use crate::identify::next::{self, Next, Wish};
+use crate::identify::next::{self, NextOptions, NextPoints};
 use crate::report::figures::next_points;
 use crate::report::numbers::significant;
 use crate::report::terminal::{plain_table, table};
@@ -65,14 +65,14 @@ pub(super) struct NextArgs {
 /// A run without settled points or identified values, an option that does not go with it, an unwritable file.
 pub(super) fn run(args: &NextArgs) -> Outcome {
     args.plot.iter().try_for_each(|path| args.force.check(path))?;
-    let wish = Wish {
+    let options = NextOptions {
         points: args.points.into(),
         key: args.key.clone(),
         from_hz: args.from_hz,
         to_hz: args.to_hz,
         step_hz: args.step_hz,
     };
-    let found = next::identify(&find(&args.run)?, args.set_up_file.as_deref(), &wish)?;
+    let found = next::identify(&find(&args.run)?, args.set_up_file.as_deref(), &options)?;
     if let Some(path) = &args.plot {
         next_points::draw(&found)?.save(path)?;
     }
@@ -82,7 +82,7 @@ pub(super) fn run(args: &NextArgs) -> Outcome {
 }
 
 /// The parameters, the points, and what was left out.
-fn text_of(found: &Next) -> String {
+fn text_of(found: &NextPoints) -> String {
     let mut parameters = plain_table(&["key", "value", "standard uncertainty", "after the points", "set-ups"]);
     let last = found.points.last().map_or(&[][..], |point| &point.standard_uncertainties);
     for (parameter, after) in found.parameters.iter().zip(last) {

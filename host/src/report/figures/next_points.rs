@@ -1,7 +1,7 @@
 //! What one more point narrows, over its frequency on each set-up, with the points that were chosen.
 
 use crate::failure::Failure;
-use crate::identify::next::{Gain, Next};
+use crate::identify::next::{GainCurve, NextPoints};
 use crate::report::plot::axis::{Axis, Frame, Scale};
 use crate::report::plot::legend::{Arrangement, Entry, column};
 use crate::report::plot::palette::{INK, Look};
@@ -13,15 +13,16 @@ use crate::report::plot::{Breadth, LABEL, Picture};
 ///
 /// # Errors
 /// No point.
-pub fn draw(next: &Next) -> Result<Picture, Failure> {
+pub fn draw(next: &NextPoints) -> Result<Picture, Failure> {
     let all = || next.gains.iter().flat_map(|gain| &gain.points);
     if all().all(|(_, share)| share.is_none()) {
         return Err(Failure::undrawn("there is no point to measure"));
     }
     let look = |set_up| Look { set_up, run: 0 };
-    let entry =
-        |(n, gain): (usize, &Gain)| Entry::line(gain.label.clone(), look(n).line(2.0)).with_detail(gain.set_up.clone());
-    let is_drawn = |(_, gain): &(usize, &Gain)| gain.points.iter().any(|(_, share)| share.is_some());
+    let entry = |(n, gain): (usize, &GainCurve)| {
+        Entry::line(gain.label.clone(), look(n).line(2.0)).with_detail(gain.set_up.clone())
+    };
+    let is_drawn = |(_, gain): &(usize, &GainCurve)| gain.points.iter().any(|(_, share)| share.is_some());
     let entries: Vec<Entry> = next.gains.iter().enumerate().filter(is_drawn).map(entry).collect();
     let parts = Arrangement::of(Breadth::Broad, (92.0, 30.0), &entries, 0.0);
     let of = next.key.as_deref().unwrap_or("all parameters");

@@ -9,8 +9,8 @@ use crate::report::plot::svg::{Colour, Font, Svg};
 use crate::report::plot::traces::{Traces, circle};
 use crate::report::plot::{BROAD, Breadth, LABEL, Picture, TITLE};
 use crate::study::Study;
-use crate::study::bootstrap::Estimate;
-use crate::study::sensitivity::Sensitivity;
+use crate::study::bootstrap::IntervalEstimate;
+use crate::study::sensitivity::SensitivityIndices;
 
 const TOP: f64 = 66.0;
 const RIGHT: f64 = BROAD - 30.0;
@@ -19,14 +19,14 @@ const ROW: f64 = 40.0;
 const BAR: f64 = 12.0;
 
 /// A key and its indices.
-type Row = (String, Vec<Estimate>);
+type Row = (String, Vec<IntervalEstimate>);
 
 /// First order and total.
 const TINTS: [Colour; 2] = [colour(2), colour(3)];
 
 /// Draws the indices of a metric. `None` if none can be drawn.
 #[must_use]
-pub fn draw(study: &Study, sensitivity: &Sensitivity) -> Option<StudyFigure> {
+pub fn draw(study: &Study, sensitivity: &SensitivityIndices) -> Option<StudyFigure> {
     let title = format!("{}: {}", study.name, metric_label(study, sensitivity.metric));
     let column = &sensitivity.column;
     let rows: Vec<Row> = sensitivity
@@ -49,7 +49,7 @@ pub fn draw(study: &Study, sensitivity: &Sensitivity) -> Option<StudyFigure> {
     Some(StudyFigure { stem: format!("{column}_sensitivity"), caption, picture: Ok(picture), narrow: None })
 }
 
-fn is_drawn(estimate: &Estimate) -> bool {
+fn is_drawn(estimate: &IntervalEstimate) -> bool {
     let draws = |value: &f64| Scale::Linear.draws(*value);
     draws(&estimate.value) && estimate.interval_95.iter().all(draws)
 }

@@ -1,14 +1,14 @@
-//! Sensitivity indices as text.
+//! SensitivityIndices indices as text.
 
 use super::table::table;
 use crate::report::numbers::significant;
-use crate::study::bootstrap::Estimate;
-use crate::study::sensitivity::Sensitivity;
+use crate::study::bootstrap::IntervalEstimate;
+use crate::study::sensitivity::SensitivityIndices;
 
 /// What they are, then a table with a row for each key.
 #[must_use]
-pub fn text(sensitivity: &Sensitivity) -> String {
-    let Sensitivity { column, unit, used, left_out, .. } = sensitivity;
+pub fn text(sensitivity: &SensitivityIndices) -> String {
+    let SensitivityIndices { column, unit, used, left_out, .. } = sensitivity;
     let (what, header, kind): (&str, &[&str], &str) = if sensitivity.is_of_variance() {
         ("shares of the variance of", &["key", "first order", "95 %", "total", "95 %"], "base points")
     } else {
@@ -19,7 +19,7 @@ pub fn text(sensitivity: &Sensitivity) -> String {
     if *left_out > 0 {
         text.push_str(&format!("; {left_out} are left out: {column} is missing at one of their points"));
     }
-    let cells = |estimate: &Estimate| {
+    let cells = |estimate: &IntervalEstimate| {
         let [low, high] = estimate.interval_95.map(number);
         [number(estimate.value), format!("{low} to {high}")]
     };

@@ -1,6 +1,6 @@
 //! The points to measure next: their derivatives, what they narrow on drawn rigs, and the command on a run of the virtual rig.
 
-use damprig::identify::next::{Candidate, Knowledge, Mounted, Uncertain};
+use damprig::identify::next::{CandidatePoint, IdentifiedParameter, MeasurableSetUp, ParameterCovariance};
 use damprig_continuation::Parameter;
 use damprig_core::model::{Cavity, FrictionDamper, Particle, SetUp, Structure, Wall};
 use nalgebra::{DMatrix, DVector};
@@ -27,8 +27,8 @@ const OF_SCALE: f64 = 0.002;
 /// Largest |x|, m.
 const LIMIT_M: f64 = 0.078;
 
-fn bare(fn_hz: f64, zeta: f64) -> Mounted {
-    Mounted {
+fn bare(fn_hz: f64, zeta: f64) -> MeasurableSetUp {
+    MeasurableSetUp {
         name: "bare".into(),
         label: "bare".into(),
         model: SetUp::bare(Structure::from_modal(1.6, fn_hz, zeta)),
@@ -45,8 +45,8 @@ fn normal(random: &mut fastrand::Rng) -> f64 {
 
 /// A rig: its set-ups at the identified values, the parameters, and the true values.
 struct Drawn {
-    set_ups: Vec<Mounted>,
-    all: Vec<Uncertain>,
+    set_ups: Vec<MeasurableSetUp>,
+    all: Vec<IdentifiedParameter>,
     truth: Vec<f64>,
     random: fastrand::Rng,
 }
@@ -68,7 +68,7 @@ impl Drawn {
             wall: Wall::Restitution { coefficient: e },
             cavity: Cavity::default(),
         };
-        let with = |name: &str, particle: Option<Particle>, force_n: Option<f64>, own: &[usize]| Mounted {
+        let with = |name: &str, particle: Option<Particle>, force_n: Option<f64>, own: &[usize]| MeasurableSetUp {
             name: name.into(),
             model: SetUp { particle, friction_damper: force_n.map(|force_n| FrictionDamper { force_n }), ..bare.model },
             base_amplitude_m: base_m,
@@ -82,10 +82,10 @@ impl Drawn {
             with("hybrid", Some(particle), Some(force_n), &[0, 1, 2, 3, 4]),
         ];
         let truth = vec![fn_hz, zeta, clearance_m, e, force_n];
-        let all: Vec<Uncertain> = BEFORE
+        let all: Vec<IdentifiedParameter> = BEFORE
             .iter()
             .zip(&truth)
-            .map(|((key, parameter, share), truth)| Uncertain {
+            .map(|((key, parameter, share), truth)| IdentifiedParameter {
                 key: (*key).into(),
                 value: truth * (1.0 + share * normal(&mut random)),
                 standard_uncertainty: share * truth,
@@ -100,14 +100,14 @@ impl Drawn {
     }
 
     /// A set-up at these values of the parameters.
-    fn at(&self, set_up: usize, values: &[f64]) -> Mounted {
+    fn at(&self, set_up: usize, values: &[f64]) -> MeasurableSetUp {
         let own = &self.set_ups[set_up];
         let settings: Vec<(Parameter, f64)> = own.own.iter().map(|n| (self.all[*n].parameter, values[*n])).collect();
         own.at(&settings).unwrap()
     }
 
     /// ln(X/Z) at these values, and its changes by one standard uncertainty of each parameter and of the scale; none where there is no settled motion.
-    fn point(&self, candidate: &Candidate, values: &[f64]) -> Option<(f64, DVector<f64>)> {
+    fn point(&self, candidate: &CandidatePoint, values: &[f64]) -> Option<(f64, DVector<f64>)> {
         let own = self.at(candidate.set_up, values);
         let parameters: Vec<Parameter> = own.own.iter().map(|n| self.all[*n].parameter).collect();
         let settled = own.point(candidate.frequency_hz, &parameters).ok()?;
@@ -120,7 +120,7 @@ impl Drawn {
     }
 
     /// The points that can be used, from 0.8 to 1.2 of fn.
-    fn candidates(&self, steps: u32) -> Vec<Candidate> {
+    fn candidates(&self, steps: u32) -> Vec<CandidatePoint> {
         let hz = |n: u32| self.all[0].value * (0.8 + 0.4 * f64::from(n) / f64::from(steps));
         let places: Vec<(usize, f64)> = (0..4).flat_map(|set_up| (0..=steps).map(move |n| (set_up, hz(n)))).collect();
         let of = |at: &(usize, f64)| self.set_ups[at.0].candidate(*at, &self.all, OF_SCALE, LIMIT_M).ok();
@@ -128,21 +128,21 @@ impl Drawn {
     }
 
     /// What is known at the true values after each of the points in this order.
-    fn known(&self, points: &[&Candidate]) -> Vec<Knowledge> {
-        let after = |known: &mut Knowledge, candidate: &&Candidate| {
+    fn known(&self, points: &[&CandidatePoint]) -> Vec<ParameterCovariance> {
+        let after = |known: &mut ParameterCovariance, candidate: &&CandidatePoint| {
             if let Some((_, changes)) = self.point(candidate, &self.truth) {
                 *known = known.after(&changes, OF_POINT);
             }
             Some(known.clone())
         };
-        points.iter().scan(Knowledge::before(self.all.len(), None), after).collect()
+        points.iter().scan(ParameterCovariance::before(self.all.len(), None), after).collect()
     }
 }
 
 /// This many points of the candidates, as many on each set-up that has any, evenly spaced over those that can be used there.
-fn evenly(candidates: &[Candidate], points: usize) -> Vec<&Candidate> {
+fn evenly(candidates: &[CandidatePoint], points: usize) -> Vec<&CandidatePoint> {
     let of = |set_up: usize| candidates.iter().filter(move |candidate| candidate.set_up == set_up).collect::<Vec<_>>();
-    let all: Vec<Vec<&Candidate>> = (0..4).map(of).filter(|own| !own.is_empty()).collect();
+    let all: Vec<Vec<&CandidatePoint>> = (0..4).map(of).filter(|own| !own.is_empty()).collect();
     let each = points / all.len();
     all.iter().flat_map(|own| (0..each).map(move |n| own[(2 * n + 1) * own.len() / (2 * each)])).collect()
 }
@@ -157,10 +157,10 @@ fn on_most_rigs_half_as_many_chosen_points_narrow_as_much_as_evenly_spaced_ones(
         let drawn = Drawn::of(seed);
         let candidates = drawn.candidates(steps);
         let even = drawn.known(&evenly(&candidates, EVEN)).pop().unwrap();
-        let chosen = Knowledge::before(drawn.all.len(), None).choose(&candidates, 2 * EVEN);
-        let chosen: Vec<&Candidate> = chosen.iter().map(|(n, _)| &candidates[*n]).collect();
+        let chosen = ParameterCovariance::before(drawn.all.len(), None).choose(&candidates, 2 * EVEN);
+        let chosen: Vec<&CandidatePoint> = chosen.iter().map(|(n, _)| &candidates[*n]).collect();
         let known = drawn.known(&chosen);
-        let needed = |is_enough: &dyn Fn(&Knowledge) -> bool| {
+        let needed = |is_enough: &dyn Fn(&ParameterCovariance) -> bool| {
             known.iter().position(is_enough).map_or(f64::INFINITY, |n| (n + 1) as f64 / EVEN as f64)
         };
         together.push(needed(&|known| known.uncertainty() <= even.uncertainty()));
@@ -184,7 +184,7 @@ fn the_uncertainties_after_the_chosen_points_are_those_of_a_fit_to_them() {
     for seed in 1000..1000 + seeds {
         let mut drawn = Drawn::of(seed);
         let candidates = drawn.candidates(steps);
-        let chosen = Knowledge::before(drawn.all.len(), None).choose(&candidates, 12);
+        let chosen = ParameterCovariance::before(drawn.all.len(), None).choose(&candidates, 12);
         let size = drawn.all.len() + 1;
         let scale_error = normal(&mut drawn.random);
         let mut measured = Vec::new();
