@@ -7,8 +7,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex;
+use damprig_fourier::Complex;
 use serde::Serialize;
 
 use super::decay_record::Swings;
@@ -174,7 +173,7 @@ fn noise_near(residuals_m: &[f64], samples_per_period: f64, cycles: usize) -> (f
 /// Mean power of the spectral lines at these frequencies (per sample) over that of all, and its degrees of freedom; `None` without such
 /// lines.
 fn density(values: &[f64], is_wanted: impl Fn(f64) -> bool) -> Option<(f64, f64)> {
-    let power = power(values)?;
+    let power = power(values);
     let step = 1.0 / values.len() as f64;
     let wanted: Vec<f64> =
         power.iter().enumerate().filter(|(n, _)| is_wanted(*n as f64 * step)).map(|(_, power)| *power).collect();
@@ -184,12 +183,8 @@ fn density(values: &[f64], is_wanted: impl Fn(f64) -> bool) -> Option<(f64, f64)
 }
 
 /// Power of each line of a spectrum, from 0 on.
-pub(super) fn power(values: &[f64]) -> Option<Vec<f64>> {
-    let mut values = values.to_vec();
-    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(values.len());
-    let mut spectrum = transform.make_output_vec();
-    transform.process(&mut values, &mut spectrum).ok()?;
-    Some(spectrum.iter().map(Complex::norm_sqr).collect())
+pub(super) fn power(values: &[f64]) -> Vec<f64> {
+    damprig_fourier::spectrum(values).iter().map(Complex::norm_sqr).collect()
 }
 
 /// Where the fit of a window starts.

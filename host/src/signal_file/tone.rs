@@ -2,8 +2,6 @@
 
 use std::ops::RangeInclusive;
 
-use realfft::RealFftPlanner;
-
 /// A tone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tone {
@@ -76,12 +74,9 @@ impl Tone {
 /// Frequency and power of the strongest tone, under Hann's window over the recording.
 fn strongest(samples: &[f64], sample_rate_hz: f64) -> (f64, f64) {
     let count = samples.len();
-    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(count);
     let window = |n: usize| (std::f64::consts::PI * (n as f64 + 0.5) / count as f64).sin().powi(2);
-    let mut windowed: Vec<f64> = samples.iter().enumerate().map(|(n, sample)| sample * window(n)).collect();
-    let mut spectrum = transform.make_output_vec();
-    // The lengths are those of the plan, so it cannot fail.
-    let _ = transform.process(&mut windowed, &mut spectrum);
+    let windowed: Vec<f64> = samples.iter().enumerate().map(|(n, sample)| sample * window(n)).collect();
+    let spectrum = damprig_fourier::spectrum(&windowed);
     let powers: Vec<f64> = spectrum.iter().map(|line| line.norm_sqr()).collect();
     let top = (1..powers.len()).max_by(|a, b| powers[*a].total_cmp(&powers[*b])).unwrap_or(0);
     let around = top.saturating_sub(BESIDE)..(top + BESIDE + 1).min(powers.len());

@@ -11,8 +11,8 @@
 
 use std::f64::consts::TAU;
 
+use damprig_fourier::Complex;
 use nalgebra::DVector;
-use realfft::num_complex::Complex;
 
 use super::Line;
 use super::linear::{Sensitivities, parts, solve};

@@ -5,8 +5,8 @@
 
 use std::f64::consts::TAU;
 
+use damprig_fourier::Complex;
 use nalgebra::{Matrix2, Vector2};
-use realfft::num_complex::Complex;
 
 use super::fit::{Band, Mode};
 use crate::identify::statistics::Value;

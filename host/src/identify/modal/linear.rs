@@ -1,7 +1,7 @@
 //! Weighted least squares of complex values, and what further columns would explain.
 
+use damprig_fourier::Complex;
 use nalgebra::{DMatrix, DVector};
-use realfft::num_complex::Complex;
 
 /// The factors of complex columns that fit `target` best, with a weight for each place; `None` where they do not determine it.
 pub(super) fn solve(

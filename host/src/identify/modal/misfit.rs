@@ -6,8 +6,8 @@
 
 use std::f64::consts::TAU;
 
+use damprig_fourier::Complex;
 use nalgebra::DVector;
-use realfft::num_complex::Complex;
 
 use super::fit::{Band, Known, Mode, OfMode, PARAMETERS};
 use super::line_fit::{self, ByLine};

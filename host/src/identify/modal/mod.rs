@@ -15,7 +15,7 @@ pub mod read;
 
 use std::f64::consts::{PI, TAU};
 
-use realfft::num_complex::Complex;
+use damprig_fourier::Complex;
 
 use super::Estimate;
 use super::lack_of_fit::LackOfFit;

@@ -1,6 +1,6 @@
 //! What a frequency response is of: a motion per force, or a motion per motion.
 
-use realfft::num_complex::Complex;
+use damprig_fourier::Complex;
 
 use crate::signal_file::unit::{Kind, Ratio};
 

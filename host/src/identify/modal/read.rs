@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use realfft::num_complex::Complex;
+use damprig_fourier::Complex;
 
 use super::quantity::Quantity;
 use super::{FrequencyResponse, Line, Wish};

@@ -7,8 +7,7 @@
 
 use std::f64::consts::TAU;
 
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex;
+use damprig_fourier::{Complex, Transform};
 
 /// A frequency weighting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -125,8 +124,7 @@ impl Weighting {
         let beside = (SETTLE_S * sample_rate_hz).ceil() as usize;
         let block = (BLOCK_S * sample_rate_hz).ceil() as usize;
         let length = (block + 2 * beside).next_multiple_of(2);
-        let mut planner = RealFftPlanner::<f64>::new();
-        let (forward, inverse) = (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
+        let transform = Transform::new(length);
         let poles = Poles::new();
         let scale = 1.0 / (self.unscaled(1000.0, &poles).norm() * length as f64);
         let response: Vec<Complex<f64>> = (0..=length / 2)
@@ -138,15 +136,9 @@ impl Weighting {
             // The block with what the filter has heard before it; silence before the recording and after it.
             let at =
                 |n: usize| (from + n).checked_sub(beside).and_then(|place| centred.get(place)).copied().unwrap_or(0.0);
-            let mut values: Vec<f64> = (0..length).map(at).collect();
-            let mut spectrum = forward.make_output_vec();
-            // The lengths are those of the plan, and the ends of the spectrum are real, so neither can fail.
-            let _ = forward.process(&mut values, &mut spectrum);
+            let mut spectrum = transform.forward((0..length).map(at).collect());
             spectrum.iter_mut().zip(&response).for_each(|(s, r)| *s *= r);
-            if let Some(last) = spectrum.last_mut() {
-                last.im = 0.0;
-            }
-            let _ = inverse.process(&mut spectrum, &mut values);
+            let values = transform.inverse(spectrum);
             let kept = block.min(centred.len() - from);
             out.extend_from_slice(&values[beside..beside + kept]);
             from += block;

@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use nalgebra::{DMatrix, SMatrix, SVector};
 
 use super::Motion;
-use super::residuals::{Noise, transformed};
+use super::residuals::Noise;
 use super::welch::Spectrum;
 use crate::failure::Failure;
 use crate::identify::statistics::{Fit, Value, fit};
@@ -269,7 +269,7 @@ fn with_uncertainty(motion: &Motion, found: &Fit, simulated: &Simulated) -> Opti
         Some(above.fitted.iter().zip(&below.fitted).map(|(a, b)| (a - b) / size).collect::<Vec<f64>>())
     };
     let sensitivities = [sensitivity([1e-6 * omega, 0.0])?, sensitivity([0.0, 1e-4 * zeta])?];
-    let spectra: Vec<_> = sensitivities.iter().map(|s| transformed(s)).collect();
+    let spectra: Vec<_> = sensitivities.iter().map(|s| damprig_fourier::spectrum(s)).collect();
     let [white, resonant] = noise.seen_by(&spectra, &h_squared, count);
     let value = |place: usize| {
         let variance = |seen: &DMatrix<f64>| (&found.shape * seen * &found.shape)[(place, place)].max(0.0);

@@ -4,9 +4,8 @@
 //! The spectrum of the residuals is taken as a + b·|H|²; a and b follow by Whittle's likelihood. With it the covariance of the
 //! parameters is that of least squares under coloured noise: P·(JᵀRJ)·P, P = (JᵀJ)⁻¹, where JᵀRJ is a sum over the frequencies.
 
+use damprig_fourier::{Complex, spectrum};
 use nalgebra::DMatrix;
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex;
 
 use crate::identify::statistics::variance_parts;
 
@@ -19,21 +18,11 @@ pub(super) struct Noise {
     pub(super) degrees_of_freedom: f64,
 }
 
-/// The discrete spectrum of values, of positive frequencies.
-pub(super) fn transformed(values: &[f64]) -> Vec<Complex<f64>> {
-    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(values.len());
-    let mut input = values.to_vec();
-    let mut out = transform.make_output_vec();
-    // The lengths are those of the plan, so it cannot fail.
-    let _ = transform.process(&mut input, &mut out);
-    out
-}
-
 impl Noise {
-    /// Of residuals, with |H|² at the frequencies of [`transformed`].
+    /// Of residuals, with |H|² at the frequencies of [`spectrum`].
     pub(super) fn of(residuals_m: &[f64], h_squared: &[f64]) -> Self {
         let count = residuals_m.len() as f64;
-        let powers: Vec<f64> = transformed(residuals_m).iter().map(|r| r.norm_sqr() / count).collect();
+        let powers: Vec<f64> = spectrum(residuals_m).iter().map(|r| r.norm_sqr() / count).collect();
         // The first line holds the offset, which is fitted.
         let lines = || powers.iter().zip(h_squared).skip(1);
         let total = powers.iter().skip(1).sum::<f64>() / (powers.len() - 1) as f64;
@@ -94,8 +83,7 @@ mod tests {
             .map(|h| Complex::new(normal(), normal()) * ((white + resonant * h) * count as f64 / 2.0).sqrt())
             .collect();
         (spectrum[0], spectrum[count / 2]) = (Complex::new(0.0, 0.0), Complex::new(0.0, 0.0));
-        let mut values = vec![0.0; count];
-        RealFftPlanner::<f64>::new().plan_fft_inverse(count).process(&mut spectrum, &mut values).unwrap();
+        let mut values = damprig_fourier::Transform::new(count).inverse(spectrum);
         values.iter_mut().for_each(|v| *v /= count as f64);
         let noise = Noise::of(&values, &h_squared);
         // 2000 lines tell the white part to 2 %, some 100 the other to 10 %.

@@ -4,8 +4,7 @@
 //! √((1 − γ²)/(2·n·γ²)) for n independent averages (Bendat and Piersol, Random Data). Overlapping segments share samples; n counts them
 //! by the correlation of their windows (Welch 1967).
 
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex;
+use damprig_fourier::{Complex, Transform};
 
 use super::Motion;
 use crate::failure::Failure;
@@ -114,14 +113,10 @@ pub fn spectrum(motion: &Motion, segments: &Segments) -> Spectrum {
     let count = segments.samples;
     let window: Vec<f64> =
         (0..count).map(|n| (std::f64::consts::PI * (n as f64 + 0.5) / count as f64).sin().powi(2)).collect();
-    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(count);
+    let transform = Transform::new(count);
     let transformed = |values: &[f64]| {
         let mean = values.iter().sum::<f64>() / count as f64;
-        let mut windowed: Vec<f64> = values.iter().zip(&window).map(|(v, w)| (v - mean) * w).collect();
-        let mut out = transform.make_output_vec();
-        // The lengths are those of the plan, so it cannot fail.
-        let _ = transform.process(&mut windowed, &mut out);
-        out
+        transform.forward(values.iter().zip(&window).map(|(v, w)| (v - mean) * w).collect())
     };
     let (mut zz, mut xx) = (vec![0.0; count / 2 + 1], vec![0.0; count / 2 + 1]);
     let mut zx = vec![Complex::new(0.0, 0.0); count / 2 + 1];

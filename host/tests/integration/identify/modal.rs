@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use damprig::failure::Failure;
 use damprig::identify::modal::quantity::Quantity;
 use damprig::identify::modal::{FrequencyResponse, Line, Misfit, Modal, Wish, identify};
-use realfft::num_complex::Complex;
+use damprig_fourier::Complex;
 
 use super::{Claim, some_seeds};
 

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::fmt::Write;
 
 use damprig::signal_file::read;
-use realfft::num_complex::Complex;
+use damprig_fourier::Complex;
 use serde_json::Value;
 use tempfile::TempDir;
 
