@@ -6,7 +6,9 @@ import json
 import operator
 import os
 import re
+import sys
 import tempfile
+import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -20,7 +22,7 @@ from .errors import InputError
 from .numbers import real_array
 from .plots import plot_basins, plot_bifurcation, plot_branches, plot_optimisation, plot_study
 from .simulation import simulate
-from .tables import Table
+from .tables import StoredTable, Table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
 
     #: A number of a motion.
     Metric = Callable[[Simulation], float]
+    #: Gets the points done and all points of a study.
+    Tell = Callable[[int, int], object]
 
 __all__ = ["Basins", "Bifurcation", "Branches", "Optimisation", "Study", "basins", "bifurcation", "continuation", "evaluate", "optimise", "study"]
 
@@ -134,8 +138,12 @@ def study(
     out: str | os.PathLike[str] | None = None,
     *,
     executor: Any = None,
+    progress: bool | Callable[[int, int], object] = False,
 ) -> Study:
     """Computes a study on all cores, or on the workers of an executor; goes on where an earlier call stopped.
+
+    A study that is finished is opened: its columns are read when they are used first, so that one of many millions of points takes little
+    memory. ``damprig study verify`` checks its files.
 
     Parameters
     ----------
@@ -147,7 +155,11 @@ def study(
     executor : optional
         Any ``concurrent.futures`` executor, or a Dask ``Client``: gets one call for each part of the study that is missing, and answers
         with its rows; only the caller writes the folder. The workers must see the study's files under the same paths; of a dict whose
-        ``case`` is a dict they need none, unless the case names one.
+        ``case`` is a dict they need none, unless the case names one. The workers of a pool, and those of a cluster on one machine, share
+        its cores evenly.
+    progress : bool or function, optional
+        ``True`` prints points done and time left to standard error. A function gets the points done and all points, again and again; what
+        it raises ends the study, whose parts so far are kept.
 
     Raises
     ------
@@ -155,22 +167,39 @@ def study(
         The file, its case or the folder is wrong.
     """
     given = _given(file)
+    if not (isinstance(progress, bool) or callable(progress)):
+        raise InputError(f"progress: must be True, False or a function of the points done and all points, not {type(progress).__name__}")
+    tell = (_printed() if progress else None) if isinstance(progress, bool) else progress
     if out is None and isinstance(given, dict):
         with tempfile.TemporaryDirectory(prefix="damprig-") as folder:
-            done = _study(given, Path(folder) / "study", executor)
+            done = _study(given, Path(folder) / "study", executor, tell)
+            dict(done.table.columns)  # Read before the folder goes.
         return replace(done, path=None)
     folder = Path("studies") / Path(given).stem if out is None else Path(_path("out", out))
-    return _study(given, folder, executor)
+    return _study(given, folder, executor, tell)
 
 
-def _study(given: str | dict[str, Any], folder: Path, executor: Any) -> Study:
+def _study(given: str | dict[str, Any], folder: Path, executor: Any, tell: Tell | None) -> Study:
     if executor is None:
-        _damprig.study_run(given, folder)
+        _damprig.study_run(given, folder, tell)
     else:
-        _compute_on(executor, given, folder)
-    native, axes, objective, best, sensitivity, address = _damprig.study_merge(given, folder)
+        _compute_on(executor, given, folder, tell)
+    stored, axes, objective, best, sensitivity, address = _damprig.study_join(given, folder)
     scales = {key: "log" if is_log else "linear" for key, is_log in axes}
-    return Study(Table(native), scales, objective, best and _best(*best), json.loads(sensitivity), address)
+    return Study(StoredTable(stored), scales, objective, best and _best(*best), json.loads(sensitivity), address)
+
+
+def _printed() -> Tell:
+    """Prints points done and time left in one line of standard error."""
+    start: list[float] = []
+
+    def tell(done: int, points: int) -> None:
+        start[:] = start or [time.monotonic(), done]
+        elapsed_s, computed = time.monotonic() - start[0], done - start[1]
+        left = f", {elapsed_s * (points - done) / computed:.0f} s left" if computed else ""
+        print(f"\r{done} of {points} points{left:<20}", end="" if done < points else "\n", file=sys.stderr, flush=True)
+
+    return tell
 
 
 def _given(file: Any) -> str | dict[str, Any]:
@@ -186,23 +215,39 @@ def _best(row: int, objective: float, axes: list[tuple[str, float | None, str | 
     return {"row": row, "objective": objective, **values}
 
 
-def _compute_on(executor: Any, given: str | dict[str, Any], folder: Path) -> None:
+def _compute_on(executor: Any, given: str | dict[str, Any], folder: Path, tell: Tell | None) -> None:
     """Computes the missing parts on the workers of an executor; each part is written as soon as those before it are."""
     if not callable(getattr(executor, "submit", None)):
         raise InputError(f"executor: must have a method submit, as concurrent.futures and Dask have, not {type(executor).__name__}")
-    parts = _damprig.study_missing(given, folder)
+    parts, points = _damprig.study_missing(given, folder)
+    done = points - sum(rows for _, rows in parts)
     there = given if isinstance(given, dict) else os.path.abspath(given)
     # Dask takes equal calls for one unless it is told otherwise.
     own = {"pure": False} if type(executor).__module__.split(".")[0] == "distributed" else {}
-    futures = [executor.submit(_damprig.study_rows, there, part, **own) for part in parts]
+    at_once = _at_once(executor)
+    futures = [executor.submit(_damprig.study_rows, there, part, at_once, **own) for part, _ in parts]
     try:
-        for place, part in enumerate(parts):
+        for place, (part, rows) in enumerate(parts):
             # The rows of a part are not kept.
             future, futures[place] = futures[place], None
             _damprig.study_write(given, folder, part, future.result())
+            done += rows
+            if tell:
+                tell(done, points)
     finally:
         for future in filter(None, futures):
             future.cancel()
+
+
+def _at_once(executor: Any) -> int:
+    """How many parts are computed on one machine at the same time."""
+    if callable(getattr(executor, "nthreads", None)):  # A client of Dask: threads of each worker's address, tcp://host:port.
+        threads: dict[str, int] = {}
+        for address, count in executor.nthreads().items():
+            host = address.rsplit(":", 1)[0]
+            threads[host] = threads.get(host, 0) + count
+        return max(threads.values(), default=1)
+    return getattr(executor, "_max_workers", 1)
 
 
 def evaluate(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,8 +22,8 @@ class Table:
 
     Attributes
     ----------
-    columns : dict of str to numpy.ndarray
-        Every column, shape ``(rows,)``; a column of names has the dtype ``object``.
+    columns : mapping of str to numpy.ndarray
+        Every column, shape ``(rows,)``; a column of names has the dtype ``object``. Each is made when it is used first.
     units : dict of str to str
         Unit of each column: ``"1"`` for ratios and counts, ``""`` for names and flags.
     descriptions : dict of str to str
@@ -32,13 +34,7 @@ class Table:
         self._native = native["columns"]
         self.units: dict[str, str] = native["units"]
         self.descriptions: dict[str, str] = native["descriptions"]
-        self._columns: dict[str, np.ndarray] | None = None
-
-    @property
-    def columns(self) -> dict[str, np.ndarray]:
-        if self._columns is None:
-            self._columns = {name: _plain(values) for name, values in self._native.items()}
-        return self._columns
+        self.columns: Mapping[str, np.ndarray] = _Made(list(self._native), partial(_plain_of, self._native))
 
     def __getitem__(self, name: str) -> np.ndarray:
         try:
@@ -100,6 +96,42 @@ class Table:
             if self.descriptions[name]:
                 dataset[name].attrs["long_name"] = self.descriptions[name]
         return dataset
+
+
+class StoredTable(Table):
+    """A table in a file, whose columns are read when they are used first."""
+
+    def __init__(self, stored: Any) -> None:
+        head = stored.head()
+        super().__init__({**head, "columns": _Made(list(head["columns"]), partial(_read, stored))})
+
+
+class _Made(Mapping[str, Any]):
+    """Values by name; each is made when it is used first, and kept."""
+
+    def __init__(self, names: list[str], make: Callable[[str], Any]) -> None:
+        self._names, self._make, self._made = names, make, {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._names:
+            raise KeyError(name)
+        if name not in self._made:
+            self._made[name] = self._make(name)
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
+def _read(stored: Any, name: str) -> Any:
+    return stored.column(name)["columns"][name]
+
+
+def _plain_of(native: Mapping[str, Any], name: str) -> np.ndarray:
+    return _plain(native[name])
 
 
 def _plain(values: Any) -> np.ndarray:

@@ -36,6 +36,13 @@ impl Interrupt {
         self.raised.is_none()
     }
 
+    /// Calls into Python; an exception there ends the work.
+    pub fn call(&mut self, call: impl FnOnce(Python<'_>) -> PyResult<()>) {
+        if let Some(Err(error)) = Python::try_attach(call) {
+            self.raised.get_or_insert(Raised::Exception(error));
+        }
+    }
+
     /// What was raised.
     ///
     /// # Errors

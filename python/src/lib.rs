@@ -37,7 +37,7 @@ fn _damprig(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(studies::study_missing, module)?)?;
     module.add_function(wrap_pyfunction!(studies::study_rows, module)?)?;
     module.add_function(wrap_pyfunction!(studies::study_write, module)?)?;
-    module.add_function(wrap_pyfunction!(studies::study_merge, module)?)?;
+    module.add_function(wrap_pyfunction!(studies::study_join, module)?)?;
     module.add_function(wrap_pyfunction!(studies::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(studies::bifurcation, module)?)?;
     module.add_function(wrap_pyfunction!(studies::basins, module)?)?;
@@ -46,5 +46,6 @@ fn _damprig(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(looks::palette, module)?)?;
     module.add_function(wrap_pyfunction!(looks::length_unit, module)?)?;
     module.add_class::<run_reader::RunReader>()?;
+    module.add_class::<studies::ParquetTable>()?;
     module.add_class::<native_rig::NativeRig>()
 }

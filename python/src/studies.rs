@@ -2,10 +2,12 @@
 
 use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 
+use arrow_array::cast::AsArray;
+use arrow_array::types::Float64Type;
 use damprig::continuation::Continuation;
 use damprig::failure::Failure;
 use damprig::optimise::file::Optimisation;
@@ -36,6 +38,14 @@ use crate::source::{Design, Given};
 /// Does work that asks whether to go on, on a thread of its own, while this one looks for Ctrl-C: Python runs the handlers of signals in
 /// its main thread alone.
 fn watched<T: Send>(work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> T + Send) -> Result<T, Raised> {
+    watched_and_told(|_| Ok(()), work)
+}
+
+/// As [`watched`]; meanwhile `tell` is called again and again.
+fn watched_and_told<T: Send>(
+    tell: impl Fn(Python<'_>) -> PyResult<()>,
+    work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> T + Send,
+) -> Result<T, Raised> {
     let (stop, mut interrupt) = (AtomicBool::new(false), Interrupt::new());
     let (ended, end) = mpsc::channel::<()>();
     let stop_at = &stop;
@@ -46,6 +56,7 @@ fn watched<T: Send>(work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> T + Send) -
             work(&|| !stop_at.load(Ordering::Relaxed))
         });
         while end.recv_timeout(EVERY) == Err(RecvTimeoutError::Timeout) {
+            interrupt.call(&tell);
             if !interrupt.goes_on() {
                 stop.store(true, Ordering::Relaxed);
             }
@@ -62,37 +73,71 @@ fn opened(design: &Design, out: &Path) -> Result<(Study, DataSet), Raised> {
     Ok((study, data_set))
 }
 
-/// Computes what is missing of a study.
+/// Computes what is missing of a study; `tell` gets the rows that are done and all rows.
 #[pyfunction]
-pub fn study_run(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf) -> PyResult<()> {
+pub fn study_run(
+    py: Python<'_>,
+    study: &Bound<'_, PyAny>,
+    out: PathBuf,
+    tell: Option<Bound<'_, PyAny>>,
+) -> PyResult<()> {
     let design = Design::of("study", study)?;
+    let tell = tell.map(Bound::unbind);
     work(py, || {
         let (study, data_set) = opened(&design, &out)?;
-        match watched(|goes_on| run::run(&study, &data_set, &|_: &Progress| goes_on()))?? {
-            (Ending::Complete, _) => Ok(()),
+        if data_set.is_joined()? {
+            return Ok(());
+        }
+        let (done, rows) = (AtomicU64::new(0), data_set.manifest().rows);
+        let told = |py: Python<'_>| match &tell {
+            Some(tell) => tell.call1(py, (done.load(Ordering::Relaxed), rows)).map(drop),
+            None => Ok(()),
+        };
+        let ended = watched_and_told(told, |goes_on| {
+            run::run(&study, &data_set, &|progress: &Progress| {
+                // Rows are computed side by side: an earlier one does not take back what was told.
+                done.fetch_max(progress.done, Ordering::Relaxed);
+                goes_on()
+            })
+        })??;
+        match ended {
+            (Ending::Complete, _) => Ok(Python::attach(told)?),
             (Ending::Stopped, _) => Err(Failure::stopped().into()),
         }
     })
 }
 
-/// The parts of a study that are not there.
+/// The parts of a study that are not there, with the rows of each, and all rows of the study.
 #[pyfunction]
-pub fn study_missing(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf) -> PyResult<Vec<u64>> {
+pub fn study_missing(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf) -> PyResult<(Vec<(u64, u64)>, u64)> {
     let design = Design::of("study", study)?;
-    work(py, || Ok(opened(&design, &out)?.1.missing()?))
+    work(py, || {
+        let (_, data_set) = opened(&design, &out)?;
+        let missing = if data_set.is_joined()? { Vec::new() } else { data_set.missing()? };
+        let rows = |part: u64| {
+            let rows = data_set.manifest().rows_of(part);
+            (part, rows.end - rows.start)
+        };
+        Ok((missing.into_iter().map(rows).collect(), data_set.manifest().rows))
+    })
 }
 
 /// The rows of a part, and the digest of the study's manifest: study, case, version and revision of damprig.
 type Rows = (String, Vec<Vec<f64>>);
 
-/// Computes a part of a study; writes nothing.
+/// Computes a part of a study; writes nothing. `at_once` parts are computed on this machine at the same time, in as many processes: each
+/// takes its share of the cores, unless `RAYON_NUM_THREADS` says how many.
 #[pyfunction]
-pub fn study_rows(py: Python<'_>, study: &Bound<'_, PyAny>, part: u64) -> PyResult<Rows> {
+pub fn study_rows(py: Python<'_>, study: &Bound<'_, PyAny>, part: u64, at_once: usize) -> PyResult<Rows> {
     let design = Design::of("study", study)?;
     work(py, || {
         let study = design.read(Study::read, Study::parse)?;
         let manifest = Manifest::of(&study);
-        let rows = watched(|goes_on| run::compute(&study, manifest.rows_of(part), &|_| goes_on()))??;
+        let cores = thread::available_parallelism().map_or(1, usize::from);
+        let threads = if std::env::var_os("RAYON_NUM_THREADS").is_some() { 0 } else { (cores / at_once.max(1)).max(1) };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = pool.map_err(|error| Failure::Failed(format!("cannot start {threads} threads: {error}")))?;
+        let rows = watched(|goes_on| pool.install(|| run::compute(&study, manifest.rows_of(part), &|_| goes_on())))??;
         Ok((manifest.sha256.unwrap_or_default(), rows.ok_or_else(Failure::stopped)?))
     })
 }
@@ -117,27 +162,34 @@ type Best = (u64, f64, Vec<(String, Option<f64>, Option<String>)>);
 
 /// The table of a study, the keys of its axes with whether each is logarithmic, the column of its objective, its best point, sensitivity indices as
 /// JSON, and where the table is.
-type Merged<'py> = (Bound<'py, PyDict>, Vec<(String, bool)>, String, Option<Best>, String, String);
+type Joined = (ParquetTable, Vec<(String, bool)>, String, Option<Best>, String, String);
 
-/// Joins the parts of a study.
+/// Joins the parts of a study, unless that was done.
 #[pyfunction]
-pub fn study_merge<'py>(py: Python<'py>, study: &Bound<'py, PyAny>, out: PathBuf) -> PyResult<Merged<'py>> {
+pub fn study_join(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf) -> PyResult<Joined> {
     let design = Design::of("study", study)?;
-    let (columns, axes, objective, best, sensitivity, address) = work(py, || {
+    work(py, || {
         let (study, data_set) = opened(&design, &out)?;
-        let mut progress = Progress::none(study.rows());
-        let address = data_set.join(&study, |part, batch| {
-            progress.meet_part(&study, data_set.manifest().rows_of(part).start, batch);
-        })?;
-        let shown = address.display().to_string();
-        let bytes = data_set.store().get(TABLE)?.ok_or_else(|| Failure::Storage(format!("{shown} is missing")))?;
+        if !data_set.is_joined()? {
+            data_set.join(&study, |_, _| ())?;
+        }
+        let table = ParquetTable(data_set.table_path());
+        let shown = table.0.display().to_string();
         let sensitivity = if study.sampling.is_some() {
-            SensitivityIndices::of(&study, &StudyTable::read(&shown, bytes.clone())?)
+            let bytes = data_set.store().get(TABLE)?.ok_or_else(|| Failure::Storage(format!("{shown} is missing")))?;
+            SensitivityIndices::of(&study, &StudyTable::read(&shown, bytes)?)
         } else {
             Vec::new()
         };
         let sensitivity = serde_json::to_string(&sensitivity).map_err(Failure::from)?;
-        let batches = parquet_file::content(&shown, bytes)?.batches;
+        let objective = main_column(&study, study.objective);
+        let (mut progress, mut row) = (Progress::none(study.rows()), 0);
+        for batch in parquet_file::read_columns(&table.0, &[&objective])? {
+            for value in batch?.column(0).as_primitive::<Float64Type>() {
+                progress.meet(&study, row, value.unwrap_or(f64::NAN));
+                row += 1;
+            }
+        }
         let place = |row: u64| {
             let values = study.points.values(&study.axes, row, 0);
             let kept = study.points.kept().iter();
@@ -149,11 +201,38 @@ pub fn study_merge<'py>(py: Python<'py>, study: &Bound<'py, PyAny>, out: PathBuf
         };
         let axes =
             study.points.kept().iter().map(|axis| (study.axes[*axis].key.clone(), study.axes[*axis].is_log)).collect();
-        let objective = main_column(&study, study.objective);
         let best = progress.best.map(|(row, value)| (row, value, place(row)));
-        Ok((Columns::of(&batches)?, axes, objective, best, sensitivity, shown))
-    })?;
-    Ok((columns.into_dict(py)?, axes, objective, best, sensitivity, address))
+        Ok((table, axes, objective, best, sensitivity, shown))
+    })
+}
+
+/// A table in a Parquet file, whose columns are read one by one.
+#[pyclass(frozen, module = "damprig._damprig")]
+pub struct ParquetTable(PathBuf);
+
+#[pymethods]
+impl ParquetTable {
+    /// A file.
+    #[new]
+    fn new(path: PathBuf) -> Self {
+        Self(path)
+    }
+
+    /// For pickle.
+    fn __getnewargs__(&self) -> (PathBuf,) {
+        (self.0.clone(),)
+    }
+
+    /// Its columns without rows, with their units and descriptions.
+    fn head<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        work(py, || Ok(Columns::of(&[parquet_file::columns(&self.0)?])?))?.into_dict(py)
+    }
+
+    /// A column, as a table of it alone.
+    fn column<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyDict>> {
+        let read = || Columns::of(&parquet_file::read_columns(&self.0, &[name])?.collect::<Result<Vec<_>, _>>()?);
+        work(py, || Ok(read()?))?.into_dict(py)
+    }
 }
 
 /// The metrics of a study at points from outside: a row for each point, a column for each metric and one for how often too many events fell

@@ -2,17 +2,21 @@
 
 import json
 import os
+import pickle
+import shutil
 import signal
 import tomllib
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as parquet
 import pytest
 
 import damprig
+from damprig import studies
 
 STUDY = """
 case = "case.toml"
@@ -95,6 +99,62 @@ def test_executors_make_the_same_table(folder):
         assert same(found.table, alone)
 
 
+def test_progress_is_told_up_to_all_points_with_and_without_an_executor(folder, capfd):
+    told = []
+    damprig.study(folder / "study.toml", folder / "alone", progress=lambda done, points: told.append((done, points)))
+    points = told[-1][1]
+    assert told == sorted(told) and told[-1] == (points, points)
+    told.clear()
+    with ThreadPoolExecutor(2) as threads:
+        damprig.study(folder / "study.toml", folder / "threads", executor=threads, progress=lambda *now: told.append(now))
+    assert told == sorted(set(told)) and told[-1] == (points, points)
+    damprig.study(folder / "study.toml", folder / "printed", progress=True)
+    shown = capfd.readouterr().err
+    assert f"\r{points} of {points} points" in shown and shown.endswith("\n")
+
+
+def test_what_progress_raises_ends_the_study_and_keeps_its_parts(folder):
+    class Enough(Exception):
+        pass
+
+    def tell(done, points):
+        if done:
+            raise Enough
+
+    with ThreadPoolExecutor(1) as threads, pytest.raises(Enough):
+        damprig.study(folder / "study.toml", folder / "out", executor=threads, progress=tell)
+    assert list((folder / "out" / "parts").iterdir())
+    with pytest.raises(damprig.InputError, match="progress: must be True, False or a function"):
+        damprig.study(folder / "study.toml", folder / "out", progress="yes")
+
+
+def test_a_finished_study_is_opened_column_by_column_and_not_joined_again(folder):
+    first = damprig.study(folder / "study.toml", folder / "out")
+    written = os.stat(first.path).st_mtime_ns
+    shutil.rmtree(folder / "out" / "parts")
+    again = damprig.study(folder / "study.toml", folder / "out")
+    assert os.stat(again.path).st_mtime_ns == written
+    assert again.best == first.best and same(again.table, first.table)
+    assert same(pickle.loads(pickle.dumps(again)).table, first.table)
+    third = damprig.study(folder / "study.toml", folder / "out")
+    third.table["x_over_z"]
+    Path(third.path).unlink()
+    assert np.array_equal(third.table["x_over_z"], first.table["x_over_z"]) and len(third.table.columns) == len(first.table.columns)
+    with pytest.raises(damprig.RunFolderError, match=r"table\.parquet: cannot read it"):
+        third.table["row"]
+
+
+def test_workers_of_one_machine_share_its_cores(folder):
+    class Client:
+        def nthreads(self):
+            return {"tcp://10.0.0.1:4000": 2, "tcp://10.0.0.1:4001": 2, "tcp://10.0.0.2:4000": 1}
+
+    assert studies._at_once(Client()) == 4
+    with ProcessPoolExecutor(3) as processes:
+        assert studies._at_once(processes) == 3
+    assert studies._at_once(object()) == 1
+
+
 def test_a_dask_cluster_makes_the_same_table(folder):
     distributed = pytest.importorskip("distributed")
     alone = damprig.study(folder / "study.toml", folder / "alone").table
@@ -160,9 +220,9 @@ def test_parts_from_before_a_worker_died_are_kept(folder):
 
 def test_rows_of_a_worker_with_another_case_are_refused(folder):
     class Elsewhere(ThreadPoolExecutor):
-        def submit(self, function, study, part):
+        def submit(self, function, *arguments):
             (folder / "case.toml").write_text(CASE.replace("0.0038", "0.0039"), encoding="utf-8")
-            rows = function(study, part)
+            rows = function(*arguments)
             (folder / "case.toml").write_text(CASE, encoding="utf-8")
             return super().submit(lambda: rows)
 

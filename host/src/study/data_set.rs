@@ -275,7 +275,7 @@ impl DataSet {
         if !missing.is_empty() {
             return Err(Failure::Storage(self.told_missing(&missing)));
         }
-        let path = self.store.path(TABLE);
+        let path = self.table_path();
         let failed = |error: &dyn std::fmt::Display| Failure::cannot("write", &path, error);
         let schema = schema(study, &self.manifest);
         let mut file = self.store.large_file(TABLE)?;
@@ -299,6 +299,24 @@ impl DataSet {
             self.store.remove_abandoned(folder);
         }
         Ok(path)
+    }
+
+    /// Whether the joined table of this study is there. Only its end is read.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn is_joined(&self) -> Result<bool, Failure> {
+        if !self.store.has(TABLE)? {
+            return Ok(false);
+        }
+        let columns = parquet_file::columns(&self.table_path())?;
+        Ok(columns.schema().metadata().get(IDENTITY) == Some(&self.manifest.identity))
+    }
+
+    /// Path of the joined table.
+    #[must_use]
+    pub fn table_path(&self) -> PathBuf {
+        self.store.path(TABLE)
     }
 
     /// Whether the joined table has a digest, which one of an older version lacks; or why it is not the table of this study. `None`

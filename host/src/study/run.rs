@@ -127,7 +127,8 @@ impl Progress {
         self.done += batch.num_rows() as u64;
     }
 
-    fn meet(&mut self, study: &Study, row: u64, value: f64) {
+    /// Counts a row's value of the objective.
+    pub fn meet(&mut self, study: &Study, row: u64, value: f64) {
         let is_best = self.best.is_none_or(|(_, best)| study.is_better(value, best));
         if is_best && !value.is_nan() {
             self.best = Some((row, value));

@@ -168,7 +168,7 @@ fn the_file_says_what_it_is() {
 }
 
 fn metadata_of(path: &Path) -> std::collections::HashMap<String, String> {
-    damprig::run_folder::read::parquet_file::metadata(path).expect("it is a Parquet file")
+    damprig::run_folder::read::parquet_file::columns(path).expect("it is a Parquet file").schema().metadata().clone()
 }
 
 #[test]

@@ -37,16 +37,16 @@ pub fn read_columns(
     open(path, Some(names))
 }
 
-/// The metadata of a file's schema.
+/// The columns of a file, as a table without rows. Only the end of the file is read.
 ///
 /// # Errors
 /// As [`read`].
-pub fn metadata(path: &Path) -> Result<HashMap<String, String>, Failure> {
+pub fn columns(path: &Path) -> Result<RecordBatch, Failure> {
     let failed = |message: String| Failure::Storage(format!("{}: {message}", path.display()));
     let file = regular::open(path).map_err(|e| failed(format!("cannot read it: {e}")))?;
     let opened = without_panic(|| ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| e.to_string()));
     let builder = opened.and_then(|opened| opened).map_err(|e| failed(format!("not a whole Parquet file: {e}")))?;
-    Ok(builder.schema().metadata().clone().into())
+    Ok(with_present_names(RecordBatch::new_empty(builder.schema().clone())))
 }
 
 /// A Parquet file in memory.
