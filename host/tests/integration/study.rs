@@ -168,7 +168,12 @@ fn the_file_says_what_it_is() {
 }
 
 fn metadata_of(path: &Path) -> std::collections::HashMap<String, String> {
-    damprig::run_folder::read::parquet_file::columns(path).expect("it is a Parquet file").schema().metadata().clone()
+    damprig::run_folder::read::parquet_file::columns(path)
+        .expect("it is a Parquet file")
+        .schema()
+        .metadata()
+        .clone()
+        .into()
 }
 
 #[test]
