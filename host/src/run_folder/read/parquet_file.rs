@@ -100,7 +100,12 @@ fn batches<R: ChunkReader + 'static>(
         |e| Failure::Storage(format!("{shown}: not a whole Parquet file ({length} bytes; cut off or damaged): {e}"));
     let opened = without_panic(|| {
         let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| e.to_string())?;
-        let mask = names.map(|names| ProjectionMask::columns(builder.parquet_schema(), names.iter().copied()));
+        // By place: a name with a dot would be taken for one within another.
+        let mask = names.map(|names| {
+            let fields = builder.schema().fields().iter().enumerate();
+            let places = fields.filter(|(_, field)| names.contains(&field.name().as_str())).map(|(place, _)| place);
+            ProjectionMask::roots(builder.parquet_schema(), places)
+        });
         let builder = builder.with_projection(mask.unwrap_or_else(ProjectionMask::all));
         // A table without rows has its columns all the same.
         let is_empty = builder.metadata().file_metadata().num_rows() == 0;
