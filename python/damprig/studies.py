@@ -142,8 +142,8 @@ def study(
 ) -> Study:
     """Computes a study on all cores, or on the workers of an executor; goes on where an earlier call stopped.
 
-    A study that is finished is opened: its columns are read when they are used first, so that one of many millions of points takes little
-    memory. ``damprig study verify`` checks its files.
+    A study that is finished is opened, if its table has the digest with which it was written: a column is read when it is used first, so
+    that one of many millions of points takes little memory.
 
     Parameters
     ----------
@@ -180,11 +180,14 @@ def study(
 
 
 def _study(given: str | dict[str, Any], folder: Path, executor: Any, tell: Tell | None) -> Study:
-    if executor is None:
-        _damprig.study_run(given, folder, tell)
-    else:
-        _compute_on(executor, given, folder, tell)
-    stored, axes, objective, best, sensitivity, address = _damprig.study_join(given, folder)
+    joined = _damprig.study_open(given, folder)
+    if joined is None:
+        if executor is None:
+            _damprig.study_run(given, folder, tell)
+        else:
+            _compute_on(executor, given, folder, tell)
+        joined = _damprig.study_join(given, folder)
+    stored, axes, objective, best, sensitivity, address = joined
     scales = {key: "log" if is_log else "linear" for key, is_log in axes}
     return Study(StoredTable(stored), scales, objective, best and _best(*best), json.loads(sensitivity), address)
 
@@ -224,7 +227,7 @@ def _compute_on(executor: Any, given: str | dict[str, Any], folder: Path, tell: 
     there = given if isinstance(given, dict) else os.path.abspath(given)
     # Dask takes equal calls for one unless it is told otherwise.
     own = {"pure": False} if type(executor).__module__.split(".")[0] == "distributed" else {}
-    at_once = _at_once(executor)
+    at_once = min(_at_once(executor), len(parts))
     futures = [executor.submit(_damprig.study_rows, there, part, at_once, **own) for part, _ in parts]
     try:
         for place, (part, rows) in enumerate(parts):
@@ -247,7 +250,7 @@ def _at_once(executor: Any) -> int:
             host = address.rsplit(":", 1)[0]
             threads[host] = threads.get(host, 0) + count
         return max(threads.values(), default=1)
-    return getattr(executor, "_max_workers", 1)
+    return getattr(executor, "_max_workers", 1)  # Of the pools of concurrent.futures, which tell it in no other way.
 
 
 def evaluate(

@@ -34,7 +34,7 @@ class Table:
         self._native = native["columns"]
         self.units: dict[str, str] = native["units"]
         self.descriptions: dict[str, str] = native["descriptions"]
-        self.columns: Mapping[str, np.ndarray] = _Made(list(self._native), partial(_plain_of, self._native))
+        self.columns: Mapping[str, np.ndarray] = _LazyColumns(list(self._native), partial(_plain_of, self._native))
 
     def __getitem__(self, name: str) -> np.ndarray:
         try:
@@ -103,11 +103,11 @@ class StoredTable(Table):
 
     def __init__(self, stored: Any) -> None:
         head = stored.head()
-        super().__init__({**head, "columns": _Made(list(head["columns"]), partial(_read, stored))})
+        super().__init__({**head, "columns": _LazyColumns(list(head["columns"]), partial(_read, stored))})
 
 
-class _Made(Mapping[str, Any]):
-    """Values by name; each is made when it is used first, and kept."""
+class _LazyColumns(Mapping[str, Any]):
+    """Columns by name; each is made when it is used first, and kept."""
 
     def __init__(self, names: list[str], make: Callable[[str], Any]) -> None:
         self._names, self._make, self._made = names, make, {}

@@ -36,10 +36,12 @@ impl Interrupt {
         self.raised.is_none()
     }
 
-    /// Calls into Python; an exception there ends the work.
+    /// Calls into Python while the work goes on; an exception there ends it.
     pub fn call(&mut self, call: impl FnOnce(Python<'_>) -> PyResult<()>) {
-        if let Some(Err(error)) = Python::try_attach(call) {
-            self.raised.get_or_insert(Raised::Exception(error));
+        if self.raised.is_none()
+            && let Some(Err(error)) = Python::try_attach(call)
+        {
+            self.raised = Some(Raised::Exception(error));
         }
     }
 

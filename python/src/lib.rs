@@ -37,6 +37,7 @@ fn _damprig(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(studies::study_missing, module)?)?;
     module.add_function(wrap_pyfunction!(studies::study_rows, module)?)?;
     module.add_function(wrap_pyfunction!(studies::study_write, module)?)?;
+    module.add_function(wrap_pyfunction!(studies::study_open, module)?)?;
     module.add_function(wrap_pyfunction!(studies::study_join, module)?)?;
     module.add_function(wrap_pyfunction!(studies::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(studies::bifurcation, module)?)?;

@@ -85,9 +85,6 @@ pub fn study_run(
     let tell = tell.map(Bound::unbind);
     work(py, || {
         let (study, data_set) = opened(&design, &out)?;
-        if data_set.is_joined()? {
-            return Ok(());
-        }
         let (done, rows) = (AtomicU64::new(0), data_set.manifest().rows);
         let told = |py: Python<'_>| match &tell {
             Some(tell) => tell.call1(py, (done.load(Ordering::Relaxed), rows)).map(drop),
@@ -95,7 +92,7 @@ pub fn study_run(
         };
         let ended = watched_and_told(told, |goes_on| {
             run::run(&study, &data_set, &|progress: &Progress| {
-                // Rows are computed side by side: an earlier one does not take back what was told.
+                // Told by several threads: a late one does not take back what another has told.
                 done.fetch_max(progress.done, Ordering::Relaxed);
                 goes_on()
             })
@@ -113,12 +110,11 @@ pub fn study_missing(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf) -> 
     let design = Design::of("study", study)?;
     work(py, || {
         let (_, data_set) = opened(&design, &out)?;
-        let missing = if data_set.is_joined()? { Vec::new() } else { data_set.missing()? };
         let rows = |part: u64| {
             let rows = data_set.manifest().rows_of(part);
             (part, rows.end - rows.start)
         };
-        Ok((missing.into_iter().map(rows).collect(), data_set.manifest().rows))
+        Ok((data_set.missing()?.into_iter().map(rows).collect(), data_set.manifest().rows))
     })
 }
 
@@ -164,46 +160,62 @@ type Best = (u64, f64, Vec<(String, Option<f64>, Option<String>)>);
 /// JSON, and where the table is.
 type Joined = (ParquetTable, Vec<(String, bool)>, String, Option<Best>, String, String);
 
-/// Joins the parts of a study, unless that was done.
+/// Opens the joined table of a study, if it is there as it was written.
+#[pyfunction]
+pub fn study_open(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf) -> PyResult<Option<Joined>> {
+    let design = Design::of("study", study)?;
+    work(py, || {
+        let study = design.read(Study::read, Study::parse)?;
+        match DataSet::existing(&study, Store::at(&out)?)? {
+            Some(data_set) if data_set.is_joined()? => Ok(Some(joined(&study, &data_set)?)),
+            _ => Ok(None),
+        }
+    })
+}
+
+/// Joins the parts of a study.
 #[pyfunction]
 pub fn study_join(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf) -> PyResult<Joined> {
     let design = Design::of("study", study)?;
     work(py, || {
         let (study, data_set) = opened(&design, &out)?;
-        if !data_set.is_joined()? {
-            data_set.join(&study, |_, _| ())?;
-        }
-        let table = ParquetTable(data_set.table_path());
-        let shown = table.0.display().to_string();
-        let sensitivity = if study.sampling.is_some() {
-            let bytes = data_set.store().get(TABLE)?.ok_or_else(|| Failure::Storage(format!("{shown} is missing")))?;
-            SensitivityIndices::of(&study, &StudyTable::read(&shown, bytes)?)
-        } else {
-            Vec::new()
-        };
-        let sensitivity = serde_json::to_string(&sensitivity).map_err(Failure::from)?;
-        let objective = main_column(&study, study.objective);
-        let (mut progress, mut row) = (Progress::none(study.rows()), 0);
-        for batch in parquet_file::read_columns(&table.0, &[&objective])? {
-            for value in batch?.column(0).as_primitive::<Float64Type>() {
-                progress.meet(&study, row, value.unwrap_or(f64::NAN));
-                row += 1;
-            }
-        }
-        let place = |row: u64| {
-            let values = study.points.values(&study.axes, row, 0);
-            let kept = study.points.kept().iter();
-            let value = |axis: &usize| match &values[*axis] {
-                Value::Number(number) => (study.axes[*axis].key.clone(), Some(*number), None),
-                Value::Word(word) => (study.axes[*axis].key.clone(), None, Some(word.clone())),
-            };
-            kept.map(value).collect()
-        };
-        let axes =
-            study.points.kept().iter().map(|axis| (study.axes[*axis].key.clone(), study.axes[*axis].is_log)).collect();
-        let best = progress.best.map(|(row, value)| (row, value, place(row)));
-        Ok((table, axes, objective, best, sensitivity, shown))
+        data_set.join(&study, |_, _| ())?;
+        Ok(joined(&study, &data_set)?)
     })
+}
+
+/// Of the joined table.
+fn joined(study: &Study, data_set: &DataSet) -> Result<Joined, Failure> {
+    let table = ParquetTable(data_set.table_path());
+    let shown = table.0.display().to_string();
+    let sensitivity = if study.sampling.is_some() {
+        let bytes = data_set.store().get(TABLE)?.ok_or_else(|| Failure::Storage(format!("{shown} is missing")))?;
+        SensitivityIndices::of(study, &StudyTable::read(&shown, bytes)?)
+    } else {
+        Vec::new()
+    };
+    let sensitivity = serde_json::to_string(&sensitivity).map_err(Failure::from)?;
+    let objective = main_column(study, study.objective);
+    let (mut progress, mut row) = (Progress::none(study.rows()), 0);
+    for batch in parquet_file::read_columns(&table.0, &[&objective])? {
+        for value in batch?.column(0).as_primitive::<Float64Type>() {
+            progress.meet(study, row, value.unwrap_or(f64::NAN));
+            row += 1;
+        }
+    }
+    let place = |row: u64| {
+        let values = study.points.values(&study.axes, row, 0);
+        let kept = study.points.kept().iter();
+        let value = |axis: &usize| match &values[*axis] {
+            Value::Number(number) => (study.axes[*axis].key.clone(), Some(*number), None),
+            Value::Word(word) => (study.axes[*axis].key.clone(), None, Some(word.clone())),
+        };
+        kept.map(value).collect()
+    };
+    let axes =
+        study.points.kept().iter().map(|axis| (study.axes[*axis].key.clone(), study.axes[*axis].is_log)).collect();
+    let best = progress.best.map(|(row, value)| (row, value, place(row)));
+    Ok((table, axes, objective, best, sensitivity, shown))
 }
 
 /// A table in a Parquet file, whose columns are read one by one.

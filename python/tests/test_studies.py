@@ -121,6 +121,8 @@ def test_what_progress_raises_ends_the_study_and_keeps_its_parts(folder):
         if done:
             raise Enough
 
+    with pytest.raises(Enough):
+        damprig.study(folder / "study.toml", folder / "alone", progress=tell)
     with ThreadPoolExecutor(1) as threads, pytest.raises(Enough):
         damprig.study(folder / "study.toml", folder / "out", executor=threads, progress=tell)
     assert list((folder / "out" / "parts").iterdir())
@@ -136,6 +138,11 @@ def test_a_finished_study_is_opened_column_by_column_and_not_joined_again(folder
     assert os.stat(again.path).st_mtime_ns == written
     assert again.best == first.best and same(again.table, first.table)
     assert same(pickle.loads(pickle.dumps(again)).table, first.table)
+    damaged = bytearray(Path(first.path).read_bytes())
+    damaged[len(damaged) // 2] ^= 1
+    Path(first.path).write_bytes(damaged)
+    third = damprig.study(folder / "study.toml", folder / "out")
+    assert same(third.table, first.table) and bytes(damaged) != Path(first.path).read_bytes()
     third = damprig.study(folder / "study.toml", folder / "out")
     third.table["x_over_z"]
     Path(third.path).unlink()

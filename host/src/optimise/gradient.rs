@@ -120,10 +120,10 @@ impl Descent<'_> {
         let Some(mut best) = (self.evaluate)(start) else { return Ok(Vec::new()) };
         let mut points = vec![best.clone()];
         while points.len() < self.most && reach > shortest {
-            let Some(model) = Failure::unless_interrupted(self.model(&best, STEP * reach))? else { break };
-            let step = model.step(&best.shares, reach);
+            let Some(expansions) = Failure::unless_interrupted(self.expansions(&best, STEP * reach))? else { break };
+            let step = expansions.step(&best.shares, reach);
             let (cost, length) = (self.cost(&best), step.iter().fold(0.0, |most: f64, along| most.max(along.abs())));
-            let expected = cost - model.worst(&step);
+            let expected = cost - expansions.worst(&step);
             if expected.is_nan() || expected <= FLAT * cost.abs() {
                 break;
             }
@@ -144,7 +144,7 @@ impl Descent<'_> {
     }
 
     /// The expansions at a point, from differences over `small` to either side.
-    fn model(&self, at: &Evaluated, small: f64) -> Result<Expansions, Failure> {
+    fn expansions(&self, at: &Evaluated, small: f64) -> Result<Expansions, Failure> {
         let sign = if self.optimisation.is_maximum { -1.0 } else { 1.0 };
         let worst = self.cost(at);
         let mut tops: Vec<&Top> = at.tops.iter().filter(|top| sign * top.value >= worst - NEAR * worst.abs()).collect();

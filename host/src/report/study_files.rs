@@ -32,7 +32,7 @@ pub const MAX_DRAWN: u64 = 2_000_000;
 pub struct Drawn {
     /// Where the page is.
     pub page: PathBuf,
-    /// SensitivityIndices indices, of a study that has them.
+    /// Sensitivity indices, of a study that has them.
     pub sensitivity: Vec<SensitivityIndices>,
     /// Names of the figures that could not be drawn, files of curves that are not on the map, and why.
     pub undrawn: Vec<(String, String)>,

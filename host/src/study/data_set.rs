@@ -301,12 +301,13 @@ impl DataSet {
         Ok(path)
     }
 
-    /// Whether the joined table of this study is there. Only its end is read.
+    /// Whether the joined table of this study is there as it was written: it has the digest in the file of them, and the study's identity.
     ///
     /// # Errors
     /// When it cannot be read.
     pub fn is_joined(&self) -> Result<bool, Failure> {
-        if !self.store.has(TABLE)? {
+        let Ok(Some(sums)) = Sums::read(&self.store)? else { return Ok(false) };
+        if !sums.has(&self.store, TABLE)? {
             return Ok(false);
         }
         let columns = parquet_file::columns(&self.table_path())?;

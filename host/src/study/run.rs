@@ -1,6 +1,7 @@
 //! Runs a study on this machine: part after part, the rows of each on all cores.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use arrow_array::Float64Array;
 use rayon::prelude::*;
@@ -75,8 +76,7 @@ pub fn run(
             return Ok((Ending::Stopped, progress));
         }
         let numbers = manifest.rows_of(part);
-        let first = numbers.start;
-        let within = |row: u64| report(&Progress { done: progress.done + row - first, ..progress.clone() });
+        let within = |computed: u64| report(&Progress { done: progress.done + computed, ..progress.clone() });
         let Some(rows) = compute(study, numbers.clone(), &within)? else { return Ok((Ending::Stopped, progress)) };
         data_set.write_part(study, part, &rows)?;
         for (number, values) in numbers.zip(&rows) {
@@ -89,7 +89,8 @@ pub fn run(
     Ok((Ending::Complete, progress))
 }
 
-/// Computes rows of the table on all cores. `go_on` is asked before each row and within it; `None` if it says no.
+/// Computes rows of the table on all cores. `go_on` is asked before each row and within it, and told how many are computed; `None` if it
+/// says no.
 ///
 /// # Errors
 /// A case that the axes make and that is refused.
@@ -98,11 +99,15 @@ pub fn compute(
     numbers: Range<u64>,
     go_on: &(dyn Fn(u64) -> bool + Sync),
 ) -> Result<Option<Vec<Vec<f64>>>, Failure> {
+    let computed = AtomicU64::new(0);
+    let go_on = || go_on(computed.load(Ordering::Relaxed));
     let row = |row: u64| {
-        if !go_on(row) {
+        if !go_on() {
             return Ok(None);
         }
-        Failure::unless_interrupted(rows(study, row..row + 1, &|| go_on(row)))
+        let values = Failure::unless_interrupted(rows(study, row..row + 1, &go_on));
+        computed.fetch_add(1, Ordering::Relaxed);
+        values
     };
     let rows: Option<Vec<_>> = numbers.into_par_iter().map(row).collect::<Result<_, Failure>>()?;
     Ok(rows.map(|rows| rows.concat()))

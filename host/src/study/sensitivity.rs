@@ -1,4 +1,4 @@
-//! SensitivityIndices indices of a study's metrics, from its table: those of Sobol' or Morris, as its sampling says.
+//! Sensitivity indices of a study's metrics, from its table: those of Sobol' or Morris, as its sampling says.
 
 use serde::Serialize;
 

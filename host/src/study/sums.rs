@@ -64,6 +64,15 @@ impl Sums {
         Ok(sums.map(|sums| Some(Self(sums))).ok_or_else(damaged))
     }
 
+    /// Whether a file is there as it was written.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn has(&self, store: &Store, name: &str) -> Result<bool, Failure> {
+        let digest = self.0.get(name);
+        Ok(digest.is_some() && store.sha256(name)?.as_ref() == digest)
+    }
+
     /// The files that are missing or have changed, and what to do; and the number of the others.
     ///
     /// # Errors

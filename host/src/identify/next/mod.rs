@@ -178,7 +178,7 @@ pub fn identify(path: &Path, file: Option<&Path>, options: &NextOptions) -> Resu
     };
     let can_be_used = |set_up: &&CampaignSetUp| !(set_up.has_unmodelled_damper || set_up.model().is_force_driven);
     let set_ups: Vec<&CampaignSetUp> = campaign.set_ups.iter().filter(can_be_used).collect();
-    let (mut set_ups, parameters) = set_ups::mounted(&set_ups, &known.identified, file.is_some())
+    let (mut set_ups, parameters) = set_ups::measurable(&set_ups, &known.identified, file.is_some())
         .map_err(|error| Failure::Input(format!("{}: {error}", known.file)))?;
     if parameters.is_empty() {
         return Err(Failure::Input(format!(

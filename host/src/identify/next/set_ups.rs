@@ -88,53 +88,54 @@ fn stated(model: &SetUp, system: &System, key: &str, parameter: Parameter) -> Op
 
 /// The set-ups of a run with the parameters of the identified values. Of a file that is given (`is_given`), a value is that of the set-ups whose own
 /// is nearest to it; of the campaign's file that of the set-ups that have it.
-pub(super) fn mounted(
+pub(super) fn measurable(
     set_ups: &[&CampaignSetUp],
     identified: &[Identified],
     is_given: bool,
 ) -> Result<(Vec<MeasurableSetUp>, Vec<IdentifiedParameter>), Failure> {
-    let mut mounted = Vec::new();
+    let mut measurable = Vec::new();
     for set_up in set_ups {
         let (model, base_amplitude_m) = (set_up.model(), set_up.base_amplitude_m);
         let (name, label, start_m) = (set_up.name.clone(), set_up.label.clone(), set_up.particle_start_m());
         let (own, measured) = (Vec::new(), Vec::new());
-        mounted.push(MeasurableSetUp { name, label, model, base_amplitude_m, start_m, own, measured });
+        measurable.push(MeasurableSetUp { name, label, model, base_amplitude_m, start_m, own, measured });
     }
-    let systems: Result<Vec<System>, Failure> = mounted.iter().map(|m| system(&m.model, m.base_amplitude_m)).collect();
+    let systems: Result<Vec<System>, Failure> =
+        measurable.iter().map(|m| system(&m.model, m.base_amplitude_m)).collect();
     let systems = systems?;
     let mut all: Vec<IdentifiedParameter> = Vec::new();
-    let mut settings: Vec<Vec<(Parameter, f64)>> = vec![Vec::new(); mounted.len()];
+    let mut settings: Vec<Vec<(Parameter, f64)>> = vec![Vec::new(); measurable.len()];
     for entry in identified.iter().filter(|entry| entry.standard_uncertainty > 0.0) {
         let Some(parameter) = parameter_of(&entry.key) else { continue };
         if all.iter().any(|other| other.key == entry.key) {
             return Err(Failure::Input(format!("`{}` is identified twice\n  leave one entry of it", entry.key)));
         }
         let away = |n: usize| {
-            let own = stated(&mounted[n].model, &systems[n], &entry.key, parameter)?;
+            let own = stated(&measurable[n].model, &systems[n], &entry.key, parameter)?;
             Some((own - entry.value).abs() / entry.value.abs())
         };
-        let away: Vec<Option<f64>> = (0..mounted.len()).map(away).collect();
+        let away: Vec<Option<f64>> = (0..measurable.len()).map(away).collect();
         let nearest = away.iter().flatten().copied().fold(f64::INFINITY, f64::min);
         let most = if is_given { nearest + SAME } else { SAME };
-        let places: Vec<usize> = (0..mounted.len()).filter(|n| away[*n].is_some_and(|away| away <= most)).collect();
+        let places: Vec<usize> = (0..measurable.len()).filter(|n| away[*n].is_some_and(|away| away <= most)).collect();
         if places.is_empty() {
             continue;
         }
         for n in &places {
-            mounted[*n].own.push(all.len());
+            measurable[*n].own.push(all.len());
             settings[*n].push((parameter, entry.value));
         }
         all.push(IdentifiedParameter {
             key: entry.key.clone(),
             value: entry.value,
             standard_uncertainty: entry.standard_uncertainty,
-            set_ups: places.iter().map(|n| mounted[*n].name.clone()).collect(),
+            set_ups: places.iter().map(|n| measurable[*n].name.clone()).collect(),
             parameter,
         });
     }
     let at = |(set_up, values): (&MeasurableSetUp, &Vec<(Parameter, f64)>)| {
         set_up.at(values).map_err(|error| Failure::Input(format!("set-up {:?}: {error}", set_up.name)))
     };
-    let mounted: Result<Vec<MeasurableSetUp>, Failure> = mounted.iter().zip(&settings).map(at).collect();
-    Ok((mounted?, all))
+    let measurable: Result<Vec<MeasurableSetUp>, Failure> = measurable.iter().zip(&settings).map(at).collect();
+    Ok((measurable?, all))
 }

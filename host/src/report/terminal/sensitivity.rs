@@ -1,4 +1,4 @@
-//! SensitivityIndices indices as text.
+//! Sensitivity indices as text.
 
 use super::table::table;
 use crate::report::numbers::significant;
