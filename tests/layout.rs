@@ -8,13 +8,14 @@ use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 use damprig_tests::support::images::project;
 
 /// The project's crates, and the project crates that each may depend on.
-const DIRECTIONS: [(&str, &[&str]); 16] = [
+const DIRECTIONS: [(&str, &[&str]); 17] = [
     ("damprig-core", &[]),
     ("damprig-protocol", &["damprig-core"]),
     ("damprig-device", &["damprig-core", "damprig-protocol"]),
     ("damprig-simulator", &["damprig-core", "damprig-protocol", "damprig-device"]),
     ("damprig-continuation", &["damprig-core"]),
     ("damprig-fourier", &[]),
+    ("damprig-identification", &["damprig-core", "damprig-fourier"]),
     ("damprig-motion", &["damprig-core"]),
     ("damprig-particles", &["damprig-core"]),
     ("damprig-structures", &["damprig-core"]),
@@ -25,6 +26,7 @@ const DIRECTIONS: [(&str, &[&str]); 16] = [
             "damprig-continuation",
             "damprig-core",
             "damprig-fourier",
+            "damprig-identification",
             "damprig-motion",
             "damprig-particles",
             "damprig-structures",

@@ -7,6 +7,7 @@ use std::path::Path;
 
 use arrow_schema::ArrowError;
 use damprig_core::io::Invalid;
+use damprig_identification::Refused;
 use parquet::errors::ParquetError;
 
 /// Why a command or a call did not succeed. The text names file, place and value, what is allowed, and what to do.
@@ -101,6 +102,12 @@ impl Failure {
 impl From<Invalid> for Failure {
     fn from(invalid: Invalid) -> Self {
         Self::input(invalid)
+    }
+}
+
+impl From<Refused> for Failure {
+    fn from(refused: Refused) -> Self {
+        Self::Input(refused.0)
     }
 }
 

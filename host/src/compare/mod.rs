@@ -26,7 +26,7 @@ use damprig_core::measure::impacts::{ImpactConfig, ImpactRecord};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::failure::Failure;
 use crate::host_time::plain;
-use crate::identify::sensors::Sensors;
+use crate::identify::sensors::{self, Sensors};
 use crate::prediction::contact_s;
 use crate::run_folder::RunFolder;
 use crate::run_folder::schema::journal_state::JournalState;
@@ -77,7 +77,7 @@ pub fn compare(run: &RunFolder, mut set_ups_from: Option<Campaign>, options: &Op
         let _ = other.on_board(&campaign.rig.board, is_simulated);
     }
     let model = set_ups_from.as_ref().unwrap_or(&campaign);
-    let sensors = Sensors::of(&campaign.rig, is_simulated).stated(options.scale_uncertainty);
+    let sensors = sensors::of(&campaign.rig, is_simulated).stated(options.scale_uncertainty);
     let mut assumptions = vec![format!(
         "Sensors: relative standard uncertainty of the scales of x and z {:.3} % ({}).",
         100.0 * sensors.scale,

@@ -12,7 +12,7 @@ use super::motion::{SimulatedMotion, TICK_S};
 use super::prediction::{Answer, Prediction, Question, Window, metrics};
 use super::recorded::Recorded;
 use super::spring::SpringForce;
-use super::{Compared, ComparedPoint, History, Residual};
+use super::{Compared, ComparedPoint, History, Residual, uncertainty};
 use crate::campaign::{CampaignSetUp, Experiment, Start, SteppedSine};
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::segment_id::SegmentId;
@@ -154,7 +154,7 @@ impl Compared<'_> {
         let kind = Self::walls_of(models);
         let walls = self.measured_walls(&id_of(row), &(row.start_tick..row.end_tick));
         let measured = metric::of_result(row, walls, kind);
-        let of_measured = self.sensors.of_result(row, &measured, kind);
+        let of_measured = uncertainty::of_result(&self.sensors, row, &measured, kind);
         let is_sensitive = on_measured.or(on_ideal).is_some_and(|prediction| prediction.is_sensitive);
         let mut remarks = Vec::new();
         if row.drive_saturated {

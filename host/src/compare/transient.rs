@@ -12,7 +12,7 @@ use super::motion::{SimulatedMotion, TICK_S, simulate};
 use super::prediction::{Answer, Question, Window, metrics};
 use super::recorded::Recorded;
 use super::spring::SpringForce;
-use super::{Compared, ComparedPoint, History, Residual};
+use super::{Compared, ComparedPoint, History, Residual, uncertainty};
 use crate::campaign::{CampaignSetUp, Experiment, FreeVibration, Playback};
 use crate::run_folder::schema::segment_id::SegmentId;
 use crate::run_folder::schema::transients::TransientRow;
@@ -147,7 +147,7 @@ impl Compared<'_> {
         let kind = Self::walls_of(models);
         let x_m = self.recorded_x_m(recorded, &ticks);
         let measured = metric::of_transient(row, x_m, self.measured_walls(id, &ticks), kind);
-        let of_measured = self.sensors.of_transient(row, &measured, noise_m, kind);
+        let of_measured = uncertainty::of_transient(&self.sensors, row, &measured, noise_m, kind);
         let prediction = |answer: &Option<Answer>| answer.as_ref().and_then(|answer| answer.predictions[0].clone());
         let (on_measured, on_ideal) =
             simulated.as_ref().map_or((None, None), |s| (prediction(&s.measured), prediction(&s.ideal)));

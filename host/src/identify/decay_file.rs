@@ -3,6 +3,8 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
+use damprig_identification::Refused;
+
 use super::decay::{Decay, Model, identify};
 use super::table::{TIME, Table, X};
 use crate::failure::Failure;
@@ -99,7 +101,7 @@ impl DecayFile {
     /// # Errors
     /// As [`identify`].
     pub fn identify(&self, model: Model) -> Result<(Decay, Vec<String>), Failure> {
-        let named = |error: Failure| Failure::Input(format!("{}: {error}", self.taken_from));
+        let named = |error: Refused| Failure::Input(format!("{}: {error}", self.taken_from));
         let power = match self.kind {
             Kind::Velocity => 1,
             Kind::Acceleration => 2,

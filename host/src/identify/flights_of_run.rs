@@ -6,9 +6,9 @@ use std::path::Path;
 use damprig_core::io::TICK_HZ;
 use damprig_core::model::SetUp;
 
-use super::Sensors;
 use super::flights::{Hit, Record};
 use super::from_run::Choice;
+use super::{Sensors, sensors};
 use crate::failure::Failure;
 use crate::run_folder::RunFolder;
 use crate::table::values::{numbers, texts};
@@ -69,7 +69,7 @@ pub fn particle_run(path: &Path, choice: &Choice) -> Result<ParticleRun, Failure
         )));
     }
     let taken_from = format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id());
-    Ok(ParticleRun { taken_from, records, set_up: model, sensors: Sensors::of_run(&run) })
+    Ok(ParticleRun { taken_from, records, set_up: model, sensors: sensors::of_run(&run) })
 }
 
 /// The impacts of all segments.

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::Sensors;
 use super::response::{DrivenBy, MIN, Point, Response};
+use super::{Sensors, sensors};
 use crate::failure::Failure;
 use crate::run_folder::RunFolder;
 use crate::run_folder::schema::results::steadiness_of;
@@ -135,7 +135,7 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Fai
         t_s,
         x_m,
         mass_kg: record.and_then(|record| record.model()).map(|model| model.structure.mass_kg),
-        sensors: Sensors::of_run(&run),
+        sensors: sensors::of_run(&run),
     })
 }
 
@@ -192,7 +192,7 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, Failure> {
         _ => vec![format!("{settled} of {all} points are steady or stationary, and used")],
     };
     let taken_from = format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id());
-    Ok(Response { taken_from, driven_by, points, sensors: Sensors::of_run(&run), remarks })
+    Ok(Response { taken_from, driven_by, points, sensors: sensors::of_run(&run), remarks })
 }
 
 /// Refuses a record with lost rows: their share of the swings is unknown.

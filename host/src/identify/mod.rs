@@ -1,96 +1,36 @@
 //! Identifies parameters of the rig from run folders and tables: each with its uncertainty and what it was taken from.
 //!
-//! Each method has a file with its equations. [`table`] reads CSV files, [`set_up_file`] writes the results as a set-up file
+//! Each method has a file with its equations, the estimators in the crate `damprig-identification`; this module reads what they need from
+//! files and runs. [`table`] reads CSV files, [`set_up_file`] writes the results as a set-up file
 //! that campaigns and cases read. docs/IDENTIFY.md describes the methods and their measured errors.
 
-pub mod backbone;
 pub mod contact;
-pub mod decay;
 pub mod decay_file;
-pub mod decay_motion;
-mod decay_record;
-pub mod flights;
 mod flights_of_run;
 pub mod force_record;
 pub mod friction;
 mod from_run;
-pub mod lack_of_fit;
 pub mod modal;
 mod motion_of_run;
 pub mod next;
-pub mod response;
+pub mod response_file;
 pub mod restitution;
 pub mod sensors;
 pub mod set_up_file;
 pub mod sound;
-pub mod statistics;
 pub mod table;
-pub mod time_response;
 pub mod wall;
 
 use serde::Serialize;
 
+pub use damprig_identification::sensors::Sensors;
+pub use damprig_identification::{
+    Estimate, backbone, decay, decay_motion, flights, lack_of_fit, response, statistics, time_response,
+};
 pub use flights_of_run::{ParticleRun, particle_run};
 pub use from_run::{Choice, FreeVibration, free_vibration, stepped_sine};
 pub use motion_of_run::{OfRun, response_of_run};
-pub use sensors::Sensors;
 pub use statistics::Value;
-
-/// An identified quantity.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Estimate {
-    /// Its name for people.
-    pub quantity: &'static str,
-    /// Its value, in `unit`.
-    pub value: f64,
-    /// Standard uncertainty, in `unit`.
-    pub standard_uncertainty: f64,
-    /// Ends of the 95 % interval, in `unit`.
-    pub interval_95: [f64; 2],
-    /// SI unit; "" for a ratio.
-    pub unit: &'static str,
-    /// How it was found.
-    pub method: &'static str,
-    /// The key of a set-up that it is the value of, if there is one.
-    pub key: Option<&'static str>,
-}
-
-impl Estimate {
-    /// Of a value without a key.
-    #[must_use]
-    pub fn new(quantity: &'static str, unit: &'static str, method: &'static str, value: &Value) -> Self {
-        Self {
-            quantity,
-            value: value.value,
-            standard_uncertainty: value.standard_uncertainty,
-            interval_95: value.interval_95(),
-            unit,
-            method,
-            key: None,
-        }
-    }
-
-    /// The same as the value of a set-up's key.
-    #[must_use]
-    pub fn of_key(mut self, key: &'static str) -> Self {
-        self.key = Some(key);
-        self
-    }
-
-    /// Of a quantity that is never negative: the value of a set-up's key where it is found.
-    #[must_use]
-    pub fn not_negative(
-        quantity: &'static str,
-        unit: &'static str,
-        method: &'static str,
-        value: &Value,
-        key: Option<&'static str>,
-    ) -> Self {
-        let (at_least_0, interval_95) = value.not_negative();
-        let key = key.filter(|_| value.is_found());
-        Self { value: at_least_0, interval_95, key, ..Self::new(quantity, unit, method, value) }
-    }
-}
 
 /// The answer of an identification.
 #[derive(Clone, Debug, PartialEq, Serialize)]

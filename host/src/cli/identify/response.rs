@@ -15,7 +15,7 @@ use crate::identify::modal::{self, FrequencyResponse, Modal, Wish};
 use crate::identify::response::Response;
 use crate::identify::table::{TIME, Table, X, Z};
 use crate::identify::time_response::{self, Motion, Wanted};
-use crate::identify::{Identification, OfRun, response, response_of_run};
+use crate::identify::{Identification, OfRun, response, response_file, response_of_run};
 use crate::report::figures::{modal_response, transfer_function};
 use crate::report::plot::Picture;
 use crate::run_folder::read::folder::find;
@@ -230,7 +230,7 @@ fn from_source(args: &ResponseArgs) -> Result<Given, Failure> {
 /// Points or a motion, by the columns of a table.
 fn of_table(table: &Table) -> Result<Given, Failure> {
     if !table.has(&TIME) {
-        return response::points(table).map(Given::Points);
+        return response_file::points(table).map(Given::Points);
     }
     let t_s = table.times()?;
     let step_s = (t_s[t_s.len() - 1] - t_s[0]) / (t_s.len() - 1).max(1) as f64;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
+use damprig_identification::Refused;
 
 use super::{ChoiceArgs, OutArgs, SensorArgs, finish_if_consistent};
 use crate::cli::arguments::{not_negative, positive, table_file};
@@ -148,7 +149,7 @@ fn restitution_of_run(args: &RestitutionArgs) -> Result<Restitution, Failure> {
         return Err(Failure::Input(format!("--mass-kg and --approach-m-per-s are for a table with a force\n  {help}")));
     }
     let run = particle_run(&path, &args.choice.choice())?;
-    let located = |error: Failure| Failure::Input(format!("{}: {error}", run.taken_from));
+    let located = |error: Refused| Failure::Input(format!("{}: {error}", run.taken_from));
     let stated = Known::of(&run.set_up).map_err(located)?;
     let gravity = run.set_up.gravity_m_per_s2;
     let known = Known {

@@ -12,9 +12,6 @@ use crate::identify::time_response::{HANN_WIDTH_LINES, Motion, RESOLVED, USUAL_S
 use crate::signal_file::unit::Kind;
 use crate::signal_file::{self, Axis, EvenSignal, Selector, Signal};
 
-/// Lines in the half-power width at which Hann's window resolves it.
-pub(super) const RESOLVED_LINES: f64 = RESOLVED * HANN_WIDTH_LINES;
-
 /// Motion and excitation in files.
 #[derive(Clone, Copy, Debug)]
 pub struct Channels<'a> {

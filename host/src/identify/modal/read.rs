@@ -5,6 +5,7 @@ use std::path::Path;
 use damprig_fourier::Complex;
 
 use super::quantity::Quantity;
+use super::unit::quantity_of;
 use super::{FrequencyResponse, Line, Wish};
 use crate::failure::Failure;
 use crate::signal_file::unit::Kind;
@@ -275,12 +276,12 @@ fn check_kind(signal: &Signal) -> Result<&[f64], String> {
 
 /// The quantity that a file or `--unit` states.
 pub(super) fn quantity(of_file: &str, option: Option<&str>, name: &str) -> Result<Quantity, String> {
-    match (Quantity::of(of_file), option) {
+    match (quantity_of(of_file), option) {
         (Ok(quantity), None) => Ok(quantity),
         (Ok(_), Some(option)) => {
             Err(format!("the file states the unit {of_file:?} of {name:?}: leave out --unit {option}"))
         }
-        (Err(_), Some(option)) => Quantity::of(option).map_err(|error| format!("--unit {option}: {error}")),
+        (Err(_), Some(option)) => quantity_of(option).map_err(|error| format!("--unit {option}: {error}")),
         (Err(error), None) if of_file.is_empty() => {
             let allowed = error.rsplit_once("allowed are ").map_or("", |(_, units)| units);
             Err(format!("the file does not state the unit of {name:?}\n  state it with --unit: {allowed}"))

@@ -19,8 +19,8 @@ pub use covariance::ParameterCovariance;
 pub use point::{CandidatePoint, SettledPoint};
 pub use set_ups::{IdentifiedParameter, MeasurableSetUp};
 
-use super::Sensors;
 use super::response::MIN_UNCERTAINTY;
+use super::sensors;
 use crate::campaign::{Campaign, CampaignSetUp};
 use crate::failure::Failure;
 use crate::prediction::USABLE;
@@ -214,7 +214,7 @@ pub fn identify(path: &Path, file: Option<&Path>, options: &NextOptions) -> Resu
     }
     let frequencies = frequencies(options, &rows, set_ups.len())?;
     // X/Z has the errors of both scales.
-    let scale = 2.0_f64.sqrt() * Sensors::of_run(&run).scale;
+    let scale = 2.0_f64.sqrt() * sensors::of_run(&run).scale;
     let limit_m = USABLE * campaign.rig.structure_limit_m();
     let places: Vec<(usize, f64)> =
         (0..set_ups.len()).flat_map(|set_up| frequencies.iter().map(move |hz| (set_up, *hz))).collect();

@@ -2,16 +2,14 @@
 
 pub(crate) mod film;
 mod force;
-pub mod law;
-mod least_squares;
 mod tables;
 
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+pub use damprig_identification::restitution::law::{self, Impact, Impacts, Law, Power};
 pub use film::Axis;
-pub use law::{Impact, Impacts, Law, Power};
 
 use super::force_record::FORCE;
 use super::statistics::Value;

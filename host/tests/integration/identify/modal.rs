@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use damprig::failure::Failure;
-use damprig::identify::modal::quantity::Quantity;
+use damprig::identify::modal::unit::quantity_of;
 use damprig::identify::modal::{FrequencyResponse, Line, Misfit, Modal, Wish, identify};
 use damprig_fourier::Complex;
 
@@ -98,7 +98,7 @@ impl Structure {
     }
 
     fn response(&self, lines: Vec<Line>, averages: Option<f64>) -> FrequencyResponse {
-        let quantity = Quantity::of(self.unit).unwrap();
+        let quantity = quantity_of(self.unit).unwrap();
         FrequencyResponse {
             taken_from: "closed form".into(),
             quantity,
@@ -222,7 +222,7 @@ fn modes_of_closed_forms_are_found_with_intervals_that_cover_them() {
             let mut random = Random::new(seed + 10_000 * others as u64);
             let (structure, spacing_hz) = Structure::drawn(&mut random, others);
             let response = structure.with_noise(spacing_hz, &mut random);
-            account.take(identify(&response, Wish::default()), &structure, response.lines.len());
+            account.take(identify(&response, Wish::default()).map_err(Failure::from), &structure, response.lines.len());
         }
         account.print(&format!("{} modes", others + 1));
         if others == 0 {
@@ -249,7 +249,7 @@ fn a_coherence_gives_the_noise_of_h1() {
             let (structure, spacing_hz) = Structure::drawn(&mut random, 0);
             let lines = structure.averaged(spacing_hz, count, &mut random);
             let found = identify(&structure.response(lines, known.then_some(count as f64)), Wish::default());
-            account.take(found, &structure, 0);
+            account.take(found.map_err(Failure::from), &structure, 0);
         }
         let what = format!("{count} averages, known {known}");
         account.print(&what);

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use damprig::identify::restitution::{Options, Restitution};
 use damprig::identify::table::Table;
 use damprig::identify::wall::Pad;
-use damprig::identify::{Estimate, Sensors, friction, response, restitution, wall};
+use damprig::identify::{Estimate, Sensors, friction, response, response_file, restitution, wall};
 use fastrand::Rng;
 use tempfile::TempDir;
 
@@ -200,7 +200,7 @@ fn a_frequency_response_gives_frequency_and_damping() {
     for with_phase in [true, false] {
         let found = |place: usize| {
             move |rng: &mut Rng| {
-                let read = response::points(&table(&text(rng, with_phase))).unwrap();
+                let read = response_file::points(&table(&text(rng, with_phase))).unwrap();
                 response::identify(&read.points, read.driven_by, &read.sensors).unwrap().remove(place)
             }
         };

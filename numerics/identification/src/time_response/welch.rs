@@ -7,7 +7,7 @@
 use damprig_fourier::{Complex, Transform};
 
 use super::Motion;
-use crate::failure::Failure;
+use crate::Refused;
 
 /// Segments of a record.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,13 +30,13 @@ impl Segments {
     ///
     /// # Errors
     /// Fewer than two segments, or segments of a few samples.
-    pub(in crate::identify) fn new(motion: &Motion, segment_s: f64, overlap: f64) -> Result<Self, Failure> {
+    pub fn new(motion: &Motion, segment_s: f64, overlap: f64) -> Result<Self, Refused> {
         let samples = (segment_s / motion.step_s).round() as usize;
         let hop = (((1.0 - overlap) * samples as f64).round() as usize).max(1);
         let all = motion.x_m.len();
         if samples < 16 || samples + (MIN - 1) * hop > all {
             let length_s = motion.step_s * all as f64;
-            return Err(Failure::Input(format!(
+            return Err(Refused(format!(
                 "a segment of {segment_s} s does not fit: the record has {length_s:.3} s with a sample each {:.6} s; segments have at least 16 \
                  samples, and a record at least {MIN} segments\n  give a shorter --segment-s, or record longer",
                 motion.step_s

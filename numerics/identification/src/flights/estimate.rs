@@ -7,9 +7,9 @@ use nalgebra::Vector3;
 use super::kink::{Kink, PARAMETERS, Window};
 use super::usable::{LeftOut, Sorted, Usable, usual_step_s};
 use super::{Known, Record};
-use crate::failure::Failure;
-use crate::identify::restitution::law::{APART, Law, Power, two_digits};
-use crate::identify::statistics::{Fit, Value, fit, inflation};
+use crate::Refused;
+use crate::restitution::law::{APART, Law, Power, two_digits};
+use crate::statistics::{Fit, Value, fit, inflation};
 
 /// What the flights of the particle show.
 #[derive(Clone, Debug)]
@@ -63,7 +63,7 @@ const MAX_MISFITS: f64 = 0.2;
 ///
 /// # Errors
 /// Too few usable impacts, by reason; impacts that are not those of a particle between two hard walls.
-pub fn identify(records: &[Record], known: &Known) -> Result<Flights, Failure> {
+pub fn identify(records: &[Record], known: &Known) -> Result<Flights, Refused> {
     check_rate(records, known)?;
     let mut sorted = Sorted::new(records, known);
     enough(&sorted)?;
@@ -95,12 +95,12 @@ pub fn identify(records: &[Record], known: &Known) -> Result<Flights, Failure> {
 }
 
 /// Refuses samples that are too few for a fit around an impact.
-fn check_rate(records: &[Record], known: &Known) -> Result<(), Failure> {
+fn check_rate(records: &[Record], known: &Known) -> Result<(), Refused> {
     let step_s = records.iter().map(|record| usual_step_s(&record.t_s)).fold(f64::MAX, f64::min);
     let period_s = std::f64::consts::TAU / known.angular_frequency_rad_per_s;
     let around = 2.0 * super::kink::HALF_WIDTH_PERIODS * period_s / step_s;
     if around < 5.0 * PARAMETERS as f64 {
-        return Err(Failure::Input(format!(
+        return Err(Refused(format!(
             "x has {:.0} samples per second; that is {around:.0} around an impact, at least {} are needed\n  record with rate_hz = \
              1000 in the campaign's [telemetry]",
             1.0 / step_s,
@@ -111,14 +111,14 @@ fn check_rate(records: &[Record], known: &Known) -> Result<(), Failure> {
 }
 
 /// Refuses too few impacts, with the reasons.
-fn enough(sorted: &Sorted) -> Result<(), Failure> {
+fn enough(sorted: &Sorted) -> Result<(), Refused> {
     if sorted.usable.len() >= MIN {
         return Ok(());
     }
     let all = sorted.windows.len();
     let reasons: Vec<String> =
         sorted.left_out.iter().map(|(reason, count)| format!("{count} {}", reason.words())).collect();
-    Err(Failure::Input(format!(
+    Err(Refused(format!(
         "{} of {all} impacts are usable; at least {MIN} are needed. Left out: {}\n  drive so that the particle flies from wall to \
          wall, near the natural frequency, and longer",
         sorted.usable.len(),
@@ -126,9 +126,9 @@ fn enough(sorted: &Sorted) -> Result<(), Failure> {
     )))
 }
 
-fn no_fit(sorted: &Sorted) -> Failure {
+fn no_fit(sorted: &Sorted) -> Refused {
     let misfits = sorted.left_out.get(&LeftOut::Misfit).copied().unwrap_or(0);
-    Failure::Input(format!(
+    Refused(format!(
         "the impacts are not those of a particle between two hard walls: {misfits} of {} do not fit\n  check the set-up (mass ratio, \
          clearance, natural frequency, friction), and whether weak impacts were missed",
         sorted.usable.len() + misfits
@@ -394,7 +394,7 @@ fn start(sorted: &Sorted, kinks: &Kinks, known: &Known) -> Option<Parameters> {
 }
 
 /// The results of a fit, with the uncertainties that its residuals do not show.
-fn flights(sorted: &Sorted, known: &Known, solved: &Solved) -> Result<Flights, Failure> {
+fn flights(sorted: &Sorted, known: &Known, solved: &Solved) -> Result<Flights, Refused> {
     let with = |changed: &Known, scale: f64| {
         let mut moved = sorted.clone();
         for window in moved.windows.iter_mut().flatten() {
@@ -416,7 +416,7 @@ fn flights(sorted: &Sorted, known: &Known, solved: &Solved) -> Result<Flights, F
         value.widened((MIN_UNCERTAINTY * value.value).hypot(known(scale)).hypot(known(mass)))
     };
     if !(-0.05..=1.05).contains(&e) {
-        return Err(Failure::Input(format!(
+        return Err(Refused(format!(
             "a coefficient of restitution of {e:.3} is not possible: it is 0 to 1\n  check mass ratio and clearance of the set-up; are \
              impacts missing?"
         )));

@@ -17,7 +17,7 @@ use nalgebra::DVector;
 use super::Line;
 use super::linear::{Sensitivities, parts, solve};
 use super::quantity::Quantity;
-use crate::identify::statistics::{self, Value, variance_parts};
+use crate::statistics::{self, Value, variance_parts};
 
 /// Parameters of the fit: fn, ζ, and the complex A, B, C.
 pub(super) const PARAMETERS: usize = 8;

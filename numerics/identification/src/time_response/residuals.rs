@@ -7,7 +7,7 @@
 use damprig_fourier::{Complex, spectrum};
 use nalgebra::DMatrix;
 
-use crate::identify::statistics::variance_parts;
+use crate::statistics::variance_parts;
 
 /// White and resonant part of the residuals' spectrum, as variances per sample where |H| = 1.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -166,7 +166,7 @@ fn chi_square(all: &[Deviation], mean: f64) -> f64 {
 
 /// The sum of this many squared ratios that one of a thousand exceeds, where `of_noise` are the degrees of freedom of the noise in all of them:
 /// ν times the quantile of the F distribution, by Paulson's approximation.
-pub(super) fn most_chi_square(count: usize, of_noise: f64) -> f64 {
+pub fn most_chi_square(count: usize, of_noise: f64) -> f64 {
     most_of(count, of_noise, TAIL)
 }
 

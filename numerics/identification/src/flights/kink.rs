@@ -159,7 +159,7 @@ mod tests {
             is_friction_held: false,
             clearance_m: 0.01,
             is_clearance_held: false,
-            sensors: crate::identify::Sensors::EXACT,
+            sensors: crate::Sensors::EXACT,
             mass_ratio_uncertainty: 0.0,
         }
     }

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::law::{APART, Impacts, Power, two_digits};
-use crate::identify::statistics::{Value, student_tail};
+use crate::statistics::{Value, student_tail};
 
 /// All impacts with the covariance of their measurement.
 pub(super) struct Joined {

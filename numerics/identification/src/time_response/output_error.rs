@@ -11,8 +11,8 @@ use nalgebra::{DMatrix, SMatrix, SVector};
 use super::Motion;
 use super::residuals::Noise;
 use super::welch::Spectrum;
-use crate::failure::Failure;
-use crate::identify::statistics::{Fit, Value, fit};
+use crate::Refused;
+use crate::statistics::{Fit, Value, fit};
 
 /// What the fit over time shows.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,7 +53,7 @@ const MAX_UNCERTAIN: f64 = 0.5;
 ///
 /// # Errors
 /// No resonance in the excited band.
-pub(super) fn peak(rough: &Spectrum) -> Result<f64, Failure> {
+pub(super) fn peak(rough: &Spectrum) -> Result<f64, Refused> {
     let peak = rough.excited().max_by(|a, b| (a.magnitude() * a.coherence).total_cmp(&(b.magnitude() * b.coherence)));
     if let Some(line) = peak.filter(|line| line.magnitude() > MIN_PEAK) {
         return Ok(line.frequency_hz);
@@ -61,7 +61,7 @@ pub(super) fn peak(rough: &Spectrum) -> Result<f64, Failure> {
     let ends = rough
         .excited()
         .fold([f64::MAX, 0.0f64], |[low, high], line| [low.min(line.frequency_hz), high.max(line.frequency_hz)]);
-    Err(Failure::Input(format!(
+    Err(Refused(format!(
         "there is no resonance where the base moves, from {:.3} Hz to {:.3} Hz: |H| is at most {:.2}\n  excite a band around the natural \
          frequency",
         ends[0],
@@ -74,7 +74,7 @@ pub(super) fn peak(rough: &Spectrum) -> Result<f64, Failure> {
 ///
 /// # Errors
 /// Another kind of structure, a damping that the record does not tell.
-pub(super) fn fit_motion(motion: &Motion, rough: &Spectrum, peak_hz: f64) -> Result<OutputError, Failure> {
+pub(super) fn fit_motion(motion: &Motion, rough: &Spectrum, peak_hz: f64) -> Result<OutputError, Refused> {
     let start = search(motion, peak_hz, rough.segments.segment_s);
     let fine = motion.thinned(TAU / start[0] / FINE_PER_PERIOD);
     let steps = [1e-6 * start[0], 1e-4 * start[1]];
@@ -83,7 +83,7 @@ pub(super) fn fit_motion(motion: &Motion, rough: &Spectrum, peak_hz: f64) -> Res
         None => out.extend(std::iter::repeat_n(f64::NAN, fine.x_m.len())),
     };
     let no_fit = || {
-        Failure::Input(
+        Refused(
             "x cannot be simulated from z by one mass on a spring with viscous damping\n  is a damper mounted, or is z not the motion of \
              the structure's base?"
                 .into(),
@@ -96,23 +96,23 @@ pub(super) fn fit_motion(motion: &Motion, rough: &Spectrum, peak_hz: f64) -> Res
     Ok(result)
 }
 
-fn check(result: &OutputError, rough: &Spectrum) -> Result<(), Failure> {
+fn check(result: &OutputError, rough: &Spectrum) -> Result<(), Refused> {
     let (natural, zeta) = (&result.natural_frequency_hz, &result.damping_ratio);
     if result.relative_residual > MAX_RESIDUAL {
-        return Err(Failure::Input(format!(
+        return Err(Refused(format!(
             "the motion is not that of one mass on a spring with viscous damping: the simulated x deviates by {:.0} % of x\n  is a damper \
              mounted, or is x moved by something else?",
             100.0 * result.relative_residual
         )));
     }
     if rough.nearest(natural.value).is_none_or(|line| line.excitation < 1e-6) {
-        return Err(Failure::Input(format!(
+        return Err(Refused(format!(
             "the base does not move at the natural frequency, {:.4} Hz: its damping cannot be told\n  excite a band around it",
             natural.value
         )));
     }
     if zeta.standard_uncertainty > MAX_UNCERTAIN * zeta.value {
-        return Err(Failure::Input(format!(
+        return Err(Refused(format!(
             "the damping ratio {:.3e} has the uncertainty {:.3e}\n  record longer, or move the base more around {:.3} Hz",
             zeta.value, zeta.standard_uncertainty, natural.value
         )));

@@ -1,7 +1,7 @@
 //! The estimates of the flights, and what a person has to know about them.
 
 use super::estimate::Flights;
-use crate::identify::Estimate;
+use crate::Estimate;
 
 const METHOD: &str = "flights of the particle and jumps of x'";
 

@@ -10,7 +10,7 @@ use nalgebra::DMatrix;
 use serde::Serialize;
 
 use super::least_squares::{Joined, Model};
-use crate::identify::statistics::{Value, student_95, student_tail};
+use crate::statistics::{Value, student_95, student_tail};
 
 /// An impact.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -77,12 +77,12 @@ pub struct Power {
 
 impl Power {
     /// Whether a wall can have this law: e falls with the speed, at most as fast as 1/v, from a maximum below 1.
-    pub(in crate::identify) fn is_a_wall(&self) -> bool {
+    pub fn is_a_wall(&self) -> bool {
         self.exponent.value > 0.0 && self.exponent.value <= 1.0 && (0.0..1.0).contains(&self.maximum.value)
     }
 
     /// Without an upper limit that the impacts show: it is e at the slowest of them, or at the fastest where e rises.
-    pub(in crate::identify) fn of(
+    pub fn of(
         coefficient: Value,
         reference_speed_m_per_s: f64,
         exponent: Value,
@@ -153,11 +153,11 @@ const FEW: f64 = 0.01;
 /// Of a run, which has many.
 const MANY: f64 = 0.001;
 /// Ratio of the fastest to the slowest speed from which they differ.
-pub(in crate::identify) const APART: f64 = 1.05;
+pub const APART: f64 = 1.05;
 
 impl Law {
     /// Of fits with one e and with a power of the speed.
-    pub(in crate::identify) fn of_fit(constant: Value, power: Power, speeds_m_per_s: [f64; 2], impacts: usize) -> Self {
+    pub fn of_fit(constant: Value, power: Power, speeds_m_per_s: [f64; 2], impacts: usize) -> Self {
         let chance = Some(power.chance());
         Self { constant, power: Some(power), chance, scatter: [0.0; 2], speeds_m_per_s, impacts, level: MANY }
     }
@@ -189,7 +189,7 @@ pub fn law(groups: &[Impacts]) -> Option<Law> {
 }
 
 /// Without the rounding of a logarithm.
-pub(in crate::identify) fn two_digits(value: f64) -> f64 {
+pub fn two_digits(value: f64) -> f64 {
     format!("{value:.1e}").parse().unwrap_or(value)
 }
 

@@ -5,21 +5,11 @@
 //! a force on the structure the receptance X/P = 1/(k·(1 − r² + 2ζrj)), which also gives the stiffness k and the mass k/ω². The
 //! relative deviations are fitted by least squares: of the complex ratio where there is a phase, else of its logarithm.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 use super::statistics::{Fit, fit};
-use super::table::{Quantity, Table, X, Z};
 use super::{Estimate, Sensors};
-use crate::failure::Failure;
-
-const FREQUENCY: Quantity = Quantity { stem: "frequency", units: &[("hz", 1.0)], about: "drive frequency", most: 1e4 };
-const PHASE: Quantity = Quantity {
-    stem: "phase",
-    units: &[("rad", 1.0), ("deg", PI / 180.0)],
-    about: "phase of x relative to z, or to the force",
-    most: 10.0,
-};
-const FORCE: Quantity = Quantity { stem: "force", units: &[("n", 1.0)], about: "force on the structure", most: 1e5 };
+use crate::Refused;
 
 /// What moves the structure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,29 +51,6 @@ pub struct Point {
     pub x_m: f64,
 }
 
-/// The points of a table: of x and z, or of x and a force.
-///
-/// # Errors
-/// Missing columns; values that are not positive.
-pub fn points(table: &Table) -> Result<Response, Failure> {
-    let driven_by = if table.has(&FORCE) && !table.has(&Z) { DrivenBy::Force } else { DrivenBy::Base };
-    let drive = if driven_by == DrivenBy::Force { &FORCE } else { &Z };
-    let (f, x, z) = (table.column(&FREQUENCY)?, table.column(&X)?, table.column(drive)?);
-    let phase = if table.has(&PHASE) { Some(table.column(&PHASE)?) } else { None };
-    let points: Result<Vec<Point>, Failure> = (0..f.len())
-        .map(|row| {
-            if !(f[row] > 0.0 && x[row] > 0.0 && z[row] > 0.0) {
-                let text = format!("line {}: frequency and amplitudes must be greater than 0", table.line(row));
-                return Err(table.refuse(text));
-            }
-            let phase_rad = phase.as_ref().map(|phase| phase[row]);
-            Ok(Point { frequency_hz: f[row], ratio: x[row] / z[row], phase_rad, uncertainty: None, x_m: x[row] })
-        })
-        .collect();
-    let (taken_from, sensors) = (table.file().into(), Sensors::ASSUMED);
-    Ok(Response { taken_from, driven_by, points: points?, sensors, remarks: Vec::new() })
-}
-
 /// Real and imaginary part of X/Z, of the parameters fn and ζ, or of X/P, m/N, of fn, ζ and k.
 fn response(frequency_hz: f64, parameters: &[f64]) -> (f64, f64) {
     let r = frequency_hz / parameters[0];
@@ -96,10 +63,10 @@ fn response(frequency_hz: f64, parameters: &[f64]) -> (f64, f64) {
 }
 
 /// Least relative uncertainty of a point: of sensors and calibration.
-pub(super) const MIN_UNCERTAINTY: f64 = 1e-4;
+pub const MIN_UNCERTAINTY: f64 = 1e-4;
 
 /// Points that a fit needs at least.
-pub(super) const MIN: usize = 5;
+pub const MIN: usize = 5;
 
 /// Fits the parameters from the best of some starts: of the complex ratio if all points have a phase. Points are weighted if all have
 /// an uncertainty.
@@ -147,7 +114,7 @@ impl Fitting {
 }
 
 /// What to report of the damping ratios that different tests give.
-pub(crate) const REPORT: &str = "report the damping ratio of a free vibration (`damprig identify decay`) where there is one: it fits \
+pub const REPORT: &str = "report the damping ratio of a free vibration (`damprig identify decay`) where there is one: it fits \
                                  friction apart from it, which counts as damping here, so that ζ depends on the amplitude";
 
 /// Identifies fn and ζ; under a force also the stiffness and the mass. An error of the scale of x, which falls with the amplitude where
@@ -155,8 +122,8 @@ pub(crate) const REPORT: &str = "report the damping ratio of a free vibration (`
 ///
 /// # Errors
 /// Too few points, none near the resonance, a response of another kind.
-pub fn identify(points: &[Point], driven_by: DrivenBy, sensors: &Sensors) -> Result<Vec<Estimate>, Failure> {
-    let refuse = |text: String| Err(Failure::Input(text));
+pub fn identify(points: &[Point], driven_by: DrivenBy, sensors: &Sensors) -> Result<Vec<Estimate>, Refused> {
+    let refuse = |text: String| Err(Refused(text));
     if points.len() < MIN {
         return refuse(format!("{} points are too few: at least {MIN} about the resonance are needed", points.len()));
     }

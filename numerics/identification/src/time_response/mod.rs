@@ -12,7 +12,7 @@ pub mod welch;
 
 use super::response::{self, DrivenBy, Point};
 use super::{Estimate, Sensors};
-use crate::failure::Failure;
+use crate::Refused;
 use output_error::OutputError;
 use welch::{Segments, Spectrum};
 
@@ -57,17 +57,20 @@ const GOOD_COHERENCE: f64 = 0.8;
 const MIN_COHERENCE: f64 = 0.5;
 
 /// Half-width of the noise bandwidth of Hann's window, in lines: 1.5 lines are its whole width.
-pub(super) const HANN_WIDTH_LINES: f64 = 1.5;
+pub const HANN_WIDTH_LINES: f64 = 1.5;
 
 /// Half-power width over noise bandwidth at which H1 resolves a resonance: its peak is then too low by a third of the square of its
 /// inverse, 2 %.
-pub(super) const RESOLVED: f64 = 4.0;
+pub const RESOLVED: f64 = 4.0;
+
+/// Lines in the half-power width at which Hann's window resolves it.
+pub const RESOLVED_LINES: f64 = RESOLVED * HANN_WIDTH_LINES;
 
 /// Averages that the fit to H1 needs at least.
 const MIN_AVERAGES: f64 = 8.0;
 
 /// Segments in a record without a wish, with half of each shared: nine averages.
-pub(super) const USUAL_SEGMENTS: f64 = 5.0;
+pub const USUAL_SEGMENTS: f64 = 5.0;
 
 /// Neighbouring lines of Hann's window share their noise: the variance of a fit to all of them is larger than that of independent
 /// lines by 1 + 2·((2/3)² + (1/6)²).
@@ -77,7 +80,7 @@ pub(super) const LINES_SHARE: f64 = 1.944;
 ///
 /// # Errors
 /// A base at rest, x that does not follow it, no resonance in the excited band, a record too short.
-pub fn identify(motion: &Motion, wanted: Wanted) -> Result<TimeResponse, Failure> {
+pub fn identify(motion: &Motion, wanted: Wanted) -> Result<TimeResponse, Refused> {
     let overlap = wanted.overlap.unwrap_or(0.5);
     let length_s = motion.step_s * motion.x_m.len() as f64;
     check_motion(motion)?;
@@ -87,7 +90,7 @@ pub fn identify(motion: &Motion, wanted: Wanted) -> Result<TimeResponse, Failure
     if let Ok(peak_hz) = peak
         && length_s * peak_hz < MIN_PERIODS
     {
-        return Err(Failure::Input(format!(
+        return Err(Refused(format!(
             "the record of {length_s:.1} s is too short: {:.1} periods of {peak_hz:.2} Hz, at least {MIN_PERIODS} are needed\n  record \
              longer",
             length_s * peak_hz
@@ -107,22 +110,22 @@ pub fn identify(motion: &Motion, wanted: Wanted) -> Result<TimeResponse, Failure
 }
 
 /// Length of a segment that resolves a half-power width, with room for its rounding to samples, s.
-pub(super) fn needed_s(width_hz: f64) -> f64 {
+pub fn needed_s(width_hz: f64) -> f64 {
     1.05 * RESOLVED * HANN_WIDTH_LINES / width_hz
 }
 
-fn check_motion(motion: &Motion) -> Result<(), Failure> {
+fn check_motion(motion: &Motion) -> Result<(), Refused> {
     let rms = |values: &[f64]| {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
     };
     for (name, values, what) in [("z", &motion.z_m, "base"), ("x", &motion.x_m, "structure")] {
         if values.len() < 100 {
-            return Err(Failure::Input(format!("{} samples are too few: record longer", values.len())));
+            return Err(Refused(format!("{} samples are too few: record longer", values.len())));
         }
         let rms = rms(values);
         if rms < 1e-9 {
-            return Err(Failure::Input(format!(
+            return Err(Refused(format!(
                 "{name} does not move: {rms:.1e} m RMS about its mean\n  is the sensor of the {what} connected, and was the drive on? for a \
                  release use `damprig identify decay`"
             )));
@@ -132,10 +135,10 @@ fn check_motion(motion: &Motion) -> Result<(), Failure> {
 }
 
 /// Refuses x that does not follow z.
-fn check_coherence(spectrum: &Spectrum) -> Result<(), Failure> {
+fn check_coherence(spectrum: &Spectrum) -> Result<(), Refused> {
     let best = spectrum.excited().map(|line| line.coherence).fold(0.0, f64::max);
     if best < MIN_COHERENCE {
-        return Err(Failure::Input(format!(
+        return Err(Refused(format!(
             "x does not follow z: the coherence is at most {best:.2} where the base moves\n  is the structure moved by something else, or are \
              x and z of different records?"
         )));

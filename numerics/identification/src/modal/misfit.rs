@@ -12,9 +12,9 @@ use nalgebra::DVector;
 use super::fit::{Band, Known, Mode, OfMode, PARAMETERS};
 use super::line_fit::{self, ByLine};
 use super::linear::{Explained, parts};
-use crate::identify::lack_of_fit::{TAIL, most_of};
-use crate::identify::statistics::correlation;
-use crate::identify::time_response::LINES_SHARE;
+use crate::lack_of_fit::{TAIL, most_of};
+use crate::statistics::correlation;
+use crate::time_response::LINES_SHARE;
 
 /// A way in which a single mode does not fit.
 #[derive(Clone, Copy, Debug, PartialEq)]

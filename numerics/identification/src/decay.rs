@@ -13,7 +13,7 @@ use super::decay_record::{Swings, swings};
 use super::lack_of_fit::{Compared, LackOfFit, lack_of_fit};
 use super::statistics::{Fit, Value, fit, inflation, line};
 use super::{Estimate, Sensors};
-use crate::failure::Failure;
+use crate::Refused;
 
 /// What is fitted besides the linear motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,7 +72,7 @@ const MAX_UNCERTAIN: f64 = 0.5;
 ///
 /// # Errors
 /// A record without release or swings, too short, growing, saturated or frozen: what was seen, and what to do.
-pub fn identify(t_s: &[f64], x_m: &[f64], model: Model) -> Result<Decay, Failure> {
+pub fn identify(t_s: &[f64], x_m: &[f64], model: Model) -> Result<Decay, Refused> {
     let swings = swings(t_s, x_m)?;
     let by_decrement = decrement(&swings)?;
     let used = swings.first..swings.end;
@@ -81,7 +81,7 @@ pub fn identify(t_s: &[f64], x_m: &[f64], model: Model) -> Result<Decay, Failure
     let friction = friction_start(&swings, 0.0).filter(|_| model.coulomb);
     let fit_with = |model, friction| {
         fit_motion(times, readings, &start, model, friction).ok_or_else(|| {
-            Failure::Input(
+            Refused(
                 "the motion cannot be fitted by a free vibration with viscous and Coulomb damping\n  is the particle or another \
                  damper on the structure? the record must be of the structure alone"
                     .into(),
@@ -173,10 +173,10 @@ impl Decay {
     }
 }
 
-fn check_result(decay: &Decay) -> Result<(), Failure> {
+fn check_result(decay: &Decay) -> Result<(), Refused> {
     let zeta = &decay.fitted.damping_ratio;
     if decay.residual_rms_m > 0.1 * decay.swings_m[0] {
-        return Err(Failure::Input(format!(
+        return Err(Refused(format!(
             "the record is not a free vibration of one mass: the fit leaves {:.6} m RMS of a swing of {:.6} m\n  is a damper \
              mounted, or does the base move? the record must be of the structure alone on a base at rest",
             decay.residual_rms_m, decay.swings_m[0]
@@ -185,7 +185,7 @@ fn check_result(decay: &Decay) -> Result<(), Failure> {
     if zeta.standard_uncertainty > MAX_UNCERTAIN * zeta.value.abs()
         && decay.coulomb_m.is_none_or(|c| c.value < 2.0 * c.standard_uncertainty)
     {
-        return Err(Failure::Input(format!(
+        return Err(Refused(format!(
             "the decay is too short: the swing goes from {:.6} m to {:.6} m in {:.1} periods, and the damping ratio {:.3e} has \
              the uncertainty {:.3e}\n  record longer or release from farther out; without friction in the structure, fit \
              viscous damping alone (--viscous)",
@@ -196,7 +196,7 @@ fn check_result(decay: &Decay) -> Result<(), Failure> {
 }
 
 /// By the turning points: ln|x| falls by δ/2 from one to the next, and the crossings are half a period apart.
-fn decrement(swings: &Swings) -> Result<Modal, Failure> {
+fn decrement(swings: &Swings) -> Result<Modal, Refused> {
     let all: Vec<f64> = swings.turnings.iter().map(|t| t.1).collect();
     let offsets: Vec<f64> = all.windows(3).map(|w| 0.25 * (w[0] + 2.0 * w[1] + w[2])).collect();
     let offset = offsets.iter().sum::<f64>() / offsets.len().max(1) as f64;
@@ -206,7 +206,7 @@ fn decrement(swings: &Swings) -> Result<Modal, Failure> {
     let half_periods: Vec<f64> = (0..swings.crossings_s.len()).map(|n| n as f64).collect();
     let lines = line(&places, &logs, |n| sizes[n] * sizes[n]).zip(line(&half_periods, &swings.crossings_s, |_| 1.0));
     let Some((fall, time)) = lines else {
-        return Err(Failure::Input("too few turning points for a decrement: record longer".into()));
+        return Err(Refused("too few turning points for a decrement: record longer".into()));
     };
     let decrement = -2.0 * fall.slope.value;
     let length = (TAU * TAU + decrement * decrement).sqrt();

@@ -9,7 +9,7 @@ use damprig_fourier::Complex;
 use nalgebra::{Matrix2, Vector2};
 
 use super::fit::{Band, Mode};
-use crate::identify::statistics::Value;
+use crate::statistics::Value;
 
 /// Share of the peak's magnitude that a line must have: 1.7 half-power widths about fn.
 const SHARE: f64 = 0.5;

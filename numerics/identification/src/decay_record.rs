@@ -1,6 +1,6 @@
 //! Prepares the record of a free vibration: finds the release and the swings, and refuses a record that shows none.
 
-use crate::failure::Failure;
+use crate::Refused;
 
 /// A record whose swings were found.
 #[derive(Debug)]
@@ -26,8 +26,8 @@ const MIN_HALF_PERIODS: usize = 6;
 /// Samples per period that the fit needs at least.
 const MIN_SAMPLES: f64 = 8.0;
 
-fn refuse<T>(text: impl Into<String>) -> Result<T, Failure> {
-    Err(Failure::Input(text.into()))
+fn refuse<T>(text: impl Into<String>) -> Result<T, Refused> {
+    Err(Refused(text.into()))
 }
 
 /// RMS noise of a record, from its second differences, m.
@@ -38,7 +38,7 @@ fn noise_rms_m(x_m: &[f64]) -> f64 {
 }
 
 /// Finds release and swings.
-pub(super) fn swings(t_s: &[f64], x_m: &[f64]) -> Result<Swings, Failure> {
+pub(super) fn swings(t_s: &[f64], x_m: &[f64]) -> Result<Swings, Refused> {
     if x_m.len() < 50 {
         return refuse(format!("{} samples are too few for a decay: record at least some periods", x_m.len()));
     }
@@ -159,7 +159,7 @@ fn check_stuck(
     samples_per_period: f64,
     centre_m: f64,
     turnings: &[(f64, f64)],
-) -> Result<(), Failure> {
+) -> Result<(), Refused> {
     let (lowest, highest) = x_m.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
     let swing_m = turnings.first().map_or(0.0, |turning| turning.1.abs());
     let mut from = first;
@@ -194,7 +194,7 @@ fn check_stuck(
 }
 
 /// Refuses a motion that grows: it is driven.
-fn check_growth(turnings: &[(f64, f64)]) -> Result<(), Failure> {
+fn check_growth(turnings: &[(f64, f64)]) -> Result<(), Refused> {
     let (Some(first), Some(last)) = (turnings.first(), turnings.last()) else {
         return refuse("no turning points were found: is this a free vibration?");
     };

@@ -24,7 +24,7 @@ pub use usable::LeftOut;
 use damprig_core::model::SetUp;
 
 use super::Sensors;
-use crate::failure::Failure;
+use crate::Refused;
 
 /// An impact as the board measured it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,8 +80,8 @@ impl Known {
     ///
     /// # Errors
     /// A set-up without a particle, with soft walls, or with a friction damper.
-    pub fn of(set_up: &SetUp) -> Result<Self, Failure> {
-        let refuse = |text: &str| Err(Failure::Input(text.into()));
+    pub fn of(set_up: &SetUp) -> Result<Self, Refused> {
+        let refuse = |text: &str| Err(Refused(text.into()));
         let Some(particle) = set_up.particle else {
             return refuse("has no particle\n  choose a set-up with an impact damper");
         };

@@ -1,0 +1,4 @@
+//! Restitution over the approach speed.
+
+pub mod law;
+mod least_squares;
