@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use damprig::run_folder::read::verify::{Finding, verify};
 
-use crate::common::damprig;
+use crate::common::{damprig, is_full};
 use crate::kills;
 
-/// Number of flipped bits: 60, or 300 in the full tests.
+/// Number of flipped bits: 30, or 300 in the full tests.
 fn flips() -> usize {
-    if std::env::var_os("DAMPRIG_FULL").is_some() { 300 } else { 60 }
+    if is_full() { 300 } else { 30 }
 }
 
 fn files(folder: &Path) -> Vec<PathBuf> {

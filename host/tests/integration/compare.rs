@@ -8,7 +8,7 @@ use predicates::str::contains;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::common::{assert_self_contained, cut_off, damprig, folder_with, short};
+use crate::common::{assert_self_contained, cut_off, damprig, folder_with, is_full, short};
 
 const STRUCTURE: &str = "[structure]\nmass_kg = 1.6\nnatural_frequency_hz = 2.50\ndamping_ratio = 0.0038\n";
 
@@ -316,7 +316,7 @@ fn with_springs(seed: u32, signals: &str) -> (TempDir, String) {
 /// probability of 1.4 %.
 #[test]
 fn a_spring_agrees_whether_its_force_was_recorded_or_not() {
-    let seeds = if std::env::var_os("DAMPRIG_FULL").is_some() { 1..=5 } else { 1..=1 };
+    let seeds = if is_full() { 1..=5 } else { 1..=1 };
     for seed in seeds {
         for (base, signals) in [("on_measured_base", ", \"spring_force\""), ("on_ideal_base", "")] {
             let (folder, _) = with_springs(seed, signals);

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-use crate::common::{damprig, folder_with};
+use crate::common::{damprig, folder_with, is_full};
 
 const BASES: [&str; 2] = ["on_measured_base", "on_ideal_base"];
 const KINDS: [&str; 4] = ["stepped_sine", "free_vibration", "impulse", "playback"];
@@ -139,7 +139,7 @@ fn most_that_differ(points: u32) -> u32 {
 /// different points, so their own number counts. Points where neighbouring starts part are judged too.
 #[test]
 fn at_least_95_percent_agree_with_the_true_model_in_every_kind_of_experiment() {
-    let seeds = if std::env::var_os("DAMPRIG_FULL").is_some() { 20 } else { 1 };
+    let seeds = if is_full() { 20 } else { 1 };
     let mut judged: BTreeMap<(&str, &str), Judged> = BTreeMap::new();
     for seed in 1..=seeds {
         let (text, record) = campaign(seed);

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crate::common::{Fate, PATIENCE, Served, damprig, folder_with, is_point, short, with_sums};
+use crate::common::{Fate, PATIENCE, Served, damprig, folder_with, is_full, is_point, short, with_sums};
 use damprig::report::exports::csv::Csv;
 use damprig::report::exports::mat::Mat;
 use damprig::report::exports::uff::Uff;
@@ -265,9 +265,9 @@ fn commands_survive(folder: &TempDir, run: &Path, what: &str) {
     }
 }
 
-/// Number of changed folders: 120, or 4 000 in the full tests, in about half an hour.
+/// Number of changed folders: 40, or 4 000 in the full tests, in about half an hour.
 fn changes() -> u64 {
-    if std::env::var_os("DAMPRIG_FULL").is_some() { 4_000 } else { 80 }
+    if is_full() { 4_000 } else { 40 }
 }
 
 /// Time after which a reader counts as hanging, also on a loaded machine.

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use crate::common::{damprig, folder_with, manifest, result_rows, short};
+use crate::common::{damprig, folder_with, is_full, manifest, result_rows, short};
 use assert_cmd::Command;
 use damprig::run_folder::journal;
 use tempfile::TempDir;
@@ -120,7 +120,7 @@ fn each_file_operation_of_a_run_may_fail_once() {
     let folder = folder_with(&two_points());
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let whole = measured(&folder.path().join("out"));
-    let step = if std::env::var_os("DAMPRIG_FULL").is_some() { 1 } else { 24 };
+    let step = if is_full() { 1 } else { 60 };
     for (operation, errno, stays) in [
         ("open", READ_ONLY, false),
         ("open", NO_ENTRY, true),

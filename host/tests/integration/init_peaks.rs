@@ -13,12 +13,10 @@ use damprig::simulation::Case;
 use damprig::study::simulate::{Record, metrics_of_all};
 use damprig_core::integrator::exact;
 
+use crate::common::is_full;
+
 /// Largest relative error of a reported peak.
 const WITHIN: f64 = 0.02;
-
-fn is_full() -> bool {
-    std::env::var_os("DAMPRIG_FULL").is_some()
-}
 
 fn drawn(rng: &mut fastrand::Rng) -> Values {
     let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();

@@ -16,7 +16,7 @@ use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;
 
-use crate::common::{damprig, folder_with, two_records};
+use crate::common::{damprig, folder_with, is_full, two_records};
 use crate::file_faults::preload;
 use crate::resume::measured;
 
@@ -87,7 +87,7 @@ const KINDS: [&str; 10] =
 /// Number of kills: 20, 200 in the full tests, or `DAMPRIG_KILLS`.
 fn kills() -> u32 {
     let wanted = std::env::var("DAMPRIG_KILLS").ok().and_then(|n| n.parse().ok());
-    wanted.unwrap_or(if std::env::var_os("DAMPRIG_FULL").is_some() { 200 } else { 20 })
+    wanted.unwrap_or(if is_full() { 200 } else { 20 })
 }
 
 /// What a disk holds after a power cut: `faults.c` copies into it what is synced.

@@ -10,7 +10,7 @@ use std::process::Command;
 
 use tempfile::TempDir;
 
-use crate::common::{blocks, python};
+use crate::common::{blocks, is_full, python};
 
 /// The pages of a folder of docs.
 fn pages(folder: &str) -> Vec<PathBuf> {
@@ -51,7 +51,7 @@ fn run(page: &Path) -> Result<usize, String> {
         }
     }
     let mut scripts = blocks(&text, "sh");
-    if std::env::var_os("DAMPRIG_FULL").is_some() {
+    if is_full() {
         scripts.extend(blocks(&text, "sh,long"));
     }
     for script in &scripts {

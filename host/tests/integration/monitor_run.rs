@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 use tungstenite::http::StatusCode;
 
-use crate::common::{PATIENCE, damprig, folder_with, manifest, result_rows, short};
+use crate::common::{PATIENCE, damprig, folder_with, is_full, manifest, result_rows, short};
 use crate::monitor::Viewer;
 
 /// Files that a run may open at a time.
@@ -118,7 +118,7 @@ fn is_verified(folder: &TempDir) {
 
 #[test]
 fn idle_connections_and_silent_viewers_change_nothing_for_a_run_and_its_operator() {
-    let (count, speed) = if std::env::var_os("DAMPRIG_FULL").is_some() { (5000, "1") } else { (600, "5") };
+    let (count, speed) = if is_full() { (5000, "1") } else { (600, "5") };
     let folder = folder_with(&short());
     let served = Served::start(&folder, speed);
     let begun = Instant::now();

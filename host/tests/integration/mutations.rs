@@ -1,6 +1,6 @@
 //! Mutated campaigns and cases, in this process: no panic, no hang, and what the dry run accepts the controller accepts.
 //!
-//! 2 000 files, or 20 000 with DAMPRIG_FULL. Seeds are fixed, so a failure repeats; its message has the whole file.
+//! 1 000 files, or 20 000 with DAMPRIG_FULL. Seeds are fixed, so a failure repeats; its message has the whole file.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -24,6 +24,8 @@ use damprig::simulation::{Case, RunOptions, cost, simulate};
 use fastrand::Rng;
 use tempfile::TempDir;
 use toml::{Table, Value};
+
+use crate::common::is_full;
 
 /// Longest time for one file.
 const LONGEST: Duration = Duration::from_secs(20);
@@ -57,7 +59,7 @@ const CASES: [&str; 10] = [
 ];
 
 fn count() -> usize {
-    if std::env::var_os("DAMPRIG_FULL").is_some() { 20_000 } else { 2_000 }
+    if is_full() { 20_000 } else { 1_000 }
 }
 
 /// A folder with the records that the files name.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::time::{Duration, Instant};
 
-use crate::common::damprig;
+use crate::common::{damprig, is_full};
 use damprig::input::Source;
 use damprig::optimise::evaluate::{Care, Evaluated};
 use damprig::optimise::search::{self, Progress};
@@ -154,7 +154,7 @@ fn least_of_dense_search(optimisation: &Optimisation, count: usize) -> f64 {
 /// The jumps of the objective are narrower than any search is dense, so the claim is on the value, not on the place.
 #[test]
 fn the_optimum_is_within_half_a_percent_of_a_dense_search() {
-    let is_full = std::env::var_os("DAMPRIG_FULL").is_some();
+    let is_full = is_full();
     let (variables, count, evaluations) =
         if is_full { (format!("{CLEARANCE}{RESTITUTION}"), 100, 4_000) } else { (CLEARANCE.to_string(), 600, 400) };
     let top = TOP.replace("300", &evaluations.to_string());
@@ -382,7 +382,7 @@ fn the_peak_over_the_shipped_band_is_that_of_a_grid_of_1601_frequencies() {
     let optimisation = Optimisation::read(&shipped).expect("it is sound");
     let text = std::fs::read_to_string(&shipped).unwrap().replace("count = 21", "count = 1601");
     let dense = Optimisation::parse(&Source::new("dense.toml", text.as_str()), &shipped, None).expect("it is sound");
-    let values = if std::env::var_os("DAMPRIG_FULL").is_some() {
+    let values = if is_full() {
         let found = search::run(&optimisation, &|_| true).expect("it is sound");
         let answer = Answer::of(&optimisation, &found, &|_| true).expect("it is sound");
         vec![answer.variables.iter().map(|variable| variable.value).collect()]

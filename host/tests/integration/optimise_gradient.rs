@@ -4,6 +4,7 @@ use damprig::optimise::Optimisation;
 use damprig::optimise::search::{self, Found};
 use fastrand::Rng;
 
+use crate::common::is_full;
 use crate::optimise::{CASE, folder, read};
 
 /// A damper with the ranges of its variables, the objective and what is recorded.
@@ -42,7 +43,7 @@ fn check_smooth(smooth: &Smooth) {
 /// Tuned masses and friction dampers of random structures, in the steady state and from rest.
 #[test]
 fn a_smooth_objective_takes_a_tenth_of_the_simulations_and_is_no_worse() {
-    let count = if std::env::var_os("DAMPRIG_FULL").is_some() { 20 } else { 1 };
+    let count = if is_full() { 20 } else { 1 };
     let mut random = Rng::with_seed(36);
     let mut between = |from: f64, to: f64| from + (to - from) * random.f64();
     for number in 0..count {

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Output;
 
-use crate::common::damprig;
+use crate::common::{damprig, is_full};
 use damprig::input::Source;
 use damprig::optimise::evaluate::{self, Care};
 use damprig::optimise::{Answer, Optimisation, run};
@@ -109,7 +109,7 @@ fn mean_and_quantile_count_a_normal_distribution_as_likely_as_it_is_and_the_wors
 
 #[test]
 fn the_robust_optimum_is_within_2_percent_of_an_exhaustive_search_which_finds_nothing_worse_within_its_tolerances() {
-    let is_full = std::env::var_os("DAMPRIG_FULL").is_some();
+    let is_full = is_full();
     let (problems, parts, levels) = if is_full { (20, 8, 41) } else { (1, 2, 5) };
     // The largest |x| of a chaotic motion has spikes between any scenarios: one problem in ten may miss one.
     let mut missed = 0;

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
 
-use crate::common::damprig;
+use crate::common::{damprig, is_full};
 use crate::study::folder;
 use arrow_array::RecordBatch;
 use damprig::run_folder::sealed_parquet;
@@ -126,7 +126,7 @@ fn a_share_has_the_parts_of_its_remainder_and_merging_names_the_others() {
 
 #[test]
 fn workers_killed_at_random_moments_spoil_nothing() {
-    let kills = if std::env::var_os("DAMPRIG_FULL").is_some() { 100 } else { 4 };
+    let kills = if is_full() { 100 } else { 4 };
     let folder = folder(STUDY);
     let expected = undisturbed(&folder);
     let mut random = fastrand::Rng::with_seed(7);
@@ -291,7 +291,7 @@ fn memory_of_merging(rows: u64) -> u64 {
 #[cfg(target_os = "linux")]
 #[test]
 fn joining_many_parts_takes_the_memory_of_few() {
-    if std::env::var_os("DAMPRIG_FULL").is_none() {
+    if !is_full() {
         return;
     }
     // 32 bytes for each row: both fill row groups of 32 MiB, and the longer table has 192 MB more.
@@ -302,7 +302,7 @@ fn joining_many_parts_takes_the_memory_of_few() {
 
 #[test]
 fn a_million_points_are_computed_in_shares_and_joined() {
-    if std::env::var_os("DAMPRIG_FULL").is_none() {
+    if !is_full() {
         return;
     }
     let folder = folder(

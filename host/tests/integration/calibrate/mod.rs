@@ -4,8 +4,3 @@ mod command;
 mod lab_guide;
 mod person;
 mod truth;
-
-/// Whether the long ensembles are run.
-fn is_full() -> bool {
-    std::env::var_os("DAMPRIG_FULL").is_some()
-}

@@ -19,7 +19,7 @@ use damprig::identify::statistics::student_tail;
 use damprig_core::settings::Settings;
 use damprig_protocol::Request;
 
-use super::is_full;
+use crate::common::is_full;
 
 /// A rehearsed calibration: what was found, what is true, and the points of a check after the new settings are in use.
 struct Rehearsed {

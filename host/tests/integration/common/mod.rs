@@ -19,6 +19,11 @@ use damprig_simulator::device::{Progress, SimulatedDevice};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use tempfile::TempDir;
 
+/// Whether the long form of a test is wanted.
+pub fn is_full() -> bool {
+    std::env::var_os("DAMPRIG_FULL").is_some()
+}
+
 /// The command, started in its own folder.
 pub fn damprig(folder: &TempDir) -> Command {
     let mut command = Command::cargo_bin("damprig").expect("the binary of this package");

@@ -10,7 +10,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use super::documents::{CAMPAIGN, CASE, Documents, SET_UP, files, is_parsed, json_of, kind_of, own};
-use crate::common::damprig;
+use crate::common::{damprig, is_full};
 use crate::mutations;
 
 /// The place of a value in a document: keys, and numbers of lists.
@@ -113,7 +113,7 @@ fn schemas_and_parser_refuse_misspelt_keys_values_out_of_range_and_wrong_types()
     let mut ranges = BTreeSet::new();
     // Every key once; in the full tests in every file.
     let mut seen = BTreeSet::new();
-    let is_full = std::env::var_os("DAMPRIG_FULL").is_some();
+    let is_full = is_full();
     for (name, kind, document) in files() {
         let tables = kind_of(kind).tables();
         let mut found = Vec::new();
@@ -298,7 +298,7 @@ fn schemas_accept_every_mutated_file_that_the_parser_accepts() {
     // No set-up of this seed has the particle, so that the parser does not read it.
     seeds.retain(|(_, text)| !text.contains("name = \"shaker\""));
     let mut rng = fastrand::Rng::with_seed(12);
-    let count = if std::env::var_os("DAMPRIG_FULL").is_some() { 1500 } else { 300 };
+    let count = if is_full() { 1500 } else { 300 };
     for n in 0..count {
         let (kind, text) = &seeds[n % seeds.len()];
         let Ok(table) = mutations::mutate(text, &mut rng).parse::<toml::Table>() else { continue };

@@ -8,8 +8,7 @@ use fastrand::Rng;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::is_full;
-use crate::common::{damprig, field};
+use crate::common::{damprig, field, is_full};
 
 const G: f64 = 9.81;
 

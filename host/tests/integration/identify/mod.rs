@@ -24,6 +24,8 @@ mod time_response;
 use damprig::identify::Sensors;
 use damprig_simulator::plant::DataSheet;
 
+use crate::common::is_full;
+
 /// Seeds of a claim.
 fn seeds() -> u64 {
     if is_full() { 200 } else { 6 }
@@ -51,10 +53,6 @@ fn few_seeds() -> u64 {
 /// Seeds of a claim about intervals whose records take a second each.
 fn some_seeds() -> u64 {
     if is_full() { 2000 } else { 40 }
-}
-
-fn is_full() -> bool {
-    std::env::var_os("DAMPRIG_FULL").is_some()
 }
 
 /// Estimates of one quantity over the seeds.

@@ -8,8 +8,7 @@ use predicates::prelude::*;
 use predicates::str::contains;
 use rayon::prelude::*;
 
-use super::is_full;
-use crate::common::{damprig, folder_with};
+use crate::common::{damprig, folder_with, is_full};
 
 /// Relative standard uncertainties before, of fn, ζ, d, e and F.
 const BEFORE: [(&str, Parameter, f64); 5] = [

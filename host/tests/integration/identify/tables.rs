@@ -9,8 +9,8 @@ use damprig::identify::{Estimate, Sensors, friction, response, response_file, re
 use fastrand::Rng;
 use tempfile::TempDir;
 
-use super::{is_full, many_seeds};
-use crate::common::damprig;
+use super::many_seeds;
+use crate::common::{damprig, is_full};
 
 /// Normal noise of unit variance.
 fn normal(rng: &mut Rng) -> f64 {

@@ -12,8 +12,8 @@ use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;
 
-use super::{Claim, few_seeds, is_full};
-use crate::common::damprig;
+use super::{Claim, few_seeds};
+use crate::common::{damprig, is_full};
 
 /// x and z of the virtual rig under noise of 2 mm, every fifth tick.
 fn record(zeta: f64, seconds: f64, seed: u64, sensors: SensorModel, data_sheet: Option<DataSheet>) -> Motion {
