@@ -110,11 +110,9 @@ pub fn derivative(p: &Series) -> Series {
 #[inline]
 #[must_use]
 pub fn curvature_bound(p: &Series, end: f64) -> f64 {
-    let mut sum = 0.0;
-    for n in (2..TERMS).rev() {
-        sum = sum * end + p[n].abs() * (n * (n - 1) / 2) as f64;
-    }
-    sum
+    let terms = (2..TERMS).rev().map(|n| p[n].abs() * (n * (n - 1) / 2) as f64);
+    // The same sum: over a whole arc nothing is scaled.
+    if end == 1.0 { terms.sum() } else { terms.fold(0.0, |sum, term| sum * end + term) }
 }
 
 /// The first time in `[0, end]`, `end` ≤ 1, at which a quantity that must stay positive reaches zero.
@@ -188,9 +186,14 @@ fn stretch(g: &Series, (from, until): (f64, f64), end: f64, has_fallen: &mut boo
     let bound = curvature_bound(g, until);
     let smallest_step = end * f64::EPSILON;
     let mut t = from;
-    let (mut value, mut slope) = value_and_slope(g, from);
+    let (mut value, mut slope) = if from == 0.0 { (g[0], g[1]) } else { value_and_slope(g, from) };
     for _ in 0..MAX_STEPS {
         *has_fallen |= slope < 0.0;
+        let left = until - t;
+        // The parabola below `g` is still positive at the end: its root, the end of the step, is not needed.
+        if value + (slope - bound * left) * left > 0.0 {
+            return Stretch::Clear;
+        }
         let root = libm::sqrt(slope * slope + 4.0 * bound * value.max(0.0));
         let step = if slope < 0.0 {
             2.0 * value / (root - slope)
@@ -199,7 +202,7 @@ fn stretch(g: &Series, (from, until): (f64, f64), end: f64, has_fallen: &mut boo
         } else {
             return Stretch::Clear;
         };
-        if step > until - t {
+        if step > left {
             return Stretch::Clear;
         }
         t += step;
