@@ -24,8 +24,8 @@ pub struct Watched {
     pub source: Source,
     /// Columns of the rows.
     pub signals: Vec<SignalName>,
-    /// The device's signal table: names of the values in [`Update::Values`].
-    pub table: Vec<String>,
+    /// The device's signal table: what the values in [`Update::Values`] are of.
+    pub table: Vec<SignalName>,
     /// Predicted responses.
     pub curves: Vec<Curve>,
     /// Points of the whole campaign; 0 without one.

@@ -60,6 +60,10 @@ const SLOW: [&str; 9] = [
     "wall_high_n",
 ];
 
+/// Signals of a cycle of the drive.
+const OF_A_CYCLE: [&str; 6] =
+    ["x_over_z_lock_in", "x_amplitude", "x_phase", "z_amplitude", "z_phase", "impacts_in_cycle"];
+
 /// Time axis of the controller's numbers: rig time, and host time while rig time stands (the spring is being set, or a run is
 /// paused).
 #[derive(Debug, Default)]
@@ -265,56 +269,36 @@ impl Live {
     fn values(&mut self, rig_s: f64, tick: u32, values: &[f32]) {
         let table = &self.watched.table;
         let value = |name: &str| {
-            let at = table.iter().position(|known| known == name)?;
+            let at = table.iter().position(|known| known.name == name)?;
             values.get(at).copied().filter(|value| value.is_finite())
         };
-        let index = |name: &str| value(name).map(|index| index as usize);
         // Without a drive, and in the first cycle, the controller's amplitudes are 0: nothing is measured.
         let is_driven = value("frequency").is_some_and(|hz| hz > 0.0) && value("z_amplitude") != Some(0.0);
-        let driven = |name: &str| value(name).filter(|_| is_driven);
         let is_at_work = matches!(self.state.activity, Activity::Running | Activity::Held);
-        let mean = |name: &str| self.mean(name).or_else(|| value(name)).filter(|_| !is_driven && !is_at_work);
-        self.state.numbers = Numbers {
+        let index = |name: &str| value(name).map(|index| index as usize);
+        let mut numbers = Numbers {
             tick: Some(tick),
-            frequency_hz: value("frequency"),
-            x_over_z_lock_in: driven("x_over_z_lock_in"),
-            x_amplitude_m: driven("x_amplitude"),
-            x_phase_rad: driven("x_phase"),
-            z_amplitude_m: driven("z_amplitude"),
-            z_phase_rad: driven("z_phase"),
-            impacts_in_cycle: driven("impacts_in_cycle"),
-            x_mean_m: mean("x"),
-            z_mean_m: mean("z"),
-            impacts: value("impacts"),
-            // Exactly 0 without a twin.
-            twin_residual_m: value("twin_residual").filter(|residual| *residual > 0.0),
-            twin_predicted: value("twin_predicted"),
-            twin_detected: value("twin_detected"),
-            twin_missing: value("twin_missing"),
             twin_alarm: value("twin_alarm") == Some(1.0),
-            spring_force_n: value("spring_force"),
-            spring_target_n: value("spring_target"),
-            spring_position_m: value("spring_position"),
             spring_stage: index("spring_stage").and_then(|i| SpringStage::ALL.get(i)).map(|stage| stage.text()),
-            wall_low_n: value("wall_low"),
-            wall_high_n: value("wall_high"),
             safety: index("safety").and_then(|i| SafeStage::ALL.get(i)).map(|stage| stage.text()),
+            ..Numbers::default()
         };
+        for signal in table {
+            let own = value(&signal.name);
+            match signal.name.as_str() {
+                "twin_alarm" | "spring_stage" | "safety" => {}
+                "x" | "z" if is_driven || is_at_work => {}
+                name @ ("x" | "z") => numbers.add(format!("{name}_mean_m"), self.mean(name).or(own)),
+                name if OF_A_CYCLE.contains(&name) => numbers.add(signal.key(), own.filter(|_| is_driven)),
+                // Exactly 0 without a twin.
+                "twin_residual" => numbers.add(signal.key(), own.filter(|residual| *residual > 0.0)),
+                _ => numbers.add(signal.key(), own),
+            }
+        }
+        self.state.numbers = numbers;
         self.heard_at = Some(Instant::now());
         self.forget_lost();
-        let numbers = &self.state.numbers;
-        let row = [
-            numbers.x_over_z_lock_in,
-            numbers.x_amplitude_m,
-            numbers.z_amplitude_m,
-            numbers.impacts_in_cycle,
-            numbers.twin_residual_m,
-            numbers.spring_force_n,
-            numbers.spring_target_n,
-            numbers.wall_low_n,
-            numbers.wall_high_n,
-        ]
-        .map(|value| value.unwrap_or(f32::NAN));
+        let row = SLOW.map(|key| self.state.numbers.get(key).unwrap_or(f32::NAN));
         let t_s = self.slow_clock.time_s(rig_s);
         self.slow.push(t_s, &row);
         self.slow_unsent.push(t_s, &row);
@@ -331,19 +315,19 @@ impl Live {
 
     /// Removes the numbers of sensors without a signal, and raises the alarms.
     fn forget_lost(&mut self) {
-        let numbers = &mut self.state.numbers;
         for sensor in Sensor::ALL.into_iter().filter(|sensor| self.lost.contains(*sensor)) {
-            let own: &mut [&mut Option<f32>] = match sensor {
-                Sensor::X => &mut [&mut numbers.x_amplitude_m, &mut numbers.x_mean_m],
-                Sensor::Z => &mut [&mut numbers.z_amplitude_m, &mut numbers.z_mean_m, &mut numbers.z_phase_rad],
-                Sensor::SpringForce => &mut [&mut numbers.spring_force_n],
-                Sensor::WallLow => &mut [&mut numbers.wall_low_n],
-                Sensor::WallHigh => &mut [&mut numbers.wall_high_n],
+            let own: &[&str] = match sensor {
+                Sensor::X => {
+                    &["x_amplitude_m", "x_mean_m", "x_over_z_lock_in", "x_peak_m", "x_phase_rad", "x_velocity_m_per_s"]
+                }
+                Sensor::Z => {
+                    &["base_amplitude_m", "x_over_z_lock_in", "x_phase_rad", "z_amplitude_m", "z_mean_m", "z_phase_rad"]
+                }
+                Sensor::SpringForce => &["spring_force_n"],
+                Sensor::WallLow => &["wall_low_n"],
+                Sensor::WallHigh => &["wall_high_n"],
             };
-            own.iter_mut().for_each(|value| **value = None);
-            if matches!(sensor, Sensor::X | Sensor::Z) {
-                (numbers.x_over_z_lock_in, numbers.x_phase_rad) = (None, None);
-            }
+            self.state.numbers.forget(own);
         }
         self.state.alarms = alarms(&self.state.numbers, self.lost);
     }
@@ -456,15 +440,15 @@ fn slow_names() -> Vec<String> {
 
 /// Alarms that follow from the controller's numbers and the sensors without a signal.
 fn alarms(numbers: &Numbers, lost: SensorSet) -> Vec<String> {
-    let count = |value: Option<f32>| value.unwrap_or(0.0) as u64;
+    let count = |key: &str| numbers.get(key).unwrap_or(0.0) as u64;
     let lost = Sensor::ALL.into_iter().filter(|sensor| lost.contains(*sensor));
     let mut alarms: Vec<String> = lost.map(|sensor| words::sentence(FaultCause::SensorAtRail(sensor).text())).collect();
     if numbers.twin_alarm {
         alarms.push(format!(
             "Impacts are missing: the twin predicted {}, {} were measured, {} are missing. Check the walls' force sensors.",
-            count(numbers.twin_predicted),
-            count(numbers.twin_detected),
-            count(numbers.twin_missing)
+            count("twin_predicted"),
+            count("twin_detected"),
+            count("twin_missing")
         ));
     }
     alarms

@@ -9,8 +9,10 @@ use std::sync::OnceLock;
 use axum::extract::ws::Utf8Bytes;
 use damprig_core::io::TICK_HZ;
 use damprig_core::measure::impacts::ImpactRecord;
+use damprig_core::rig::signals::SIGNALS;
 use serde::Serialize;
 
+use crate::run_folder::schema::samples::column_name;
 use crate::runner::TimeLeft;
 
 /// A message to a viewer.
@@ -61,6 +63,21 @@ pub struct SignalName {
     pub name: String,
     /// Its unit; empty without one.
     pub unit: String,
+}
+
+impl SignalName {
+    /// Of a signal of this version's devices; without a unit for another name.
+    #[must_use]
+    pub fn of(name: &str) -> Self {
+        let unit = SIGNALS.iter().find(|(known, _)| *known == name).map_or("", |(_, unit)| unit);
+        Self { name: name.into(), unit: unit.into() }
+    }
+
+    /// Its name with its unit: `x_amplitude_m`.
+    #[must_use]
+    pub fn key(&self) -> String {
+        column_name(&self.name, &self.unit)
+    }
 }
 
 /// The frequency response of one experiment on one set-up as predicted.
@@ -201,32 +218,37 @@ pub enum Activity {
 
 /// What the controller computes in real time, as in its last report. What needs a drive, or a sensor that is lost, is unknown without.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[allow(missing_docs)] // Names and units are those of the device's signal table (`damprig_core::rig::signals`).
 pub struct Numbers {
+    /// The device's tick.
     pub tick: Option<u32>,
-    pub frequency_hz: Option<f32>,
-    pub x_over_z_lock_in: Option<f32>,
-    pub x_amplitude_m: Option<f32>,
-    pub x_phase_rad: Option<f32>,
-    pub z_amplitude_m: Option<f32>,
-    pub z_phase_rad: Option<f32>,
-    pub impacts_in_cycle: Option<f32>,
-    pub impacts: Option<f32>,
-    pub twin_residual_m: Option<f32>,
-    pub twin_predicted: Option<f32>,
-    pub twin_detected: Option<f32>,
-    pub twin_missing: Option<f32>,
+    /// The known values by their keys: those of the device's signals ([`SignalName::key`]), and `x_mean_m` and `z_mean_m`, the means over
+    /// the last second while nothing is driven, which a sensor is aligned with.
+    #[serde(flatten)]
+    pub values: BTreeMap<String, f32>,
+    /// Whether impacts are missing.
     pub twin_alarm: bool,
-    pub spring_force_n: Option<f32>,
-    pub spring_target_n: Option<f32>,
-    pub spring_position_m: Option<f32>,
+    /// Stage of the friction damper's spring, in words.
     pub spring_stage: Option<&'static str>,
-    pub wall_low_n: Option<f32>,
-    pub wall_high_n: Option<f32>,
-    /// Means over the last second while nothing is driven: what a sensor is aligned with, m.
-    pub x_mean_m: Option<f32>,
-    pub z_mean_m: Option<f32>,
+    /// Stage of the interlocks, in words.
     pub safety: Option<&'static str>,
+}
+
+impl Numbers {
+    /// A value, if it is known.
+    #[must_use]
+    pub fn get(&self, key: &str) -> Option<f32> {
+        self.values.get(key).copied()
+    }
+
+    /// Adds a value, if it is known.
+    pub fn add(&mut self, key: impl Into<String>, value: Option<f32>) {
+        self.values.extend(value.map(|value| (key.into(), value)));
+    }
+
+    /// Removes values.
+    pub fn forget(&mut self, keys: &[&str]) {
+        self.values.retain(|key, _| !keys.contains(&key.as_str()));
+    }
 }
 
 /// Limits that are in force, and the particle's clearance.

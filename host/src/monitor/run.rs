@@ -48,7 +48,6 @@ pub struct MonitoredRun<'a> {
     from_terminal: Option<RunAction>,
     watched: Watched,
     /// Names and units of the device's signals.
-    table: Vec<SignalName>,
     link: LinkState,
     injected: Vec<(&'static str, &'static str)>,
     present: Option<Present>,
@@ -101,7 +100,7 @@ impl<'a> MonitoredRun<'a> {
                 folder: Some(folder.clone()),
             },
             signals: Vec::new(),
-            table: table.iter().map(|signal| signal.name.clone()).collect(),
+            table,
             curves: curves(campaign, predicted),
             points_planned: planned.points,
             limits: Limits {
@@ -125,7 +124,6 @@ impl<'a> MonitoredRun<'a> {
             asked: None,
             from_terminal: None,
             watched,
-            table,
             link,
             injected: Vec::new(),
             present: None,
@@ -272,7 +270,7 @@ impl Watcher for MonitoredRun<'_> {
 
     fn started(&mut self, start: &WatchedStart) {
         let signals: Vec<SignalName> =
-            start.places.iter().filter_map(|place| self.table.get(*place).cloned()).collect();
+            start.places.iter().filter_map(|place| self.watched.table.get(*place).cloned()).collect();
         if signals != self.watched.signals {
             self.watched.signals = signals;
             self.feed.send(Update::Watch(Box::new(self.watched.clone())));

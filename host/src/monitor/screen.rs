@@ -61,8 +61,8 @@ fn text_alone(frame: &mut Frame, picture: &Picture) {
     lines.extend(trouble(picture));
     lines.push(Line::from(shown_in_line(&state.headline).into_owned()));
     lines.extend(age(picture).map(Line::from));
-    lines.push(Line::from(format!("X/Z (lock-in) {}", decimals(numbers.x_over_z_lock_in, 1.0, 2))));
-    lines.push(Line::from(format!("f (Hz) {}", decimals(numbers.frequency_hz, 1.0, 3))));
+    lines.push(Line::from(format!("X/Z (lock-in) {}", decimals(numbers.get("x_over_z_lock_in"), 1.0, 2))));
+    lines.push(Line::from(format!("f (Hz) {}", decimals(numbers.get("frequency_hz"), 1.0, 3))));
     lines.extend(displacements(numbers).map(|(name, value)| Line::from(format!("{name} {value}"))));
     lines.extend(share_done(picture).map(|(_, label)| Line::from(label)));
     frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: true }), frame.area());
@@ -146,8 +146,8 @@ fn displacements(numbers: &Numbers) -> [(&'static str, String); 2] {
         None => (names[0], decimals(amplitude, 1e3, digits)),
     };
     [
-        one(["X (mm)", "x mean (mm)"], numbers.x_amplitude_m, numbers.x_mean_m, 2),
-        one(["Z (mm)", "z mean (mm)"], numbers.z_amplitude_m, numbers.z_mean_m, 3),
+        one(["X (mm)", "x mean (mm)"], numbers.get("x_amplitude_m"), numbers.get("x_mean_m"), 2),
+        one(["Z (mm)", "z mean (mm)"], numbers.get("z_amplitude_m"), numbers.get("z_mean_m"), 3),
     ]
 }
 
@@ -163,21 +163,21 @@ fn values(frame: &mut Frame, area: Rect, picture: &Picture) {
     let [x, z] = displacements(numbers);
     let cells = [
         [
-            ("f (Hz)", decimals(numbers.frequency_hz, 1.0, 3)),
-            ("X/Z (lock-in)", decimals(numbers.x_over_z_lock_in, 1.0, 2)),
+            ("f (Hz)", decimals(numbers.get("frequency_hz"), 1.0, 3)),
+            ("X/Z (lock-in)", decimals(numbers.get("x_over_z_lock_in"), 1.0, 2)),
             x,
             z,
         ],
         [
-            ("phase (°)", decimals(numbers.x_phase_rad, degrees, 0)),
-            ("impacts/cycle", decimals(numbers.impacts_in_cycle, 1.0, 0)),
-            ("wall −d (N)", decimals(numbers.wall_low_n, 1.0, 0)),
-            ("wall +d (N)", decimals(numbers.wall_high_n, 1.0, 0)),
+            ("phase (°)", decimals(numbers.get("x_phase_rad"), degrees, 0)),
+            ("impacts/cycle", decimals(numbers.get("impacts_in_cycle"), 1.0, 0)),
+            ("wall −d (N)", decimals(numbers.get("wall_low_n"), 1.0, 0)),
+            ("wall +d (N)", decimals(numbers.get("wall_high_n"), 1.0, 0)),
         ],
         [
-            ("spring (N)", decimals(numbers.spring_force_n, 1.0, 2)),
-            ("target (N)", decimals(numbers.spring_target_n, 1.0, 2)),
-            ("twin (µm)", decimals(numbers.twin_residual_m, 1e6, 1)),
+            ("spring (N)", decimals(numbers.get("spring_force_n"), 1.0, 2)),
+            ("target (N)", decimals(numbers.get("spring_target_n"), 1.0, 2)),
+            ("twin (µm)", decimals(numbers.get("twin_residual_m"), 1e6, 1)),
             ("lost rows", link.lost_rows.to_string()),
         ],
     ];
@@ -207,7 +207,7 @@ fn histories(frame: &mut Frame, area: Rect, picture: &Picture) {
     frame.render_widget(Sparkline::default().data(data).max(1000).style(Color::Cyan), inner);
     let numbers = &picture.snapshot.state.numbers;
     let has_spring =
-        numbers.spring_target_n.is_some_and(|force| force > 0.0) || picture.spring_n.iter().any(|n| *n > 0.1);
+        numbers.get("spring_target_n").is_some_and(|force| force > 0.0) || picture.spring_n.iter().any(|n| *n > 0.1);
     let second = if has_spring {
         ("spring force", &picture.spring_n, "N", 1.0)
     } else {

@@ -46,7 +46,7 @@ fn watched_table(name: &str, signals: &[&str], table: &[&str]) -> Update {
             folder: None,
         },
         signals: signals.iter().map(signal).collect(),
-        table: table.iter().map(|name| (*name).into()).collect(),
+        table: table.iter().map(|name| SignalName::of(name)).collect(),
         curves: Vec::new(),
         points_planned: 3,
         limits: Limits::default(),

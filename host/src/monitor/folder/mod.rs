@@ -142,7 +142,7 @@ fn describe(run: &RunFolder, kind: SourceKind) -> (Watched, Option<String>) {
             folder: Some(run.path().display().to_string()),
         },
         // What was recorded comes first, so it is preferred to what is computed again.
-        table: signals.iter().map(|s| s.name.clone()).chain(Recomputed::NAMES.map(String::from)).collect(),
+        table: signals.iter().cloned().chain(Recomputed::signals()).collect(),
         signals,
         curves,
         points_planned: manifest.points_planned,

@@ -19,8 +19,10 @@ pub(super) struct Recomputed {
 }
 
 impl Recomputed {
-    /// Names of its values in the device's table.
-    pub(super) const NAMES: [&str; 5] = ["frequency", "x_amplitude", "x_phase", "z_amplitude", "x_over_z_lock_in"];
+    /// What its values are of, as in the device's table.
+    pub(super) fn signals() -> [SignalName; 5] {
+        ["frequency", "x_amplitude", "x_phase", "z_amplitude", "x_over_z_lock_in"].map(SignalName::of)
+    }
 
     pub(super) fn new(signals: &[SignalName]) -> Self {
         let at = |name: &str| signals.iter().position(|signal| signal.name == name);

@@ -80,15 +80,18 @@ export function signalOf(raw) {
   return isObject(raw) && typeof raw.name === "string" ? raw.name : null;
 }
 
-const NUMBERS = [
-  "frequency_hz", "x_over_z_lock_in", "x_amplitude_m", "x_phase_rad", "z_amplitude_m", "z_phase_rad", "impacts_in_cycle", "impacts",
-  "twin_residual_m", "twin_predicted", "twin_detected", "twin_missing", "spring_force_n", "spring_target_n",
-  "spring_position_m", "wall_low_n", "wall_high_n", "x_mean_m", "z_mean_m",
-];
 const ACTIVITIES = ["running", "held", "paused", "waiting", "stopping", "idle", "faulted", "lost", "over", "replay"];
 const COUNTERS = ["rows", "lost_rows", "dropped_rows", "bad_frames", "interruptions", "viewers", "skipped_frames"];
 
+const MAX_NUMBERS = 200;
+
 const pick = (names, raw) => Object.fromEntries(names.map((name) => [name, number(raw[name])]));
+
+// The controller's numbers by name, whatever they are: null for one that is not known.
+function numbersOf(raw) {
+  const known = new Map(Object.entries(raw).slice(0, MAX_NUMBERS).filter(([, value]) => number(value) !== null));
+  return (name) => known.get(name) ?? null;
+}
 
 // The state with every key present.
 export function stateOf(raw) {
@@ -114,12 +117,9 @@ export function stateOf(raw) {
       speed: number(replay.speed) ?? 1,
       paused: replay.paused === true,
     },
-    numbers: {
-      ...pick(NUMBERS, numbers),
-      twin_alarm: numbers.twin_alarm === true,
-      spring_stage: text(numbers.spring_stage, 80),
-      safety: text(numbers.safety, 80),
-    },
+    number: numbersOf(numbers),
+    twin_alarm: numbers.twin_alarm === true,
+    spring_stage: text(numbers.spring_stage, 80),
     limits: pick(["x_m", "z_m", "wall_force_n", "clearance_m"], limits),
     link: { ...pick(COUNTERS, link), name: text(link.name, 200), state: text(link.state, 80) },
     fault: isObject(raw.fault) ? { what: text(raw.fault.what) || "Fault.", advice: text(raw.fault.advice) } : null,

@@ -40,9 +40,8 @@ export class Response {
 
   // Present frequency and running X/Z (lock-in) while the base moves.
   #running() {
-    const state = this.model.state;
-    const { frequency_hz, x_over_z_lock_in } = state?.numbers ?? {};
-    return frequency_hz > 0 && x_over_z_lock_in > 0 ? [frequency_hz, x_over_z_lock_in] : null;
+    const [hz, ratio] = ["frequency_hz", "x_over_z_lock_in"].map((name) => this.model.state?.number(name) ?? null);
+    return hz > 0 && ratio > 0 ? [hz, ratio] : null;
   }
 
   #predictions(pen) {

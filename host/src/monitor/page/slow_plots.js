@@ -43,9 +43,9 @@ export class Impacts {
   }
 
   static hasData({ source, state, impacts }) {
-    const { numbers, limits } = state;
-    return impacts.length > 0 || numbers.impacts > 0 || limits.clearance_m !== null || numbers.wall_low_n !== null
-      || numbers.wall_high_n !== null || source.signals.has("wall_low") || source.signals.has("wall_high");
+    const { number, limits } = state;
+    return impacts.length > 0 || number("impacts") > 0 || limits.clearance_m !== null || number("wall_low_n") !== null
+      || number("wall_high_n") !== null || source.signals.has("wall_low") || source.signals.has("wall_high");
   }
 
   draw() {
@@ -67,7 +67,7 @@ export class Impacts {
     this.range = [-top, top];
     this.plot.draw([t, ...series]);
     put($("impacts-note"), this.#last());
-    const total = `${count(model.state.numbers.impacts)} impacts since the start`;
+    const total = `${count(model.state.number("impacts"))} impacts since the start`;
     put($("impacts-count"), limit === null ? `${total}.` : `${total}; limit of the wall force ${fixed(limit, 0)} N.`);
   }
 
@@ -117,7 +117,7 @@ export class Twin {
   }
 
   static hasData({ state, slow }) {
-    return state.numbers.twin_residual_m !== null || slow.newest("twin_residual_m") !== null;
+    return state.number("twin_residual_m") !== null || slow.newest("twin_residual_m") !== null;
   }
 
   draw() {
@@ -127,12 +127,13 @@ export class Twin {
     series[0] = scaled(series[0], 1e3);
     this.range = this.top(Math.max(0, spread(series)[1]));
     this.plot.draw([t, ...series]);
-    const { numbers } = model.state;
-    put($("twin-note"), `now ${millimetres(numbers.twin_residual_m, 3)} mm`);
-    const counts = `Impacts: ${count(numbers.twin_predicted)} predicted, ${count(numbers.twin_detected)} measured, `
-      + `${count(numbers.twin_missing)} missing`;
-    put($("twin-alarm"), numbers.twin_alarm ? `Alarm: impacts are missing. ${counts}.` : `${counts}.`);
-    $("twin-alarm").dataset.tone = numbers.twin_alarm ? "bad" : "quiet";
+    const { state } = model;
+    const { number } = state;
+    put($("twin-note"), `now ${millimetres(number("twin_residual_m"), 3)} mm`);
+    const counts = `Impacts: ${count(number("twin_predicted"))} predicted, ${count(number("twin_detected"))} measured, `
+      + `${count(number("twin_missing"))} missing`;
+    put($("twin-alarm"), state.twin_alarm ? `Alarm: impacts are missing. ${counts}.` : `${counts}.`);
+    $("twin-alarm").dataset.tone = state.twin_alarm ? "bad" : "quiet";
   }
 }
 
@@ -151,8 +152,7 @@ export class Spring {
   }
 
   static hasData({ state, slow }) {
-    const { numbers } = state;
-    return numbers.spring_force_n !== null || numbers.spring_stage !== "" || slow.newest("spring_force_n") !== null;
+    return state.number("spring_force_n") !== null || state.spring_stage !== "" || slow.newest("spring_force_n") !== null;
   }
 
   draw() {
@@ -163,10 +163,11 @@ export class Spring {
     const [, top] = this.top(Math.max(0, high));
     this.range = [low < -0.02 * top ? -0.2 * top : 0, top];
     this.plot.draw([t, ...series]);
-    const { numbers } = model.state;
-    const target = numbers.spring_target_n > 0 ? ` of ${fixed(numbers.spring_target_n, 2)} N` : "";
-    const stage = numbers.spring_stage === "" ? "" : ` · ${numbers.spring_stage}`;
-    const position = numbers.spring_position_m === null ? "" : ` · ${millimetres(numbers.spring_position_m, 2)} mm`;
-    put($("spring-note"), `${fixed(numbers.spring_force_n, 2)} N${target}${stage}${position}`);
+    const { state } = model;
+    const { number } = state;
+    const target = number("spring_target_n") > 0 ? ` of ${fixed(number("spring_target_n"), 2)} N` : "";
+    const stage = state.spring_stage === "" ? "" : ` · ${state.spring_stage}`;
+    const position = number("spring_position_m") === null ? "" : ` · ${millimetres(number("spring_position_m"), 2)} mm`;
+    put($("spring-note"), `${fixed(number("spring_force_n"), 2)} N${target}${stage}${position}`);
   }
 }

@@ -125,19 +125,20 @@ function progress(state) {
 }
 
 export function numbers({ state }) {
-  const n = state.numbers;
-  put($("n-frequency"), n.frequency_hz > 0 ? fixed(n.frequency_hz, 3) : "–");
-  put($("n-ratio"), fixed(n.x_over_z_lock_in, n.x_over_z_lock_in >= 100 ? 1 : 2));
+  const n = state.number;
+  const [hz, ratio] = [n("frequency_hz"), n("x_over_z_lock_in")];
+  put($("n-frequency"), hz > 0 ? fixed(hz, 3) : "–");
+  put($("n-ratio"), fixed(ratio, ratio >= 100 ? 1 : 2));
   // Without a drive a sensor is aligned with the means; they have more decimals.
-  const isStill = n.x_mean_m !== null || n.z_mean_m !== null || ["idle", "paused"].includes(state.activity);
-  for (const [name, amplitude, mean, decimals] of [["x", n.x_amplitude_m, n.x_mean_m, 2], ["z", n.z_amplitude_m, n.z_mean_m, 3]]) {
+  const isStill = n("x_mean_m") !== null || n("z_mean_m") !== null || ["idle", "paused"].includes(state.activity);
+  for (const [name, amplitude, mean, decimals] of [["x", n("x_amplitude_m"), n("x_mean_m"), 2], ["z", n("z_amplitude_m"), n("z_mean_m"), 3]]) {
     put($(`l-${name}`), isStill ? `${name}, mean of 1 s (mm)` : `${name.toUpperCase()} (mm)`);
     put($(`n-${name}`), isStill ? millimetres(mean, 3) : millimetres(amplitude, decimals));
     $(`n-${name}`).classList.toggle("mean", isStill);
   }
-  put($("n-phase"), fixed(degrees(n.x_phase_rad), 1));
-  put($("n-impacts"), fixed(n.impacts_in_cycle, 0));
-  put($("n-residual"), millimetres(n.twin_residual_m, 3));
+  put($("n-phase"), fixed(degrees(n("x_phase_rad")), 1));
+  put($("n-impacts"), fixed(n("impacts_in_cycle"), 0));
+  put($("n-residual"), millimetres(n("twin_residual_m"), 3));
 }
 
 let linkRows = null;

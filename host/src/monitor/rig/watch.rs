@@ -74,7 +74,7 @@ impl<'a> RigWatch<'a> {
                 folder: None,
             },
             signals: names(session, &places),
-            table: session.signals.iter().map(|signal| signal.name.to_string()).collect(),
+            table: names(session, &(0..session.signals.len()).collect::<Vec<_>>()),
             curves: Vec::new(),
             points_planned: 0,
             limits: Limits {
