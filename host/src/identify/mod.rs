@@ -1,8 +1,9 @@
 //! Identifies parameters of the rig from run folders and tables: each with its uncertainty and what it was taken from.
 //!
-//! Each method has a file with its equations, the estimators in the crate `damprig-identification`; this module reads what they need from
-//! files and runs. [`table`] reads CSV files, [`set_up_file`] writes the results as a set-up file
-//! that campaigns and cases read. docs/IDENTIFY.md describes the methods and their measured errors.
+//! Each method has a file with its equations. Estimators of motions, responses and flights are the crate `damprig-identification`;
+//! this module reads what they take from files and runs, and has those of one kind of file: films and drop tests, force records, slides,
+//! walls, sound. [`table`] reads CSV files, [`set_up_file`] writes the results as a set-up file that campaigns and cases read.
+//! docs/IDENTIFY.md describes the methods and their measured errors.
 
 pub mod contact;
 pub mod decay_file;

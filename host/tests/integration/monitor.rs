@@ -312,10 +312,11 @@ fn a_person_who_may_act_is_not_sent_away_for_actions_that_cannot_be_done() {
 fn a_sensor_without_a_signal_has_no_number_and_an_alarm() {
     let monitor = monitor(None, Handles::default());
     let (feed, mut viewer) = (monitor.feed(), Viewer::join(&monitor));
-    let table = ["frequency", "x", "z", "x_amplitude"];
+    // The last one is of a device that is newer than the monitor.
+    let table = ["frequency", "x", "z", "x_amplitude", "x_peak", "torque"];
     feed.send(watched_table("rig", &["x", "z"], &table));
     feed.send(Update::Activity(Activity::Idle, "The rig is idle.".into()));
-    let values = |x: f32| Update::Values { rig_s: 1.5, tick: 1500, values: vec![0.0, x, 0.5, 0.0] };
+    let values = |x: f32| Update::Values { rig_s: 1.5, tick: 1500, values: vec![0.0, x, 0.5, 0.0, 2.0, 3.0] };
     // Rows give the mean over the last second: rows 501 to 1500.
     feed.send(rows(1, 1500));
     feed.send(values(7.0));
@@ -329,11 +330,13 @@ fn a_sensor_without_a_signal_has_no_number_and_an_alarm() {
     let mean = state["numbers"]["x_mean_m"].as_f64().unwrap();
     assert!((mean - 1000.0).abs() <= 1.0, "{mean}");
     assert_eq!((&state["numbers"]["x_amplitude_m"], &state["alarms"]), (&Value::Null, &json!([])));
+    assert_eq!((&state["numbers"]["x_peak_m"], &state["numbers"]["torque"]), (&json!(2.0), &json!(3.0)));
     let mut lost = SensorSet::default();
     lost.insert(Sensor::X);
     feed.send(Update::LostSensors(lost));
     let state = numbers(&mut viewer, "unplugged");
-    assert_eq!(state["numbers"]["x_mean_m"], Value::Null);
+    assert_eq!((&state["numbers"]["x_mean_m"], &state["numbers"]["x_peak_m"]), (&Value::Null, &Value::Null));
+    assert_eq!(state["numbers"]["torque"], 3.0);
     assert_eq!(state["numbers"]["z_mean_m"], 0.0);
     assert!(state["alarms"][0].as_str().unwrap().starts_with("The x sensor reads an end of its span"), "{state}");
     // It stays unknown while values arrive.

@@ -125,7 +125,7 @@ pub const REPORT: &str = "report the damping ratio of a free vibration (`damprig
 pub fn identify(points: &[Point], driven_by: DrivenBy, sensors: &Sensors) -> Result<Vec<Estimate>, Refused> {
     let refuse = |text: String| Err(Refused(text));
     if points.len() < MIN {
-        return refuse(format!("{} points are too few: at least {MIN} about the resonance are needed", points.len()));
+        return refuse(format!("too few points ({}): at least {MIN} about the resonance are needed", points.len()));
     }
     let Some(peak) = points.iter().max_by(|a, b| a.ratio.total_cmp(&b.ratio)) else {
         return refuse("there are no points".into());

@@ -1,17 +1,17 @@
 //! What a frequency response is of, by its unit.
 
-use damprig_identification::modal::quantity::{Motion, Quantity};
+use damprig_identification::modal::quantity::{MotionKind, Quantity};
 
 use crate::signal_file::unit::{Kind, Ratio};
 
 /// Units that a frequency response may have, for messages.
 const UNITS: &str = "m/N, m/s/N, m/s2/N, g/N, N/m, N/(m/s), N/(m/s2), or m/m, g/g for a transmissibility x/z, also with mm, um, kN and others";
 
-fn motion_of(kind: Kind) -> Option<Motion> {
+fn motion_of(kind: Kind) -> Option<MotionKind> {
     match kind {
-        Kind::Displacement => Some(Motion::Displacement),
-        Kind::Velocity => Some(Motion::Velocity),
-        Kind::Acceleration => Some(Motion::Acceleration),
+        Kind::Displacement => Some(MotionKind::Displacement),
+        Kind::Velocity => Some(MotionKind::Velocity),
+        Kind::Acceleration => Some(MotionKind::Acceleration),
         _ => None,
     }
 }

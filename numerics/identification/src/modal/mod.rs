@@ -1,8 +1,7 @@
 //! Natural frequency, damping ratio and modal constant of one mode from a frequency response H of a laboratory's file.
 //!
-//! [`identify`] takes a band about a peak and
-//! fits one mode with residual terms (`fit`), compares it with a line through the lines of the peak (`line_fit`), and tests what the mode
-//! does not explain (`misfit`).
+//! [`identify`] takes a band about a peak and fits one mode with residual terms (`fit`), compares it with a line through the lines of
+//! the peak (`line_fit`), and tests what the mode does not explain (`misfit`).
 
 mod band;
 mod fit;

@@ -4,7 +4,7 @@ use damprig_fourier::Complex;
 
 /// How a frequency response states the motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Motion {
+pub enum MotionKind {
     /// m.
     Displacement,
     /// m/s.
@@ -17,7 +17,7 @@ pub enum Motion {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantity {
     /// Displacement, velocity or acceleration.
-    motion: Motion,
+    motion: MotionKind,
     /// Whether the motion is per force; else per a motion of the same kind.
     is_per_force: bool,
     /// Whether the file has the inverse: force per motion.
@@ -29,13 +29,13 @@ pub struct Quantity {
 impl Quantity {
     /// Of a motion per force, or of force per motion (`is_inverse`).
     #[must_use]
-    pub const fn of_force(motion: Motion, is_inverse: bool, si: f64) -> Self {
+    pub const fn of_force(motion: MotionKind, is_inverse: bool, si: f64) -> Self {
         Self { motion, is_per_force: true, is_inverse, si }
     }
 
     /// Of a motion per motion of the same kind.
     #[must_use]
-    pub const fn of_base(motion: Motion, si: f64) -> Self {
+    pub const fn of_base(motion: MotionKind, si: f64) -> Self {
         Self { motion, is_per_force: false, is_inverse: false, si }
     }
 
@@ -51,11 +51,11 @@ impl Quantity {
     pub fn name(&self) -> &'static str {
         match (self.is_per_force, self.is_inverse, self.motion) {
             (false, ..) => "transmissibility",
-            (_, false, Motion::Displacement) => "receptance",
-            (_, false, Motion::Velocity) => "mobility",
+            (_, false, MotionKind::Displacement) => "receptance",
+            (_, false, MotionKind::Velocity) => "mobility",
             (_, false, _) => "accelerance",
-            (_, true, Motion::Displacement) => "dynamic stiffness",
-            (_, true, Motion::Velocity) => "impedance",
+            (_, true, MotionKind::Displacement) => "dynamic stiffness",
+            (_, true, MotionKind::Velocity) => "impedance",
             (_, true, _) => "apparent mass",
         }
     }
@@ -65,8 +65,8 @@ impl Quantity {
     pub fn si_unit(&self) -> &'static str {
         match (self.is_per_force, self.motion) {
             (false, _) => "",
-            (_, Motion::Displacement) => "m/N",
-            (_, Motion::Velocity) => "(m/s)/N",
+            (_, MotionKind::Displacement) => "m/N",
+            (_, MotionKind::Velocity) => "(m/s)/N",
             _ => "(m/s²)/N",
         }
     }
@@ -83,8 +83,8 @@ impl Quantity {
         let real = |value: f64| Complex::new(value, 0.0);
         match (self.is_per_force, self.motion) {
             (false, _) => (real(1.0), real(omega * omega)),
-            (_, Motion::Displacement) => (real(0.0), real(1.0)),
-            (_, Motion::Velocity) => (real(0.0), Complex::new(0.0, omega)),
+            (_, MotionKind::Displacement) => (real(0.0), real(1.0)),
+            (_, MotionKind::Velocity) => (real(0.0), Complex::new(0.0, omega)),
             _ => (real(0.0), real(-omega * omega)),
         }
     }
