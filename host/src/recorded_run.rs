@@ -10,7 +10,9 @@ use crate::failure::Failure;
 use crate::host_time;
 use crate::prediction::Predicted;
 use crate::report::figures::campaign::{self as figures, PlottedPoint};
+use crate::report::figures::force_surface;
 use crate::report::figures::peak_motion::draw as draw_motions;
+use crate::report::force_surface::ForceSurface;
 use crate::report::page::page;
 use crate::report::plot::{Breadth, Picture};
 use crate::run_folder::checksum;
@@ -49,7 +51,8 @@ pub fn begin_entry(
 
 /// Largest predicted |x| of each set-up in use, m.
 fn largest_predicted(predicted: &Predicted) -> BTreeMap<usize, f64> {
-    let swings = predicted.swings.iter().map(|p| (p.set_up, p.swing.max_x_m));
+    let largest = predicted.largest();
+    let swings = largest.iter().map(|p| (p.set_up, p.swing.max_x_m));
     let mut all = BTreeMap::new();
     for (set_up, x_m) in swings.chain(predicted.expected.iter().map(|e| (e.set_up, e.outlook.max_abs_x_m))) {
         let most: &mut f64 = all.entry(set_up).or_default();
@@ -173,13 +176,18 @@ impl<'a> RecordedRun<'a> {
         let path = self.folder.path();
         let source = source_of(&RunFolder::with_manifest(path, manifest.clone()).id(), &manifest);
         let write = |picture: Picture, stem: &str| picture.of_source(&source).write(path, stem);
-        let has_sines = self.campaign.experiments.iter().any(|e| e.stepped_sine().is_some());
+        let has_sines = self.campaign.experiments.iter().any(|e| e.base_driven().is_some());
         let drawn = if has_sines {
             let points: Vec<PlottedPoint> = rows.iter().map(PlottedPoint::from).collect();
             write(figures::response(self.campaign, &points, None, Breadth::Broad), "figure")
         } else {
             Ok(())
         };
+        let surfaces = ForceSurface::of(self.campaign, &rows);
+        let drawn = drawn.and_then(|()| match surfaces.is_empty() {
+            false => write(force_surface::draw(self.campaign, &surfaces), "force-surface"),
+            true => Ok(()),
+        });
         let drawn = drawn.and_then(|()| match figures::transients(self.campaign, path, taken.transients())? {
             Some(picture) => write(picture, "transients"),
             None => Ok(()),

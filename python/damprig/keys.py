@@ -749,6 +749,55 @@ class CampaignExperimentSteppedSine(TypedDict, total=False):
     """parameters of the closed loop"""
 
 
+class CampaignExperimentResponseLoop(TypedDict, total=False):
+    """Parameters of the loop that keeps the structure's amplitude."""
+
+    gain_per_cycle: float
+    """rate at which a deviation is damped, for each cycle of the drive"""
+    tolerance: float
+    """relative error of the amplitude within which the response counts as held"""
+    wait_s: float
+    """longest time after settling until the response is held (s)"""
+    drive_limit_m: float
+    """limit of the drive; the range of the rig's output when left out (m)"""
+
+
+class CampaignExperimentResponseControlled(TypedDict, total=False):
+    """One frequency after another at a constant amplitude of the structure: the drive is whatever keeps it, and Z is the result."""
+
+    kind: Literal["response_controlled"]
+    name: str
+    """its name in tables; `experiment 1` for the first when left out"""
+    set_ups: Sequence[str]
+    """names of the set-ups that it is run on; all when left out"""
+    repeats: int
+    """times that it is run on each set-up; each is an experiment with a number after its name"""
+    instruction: str
+    """what a person does before it; asked on a real rig, and noted in the journal"""
+    x_amplitudes_m: Sequence[float]
+    """amplitudes of x at the drive frequency, each an experiment of its own (m)"""
+    velocity_amplitudes_m_per_s: Sequence[float]
+    """amplitudes of the velocity of x, each an experiment of its own (m/s), in place of x_amplitudes_m"""
+    relative_amplitudes_m: Sequence[float]
+    """amplitudes of x − z, each an experiment of its own (m), in place of x_amplitudes_m"""
+    frequencies_hz: Union[Sequence[float], CampaignExperimentFrequenciesHz]
+    """a list, or { from_hz, to_hz, step_hz, resonance_points, peak_points } (Hz)"""
+    start: Literal["from_rest", "carry_over"]
+    """whether a point starts from rest or carries over the motion of the one before"""
+    settle_s: float
+    """time from the start of a point to its dwell (s)"""
+    dwell_s: float
+    """the time that is measured at each frequency (s)"""
+    ramp_s: float
+    """rise and fall of the drive, at most `settle_s` (s)"""
+    rest_level_m: float
+    """|x| below which the structure counts as at rest before the start (m)"""
+    steady: CampaignExperimentSteady
+    """when a point counts as steady, and how long it is measured again"""
+    response_loop: CampaignExperimentResponseLoop
+    """parameters of the loop that keeps the amplitude"""
+
+
 class CampaignExperimentPlayback(TypedDict, total=False):
     """The base follows a recorded motion, or noise from a seed."""
 
@@ -849,7 +898,7 @@ class CampaignExperimentFreeVibration(TypedDict, total=False):
     """cycles over which the decay is measured"""
 
 
-CampaignExperiment = Union[CampaignExperimentSteppedSine, CampaignExperimentPlayback, CampaignExperimentImpulse, CampaignExperimentFreeVibration]
+CampaignExperiment = Union[CampaignExperimentSteppedSine, CampaignExperimentResponseControlled, CampaignExperimentPlayback, CampaignExperimentImpulse, CampaignExperimentFreeVibration]
 
 
 class Campaign(TypedDict, total=False):

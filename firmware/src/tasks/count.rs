@@ -9,6 +9,7 @@ use core::hint::black_box;
 
 use cortex_m_semihosting::hprintln;
 use damprig_core::control::base_loop::ClosedLoop;
+use damprig_core::control::response_loop::{Response, ResponseLoop};
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target};
 use damprig_core::control::safety::ExperimentLimits;
 use damprig_core::control::stepped_sine::{DriveMode, MAX_POINTS, Start, SteppedSine};
@@ -371,12 +372,14 @@ fn asked(turn: u32, is_running: bool) -> Request {
     }
 }
 
-/// A closed-loop experiment that measures from the first cycle within tolerance.
+/// An experiment with both loops, of the response and of the base below it, that measures when the wait is over.
 fn experiment() -> SteppedSine {
+    let base = ClosedLoop { tolerance: 0.5, wait_s: 0.0, ..ClosedLoop::default() };
+    let response = ResponseLoop::new(Response::Displacement { amplitude_m: 0.02 }, Some(base));
     SteppedSine {
         start: Start::CarryOver,
         amplitude_m: 2e-3,
-        drive: DriveMode::ClosedLoop(ClosedLoop { tolerance: 0.5, wait_s: 0.0, ..ClosedLoop::default() }),
+        drive: DriveMode::Response(ResponseLoop { tolerance: 0.5, wait_s: 0.0, ..response }),
         ramp_s: 0.0,
         settle_s: 2.0,
         dwell_s: 4.0,

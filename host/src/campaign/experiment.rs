@@ -8,7 +8,7 @@ use damprig_core::model::Structure;
 
 use super::keys::{campaign, experiment};
 use super::playback;
-use super::stepped_sine::{self, Start, SteppedSine};
+use super::stepped_sine::{self, Start, SteppedSine, kept_in_words};
 use super::transient::{self, FreeVibration, Playback};
 use super::{AroundPeak, CampaignSetUp, Plan, RigSettings};
 use crate::input::{Problem, Section, Text, listed, near};
@@ -20,7 +20,7 @@ pub struct Experiment {
     pub name: String,
     /// Number of its `[[experiment]]` in the campaign, from 1, the same for all of its repeats.
     pub number: usize,
-    /// Its name as written, the same for all of its repeats.
+    /// Its name as written, with its amplitude where it has several; the same for all of its repeats.
     pub series: String,
     /// Which of its repeats it is, from 0.
     pub repeat: u32,
@@ -51,6 +51,18 @@ impl Experiment {
     #[must_use]
     pub fn stepped_sine(&self) -> Option<&SteppedSine> {
         if let Kind::SteppedSine(sine) = &self.kind { Some(sine) } else { None }
+    }
+
+    /// The stepped sine that drives the base, if it is one.
+    #[must_use]
+    pub fn base_driven(&self) -> Option<&SteppedSine> {
+        self.stepped_sine().filter(|sine| sine.response_loop().is_none())
+    }
+
+    /// The stepped sine that keeps the response, if it is one.
+    #[must_use]
+    pub fn response_controlled(&self) -> Option<&SteppedSine> {
+        self.stepped_sine().filter(|sine| sine.response_loop().is_some())
     }
 
     /// The playback, if it is one.
@@ -177,9 +189,9 @@ pub(super) fn read_all(
     }
     let mut names = Vec::new();
     // All are read, so that one answer has the problems of all.
-    let read: Vec<Option<(Experiment, usize)>> =
+    let read: Vec<Option<Vec<(Experiment, usize)>>> =
         sections.into_iter().enumerate().map(|(i, s)| read(s, i, &mut names, set_ups, rig)).collect();
-    let read: Vec<(Experiment, usize)> = read.into_iter().collect::<Option<_>>()?;
+    let read: Vec<(Experiment, usize)> = read.into_iter().collect::<Option<Vec<_>>>()?.concat();
     let plan = plan?;
     let mut all = Vec::new();
     for (experiment, repeats) in read {
@@ -223,7 +235,7 @@ fn read(
     names: &mut Vec<String>,
     set_ups: Option<&[CampaignSetUp]>,
     rig: Option<&RigSettings>,
-) -> Option<(Experiment, usize)> {
+) -> Option<Vec<(Experiment, usize)>> {
     let own = section.text_of(&experiment::NAME);
     let number = index + 1;
     let name = own.as_ref().map_or_else(|| default_name(number), |t| t.value.clone());
@@ -242,14 +254,17 @@ fn read(
         // Its kind, and so its keys, are unknown.
         return None;
     }
-    let read = match kind {
-        Some(1) => playback::read(&section, number).map(Kind::Playback),
-        Some(2) => transient::impulse(&section).map(Kind::Playback),
-        Some(3) => transient::free_vibration(&section, rig).map(Kind::FreeVibration),
+    let structures = structures(chosen.as_deref(), set_ups);
+    let read: Option<Vec<Kind>> = match kind {
+        Some(1) => playback::read(&section, number).map(|own| vec![Kind::Playback(own)]),
+        Some(2) => transient::impulse(&section).map(|own| vec![Kind::Playback(own)]),
+        Some(3) => transient::free_vibration(&section, rig).map(|own| vec![Kind::FreeVibration(own)]),
+        Some(4) => stepped_sine::read_response_controlled(&section, rig, &structures)
+            .map(|all| all.into_iter().map(Kind::SteppedSine).collect()),
         // Without a kind, the keys of the most frequent one are checked.
-        _ => stepped_sine::read(&section, rig, &structures(chosen.as_deref(), set_ups)).map(Kind::SteppedSine),
+        _ => stepped_sine::read(&section, rig, &structures).map(|own| vec![Kind::SteppedSine(own)]),
     };
-    if let (Some(1 | 2), Some(chosen), Some(set_ups)) = (kind, &chosen, set_ups)
+    if let (Some(1 | 2 | 4), Some(chosen), Some(set_ups)) = (kind, &chosen, set_ups)
         && let Some(forced) = chosen.iter().map(|&place| &set_ups[place]).find(|s| s.model().is_force_driven)
     {
         let allowed = format!("moves the base, and set-up {:?} is driven by a force over a fixed base", forced.name);
@@ -257,9 +272,18 @@ fn read(
     }
     section.finish();
     kind?;
-    let experiment =
-        Experiment { number, series: name.clone(), name, repeat: 0, set_ups: chosen?, instruction, kind: read? };
-    Some((experiment, repeats?))
+    let (read, repeats, set_ups) = (read?, repeats?, chosen?);
+    let is_one = read.len() == 1;
+    let of = |kind: Kind| {
+        let sheet = match &kind {
+            Kind::SteppedSine(sine) if !is_one => sine.response_loop(),
+            _ => None,
+        };
+        let series = sheet.map_or_else(|| name.clone(), |own| format!("{name}, {}", kept_in_words(&own.response)));
+        let (set_ups, instruction) = (set_ups.clone(), instruction.clone());
+        (Experiment { number, name: series.clone(), series, repeat: 0, set_ups, instruction, kind }, repeats)
+    };
+    Some(read.into_iter().map(of).collect())
 }
 
 /// The structures of the set-ups at these positions.

@@ -1,6 +1,7 @@
 //! Declares the keys of a campaign other than those of structure and dampers: name, type, range, default and meaning of each.
 
 use damprig_core::control::base_loop::{ClosedLoop, MAX_GAIN_PER_S};
+use damprig_core::control::response_loop::{MAX_GAIN_PER_CYCLE, Response, ResponseLoop};
 use damprig_core::control::stepped_sine::MIN_TICKS_PER_CYCLE;
 use damprig_core::io::TICK_HZ;
 use damprig_core::measure::steadiness::SteadyLimits;
@@ -55,7 +56,7 @@ const INSTRUCTION_KEY: Key =
 const MAX_REPEATS: f64 = 100.0;
 
 /// The word of `kind` of every kind of experiment.
-const KINDS: &[&str] = &["stepped_sine", "playback", "impulse", "free_vibration"];
+const KINDS: &[&str] = &["stepped_sine", "playback", "impulse", "free_vibration", "response_controlled"];
 
 /// The keys of the record that a playback plays.
 const PLAYED_RECORD: Table = Table { path: "experiment", kind: Some("playback"), ..BASE_RECORD };
@@ -262,6 +263,37 @@ tables! {
         ];
     }
 
+    "One frequency after another at a constant amplitude of the structure: the drive is whatever keeps it, and Z is the result."
+    response_controlled("experiment", "response_controlled") {
+        AMPLITUDES: Required, [
+            numbers("x_amplitudes_m", "amplitudes of x at the drive frequency, each an experiment of its own").usual(1e-5, 0.1),
+            numbers("velocity_amplitudes_m_per_s", "amplitudes of the velocity of x, each an experiment of its own").usual(1e-4, 5.0),
+            numbers("relative_amplitudes_m", "amplitudes of x − z, each an experiment of its own").usual(1e-5, 0.1),
+        ];
+        FREQUENCIES: Required, [stepped_sine::FREQUENCIES.keys[0]];
+        START: Required, [stepped_sine::START.keys[0]];
+        SETTLE: stepped_sine::SETTLE.need, [stepped_sine::SETTLE.keys[0]];
+        DWELL: Required, [stepped_sine::DWELL.keys[0]];
+        RAMP: stepped_sine::RAMP.need, [stepped_sine::RAMP.keys[0]];
+        REST_LEVEL: stepped_sine::REST_LEVEL.need, [REST_LEVEL_KEY];
+        STEADY: Optional, [stepped_sine::STEADY.keys[0]];
+        RESPONSE_LOOP: Optional, [key("response_loop", Kind::Table, "parameters of the loop that keeps the amplitude")];
+    }
+
+    "Parameters of the loop that keeps the structure's amplitude."
+    response_loop("experiment.response_loop") {
+        GAIN: Default(From(|| default_loop().gain_per_cycle.into())), [
+            number("gain_per_cycle", Above(0.0, MAX_GAIN_PER_CYCLE as f64), "rate at which a deviation is damped, for each cycle of the drive"),
+        ];
+        TOLERANCE: Default(From(|| default_loop().tolerance.into())), [
+            number("tolerance", Between(0.001, 0.5), "relative error of the amplitude within which the response counts as held"),
+        ];
+        WAIT: Default(From(|| default_loop().wait_s.into())), [
+            number("wait_s", Between(0.0, 3600.0), "longest time after settling until the response is held"),
+        ];
+        DRIVE_LIMIT: closed_loop::DRIVE_LIMIT.need, [closed_loop::DRIVE_LIMIT.keys[0]];
+    }
+
     "Evenly spaced frequencies."
     grid("experiment.frequencies_hz") {
         FROM: Required, [number("from_hz", Above(0.0, HIGHEST_HZ), "the first frequency").usual(0.1, 25.0).note(TICK)];
@@ -357,6 +389,16 @@ tables! {
         TIMEOUT: Default(Number(300.0)), [number("timeout_s", Between(1.0, 86_400.0), "how long the release may take")];
         CYCLES: Default(Number(10.0)), [number("cycles", Whole(1.0, 1000.0), "cycles over which the decay is measured")];
     }
+}
+
+/// A list of positive numbers.
+const fn numbers(name: &'static str, doc: &'static str) -> Key {
+    key(name, Kind::Numbers(Positive), doc)
+}
+
+/// The loop of the response as delivered.
+fn default_loop() -> ResponseLoop {
+    ResponseLoop::new(Response::Displacement { amplitude_m: 1.0 }, None)
 }
 
 /// Resistance and limit of the default amplifier.

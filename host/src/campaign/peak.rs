@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::SteppedSine;
-use super::stepped_sine::to_nanohertz;
+use super::stepped_sine::to_nine_places;
 
 /// Relative difference of two steps that counts as rounding.
 const ROUNDING: f64 = 1e-6;
@@ -121,7 +121,7 @@ fn between(peak: &GridPeak, count: usize, is_higher_above: bool) -> Vec<f64> {
         counts[usize::from(if is_even { is_higher_above } else { above > below })] += 1;
     }
     let spread = |from: f64, width: f64, count: usize| {
-        (1..=count).map(move |n| to_nanohertz(from + width * n as f64 / (count + 1) as f64))
+        (1..=count).map(move |n| to_nine_places(from + width * n as f64 / (count + 1) as f64))
     };
     spread(low, widths[0], counts[0]).chain(spread(peak.frequency_hz, widths[1], counts[1])).collect()
 }

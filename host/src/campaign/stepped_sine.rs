@@ -2,15 +2,21 @@
 
 use std::f64::consts::TAU;
 
+use std::ops::Range;
+
 use damprig_core::control::base_loop::ClosedLoop;
+use damprig_core::control::response_loop::{Response, ResponseLoop};
+use damprig_core::control::stepped_sine as core_sine;
 use damprig_core::control::stepped_sine::{DriveMode, MAX_POINTS, MIN_CYCLES};
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::Structure;
+use damprig_simulator::plant::Amplifier;
 
 use super::RigSettings;
-use super::keys::{closed_loop, grid, steady, stepped_sine as keys};
+use super::keys::{closed_loop, grid, response_controlled, response_loop, steady, stepped_sine as keys};
 use crate::input::section::Given;
 use crate::input::{Number, Problem, Section};
+use crate::settings::number_of;
 
 /// How a point starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,10 +36,12 @@ pub struct SteppedSine {
     pub peak_order: Vec<usize>,
     /// How each point starts.
     pub start: Start,
-    /// Open or closed loop. The drive limit of a closed loop applies only if `drive_limit` is given.
+    /// What is kept at its amplitude. The drive limit of a loop applies only if `drive_limit` is given.
     pub drive: DriveMode,
-    /// The stated drive limit of a closed loop, m, and its place; without one it is the range of the rig's drive.
+    /// The stated drive limit of a loop, m, and its place; without one it is the range of the rig's drive.
     pub drive_limit: Option<Number>,
+    /// The amplitude of a response that is kept, as written, and its place; `None` where the base is driven.
+    pub kept: Option<Number>,
     /// Time over which the drive rises from zero and fades again, s.
     pub ramp_s: f64,
     /// Settling time: from the start of a point to its dwell, s.
@@ -52,10 +60,80 @@ impl SteppedSine {
     pub fn longest_dwell_s(&self) -> f64 {
         self.dwell_s.max(f64::from(self.steady.longest_dwell_s))
     }
+
+    /// The loop of the response, if that is kept at its amplitude.
+    #[must_use]
+    pub fn response_loop(&self) -> Option<&ResponseLoop> {
+        if let DriveMode::Response(parameters) = &self.drive { Some(parameters) } else { None }
+    }
+
+    /// The controller's experiment of these points at a base amplitude (m), on a rig whose drive delivers ± `drive_m`.
+    #[must_use]
+    pub fn order(&self, base_amplitude_m: f64, points: Range<usize>, drive_m: f32) -> core_sine::SteppedSine {
+        let drive = match self.drive {
+            DriveMode::ClosedLoop(parameters) if self.drive_limit.is_none() => {
+                DriveMode::ClosedLoop(ClosedLoop { drive_limit_m: drive_m, ..parameters })
+            }
+            DriveMode::Response(parameters) if self.drive_limit.is_none() => {
+                let base = parameters.base.map(|base| ClosedLoop { drive_limit_m: drive_m, ..base });
+                DriveMode::Response(ResponseLoop { base, drive_limit_m: drive_m, ..parameters })
+            }
+            drive => drive,
+        };
+        core_sine::SteppedSine {
+            start: match self.start {
+                Start::FromRest => core_sine::Start::FromRest { level_m: self.rest_level_m as f32 },
+                Start::CarryOver => core_sine::Start::CarryOver,
+            },
+            amplitude_m: base_amplitude_m as f32,
+            drive,
+            ramp_s: self.ramp_s as f32,
+            settle_s: self.settle_s as f32,
+            dwell_s: self.dwell_s as f32,
+            steady: self.steady,
+            first_index: points.start as u16,
+            // Cannot overflow: the campaign's parser limits their number.
+            frequencies_hz: self.frequencies_hz[points].iter().map(|f| *f as f32).collect(),
+        }
+    }
 }
 
-/// Reads a stepped sine; `rig` is `None` when it could not be read, `structures` are those of its set-ups.
+/// What is kept, in a few words: `x 5 mm`, `velocity 0.1 m/s`, `x − z 5 mm`.
+#[must_use]
+pub fn kept_in_words(response: &Response) -> String {
+    let of = |what: &str, amplitude: f32, per: f64, unit: &str| {
+        format!("{what} {} {unit}", to_nine_places(number_of(amplitude) * per))
+    };
+    match *response {
+        Response::Displacement { amplitude_m } => of("x", amplitude_m, 1e3, "mm"),
+        Response::Velocity { amplitude_m_per_s } => of("velocity", amplitude_m_per_s, 1.0, "m/s"),
+        Response::Relative { amplitude_m } => of("x − z", amplitude_m, 1e3, "mm"),
+    }
+}
+
+/// Reads a stepped sine that drives the base; `rig` is `None` when it could not be read, `structures` are those of its set-ups.
 pub(super) fn read(section: &Section, rig: Option<&RigSettings>, structures: &[Structure]) -> Option<SteppedSine> {
+    let sine = read_points(section, structures);
+    let (drive, drive_limit) = read_drive(section, rig)?;
+    Some(SteppedSine { drive, drive_limit, ..sine? })
+}
+
+/// Reads stepped sines that keep the response, one for each amplitude; arguments as for [`read`].
+pub(super) fn read_response_controlled(
+    section: &Section,
+    rig: Option<&RigSettings>,
+    structures: &[Structure],
+) -> Option<Vec<SteppedSine>> {
+    let sine = read_points(section, structures);
+    let loops = read_loops(section, rig)?;
+    let sine = sine?;
+    let (drive_limit, all) = loops;
+    let of = |(drive, kept)| SteppedSine { drive, drive_limit: drive_limit.clone(), kept: Some(kept), ..sine.clone() };
+    Some(all.into_iter().map(of).collect())
+}
+
+/// Frequencies and times of a stepped sine at constant drive.
+fn read_points(section: &Section, structures: &[Structure]) -> Option<SteppedSine> {
     let start = section.word(&keys::START);
     let settle_s = section.scalar(&keys::SETTLE);
     let dwell = section.placed(&keys::DWELL);
@@ -78,14 +156,14 @@ pub(super) fn read(section: &Section, rig: Option<&RigSettings>, structures: &[S
         let allowed = format!("must be from 0 to settle_s = {settle_s}: nothing is measured on the ramp");
         section.refuse("ramp_s", &ramp.span, allowed, None);
     }
-    let (drive, drive_limit) = read_drive(section, rig)?;
     let (frequencies_hz, peak_points) = frequencies?;
     Some(SteppedSine {
         frequencies_hz,
         peak_order: (0..peak_points).collect(),
         start: if start? == 0 { Start::FromRest } else { Start::CarryOver },
-        drive,
-        drive_limit,
+        drive: DriveMode::Constant,
+        drive_limit: None,
+        kept: None,
         ramp_s: ramp?.value,
         settle_s: settle_s?,
         dwell_s: dwell?.value,
@@ -162,12 +240,12 @@ fn spread(grid: &Section, from: f64, to: f64, step: &Number) -> Option<Vec<f64>>
         );
         return None;
     }
-    Some((0..=steps as usize).map(|i| to_nanohertz(from + i as f64 * step.value)).collect())
+    Some((0..=steps as usize).map(|i| to_nine_places(from + i as f64 * step.value)).collect())
 }
 
 /// So that 2 + 7 × 0.05 is written 2.35.
-pub(super) fn to_nanohertz(frequency_hz: f64) -> f64 {
-    (frequency_hz * 1e9).round() / 1e9
+pub(super) fn to_nine_places(value: f64) -> f64 {
+    (value * 1e9).round() / 1e9
 }
 
 /// Adds `points` frequencies over the half-power bandwidth of each structure that lies within the grid, in the grid's direction.
@@ -185,7 +263,7 @@ fn refine(table: &Section, even: Vec<f64>, points: Option<usize>, structures: &[
         let at =
             |n: usize| natural_hz * (1.0 + structure.damping_ratio() * (2.0 * n as f64 / (points - 1) as f64 - 1.0));
         let within = |f: &f64| (first.min(last)..=first.max(last)).contains(f);
-        all.extend((0..points).map(at).map(to_nanohertz).filter(within));
+        all.extend((0..points).map(at).map(to_nine_places).filter(within));
     }
     let before = all.len();
     all.sort_by(f64::total_cmp);
@@ -233,6 +311,56 @@ fn read_drive(section: &Section, rig: Option<&RigSettings>) -> Option<(DriveMode
         drive_limit_m: limit.as_ref().map_or(default.drive_limit_m, |n| n.value as f32),
     };
     Some((DriveMode::ClosedLoop(parameters), limit))
+}
+
+/// The stated drive limit, and the loop of each amplitude with the amplitude as written.
+type Loops = (Option<Number>, Vec<(DriveMode, Number)>);
+
+/// The amplitudes of a response, and its `response_loop`.
+fn read_loops(section: &Section, rig: Option<&RigSettings>) -> Option<Loops> {
+    let table = section.part(&response_controlled::RESPONSE_LOOP)?;
+    let (gain, tolerance) = (table.scalar(&response_loop::GAIN), table.scalar(&response_loop::TOLERANCE));
+    let (wait, limit) = (table.scalar(&response_loop::WAIT), table.placed(&response_loop::DRIVE_LIMIT));
+    table.finish();
+    let (place, given) = section.given(&response_controlled::AMPLITUDES)?;
+    let (key, Given::Numbers(list)) = (&response_controlled::AMPLITUDES.keys[place], given) else { return None };
+    if list.is_empty() {
+        section.reject(key.name, "must hold at least one amplitude", Some(format!("write {} = [0.01]", key.name)));
+        return None;
+    }
+    let is_repeated = |n: usize| list[..n].iter().any(|before| before.value == list[n].value);
+    if let Some(repeated) = (1..list.len()).find(|n| is_repeated(*n)) {
+        let help = Some("write repeats = 2 to measure it twice".into());
+        section.refuse(key.name, &list[repeated].span, "holds the same amplitude twice", help);
+        return None;
+    }
+    let base = match &rig?.shaker {
+        Some(shaker) if shaker.amplifier == Amplifier::Current => {
+            let help = Some("write amplifier = \"voltage\" in [rig.shaker], if it is one".into());
+            section.reject("kind", "needs a shaker in voltage mode, a source of velocity", help);
+            return None;
+        }
+        Some(shaker) => {
+            let default = ClosedLoop::default();
+            let drive_limit_m = limit.as_ref().map_or(default.drive_limit_m, |limit| limit.value as f32);
+            Some(ClosedLoop { calibrated_at_hz: shaker.calibrated_at_hz as f32, drive_limit_m, ..default })
+        }
+        None => None,
+    };
+    let response = |value: f64| match key.name {
+        "x_amplitudes_m" => Response::Displacement { amplitude_m: value as f32 },
+        "velocity_amplitudes_m_per_s" => Response::Velocity { amplitude_m_per_s: value as f32 },
+        _ => Response::Relative { amplitude_m: value as f32 },
+    };
+    let (gain, tolerance, wait) = (gain? as f32, tolerance? as f32, wait? as f32);
+    let loop_of = |amplitude: Number| {
+        let new = ResponseLoop::new(response(amplitude.value), base);
+        let drive_limit_m = limit.as_ref().map_or(new.drive_limit_m, |limit| limit.value as f32);
+        let own = ResponseLoop { gain_per_cycle: gain, tolerance, wait_s: wait, drive_limit_m, ..new };
+        (DriveMode::Response(own), amplitude)
+    };
+    let all = list.into_iter().map(loop_of).collect();
+    Some((limit, all))
 }
 
 fn read_steady(section: &Section, dwell: Option<&Number>) -> Option<SteadyLimits> {

@@ -183,8 +183,9 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     terminal::campaign::hertz_walls(&campaign).iter().for_each(|line| say!("{line}"));
     let predicted = Predicted::of(&campaign)?;
     settling::advice(&campaign).iter().for_each(|line| say!("{line}"));
-    if !predicted.swings.is_empty() {
-        say!("{}", terminal::campaign::plan(&campaign, &predicted.swings));
+    let largest = predicted.largest();
+    if !largest.is_empty() {
+        say!("{}", terminal::campaign::plan(&campaign, &largest));
     }
     if args.dry_run {
         terminal::campaign::peak_points(&campaign, &predicted.responses).iter().for_each(|line| say!("{line}"));

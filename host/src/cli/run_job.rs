@@ -221,7 +221,8 @@ impl Job<'_> {
     /// Prints the results.
     fn show(&self, ended: EndedRun) -> Outcome {
         let EndedRun { manifest, taken, rows, result, written, drawn } = ended;
-        if self.campaign.experiments.iter().any(|e| e.stepped_sine().is_some()) {
+        terminal::campaign::sheets(self.campaign, &rows).iter().for_each(|line| say!("{line}"));
+        if self.campaign.experiments.iter().any(|e| e.base_driven().is_some()) {
             say!("{}", terminal::campaign::results(self.campaign, &self.predicted.responses, &rows));
             terminal::campaign::unresolved_peaks(self.campaign, &rows).iter().for_each(|line| say!("{line}"));
         }

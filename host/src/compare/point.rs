@@ -84,6 +84,10 @@ impl Compared<'_> {
         models: &Models,
         rows: &[&ResultRow],
     ) -> Vec<ComparedPoint> {
+        if sine.response_loop().is_some() {
+            let why = "the loop moves the base as the response needs; `damprig continue` has the periodic motions";
+            return rows.iter().map(|row| self.without_simulation(row, models, why)).collect();
+        }
         let id = id_of(rows[0]);
         let mut samples = self.recorded.samples(&id, &self.ticks_around(&id, sine, rows));
         let mut found = drive(own, sine, rows, samples.as_ref());

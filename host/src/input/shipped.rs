@@ -18,6 +18,7 @@ pub static FILES: &[(&str, &str)] = files![
     "campaigns/closed-loop.toml",
     "campaigns/dampers.toml",
     "campaigns/force.toml",
+    "campaigns/hidden-branch.toml",
     "campaigns/hybrid.toml",
     "campaigns/noise.toml",
     "campaigns/records/synthetic.csv",

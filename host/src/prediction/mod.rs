@@ -1,5 +1,5 @@
 //! Predicts the largest displacement of each set-up before the rig moves, and refuses those that exceed a limit. Records,
-//! pulses and free vibrations are in [`transient`], the drive's range in [`drive`], the time that a bare structure needs to settle
+//! pulses and free vibrations are in [`transient`], responses that a loop keeps in [`held_response`], the drive's range in [`drive`], the time that a bare structure needs to settle
 //! in [`settling`], forces on the walls in [`wall_force`], the simulated shaker and sensors in [`simulated_rig`].
 //!
 //! Each set-up is simulated through the campaign's points with the sampled driver in `f64`. The base motion is given as
@@ -10,6 +10,7 @@
 //! The work is bounded: a point that lasts very long is predicted up to [`Swing::predicted_s`].
 
 pub mod drive;
+pub mod held_response;
 pub mod settling;
 pub mod simulated_rig;
 pub mod transient;
@@ -31,6 +32,7 @@ use crate::campaign::transient::two_digits_down;
 use crate::campaign::{AroundPeak, Campaign, CampaignSetUp, Start, SteppedSine};
 use crate::failure::Failure;
 use crate::input::Problem;
+use held_response::HeldResponse;
 use transient::Expected;
 pub use watch::contact_s;
 
@@ -105,8 +107,10 @@ pub const USABLE: f64 = 0.98;
 /// The predictions for all experiments of a campaign.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Predicted {
-    /// Of the set-ups in stepped sines.
+    /// Of the set-ups in stepped sines that drive the base.
     pub swings: Vec<Prediction>,
+    /// Of the experiments that keep the response, on their set-ups.
+    pub held: Vec<HeldResponse>,
     /// Of the stepped sines on their set-ups.
     pub responses: Vec<Response>,
     /// Of records, pulses and free vibrations.
@@ -117,22 +121,39 @@ impl Predicted {
     /// Predicts all experiments of a campaign.
     ///
     /// # Errors
-    /// As [`predict`] and [`transient::predict`].
+    /// As [`predict`], [`held_response::predict`] and [`transient::predict`].
     pub fn of(campaign: &Campaign) -> Result<Self, Failure> {
-        let (swings, responses) = predict(campaign)?;
-        Ok(Self { swings, responses, expected: transient::predict(campaign)? })
+        let (swings, mut responses) = predict(campaign)?;
+        let held = held_response::predict(campaign)?;
+        responses.extend(held.iter().map(HeldResponse::response));
+        responses.sort_by_key(|response| (response.set_up, response.experiment));
+        Ok(Self { swings, held, responses, expected: transient::predict(campaign)? })
+    }
+
+    /// The largest displacement of each set-up over all its stepped sines, in the order of the campaign.
+    #[must_use]
+    pub fn largest(&self) -> Vec<Prediction> {
+        let held = self.held.iter().map(|own| Prediction { set_up: own.set_up, swing: own.swing });
+        let mut all: Vec<Prediction> = self.swings.iter().copied().chain(held).collect();
+        all.sort_by_key(|prediction| prediction.set_up);
+        let one = |same: &[Prediction]| {
+            let swing = same[1..].iter().fold(same[0].swing, |largest, other| largest.or(other.swing));
+            Prediction { set_up: same[0].set_up, swing }
+        };
+        all.chunk_by(|a, b| a.set_up == b.set_up).map(one).collect()
     }
 
     /// Refuses what would leave a limit, for a drive of ± `drive_m`; returns warnings.
     ///
     /// # Errors
-    /// As [`check`], [`transient::check`], [`drive::check`] and [`wall_force::check`].
+    /// As [`check`], [`held_response::check`], [`transient::check`], [`drive::check`] and [`wall_force::check`].
     pub fn check(&self, campaign: &Campaign, drive_m: f64) -> Result<Vec<String>, Failure> {
         check(campaign, &self.swings)?;
+        let mut warnings = held_response::check(campaign, &self.held)?;
         transient::check(campaign, &self.expected)?;
         drive::check(campaign, &self.expected, drive_m)?;
-        let mut warnings = wall_force::check(campaign, &self.swings, &self.expected)?;
-        let times = self.swings.iter().map(|p| p.swing.predicted_s);
+        warnings.extend(wall_force::check(campaign, &self.swings, &self.held, &self.expected)?);
+        let times = self.largest().into_iter().map(|p| p.swing.predicted_s);
         let times = times.chain(self.expected.iter().map(|e| e.outlook.predicted_s)).flatten();
         if let Some(least_s) = times.reduce(f64::min) {
             let text = "long experiments are predicted in part only: the shortest part is the first";
@@ -142,13 +163,13 @@ impl Predicted {
     }
 }
 
-/// Predicts every set-up that a stepped sine uses, in the order of the campaign. Of one without a model max |x| is NaN, and there is
+/// Predicts every set-up that a stepped sine drives by its base, in the order of the campaign. Of one without a model max |x| is NaN, and there is
 /// no response.
 ///
 /// # Errors
 /// A parameter that cannot be simulated, with the set-up's name.
 pub fn predict(campaign: &Campaign) -> Result<(Vec<Prediction>, Vec<Response>), Failure> {
-    let used = |i: &usize| campaign.experiments.iter().any(|e| e.stepped_sine().is_some() && e.set_ups.contains(i));
+    let used = |i: &usize| campaign.experiments.iter().any(|e| e.base_driven().is_some() && e.set_ups.contains(i));
     let indices: Vec<usize> = (0..campaign.set_ups.len()).filter(used).collect();
     let predictions: Result<Vec<(Prediction, Vec<Response>)>, Failure> = indices
         .into_par_iter()
@@ -253,7 +274,7 @@ fn allowance(campaign: &Campaign) -> u64 {
 /// Steps of all points of a set-up, at most.
 fn steps_of(campaign: &Campaign, set_up: usize) -> u64 {
     let own = campaign.experiments.iter().filter(|e| e.set_ups.contains(&set_up));
-    let wanted = own.filter_map(|e| e.stepped_sine()).flat_map(|sine| {
+    let wanted = own.filter_map(|e| e.base_driven()).flat_map(|sine| {
         let steps =
             move |f: &f64| whole_cycles(sine, *f).iter().sum::<f64>() * steps_per_period(&campaign.set_ups[set_up], *f);
         // Those around the peak are somewhere in the grid.
@@ -270,7 +291,7 @@ fn motion(campaign: &Campaign, set_up: usize, base_amplitude_m: f64) -> Result<(
     let mut largest = Swing::NOTHING;
     let mut responses = Vec::new();
     for (experiment, own) in campaign.experiments.iter().enumerate() {
-        let Some(sine) = own.stepped_sine().filter(|_| own.set_ups.contains(&set_up)) else { continue };
+        let Some(sine) = own.base_driven().filter(|_| own.set_ups.contains(&set_up)) else { continue };
         let detection = &watch::detection(&campaign.rig.board.impacts);
         let starts = campaign.set_ups[set_up].starts();
         let budget = (most_steps / starts.len() as u64, detection);

@@ -71,7 +71,7 @@ pub fn longest_dwell_s(time_constant_s: f64, settle_s: f64, dwell_s: f64, tolera
 #[must_use]
 pub fn advice(campaign: &Campaign) -> Vec<String> {
     let judged = |set_up: &CampaignSetUp, experiment: &Experiment| {
-        let sine = experiment.stepped_sine().filter(|sine| sine.start == Start::FromRest)?;
+        let sine = experiment.base_driven().filter(|sine| sine.start == Start::FromRest)?;
         of_experiment(set_up, experiment, sine)
     };
     let once = campaign.experiments.iter().filter(|experiment| experiment.repeat == 0);

@@ -12,6 +12,9 @@ use crate::failure::Failure;
 use crate::input::locate::Step::{Item, Key};
 use crate::input::{Problem, Span};
 
+/// The key of a kept response, whichever it is.
+const AMPLITUDE: &str = "amplitudes";
+
 /// A start may move the table this much further than the steady motion.
 const OVERSHOOT: f64 = 1.5;
 
@@ -34,13 +37,20 @@ pub fn check(campaign: &Campaign) -> Result<Vec<String>, Failure> {
                     if let (Some(shaker), DriveMode::Constant) = (&campaign.rig.shaker, &sine.drive) {
                         warnings.extend(unloaded(campaign, shaker, set_up, sine));
                     }
-                    (set_up.amplitude_key(), set_up.base_amplitude_m, &set_up.base_amplitude_span)
+                    let kept = sine.response_loop().zip(sine.kept.as_ref()).map(|(own, kept)| {
+                        let highest_hz = sine.frequencies_hz.iter().copied().fold(0.0, f64::max);
+                        (AMPLITUDE, f64::from(own.response.amplitude_m(highest_hz as f32)), &kept.span)
+                    });
+                    let base = (set_up.amplitude_key(), set_up.base_amplitude_m, &set_up.base_amplitude_span);
+                    kept.unwrap_or(base)
                 }
                 Kind::Playback(playback) => (playback.key, playback.peak_m(), &playback.span),
                 Kind::FreeVibration(free) => ("start_m", free.start_m.abs(), &free.span),
             };
             let per_m = match &experiment.kind {
-                Kind::SteppedSine(_) => set_up.force_amplitude_n().map(|force_n| force_n / set_up.base_amplitude_m),
+                Kind::SteppedSine(sine) if sine.kept.is_none() => {
+                    set_up.force_amplitude_n().map(|force_n| force_n / set_up.base_amplitude_m)
+                }
                 _ => None,
             };
             resolved(campaign, key, (moved_m, per_m), span);

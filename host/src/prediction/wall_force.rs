@@ -6,9 +6,10 @@
 //! The force of a soft wall is that of its spring and dashpot: above the limit it is refused. Each wall is judged as what it is.
 
 use super::Prediction;
+use super::held_response::HeldResponse;
 use super::transient::Expected;
 use super::watch;
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, SteppedSine};
 use crate::failure::Failure;
 use crate::input::Problem;
 use crate::settings::number_of;
@@ -26,10 +27,17 @@ pub(super) fn larger(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 /// # Errors
 /// Forces on hard walls of more than four times the limit, on soft walls above it: one message for all, each with the line of the
 /// set-up's base amplitude.
-pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expected]) -> Result<Vec<String>, Failure> {
+pub fn check(
+    campaign: &Campaign,
+    predictions: &[Prediction],
+    held: &[HeldResponse],
+    expected: &[Expected],
+) -> Result<Vec<String>, Failure> {
     // Forces on the set-ups' walls: in stepped sines, and in other experiments.
     let sines = predictions.iter().map(|p| (p.set_up, None, p.swing.wall_force_n));
-    let others = expected.iter().map(|e| (e.set_up, Some(&campaign.experiments[e.experiment]), e.outlook.wall_force_n));
+    let others = expected.iter().map(|e| (e.set_up, e.experiment, e.outlook.wall_force_n));
+    let others = held.iter().map(|e| (e.set_up, e.experiment, e.swing.wall_force_n)).chain(others);
+    let others = others.map(|(set_up, place, force_n)| (set_up, Some(&campaign.experiments[place]), force_n));
     let forces: Vec<(usize, Option<&Experiment>, [f64; 2])> = sines.chain(others).collect();
     let limit_n = number_of(campaign.rig.acting.wall_force_n);
     let mut warnings = Vec::new();
@@ -65,6 +73,7 @@ fn problem(set_up: &CampaignSetUp, experiment: Option<&Experiment>, title: Strin
     let (span, key) = match experiment.map(|experiment| &experiment.kind) {
         Some(Kind::FreeVibration(free)) => (free.span.clone(), "start_m"),
         Some(Kind::Playback(playback)) => (playback.span.clone(), playback.key),
+        Some(Kind::SteppedSine(SteppedSine { kept: Some(kept), .. })) => (kept.span.clone(), "amplitude"),
         _ => (set_up.base_amplitude_span.clone(), set_up.amplitude_key()),
     };
     Problem {

@@ -40,7 +40,14 @@ pub fn predicted_and_measured(campaign: &Campaign) -> Vec<String> {
                 .into(),
         );
     }
-    if sines().any(|sine| sine.drive != DriveMode::Constant) {
+    if sines().any(|sine| sine.response_loop().is_some()) {
+        notes.push(
+            "An experiment that keeps the response is predicted with the controller's own loop, on a base that moves exactly as \
+             it demands."
+                .into(),
+        );
+    }
+    if sines().any(|sine| matches!(sine.drive, DriveMode::ClosedLoop(_))) {
         notes.push(
             "A closed loop waits until its base is within the tolerance, which the prediction leaves out: a point from rest lasts \
              longer, so a motion that still grows is measured larger."

@@ -1,7 +1,7 @@
 //! Results of runs and simulations for people and other programs: figures, the report page, exports and terminal
 //! text.
 //!
-//! `numbers`, `parameters`, `peak` and `describe` are the lowest layer, then [`plot`], then [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
+//! `numbers`, `parameters`, `peak` and `describe` are the lowest layer, then [`plot`], then [`force_surface`] and [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
 //! other. The modules named after files write what a command leaves in its folder.
 
 pub mod backbone_table;
@@ -13,6 +13,7 @@ pub mod compared;
 pub mod describe;
 pub mod exports;
 pub mod figures;
+pub mod force_surface;
 pub mod numbers;
 pub mod optimum_files;
 pub mod page;

@@ -75,10 +75,10 @@ impl Peak {
         }
     }
 
-    /// The peak of an experiment's points on a set-up; `None` without a finite X/Z, or if the experiment is no stepped sine.
+    /// The peak of an experiment's points on a set-up; `None` without a finite X/Z, or if the experiment does not drive the base by a stepped sine.
     #[must_use]
     pub fn measured(set_up: &CampaignSetUp, experiment: &Experiment, points: &[(f64, f64)]) -> Option<Self> {
-        let tolerance = f64::from(experiment.stepped_sine()?.steady.tolerance);
+        let tolerance = f64::from(experiment.base_driven()?.steady.tolerance);
         Self::of(points, set_up.model().structure.damping_ratio(), tolerance)
     }
 

@@ -41,6 +41,7 @@ fn unit(cause: FaultCause) -> Option<(&'static str, f64)> {
         | FaultCause::BaseStill
         | FaultCause::BaseOverdriven
         | FaultCause::ReleaseTimeout
+        | FaultCause::BaseForeseen
         | FaultCause::Spring(Spring::SwitchNotFound | Spring::SwitchStuck | Spring::LimitReached | Spring::NoTouch) => {
             Some(("mm", 1e3))
         }

@@ -6,6 +6,7 @@
 use std::ops::Range;
 
 use damprig_core::control::base_loop::ClosedLoop;
+use damprig_core::control::response_loop::ResponseLoop;
 use damprig_core::control::stepped_sine::DriveMode;
 use damprig_core::io::TICK_HZ;
 use damprig_core::measure::impacts::ImpactRecord;
@@ -132,7 +133,9 @@ impl PlanCheck {
 fn longest_point_s(sine: &SteppedSine) -> f64 {
     let wait_s = match sine.drive {
         DriveMode::Constant => 0.0,
-        DriveMode::ClosedLoop(ClosedLoop { wait_s, .. }) => f64::from(wait_s),
+        DriveMode::ClosedLoop(ClosedLoop { wait_s, .. }) | DriveMode::Response(ResponseLoop { wait_s, .. }) => {
+            f64::from(wait_s)
+        }
     };
     let lowest_hz = sine.frequencies_hz.iter().copied().fold(f64::INFINITY, f64::min);
     LONGEST_REST_S + 2.0 * sine.ramp_s + sine.settle_s + wait_s + 2.0 * sine.longest_dwell_s() + 4.0 / lowest_hz

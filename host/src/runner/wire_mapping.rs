@@ -4,11 +4,8 @@ use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::ops::Range;
 
-use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::fault::Fault;
 use damprig_core::control::friction_spring::SpringSetUp;
-use damprig_core::control::stepped_sine as core_sine;
-use damprig_core::control::stepped_sine::DriveMode;
 use damprig_core::io::{SensorSet, TICK_HZ};
 use damprig_core::measure::point::PointResult;
 use damprig_core::twin::TwinConfig;
@@ -18,7 +15,7 @@ use damprig_simulator::plant::walls::WallSensors;
 use damprig_simulator::plant::{Base, PlantConfig, SensorModel};
 
 use super::error::RunError;
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, RigSettings, SpringSpec, Start, SteppedSine};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, RigSettings, SpringSpec};
 use crate::client::session::Session;
 use crate::failure::Failure;
 use crate::input::Problem;
@@ -158,39 +155,9 @@ pub(super) fn experiment(
     drive_m: f32,
 ) -> Request {
     match &experiment.kind {
-        Kind::SteppedSine(sine) => Request::Configure(plan(set_up, sine, points, drive_m)),
+        Kind::SteppedSine(sine) => Request::Configure(sine.order(set_up.base_amplitude_m, points, drive_m)),
         Kind::Playback(playback) => Request::ConfigurePlayback(playback.order()),
         Kind::FreeVibration(free) => Request::ConfigureFreeVibration(free.order()),
-    }
-}
-
-/// The request for these points of an experiment on a rig whose drive delivers ± `drive_m`.
-fn plan(
-    set_up: &CampaignSetUp,
-    experiment: &SteppedSine,
-    points: Range<usize>,
-    drive_m: f32,
-) -> core_sine::SteppedSine {
-    let drive = match experiment.drive {
-        DriveMode::ClosedLoop(parameters) if experiment.drive_limit.is_none() => {
-            DriveMode::ClosedLoop(ClosedLoop { drive_limit_m: drive_m, ..parameters })
-        }
-        drive => drive,
-    };
-    core_sine::SteppedSine {
-        start: match experiment.start {
-            Start::FromRest => core_sine::Start::FromRest { level_m: experiment.rest_level_m as f32 },
-            Start::CarryOver => core_sine::Start::CarryOver,
-        },
-        amplitude_m: set_up.base_amplitude_m as f32,
-        drive,
-        ramp_s: experiment.ramp_s as f32,
-        settle_s: experiment.settle_s as f32,
-        dwell_s: experiment.dwell_s as f32,
-        steady: experiment.steady,
-        first_index: points.start as u16,
-        // Cannot overflow: the campaign's parser limits their number.
-        frequencies_hz: experiment.frequencies_hz[points].iter().map(|f| *f as f32).collect(),
     }
 }
 

@@ -58,6 +58,7 @@ mod predicted;
 mod real_time;
 mod refusals;
 mod report;
+mod response_controlled;
 mod rest_check;
 mod resume;
 mod run;

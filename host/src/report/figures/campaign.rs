@@ -68,7 +68,7 @@ pub fn groups(campaign: &Campaign) -> Vec<Option<String>> {
     if series_of(campaign).count() <= MAX_CURVES {
         return vec![None];
     }
-    let sines = campaign.experiments.iter().filter(|e| e.stepped_sine().is_some());
+    let sines = campaign.experiments.iter().filter(|e| e.base_driven().is_some());
     let mut series: Vec<Option<String>> = sines.map(|e| Some(e.series.clone())).collect();
     series.dedup();
     series
@@ -177,11 +177,11 @@ pub fn wall_force(campaign: &Campaign, taken: &JournalState, group: Option<&str>
     Some(curves(campaign, (&points, group), (&quantity, about), breadth, value))
 }
 
-/// Every set-up with each of its stepped sines, in the order of the campaign.
+/// Every set-up with each of its stepped sines that drive the base, in the order of the campaign.
 pub fn stepped_sines(campaign: &Campaign) -> impl Iterator<Item = (&CampaignSetUp, &Experiment)> {
     campaign.set_ups.iter().enumerate().flat_map(|(index, set_up)| {
         let own = campaign.experiments.iter();
-        own.filter(move |e| e.stepped_sine().is_some() && e.set_ups.contains(&index)).map(move |e| (set_up, e))
+        own.filter(move |e| e.base_driven().is_some() && e.set_ups.contains(&index)).map(move |e| (set_up, e))
     })
 }
 
@@ -312,7 +312,7 @@ fn curves(
     let common = common_natural_hz(std::iter::once(campaign));
     let drawn = campaign.experiments.iter().filter(|e| group.is_none_or(|group| e.series == group));
     let mut how: Vec<String> = drawn
-        .filter_map(Experiment::stepped_sine)
+        .filter_map(Experiment::base_driven)
         .map(|e| {
             let start = if e.start == Start::FromRest { "from rest" } else { "motion carried over" };
             let until = match e.longest_dwell_s() {

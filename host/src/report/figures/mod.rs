@@ -11,6 +11,7 @@ pub mod comparison;
 pub mod curves;
 #[cfg(test)]
 mod extremes;
+pub mod force_surface;
 pub mod frequency_response;
 pub mod modal_response;
 pub mod next_points;

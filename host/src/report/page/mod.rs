@@ -16,10 +16,12 @@ mod tables;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use crate::campaign::Campaign;
 use crate::failure::Failure;
 use crate::input::shown;
 use crate::report::figures::campaign::{groups, phase, response, responses_of_runs, transients, wall_force};
-use crate::report::figures::{self, peak_motion};
+use crate::report::figures::{self, force_surface, peak_motion};
+use crate::report::force_surface::ForceSurface;
 use crate::report::plot::palette::Look;
 use crate::report::plot::{Breadth, Picture};
 use crate::run_folder::RunFolder;
@@ -184,8 +186,13 @@ fn responses(data: &PageData) -> Markup {
         return html! { @if data.taken.transients().is_empty() { p { "No point was measured." } } };
     }
     let points = data.plotted_points();
+    let surfaces = ForceSurface::of(campaign, &data.points);
     html! {
-        @for group in groups(campaign) {
+        @if !surfaces.is_empty() {
+            (drawn(Ok(force_surface::draw(campaign, &surfaces)), force_surface::CAPTION))
+            @for line in force_surface::folds(campaign, &surfaces) { p { (line) } }
+        }
+        @for group in groups(campaign).into_iter().filter(|_| has_driven_base(campaign)) {
             @let group = group.as_deref();
             @if let Some(series) = group { h3 { (series) } }
             (drawn_in_both(
@@ -199,6 +206,11 @@ fn responses(data: &PageData) -> Markup {
             }
         }
     }
+}
+
+/// Whether an experiment drives the base by a stepped sine.
+fn has_driven_base(campaign: &Campaign) -> bool {
+    campaign.experiments.iter().any(|experiment| experiment.base_driven().is_some())
 }
 
 /// The set-ups as sketches.

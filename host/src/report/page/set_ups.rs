@@ -5,7 +5,7 @@ use maud::{Markup, html};
 
 use super::data::PageData;
 use super::tables::{label, largest, number, short};
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, Start};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, Start, SteppedSine, kept_in_words};
 use crate::report::compared::predicted_and_measured;
 use crate::report::parameters::rows;
 use crate::run_folder::schema::manifest::SetUpRecord;
@@ -93,7 +93,7 @@ pub(super) fn experiments(data: &PageData) -> Markup {
                         td { (experiment.points()) }
                         @if let Some(sine) = experiment.stepped_sine() {
                             td.word { (if sine.start == Start::FromRest { "from rest" } else { "motion carried over" }) }
-                            td.word { (if sine.drive == DriveMode::Constant { "drive (constant)" } else { "base (closed loop)" }) }
+                            td.word { (controlled(sine)) }
                             td { (short(sine.settle_s, 3)) }
                             td { (short(sine.dwell_s, 3)) }
                         } @else {
@@ -112,6 +112,15 @@ pub(super) fn experiments(data: &PageData) -> Markup {
             dt { "Base" }
             dd { (if campaign.rig.shaker.is_some() { "shaker with load feedback" } else { "follows the drive" }) }
         }
+    }
+}
+
+/// What a stepped sine keeps at its amplitude.
+fn controlled(sine: &SteppedSine) -> String {
+    match &sine.drive {
+        DriveMode::Constant => "drive (constant)".into(),
+        DriveMode::ClosedLoop(_) => "base (closed loop)".into(),
+        DriveMode::Response(own) => format!("{} (closed loop)", kept_in_words(&own.response)),
     }
 }
 

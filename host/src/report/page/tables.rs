@@ -129,10 +129,14 @@ fn largest_m<'a>(points: impl Iterator<Item = &'a ResultRow>) -> f64 {
     points.map(|p| f64::from(p.max_abs_x_m)).fold(f64::NAN, f64::max)
 }
 
-/// Set-ups and experiments with points, in the order of the run.
+/// Set-ups and experiments with points that drove the base, in the order of the run.
 fn curves(data: &PageData) -> Vec<(String, String)> {
+    let keeps_response = |name: &str| {
+        let mut experiments = data.campaign.iter().flat_map(|campaign| &campaign.experiments);
+        experiments.any(|experiment| experiment.name == name && experiment.response_controlled().is_some())
+    };
     let mut curves: Vec<(String, String)> = Vec::new();
-    for point in &data.points {
+    for point in data.points.iter().filter(|point| !keeps_response(&point.experiment)) {
         let curve = (point.set_up.clone(), point.experiment.clone());
         if !curves.contains(&curve) {
             curves.push(curve);

@@ -34,9 +34,49 @@ pub fn segments(values: &[f64], columns: usize, level: f64) -> Vec<[Place; 2]> {
     found
 }
 
+/// Segments that meet at their ends, as lines.
+#[must_use]
+pub fn joined(segments: Vec<[Place; 2]>) -> Vec<Vec<Place>> {
+    let mut rest = segments;
+    let mut lines = Vec::new();
+    while let Some([from, to]) = rest.pop() {
+        let mut line = std::collections::VecDeque::from([from, to]);
+        while let Some((n, next)) = following(&rest, line[line.len() - 1]) {
+            rest.swap_remove(n);
+            line.push_back(next);
+        }
+        while let Some((n, before)) = following(&rest, line[0]) {
+            rest.swap_remove(n);
+            line.push_front(before);
+        }
+        lines.push(line.into());
+    }
+    lines
+}
+
+/// The segment that has this end, and its other end. Neighbouring cells cross their common edge at the same place but for rounding.
+fn following(rest: &[[Place; 2]], end: Place) -> Option<(usize, Place)> {
+    let is_there = |at: &Place| (at.0 - end.0).abs() + (at.1 - end.1).abs() < 1e-9;
+    let of = |(n, [a, b]): (usize, &[Place; 2])| match (is_there(a), is_there(b)) {
+        (true, _) => Some((n, *b)),
+        (_, true) => Some((n, *a)),
+        _ => None,
+    };
+    rest.iter().enumerate().find_map(of)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_segments_of_a_circle_are_one_closed_line() {
+        let values: Vec<f64> = (0..121).map(|n| f64::hypot(f64::from(n % 11) - 5.0, f64::from(n / 11) - 5.0)).collect();
+        let lines = joined(segments(&values, 11, 3.3));
+        assert_eq!(lines.len(), 1);
+        let (first, last) = (lines[0][0], lines[0][lines[0].len() - 1]);
+        assert!((first.0 - last.0).abs() + (first.1 - last.1).abs() < 1e-9 && lines[0].len() > 20, "{lines:?}");
+    }
 
     #[test]
     fn the_lines_of_a_plane_are_straight_and_reach_from_border_to_border() {

@@ -8,7 +8,9 @@ use crate::input::shown_in_line;
 use crate::prediction::{Prediction, Response};
 use crate::report::describe;
 use crate::report::figures::campaign::stepped_sines;
-use crate::report::numbers::trimmed;
+use crate::report::figures::force_surface::folds;
+use crate::report::force_surface::ForceSurface;
+use crate::report::numbers::{significant, trimmed};
 use crate::report::peak::{Peak, points_of};
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::manifest::Manifest;
@@ -191,6 +193,28 @@ pub fn results(campaign: &Campaign, responses: &[Response], rows: &[ResultRow]) 
         table.add_row(cells);
     }
     table
+}
+
+/// What experiments that keep the response gave: a line for each on its set-up, and one for its folds.
+#[must_use]
+pub fn sheets(campaign: &Campaign, rows: &[ResultRow]) -> Vec<String> {
+    let surfaces = ForceSurface::of(campaign, rows);
+    let line = |surface: &ForceSurface| {
+        let held: Vec<f64> = surface.z_m.iter().copied().filter(|z_m| z_m.is_finite()).collect();
+        let [low, high] =
+            [held.iter().copied().fold(f64::INFINITY, f64::min), held.iter().copied().fold(0.0, f64::max)];
+        format!(
+            "Set-up {:?}, experiment {:?}: {} held at {} of {} points, with Z from {} to {} mm",
+            campaign.set_ups[surface.set_up].name,
+            surface.experiment,
+            surface.kept.name,
+            held.len(),
+            surface.z_m.len(),
+            significant(low * 1e3, 3),
+            significant(high * 1e3, 3),
+        )
+    };
+    surfaces.iter().map(line).chain(folds(campaign, &surfaces)).map(|line| shown_in_line(&line).into_owned()).collect()
 }
 
 /// One line: points, times, samples, losses.

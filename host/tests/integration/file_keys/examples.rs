@@ -145,6 +145,43 @@ measure_s = 2
 cycles = 4
 "#;
 
+/// Experiments that keep the response: not on a shaker in current mode.
+pub const MORE_SHEETS: &str = r#"
+name = "sheets"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+
+[[set_up]]
+name = "bare"
+base_amplitude_m = 0.001
+
+[[experiment]]
+name = "sheets"
+kind = "response_controlled"
+x_amplitudes_m = [0.002, 0.004]
+frequencies_hz = [2.4, 2.5]
+start = "from_rest"
+ramp_s = 0.1
+settle_s = 0.2
+dwell_s = 3
+rest_level_m = 1e-4
+steady = { tolerance = 0.02 }
+response_loop = { gain_per_cycle = 1, tolerance = 0.02, wait_s = 10, drive_limit_m = 0.004 }
+
+[[experiment]]
+kind = "response_controlled"
+velocity_amplitudes_m_per_s = [0.05]
+frequencies_hz = [2.5]
+start = "carry_over"
+dwell_s = 3
+
+[[experiment]]
+kind = "response_controlled"
+relative_amplitudes_m = [0.004]
+frequencies_hz = [2.5]
+start = "carry_over"
+dwell_s = 3
+"#;
+
 pub const MORE_CASES: [&str; 25] = [
     r#"
 places = ["a"]

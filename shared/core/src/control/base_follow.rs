@@ -38,15 +38,32 @@ impl BaseFollow {
         self.disturbed = true;
     }
 
-    /// Closes a cycle with this demanded amplitude, m. Returns the fault cause, if any, with the amplitude of z and its
-    /// limit, m.
-    pub fn end_cycle(&mut self, demand_m: f32) -> Option<(FaultCause, f32, f32)> {
+    /// Closes a cycle. Returns the amplitudes of z and of the drive in it, m; `None` if it was disturbed.
+    pub fn end_cycle(&mut self) -> Option<Followed> {
         let Self { z, drive, ticks, disturbed } = core::mem::take(self);
         if disturbed || ticks == 0 {
             return None;
         }
         let amplitude = |(sine, cosine): (f32, f32)| Scalar::sqrt(sine * sine + cosine * cosine) * 2.0 / ticks as f32;
-        let (z_m, drive_m) = (amplitude(z), amplitude(drive));
+        Some(Followed { z_m: amplitude(z), drive_m: amplitude(drive) })
+    }
+}
+
+/// Amplitudes over a cycle at the drive frequency, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Followed {
+    /// Of z.
+    pub z_m: f32,
+    /// Of the drive.
+    pub drive_m: f32,
+}
+
+impl Followed {
+    /// Compares them with the demanded amplitude, m. Returns the fault cause, if any, with the amplitude of z and its limit,
+    /// m.
+    #[must_use]
+    pub fn fault(self, demand_m: f32) -> Option<(FaultCause, f32, f32)> {
+        let Self { z_m, drive_m } = self;
         // A closed loop may still be rising. The bound is half the demand because a sum over a cycle is uncertain by
         // one tick of it.
         if z_m < MIN * demand_m && drive_m > 0.5 * demand_m {

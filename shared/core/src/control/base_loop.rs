@@ -163,13 +163,13 @@ impl BaseLoop {
         self.half_travel = 0.0;
     }
 
-    /// Runs one tick. `then` is the sine and cosine of the phase that the samples belong to; `now` is that of this
-    /// tick. Returns the drive, m.
-    pub fn tick(&mut self, target_m: f32, z_m: f32, then: (f32, f32), now: (f32, f32)) -> f32 {
+    /// Runs one tick. `target_m` are the components of the demanded z in phase with the sine and with the cosine; `then` is the
+    /// sine and cosine of the phase that the samples belong to; `now` is that of this tick. Returns the drive, m.
+    pub fn tick(&mut self, target_m: (f32, f32), z_m: f32, then: (f32, f32), now: (f32, f32)) -> f32 {
         self.lock_in.push(z_m, then);
         let (low, high) = self.travel.unwrap_or((z_m, z_m));
         self.travel = Some((low.min(z_m), high.max(z_m)));
-        let error = target_m * then.0 - z_m;
+        let error = target_m.0 * then.0 + target_m.1 * then.1 - z_m;
         self.sine -= self.step * error * then.1;
         self.cosine += self.step * error * then.0;
         let square = self.sine * self.sine + self.cosine * self.cosine;

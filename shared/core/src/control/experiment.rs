@@ -42,6 +42,7 @@ impl Experiment {
             Self::SteppedSine(plan) => Some(match &plan.sine().drive {
                 DriveMode::Constant => ("amplitude_m", plan.sine().amplitude_m),
                 DriveMode::ClosedLoop(parameters) => ("drive.drive_limit_m", parameters.drive_limit_m),
+                DriveMode::Response(parameters) => ("drive.drive_limit_m", parameters.drive_limit_m),
             }),
             Self::Playback(plan) => {
                 record_peak_counts.map(|counts| ("record peak (m)", f32::from(counts) * plan.playback().scale_m))
@@ -64,7 +65,7 @@ pub enum ExperimentRunner {
 }
 
 /// State of an experiment's drive.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Driving {
     /// The drive is on.
     pub on: bool,
@@ -72,6 +73,8 @@ pub struct Driving {
     pub swinging: bool,
     /// The drive was at its limit in the last tick.
     pub saturated: bool,
+    /// Base amplitude that the next drive of a loop will cause, m; 0 where none is known.
+    pub base_foreseen_m: f32,
 }
 
 /// Calls the same method on the runner of any kind.
@@ -152,12 +155,18 @@ impl ExperimentRunner {
     #[must_use]
     pub fn driving(&self) -> Driving {
         match self {
-            Self::SteppedSine(own) => {
-                Driving { on: own.is_driving(), swinging: own.is_swinging(), saturated: own.is_saturated() }
-            }
-            Self::Playback(own) => {
-                Driving { on: own.is_driving(), swinging: own.is_swinging(), saturated: own.is_saturated() }
-            }
+            Self::SteppedSine(own) => Driving {
+                on: own.is_driving(),
+                swinging: own.is_swinging(),
+                saturated: own.is_saturated(),
+                base_foreseen_m: own.base_foreseen_m(),
+            },
+            Self::Playback(own) => Driving {
+                on: own.is_driving(),
+                swinging: own.is_swinging(),
+                saturated: own.is_saturated(),
+                base_foreseen_m: 0.0,
+            },
             Self::FreeVibration(_) => Driving::default(),
         }
     }

@@ -54,6 +54,8 @@ pub enum FaultCause {
     Spring(SpringFaultCause),
     /// The structure was not released for a free vibration within the time allowed (m).
     ReleaseTimeout,
+    /// The next drive of the response's loop would move the base to its limit (m).
+    BaseForeseen,
 }
 
 /// A text that contains the sensor's name.
@@ -103,6 +105,7 @@ impl FaultCause {
             }
             Self::Spring(cause) => cause.text(),
             Self::ReleaseTimeout => "the structure was not held beyond the level and released in time",
+            Self::BaseForeseen => "the response needs more of the base than its displacement limit: ask for less",
         }
     }
 

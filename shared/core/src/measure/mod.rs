@@ -6,6 +6,7 @@
 pub mod amplitude;
 mod approach;
 mod batches;
+pub mod cycle_window;
 pub mod impacts;
 pub mod lock_in;
 pub mod noise;

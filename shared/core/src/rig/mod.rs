@@ -275,6 +275,7 @@ impl Rig {
             wall_drift: meter.drift_n(),
             wall_force_n: if low > high { low } else { high },
             saturated: drive.saturated,
+            base_foreseen_m: drive.base_foreseen_m,
             emergency_stop: sensors.emergency_stop,
             host_heard: core::mem::take(&mut self.host_heard),
         }

@@ -15,11 +15,11 @@ use damprig_core::rig::{Command, Event, Rig, State};
 use damprig_core::settings::Settings;
 use damprig_simulator::plant::{Amplifier, Base, DataSheet, Plant, PlantConfig, Shaker};
 
-fn bare() -> SetUp {
+pub(super) fn bare() -> SetUp {
     SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038))
 }
 
-fn spid() -> SetUp {
+pub(super) fn spid() -> SetUp {
     let particle = Particle {
         mass_kg: 0.16,
         clearance_m: 7.5e-3,
@@ -31,11 +31,11 @@ fn spid() -> SetUp {
 }
 
 /// Friction ratio F/(kZ) of 0.6 at 1 mm.
-fn hybrid() -> SetUp {
+pub(super) fn hybrid() -> SetUp {
     SetUp { friction_damper: Some(FrictionDamper { force_n: 0.237 }), ..spid() }
 }
 
-fn plant(set_up: SetUp) -> PlantConfig {
+pub(super) fn plant(set_up: SetUp) -> PlantConfig {
     PlantConfig {
         base: Base::Shaker(Shaker::default()),
         data_sheet: Some(DataSheet::default()),
@@ -43,7 +43,7 @@ fn plant(set_up: SetUp) -> PlantConfig {
     }
 }
 
-fn plan(z_m: f32) -> SteppedSine {
+pub(super) fn plan(z_m: f32) -> SteppedSine {
     SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: z_m,
@@ -58,19 +58,24 @@ fn plan(z_m: f32) -> SteppedSine {
 }
 
 #[derive(Debug, Default)]
-struct Outcome {
-    points: Vec<PointResult>,
+pub(super) struct Outcome {
+    pub points: Vec<PointResult>,
     /// Largest half of (highest − lowest z) over a cycle, m: the amplitude without the mean.
-    highest_m: f32,
-    fault: Option<FaultCause>,
-    ticks: u32,
+    pub highest_m: f32,
+    pub fault: Option<FaultCause>,
+    pub ticks: u32,
 }
 
-fn run(config: &PlantConfig, plan: &SteppedSine) -> Outcome {
+pub(super) fn run(config: &PlantConfig, plan: &SteppedSine) -> Outcome {
+    run_within(config, plan, 0.078)
+}
+
+/// Runs a plan under this limit of the base, m.
+pub(super) fn run_within(config: &PlantConfig, plan: &SteppedSine, base_m: f32) -> Outcome {
     let (mut rig, mut plant) = (Rig::new(), Plant::<f64>::new(config).unwrap());
     // Only the loop's own limits act.
     let safety = SafetyConfig {
-        limits: Limits { structure_m: 10.0, base_m: 0.078 },
+        limits: Limits { structure_m: 10.0, base_m },
         half_cycles_ahead: 0.0,
         host_silent_s: 0.0,
         ..SafetyConfig::default()

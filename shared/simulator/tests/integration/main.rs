@@ -9,6 +9,7 @@ mod friction_spring;
 mod impacts;
 mod interlocks;
 mod limits;
+mod response_loop;
 mod sensors;
 mod shaker;
 mod soft_walls;

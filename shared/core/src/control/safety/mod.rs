@@ -96,6 +96,8 @@ pub struct Signs {
     pub wall_drift: [Option<(f32, f32)>; 2],
     /// The drive is at its limit.
     pub saturated: bool,
+    /// Base amplitude that the next drive of a loop will cause, m.
+    pub base_foreseen_m: f32,
     /// The emergency stop is pressed.
     pub emergency_stop: bool,
     /// A message from the host was received since the last tick.
@@ -367,6 +369,9 @@ impl Safety {
         }
         if x >= limits.structure_m {
             return fault(FaultCause::StructureDisplacement, x, limits.structure_m);
+        }
+        if signs.driving && signs.base_foreseen_m >= limits.base_m {
+            return fault(FaultCause::BaseForeseen, signs.base_foreseen_m, limits.base_m);
         }
         if signs.driving && config.half_cycles_ahead > 0.0 && foreseen >= limits.structure_m {
             return fault(FaultCause::StructureForeseen, foreseen, limits.structure_m);

@@ -3,14 +3,17 @@
 //! A point has the stages *rest* (only when it starts from rest), *settle* and *dwell*. When the motion is carried
 //! over, the drive is phase-continuous from one frequency to the next. From rest it starts at phase zero, so the base
 //! starts without a step in displacement. The drive rises and falls on a smooth ramp if one is requested. Its amplitude
-//! is constant, or is set by [`super::base_loop`] to keep the base amplitude constant.
+//! is constant, or is set by [`super::base_loop`] to keep the base amplitude constant, or by [`super::response_loop`]
+//! to keep the structure's amplitude constant.
 //!
 //! [`SteppedSine`] is the host's request and [`SteppedSinePlan`] the checked plan. A plan is made outside the control
 //! tick, which has no time to check a hundred frequencies. The [`SteppedSineRunner`] runs it.
 
+mod regulator;
 mod runner;
 
 use crate::control::base_loop::ClosedLoop;
+use crate::control::response_loop::ResponseLoop;
 use crate::control::rest::REST_HOLD_S;
 use crate::io::{Invalid, TICK_HZ, not_negative, positive, require};
 use crate::measure::steadiness::SteadyLimits;
@@ -53,6 +56,8 @@ pub enum DriveMode {
     Constant,
     /// The measured base displacement.
     ClosedLoop(ClosedLoop),
+    /// The response of the structure: Z is the result.
+    Response(ResponseLoop),
 }
 
 /// A stepped-sine experiment.
@@ -60,7 +65,8 @@ pub enum DriveMode {
 pub struct SteppedSine {
     /// How each point begins.
     pub start: Start,
-    /// Demanded base amplitude Z, m; greater than 0.
+    /// Demanded base amplitude Z, m; greater than 0. Where the response is kept: the Z for which the set-up is stated, the scale
+    /// of the check that the base follows.
     pub amplitude_m: f32,
     /// The quantity that is kept at that amplitude.
     pub drive: DriveMode,
@@ -96,14 +102,15 @@ impl SteppedSine {
         let ramp_s = f64::from(self.ramp_s);
         not_negative("ramp_s", ramp_s)?;
         require(self.ramp_s <= self.settle_s, "ramp_s", ramp_s, "at most settle_s: nothing is measured on the ramp")?;
-        if let DriveMode::ClosedLoop(parameters) = &self.drive {
-            parameters.validate()?;
-            require(
-                self.amplitude_m < parameters.drive_limit_m,
-                "drive.drive_limit_m",
-                f64::from(parameters.drive_limit_m),
-                "greater than amplitude_m",
-            )?;
+        match &self.drive {
+            DriveMode::Constant => {}
+            DriveMode::ClosedLoop(parameters) => {
+                parameters.validate()?;
+                let limit = f64::from(parameters.drive_limit_m);
+                let is_above = self.amplitude_m < parameters.drive_limit_m;
+                require(is_above, "drive.drive_limit_m", limit, "greater than amplitude_m")?;
+            }
+            DriveMode::Response(parameters) => parameters.validate()?,
         }
         if let Start::FromRest { level_m } = self.start {
             positive("rest_level_m", f64::from(level_m))?;
@@ -178,6 +185,7 @@ impl SteppedSinePlan {
         let wait_s = match &sine.drive {
             DriveMode::Constant => 0.0,
             DriveMode::ClosedLoop(parameters) => parameters.wait_s,
+            DriveMode::Response(parameters) => parameters.wait_s,
         };
         Ok(Self {
             settle_ticks: ticks(sine.settle_s),

@@ -1,8 +1,9 @@
 //! Runs a checked stepped sine, one tick at a time.
 
-use super::{DriveMode, FADE_S, Start, SteppedSinePlan};
+use super::regulator::{DrivePhase, Regulator};
+use super::{FADE_S, Start, SteppedSinePlan};
 use crate::control::base_follow::BaseFollow;
-use crate::control::base_loop::{BaseLoop, DELAY_TICKS, RUNAWAY};
+use crate::control::base_loop::DELAY_TICKS;
 use crate::control::fault::{Fault, FaultCause};
 use crate::control::outcome::{ExperimentStage, Outcome, TickInputs};
 use crate::control::rest::{RestWait, Waited};
@@ -35,8 +36,7 @@ pub struct SteppedSineRunner {
     held: bool,
     /// The range that the drive can deliver.
     range: DriveRange,
-    /// Used only with [`DriveMode::ClosedLoop`].
-    base: BaseLoop,
+    regulator: Regulator,
     follow: BaseFollow,
     /// The drive was at its limit in the last tick, and at any time since the dwell began.
     saturated: bool,
@@ -72,7 +72,7 @@ impl SteppedSineRunner {
             driving: false,
             held: false,
             range: *drive,
-            base: BaseLoop::default(),
+            regulator: Regulator::new(&plan.sine.drive),
             follow: BaseFollow::default(),
             saturated: false,
             was_saturated: false,
@@ -136,6 +136,12 @@ impl SteppedSineRunner {
     #[must_use]
     pub fn is_saturated(&self) -> bool {
         self.saturated
+    }
+
+    /// Base amplitude that the next drive of a loop will cause, m; 0 where none is known.
+    #[must_use]
+    pub fn base_foreseen_m(&self) -> f32 {
+        self.regulator.base_foreseen_m()
     }
 
     /// Index of the point in the whole experiment.
@@ -202,30 +208,22 @@ impl SteppedSineRunner {
         self.driven_ticks = 0;
         self.first_dwell = None;
         self.driving = true;
-        if let DriveMode::ClosedLoop(parameters) = &self.plan.sine.drive {
-            if self.gain == 0.0 {
-                self.base = BaseLoop::new(parameters);
-            }
-            self.base.tune(parameters, frequency, TICK_HZ);
+        if self.gain == 0.0 {
+            self.regulator = Regulator::new(&self.plan.sine.drive);
         }
+        self.regulator.tune(&self.plan.sine.drive, frequency);
     }
 
-    /// Whether, in a dwell of a closed loop, the base has left its tolerance and there is time to restart the dwell.
-    fn base_slipped(&self) -> bool {
-        match &self.plan.sine.drive {
-            DriveMode::Constant => false,
-            DriveMode::ClosedLoop(_) => !self.base.is_held() && self.driven_ticks <= self.plan.held_by_ticks,
-        }
+    /// Whether, in a dwell of a closed loop, the amplitude has left its tolerance and there is time to restart the dwell.
+    fn amplitude_slipped(&self) -> bool {
+        !self.regulator.is_held() && self.driven_ticks <= self.plan.held_by_ticks
     }
 
     /// The point has settled: the measurement may begin at the next cycle.
     fn is_settled(&self) -> bool {
         !self.held
             && self.driven_ticks > self.plan.settle_ticks
-            && match &self.plan.sine.drive {
-                DriveMode::Constant => true,
-                DriveMode::ClosedLoop(_) => self.base.is_held() || self.driven_ticks > self.plan.held_by_ticks,
-            }
+            && (self.regulator.is_held() || self.driven_ticks > self.plan.held_by_ticks)
     }
 
     /// Fraction of the last tick, at whose end a cycle ended, that belongs to the present cycle.
@@ -271,28 +269,16 @@ impl SteppedSineRunner {
         self.waves[DELAY_TICKS as usize - 1] = wave;
         self.saturated = false;
         let amplitude = self.plan.sine.amplitude_m;
-        let (DriveMode::ClosedLoop(_), Some(now)) = (&self.plan.sine.drive, now) else {
-            let full = match self.plan.sine.drive {
-                DriveMode::Constant => amplitude * wave.0,
-                DriveMode::ClosedLoop(_) => self.base.open(wave),
-            };
-            return (ramp * full, None);
-        };
-        let then = Phase(self.phase.0.wrapping_sub(self.increment.wrapping_mul(DELAY_TICKS)));
-        if now.readings.z.rail != Rail::Clear {
-            // The reading of z is not a displacement: the drive continues at its last amplitude and phase.
-            return (self.base.open(wave), None);
+        let Some(now) = now else { return (ramp * self.regulator.open(amplitude, wave), None) };
+        if !self.regulator.can_read(now.readings) {
+            // A reading is not a displacement: the drive continues at its last amplitude and phase.
+            self.regulator.freeze();
+            return (self.regulator.open(amplitude, wave), None);
         }
-        let drive = self.base.tick(ramp * amplitude, now.readings.z.mean_m, wave_then, wave);
-        self.saturated = self.base.is_saturated();
-        if then.0.checked_add(self.increment).is_none() {
-            self.base.end_cycle(amplitude);
-            if let Some(value) = self.base.runaway(amplitude) {
-                let limit = RUNAWAY * amplitude;
-                return (drive, Some(Fault { cause: FaultCause::BaseRunaway, tick: now.tick, value, limit }));
-            }
-        }
-        (drive, None)
+        let at = DrivePhase { phase: self.phase, increment: self.increment, wave, wave_then };
+        let (drive, fault) = self.regulator.tick(ramp, amplitude, now, &at);
+        self.saturated = self.regulator.is_saturated();
+        (drive, fault)
     }
 
     /// Checks that the base follows the drive.
@@ -305,7 +291,9 @@ impl SteppedSineRunner {
         if self.phase.0.checked_add(self.increment).is_some() {
             return None;
         }
-        let (cause, value, limit) = self.follow.end_cycle(self.plan.sine.amplitude_m)?;
+        let followed = self.follow.end_cycle()?;
+        let demand_m = self.regulator.demand_m(self.plan.sine.amplitude_m);
+        let (cause, value, limit) = followed.fault(demand_m)?;
         Some(Fault { cause, tick: now.tick, value, limit })
     }
 
@@ -334,7 +322,7 @@ impl SteppedSineRunner {
         self.cycle_ended = self.phase.advance(self.increment);
         if self.cycle_ended && measuring {
             self.meter.end_cycle(self.over());
-            if self.base_slipped() {
+            if self.amplitude_slipped() {
                 self.stage = ExperimentStage::Settle;
             }
             if self.meter.cycles() == self.cycles && fault.is_none() {

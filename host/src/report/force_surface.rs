@@ -1,0 +1,201 @@
+//! The harmonic force surface: the base amplitude Z that keeps the response at an amplitude, over frequency and amplitude, from the
+//! points of a run. A cut at constant Z is the whole response curve, its unstable parts included; where the cut turns back in frequency the
+//! response at that Z jumps.
+
+use damprig_core::control::response_loop::Response;
+
+use super::plot::contour;
+use super::plot::svg::Place;
+use crate::campaign::{Campaign, CampaignSetUp, Experiment};
+use crate::prediction::held_response::amplitude_m;
+use crate::run_folder::ResultRow;
+
+/// The sheets of one `[[experiment]]` on a set-up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ForceSurface {
+    /// Position of the set-up in the campaign.
+    pub set_up: usize,
+    /// Name of the experiment as written, without the amplitude.
+    pub experiment: String,
+    /// The quantity that was kept, with its unit.
+    pub kept: Kept,
+    /// Kept amplitudes, in its unit, rising.
+    pub amplitudes: Vec<f64>,
+    /// Drive frequencies, Hz, rising.
+    pub frequencies_hz: Vec<f64>,
+    /// Z, m, a row for each amplitude; not a number where no point was measured or the amplitude was not held.
+    pub z_m: Vec<f64>,
+}
+
+/// What was kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kept {
+    /// Its name.
+    pub name: &'static str,
+    /// Unit of its amplitudes.
+    pub unit: &'static str,
+}
+
+/// A point at which a cut turns back in frequency: the response jumps there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fold {
+    /// Its frequency, Hz.
+    pub frequency_hz: f64,
+    /// The kept amplitude, in its unit.
+    pub amplitude: f64,
+    /// The cut has lower frequencies on both sides.
+    pub is_highest: bool,
+}
+
+impl ForceSurface {
+    /// The surfaces of a run, for each set-up those of its experiments; one needs two amplitudes and two frequencies.
+    #[must_use]
+    pub fn of(campaign: &Campaign, rows: &[ResultRow]) -> Vec<Self> {
+        let mut all = Vec::new();
+        for (place, set_up) in campaign.set_ups.iter().enumerate() {
+            let own = || campaign.experiments.iter().filter(|e| e.set_ups.contains(&place));
+            let mut numbers: Vec<usize> =
+                own().filter(|e| e.response_controlled().is_some()).map(|experiment| experiment.number).collect();
+            numbers.dedup();
+            for number in numbers {
+                let sheets: Vec<&Experiment> = own().filter(|e| e.number == number).collect();
+                all.extend(Self::of_sheets((place, set_up), &sheets, rows));
+            }
+        }
+        all
+    }
+
+    fn of_sheets((place, set_up): (usize, &CampaignSetUp), sheets: &[&Experiment], rows: &[ResultRow]) -> Option<Self> {
+        let first = sheets.first()?;
+        let (kept, per) = match first.response_controlled()?.response_loop()?.response {
+            Response::Displacement { .. } => (Kept { name: "x", unit: "mm" }, 1e3),
+            Response::Velocity { .. } => (Kept { name: "velocity", unit: "m/s" }, 1.0),
+            Response::Relative { .. } => (Kept { name: "x − z", unit: "mm" }, 1e3),
+        };
+        let amplitude = |sheet: &Experiment| Some(sheet.response_controlled()?.kept.as_ref()?.value * per);
+        let sorted = |values: &mut Vec<f64>| {
+            values.sort_by(f64::total_cmp);
+            values.dedup();
+        };
+        let mut amplitudes: Vec<f64> = sheets.iter().filter_map(|sheet| amplitude(sheet)).collect();
+        let mut frequencies_hz: Vec<f64> = first.frequencies_hz().to_vec();
+        // Points around a peak belong to their own sheet only.
+        sorted(&mut amplitudes);
+        sorted(&mut frequencies_hz);
+        if amplitudes.len() < 2 || frequencies_hz.len() < 2 {
+            return None;
+        }
+        let cell = |level: f64, frequency_hz: f64| {
+            let repeats = sheets.iter().filter(|sheet| amplitude(sheet) == Some(level));
+            let held = repeats.filter_map(|sheet| {
+                let parameters = sheet.response_controlled()?.response_loop()?;
+                let is_own = |row: &&ResultRow| {
+                    row.set_up == set_up.name && row.experiment == sheet.name && row.frequency_hz == frequency_hz
+                };
+                let row = rows.iter().find(is_own)?;
+                let asked_m = f64::from(parameters.response.amplitude_m(row.frequency_hz as f32));
+                let reached_m = amplitude_m(parameters, [row.x_amplitude_m, row.z_amplitude_m, row.phase_rad]);
+                let is_held = (f64::from(reached_m) / asked_m - 1.0).abs() <= f64::from(parameters.tolerance);
+                is_held.then_some(f64::from(row.z_amplitude_m))
+            });
+            let held: Vec<f64> = held.collect();
+            if held.is_empty() { f64::NAN } else { held.iter().sum::<f64>() / held.len() as f64 }
+        };
+        let z_m = amplitudes.iter().flat_map(|level| frequencies_hz.iter().map(move |f| (*level, *f)));
+        let z_m: Vec<f64> = z_m.map(|(level, f)| cell(level, f)).collect();
+        let experiment = match first.response_controlled()?.response_loop() {
+            Some(own) if sheets.len() > 1 => {
+                let sheet = format!(", {}", crate::campaign::kept_in_words(&own.response));
+                first.series.strip_suffix(&sheet).unwrap_or(&first.series).to_string()
+            }
+            _ => first.series.clone(),
+        };
+        let is_measured = z_m.iter().any(|z_m| z_m.is_finite());
+        is_measured.then_some(Self { set_up: place, experiment, kept, amplitudes, frequencies_hz, z_m })
+    }
+
+    /// The cut at a base amplitude, m: lines of frequency (Hz) and kept amplitude.
+    ///
+    /// Z² is nearly a parabola over frequency, where Z has a kink at resonance; it is interpolated linearly within a cell of the grid.
+    #[must_use]
+    pub fn cut(&self, z_m: f64) -> Vec<Vec<(f64, f64)>> {
+        let squares: Vec<f64> = self.z_m.iter().map(|z_m| z_m * z_m).collect();
+        let segments = contour::segments(&squares, self.frequencies_hz.len(), z_m * z_m);
+        let point = |(column, row): Place| (between(&self.frequencies_hz, column), between(&self.amplitudes, row));
+        contour::joined(segments).into_iter().map(|line| line.into_iter().map(point).collect()).collect()
+    }
+
+    /// Where the cut at a base amplitude (m) turns back in frequency. Each is the vertex of the parabola through the three neighbouring
+    /// points of the cut at measured amplitudes.
+    #[must_use]
+    pub fn folds(&self, z_m: f64) -> Vec<Fold> {
+        let mut all = Vec::new();
+        for line in self.cut(z_m) {
+            let is_measured = |point: &&(f64, f64)| self.amplitudes.contains(&point.1);
+            let points: Vec<(f64, f64)> = line.iter().filter(is_measured).copied().collect();
+            for three in points.windows(3) {
+                let [a, b, c] = [three[0], three[1], three[2]];
+                // Not where the cut turns back in amplitude.
+                let rises = (b.1 - a.1) * (c.1 - b.1) > 0.0;
+                if rises && (b.0 - a.0) * (c.0 - b.0) < 0.0 {
+                    let (amplitude, frequency_hz) = vertex([a, b, c]);
+                    all.push(Fold { frequency_hz, amplitude, is_highest: b.0 > a.0 });
+                }
+            }
+        }
+        all
+    }
+}
+
+/// The value at a place between those of a list: 0 is the first.
+fn between(values: &[f64], place: f64) -> f64 {
+    let low = (place.floor() as usize).min(values.len() - 2);
+    let share = place - low as f64;
+    if share == 0.0 {
+        values[low]
+    } else if share == 1.0 {
+        values[low + 1]
+    } else {
+        values[low] + share * (values[low + 1] - values[low])
+    }
+}
+
+/// The vertex of the parabola of frequency over amplitude through three points of frequency and amplitude: amplitude and frequency.
+fn vertex([a, b, c]: [(f64, f64); 3]) -> (f64, f64) {
+    let (before, after) = ((b.0 - a.0) / (b.1 - a.1), (c.0 - b.0) / (c.1 - b.1));
+    let bend = (after - before) / (c.1 - a.1);
+    // Newton's form about b: f = b + slope·(A − Ab) + bend·(A − Ab)².
+    let slope = before + bend * (b.1 - a.1);
+    let step = -slope / (2.0 * bend);
+    (b.1 + step, b.0 + slope * step + bend * step * step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Z² = (A − 1)² + ... of a hardening spring: f(A) at constant Z is a parabola in A, which turns at A = 3.
+    #[test]
+    fn the_fold_of_a_known_surface_is_found_at_its_vertex() {
+        // Z = 1 along f = 3 − 0.02 (A − 3)², and Z² rises linearly with f beside it.
+        let amplitudes: Vec<f64> = (0..9).map(|n| 1.1 + 0.5 * f64::from(n)).collect();
+        let frequencies_hz: Vec<f64> = (0..21).map(|n| 2.8 + 0.02 * f64::from(n)).collect();
+        let z_m = amplitudes.iter().flat_map(|a| {
+            let own_hz = 3.0 - 0.02 * (a - 3.0) * (a - 3.0);
+            frequencies_hz.iter().map(move |f| (1.0 + 2.0 * (f - own_hz)).sqrt())
+        });
+        let surface = ForceSurface {
+            set_up: 0,
+            experiment: "sheets".into(),
+            kept: Kept { name: "x", unit: "mm" },
+            z_m: z_m.collect(),
+            amplitudes,
+            frequencies_hz,
+        };
+        let [cut] = &surface.cut(1.0)[..] else { panic!("{:?}", surface.cut(1.0)) };
+        assert!(cut.len() > 9);
+        let [fold] = surface.folds(1.0)[..] else { panic!("{:?}", surface.folds(1.0)) };
+        assert!(fold.is_highest);
+        assert!((fold.frequency_hz - 3.0).abs() < 1e-12 && (fold.amplitude - 3.0).abs() < 1e-9, "{fold:?}");
+    }
+}

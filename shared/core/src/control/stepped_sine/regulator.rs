@@ -1,0 +1,144 @@
+//! What sets the drive of a stepped sine: a constant amplitude, the loop of the base, or the loop of the response.
+
+use super::DriveMode;
+use crate::control::base_loop::{BaseLoop, DELAY_TICKS, RUNAWAY};
+use crate::control::fault::{Fault, FaultCause};
+use crate::control::outcome::TickInputs;
+use crate::control::response_loop::ResponseControl;
+use crate::io::{Rail, Reading, Readings, TICK_HZ};
+use crate::sine::Phase;
+
+/// The phase of the drive in a tick.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DrivePhase {
+    pub phase: Phase,
+    pub increment: u32,
+    /// Sine and cosine now, and of the phase that the readings belong to.
+    pub wave: (f32, f32),
+    pub wave_then: (f32, f32),
+}
+
+/// Sets the drive's amplitude.
+#[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant)] // There is no allocator, so a variant cannot be boxed.
+pub(super) enum Regulator {
+    Constant,
+    Base(BaseLoop),
+    /// With the loop by which the base follows on a shaker.
+    Response(ResponseControl, Option<BaseLoop>),
+}
+
+impl Regulator {
+    /// A regulator with no drive.
+    pub fn new(mode: &DriveMode) -> Self {
+        match mode {
+            DriveMode::Constant => Self::Constant,
+            DriveMode::ClosedLoop(parameters) => Self::Base(BaseLoop::new(parameters)),
+            DriveMode::Response(parameters) => {
+                Self::Response(ResponseControl::new(parameters), parameters.base.as_ref().map(BaseLoop::new))
+            }
+        }
+    }
+
+    /// Changes the frequency; the drive's amplitude and phase carry over.
+    pub fn tune(&mut self, mode: &DriveMode, frequency_hz: f32) {
+        match (self, mode) {
+            (Self::Base(own), DriveMode::ClosedLoop(parameters)) => own.tune(parameters, frequency_hz, TICK_HZ),
+            (Self::Response(own, base), DriveMode::Response(parameters)) => {
+                own.tune(frequency_hz, TICK_HZ);
+                if let (Some(base), Some(parameters)) = (base, &parameters.base) {
+                    base.tune(parameters, frequency_hz, TICK_HZ);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// The amplitude is within the loop's tolerance.
+    pub fn is_held(&self) -> bool {
+        match self {
+            Self::Constant => true,
+            Self::Base(own) => own.is_held(),
+            Self::Response(own, _) => own.is_held(),
+        }
+    }
+
+    /// The loop's drive was at its limit.
+    pub fn is_saturated(&self) -> bool {
+        match self {
+            Self::Constant => false,
+            Self::Base(own) => own.is_saturated(),
+            Self::Response(own, base) => own.is_saturated() || base.as_ref().is_some_and(BaseLoop::is_saturated),
+        }
+    }
+
+    /// Every reading that the loop needs is a displacement.
+    pub fn can_read(&self, readings: &Readings) -> bool {
+        let is_clear = |reading: &Reading| reading.rail == Rail::Clear;
+        match self {
+            Self::Constant => true,
+            Self::Base(_) => is_clear(&readings.z),
+            Self::Response(..) => is_clear(&readings.x) && is_clear(&readings.z),
+        }
+    }
+
+    /// The drive without feedback, m; `amplitude_m` is that of a constant drive.
+    pub fn open(&self, amplitude_m: f32, wave: (f32, f32)) -> f32 {
+        match self {
+            Self::Constant => amplitude_m * wave.0,
+            Self::Base(own) => own.open(wave),
+            Self::Response(own, base) => base.as_ref().map_or_else(|| own.open(wave), |base| base.open(wave)),
+        }
+    }
+
+    /// Base amplitude that is demanded next, m; 0 where none is known.
+    pub fn base_foreseen_m(&self) -> f32 {
+        if let Self::Response(own, _) = self { own.base_foreseen_m() } else { 0.0 }
+    }
+
+    /// The drive of this tick, m, at this height of the ramp, and a fault. `amplitude_m` is the demanded amplitude of the
+    /// base.
+    pub fn tick(&mut self, ramp: f32, amplitude_m: f32, now: &TickInputs, at: &DrivePhase) -> (f32, Option<Fault>) {
+        let (x_m, z_m) = (now.readings.x.mean_m, now.readings.z.mean_m);
+        let then = at.phase.0.wrapping_sub(at.increment.wrapping_mul(DELAY_TICKS));
+        match self {
+            Self::Constant => (ramp * amplitude_m * at.wave.0, None),
+            Self::Base(own) => {
+                let drive = own.tick((ramp * amplitude_m, 0.0), z_m, at.wave_then, at.wave);
+                if then.checked_add(at.increment).is_some() {
+                    return (drive, None);
+                }
+                own.end_cycle(amplitude_m);
+                let fault = own.runaway(amplitude_m).map(|value| Fault {
+                    cause: FaultCause::BaseRunaway,
+                    tick: now.tick,
+                    value,
+                    limit: RUNAWAY * amplitude_m,
+                });
+                (drive, fault)
+            }
+            Self::Response(own, base) => {
+                let demand = own.tick(ramp, (x_m, z_m), (then, at.increment, at.wave_then));
+                let Some(base) = base else { return (own.open(at.wave), None) };
+                let drive = base.tick(demand, z_m, at.wave_then, at.wave);
+                if then.checked_add(at.increment).is_none() {
+                    base.end_cycle(own.demanded_m());
+                }
+                (drive, None)
+            }
+        }
+    }
+
+    /// The amplitude that the base is asked for, m; `amplitude_m` is the least.
+    pub fn demand_m(&self, amplitude_m: f32) -> f32 {
+        let Self::Response(own, _) = self else { return amplitude_m };
+        amplitude_m.max(own.demanded_m())
+    }
+
+    /// Stops every change of the drive: a reading is not a displacement.
+    pub fn freeze(&mut self) {
+        if let Self::Response(own, _) = self {
+            own.freeze();
+        }
+    }
+}
