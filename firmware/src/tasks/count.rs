@@ -9,8 +9,8 @@ use core::hint::black_box;
 
 use cortex_m_semihosting::hprintln;
 use damprig_core::control::base_loop::ClosedLoop;
-use damprig_core::control::response_loop::{Response, ResponseLoop};
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target};
+use damprig_core::control::response_loop::{Response, ResponseLoop};
 use damprig_core::control::safety::ExperimentLimits;
 use damprig_core::control::stepped_sine::{DriveMode, MAX_POINTS, Start, SteppedSine};
 use damprig_core::io::{Actuators, SUBSAMPLES, Sensors, SlowBlock};

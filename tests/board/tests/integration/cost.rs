@@ -2,8 +2,8 @@
 
 use damprig_board::{Board, Config, Time};
 use damprig_core::control::base_loop::ClosedLoop;
-use damprig_core::control::response_loop::{Response, ResponseLoop};
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, SpringStage, Target};
+use damprig_core::control::response_loop::{Response, ResponseLoop};
 use damprig_core::control::stepped_sine::{DriveMode, SteppedSine};
 use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
 use damprig_core::twin::TwinConfig;

@@ -13,6 +13,7 @@ mod hardware;
 mod log;
 mod outputs;
 mod report;
+mod response;
 mod sensors;
 mod settings;
 mod timing;

@@ -395,7 +395,7 @@ impl SteppedSineRunner {
 mod tests {
     use super::*;
     use crate::control::base_loop::ClosedLoop;
-    use crate::control::stepped_sine::SteppedSine;
+    use crate::control::stepped_sine::{DriveMode, SteppedSine};
     use crate::io::{DriveScale, Readings};
     use crate::measure::steadiness::SteadyLimits;
 

@@ -1,0 +1,143 @@
+//! The loop that keeps the response, on the controller's own image: every cause that ends a drive ends it too, to the same safe state, and
+//! no demand rises after a fault.
+
+use damprig_board::{Board, Config, Output, Time};
+use damprig_core::control::base_loop::ClosedLoop;
+use damprig_core::control::fault::FaultCause;
+use damprig_core::control::response_loop::{Response, ResponseLoop};
+use damprig_core::control::safety::{ExperimentLimits, SafeStage};
+use damprig_core::control::stepped_sine::{DriveMode, SteppedSine};
+use damprig_core::io::Sensor;
+use damprig_core::rig::State;
+use damprig_protocol::{Event, Request};
+use damprig_simulator::plant::{Base, End, InjectedFault, PlantConfig, SensorFault, Shaker, Supply};
+
+use crate::common::{Host, bare, image, is_driving, opened, pass, sine};
+
+/// Drive code for zero voltage.
+const MIDDLE: u16 = 2_048;
+
+fn kept(amplitude_m: f32) -> ResponseLoop {
+    ResponseLoop::new(Response::Displacement { amplitude_m }, Some(ClosedLoop::default()))
+}
+
+fn experiment(parameters: ResponseLoop) -> SteppedSine {
+    SteppedSine { drive: DriveMode::Response(parameters), ..sine(1e-3, 2.6) }
+}
+
+/// A board that keeps |x| at 4 mm on a shaker, for a second.
+fn keeping(parameters: ResponseLoop, limits: ExperimentLimits) -> Option<Board> {
+    let plant = PlantConfig { base: Base::Shaker(Shaker::default()), ..bare() };
+    let mut board = Board::new(image()?, &Config::new(plant)).unwrap();
+    let mut host = Host::new(&mut board);
+    host.ask(Request::Identify);
+    host.ask(Request::Configure(experiment(parameters)));
+    host.ask(Request::SetLimits(limits));
+    host.ask(Request::Start);
+    pass(&mut board, 1_000);
+    assert!(is_driving(&board), "{:?}", board.chip().trace().last());
+    Some(board)
+}
+
+/// Distances of the drive's codes from zero drive in the trace, in this time.
+fn codes(board: &Board, from: Time, to: Time) -> Vec<u16> {
+    let own = board.chip().trace().iter().filter(|(at, _)| (from..to).contains(at));
+    own.filter_map(
+        |(_, output)| if let Output::Drive(Some(code)) = output { Some(code.abs_diff(MIDDLE)) } else { None },
+    )
+    .collect()
+}
+
+/// The relay opens within `longest` after `since`, and the drive has not been larger than in the cycle before.
+fn assert_safe(board: &mut Board, since: Time, longest: Time, why: &str) {
+    pass(board, 400);
+    assert!(!is_driving(board), "{why}: it drives");
+    let opened = opened(board, since);
+    assert!(opened <= longest, "{why}: the relay opens after {} ms", opened.us() / 1e3);
+    let before = codes(board, since - Time::from_ms(400), since).into_iter().max().unwrap_or(0);
+    let after = codes(board, since + Time::from_ms(20), board.now()).into_iter().max().unwrap_or(0);
+    assert!(before > 20 && after <= before + 1, "{why}: a drive of {after} follows one of {before}");
+}
+
+#[test]
+fn a_sensor_that_is_lost_in_the_middle_ends_the_drive_without_a_rise() {
+    for sensor in [Sensor::X, Sensor::Z] {
+        for fault in [SensorFault::Unplugged, SensorFault::AtRail(End::High)] {
+            let Some(mut board) = keeping(kept(4e-3), ExperimentLimits::default()) else { return };
+            let broken = board.now();
+            board.chip_mut().inject(&InjectedFault::Sensor { sensor, fault: Some(fault) });
+            assert_safe(&mut board, broken, Time::from_ms(225), &format!("{sensor:?}, {fault:?}"));
+            let status = Host::new(&mut board).status();
+            assert_eq!(status.fault.map(|fault| fault.cause), Some(FaultCause::SensorAtRail(sensor)), "{fault:?}");
+        }
+    }
+}
+
+#[test]
+fn the_emergency_stop_and_a_falling_supply_open_the_relay_at_once() {
+    let Some(mut board) = keeping(kept(4e-3), ExperimentLimits::default()) else { return };
+    let pressed = board.now();
+    board.chip_mut().inject(&InjectedFault::EmergencyStop { pressed: true });
+    assert_safe(&mut board, pressed, Time::from_ms(2), "emergency stop");
+    let Some(mut board) = keeping(kept(4e-3), ExperimentLimits::default()) else { return };
+    let begun = board.now();
+    board.chip_mut().set_supply(2.8);
+    pass(&mut board, 400);
+    assert!(!is_driving(&board) && opened(&board, begun) < Time::from_ms(2));
+}
+
+#[test]
+fn a_host_that_is_gone_and_a_drive_at_its_limit_end_the_drive_after_their_time() {
+    let limits = ExperimentLimits { host_silent_s: Some(5.0), ..ExperimentLimits::default() };
+    let Some(mut board) = keeping(kept(4e-3), limits) else { return };
+    let silent = board.now();
+    pass(&mut board, 4_500);
+    assert_safe(&mut board, silent, Time::from_ms(5_250), "no host");
+    let limits = ExperimentLimits { saturated_s: Some(0.5), host_silent_s: Some(60.0), ..ExperimentLimits::default() };
+    // At 2.6 Hz an |x| of 60 mm needs Z = 5 mm.
+    let short = ResponseLoop { drive_limit_m: 1e-3, ..kept(0.06) };
+    let Some(mut board) = keeping(short, limits) else { return };
+    let begun = board.now();
+    pass(&mut board, 4_000);
+    let mut host = Host::new(&mut board);
+    let status = host.status();
+    assert_eq!(status.fault.map(|fault| fault.cause), Some(FaultCause::DriveSaturated));
+    assert!(!is_driving(&board) && opened(&board, begun) < Time::from_ms(4_000));
+}
+
+#[test]
+fn an_amplifier_that_fails_leaves_no_demand_that_grows() {
+    let Some(mut board) =
+        keeping(kept(4e-3), ExperimentLimits { host_silent_s: Some(60.0), ..ExperimentLimits::default() })
+    else {
+        return;
+    };
+    board.chip_mut().inject(&InjectedFault::Supply { supply: Supply::Amplifier, on: false });
+    let off = board.now();
+    let mut host = Host::new(&mut board);
+    host.wait_for(Time::from_ms(5_000), |event| matches!(event, Event::Fault(_)));
+    pass(&mut board, 400);
+    let most = codes(&board, off, board.now()).into_iter().max().unwrap_or(0);
+    println!("amplifier off: {:?}, codes up to {most}", Host::new(&mut board).status().fault);
+    assert!(!is_driving(&board));
+}
+
+#[test]
+fn what_a_host_may_not_ask_of_the_loop_is_refused_by_name() {
+    let Some(image) = image() else { return };
+    let mut board = Board::new(image, &Config::new(bare())).unwrap();
+    let mut host = Host::new(&mut board);
+    host.ask(Request::Identify);
+    let base = ClosedLoop { gain_per_s: f32::INFINITY, ..ClosedLoop::default() };
+    for (lie, name) in [
+        (kept(f32::NAN), "drive.amplitude_m"),
+        (ResponseLoop { gain_per_cycle: 1e9, ..kept(4e-3) }, "drive.gain_per_cycle"),
+        (ResponseLoop { drive_limit_m: 1.0, ..kept(4e-3) }, "drive.drive_limit_m"),
+        (ResponseLoop { base: Some(base), ..kept(4e-3) }, "drive.gain_per_s"),
+    ] {
+        let why = host.try_ask(Request::Configure(experiment(lie))).expect_err("refused");
+        assert!(format!("{why:?}").contains(name), "{why:?}");
+    }
+    let status = host.status();
+    assert_eq!((status.state, status.safe), (State::Idle, SafeStage::Clear));
+}
