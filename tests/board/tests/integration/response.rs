@@ -93,7 +93,7 @@ fn a_host_that_is_gone_and_a_drive_at_its_limit_end_the_drive_after_their_time()
     let silent = board.now();
     pass(&mut board, 4_500);
     assert_safe(&mut board, silent, Time::from_ms(5_250), "no host");
-    let limits = ExperimentLimits { saturated_s: Some(0.5), host_silent_s: Some(60.0), ..ExperimentLimits::default() };
+    let limits = ExperimentLimits { saturated_s: Some(0.5), ..ExperimentLimits::default() };
     // At 2.6 Hz an |x| of 60 mm needs Z = 5 mm.
     let short = ResponseLoop { drive_limit_m: 1e-3, ..kept(0.06) };
     let Some(mut board) = keeping(short, limits) else { return };
@@ -107,9 +107,7 @@ fn a_host_that_is_gone_and_a_drive_at_its_limit_end_the_drive_after_their_time()
 
 #[test]
 fn an_amplifier_that_fails_leaves_no_demand_that_grows() {
-    let Some(mut board) =
-        keeping(kept(4e-3), ExperimentLimits { host_silent_s: Some(60.0), ..ExperimentLimits::default() })
-    else {
+    let Some(mut board) = keeping(kept(4e-3), ExperimentLimits::default()) else {
         return;
     };
     board.chip_mut().inject(&InjectedFault::Supply { supply: Supply::Amplifier, on: false });
