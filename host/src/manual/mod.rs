@@ -38,6 +38,7 @@ pub const PAGES: &[Page] = pages![
     "how-to/operator-instructions.md",
     "how-to/base-record.md",
     "how-to/random-order.md",
+    "how-to/hidden-branch.md",
     "how-to/export-matlab.md",
     "how-to/best-clearance.md",
     "how-to/read-e-n.md",

@@ -194,7 +194,7 @@ pub fn amplitude_m(held: &ResponseLoop, [x_m, z_m, phase_rad]: [f32; 3]) -> f32 
     use damprig_core::control::response_loop::Response as Kept;
     match held.response {
         Kept::Displacement { .. } | Kept::Velocity { .. } => x_m,
-        Kept::Relative { .. } => (x_m * x_m + z_m * z_m - 2.0 * x_m * z_m * phase_rad.cos()).max(0.0).sqrt(),
+        Kept::Relative { .. } => (x_m * x_m + z_m * z_m - 2.0 * x_m * z_m * libm::cosf(phase_rad)).max(0.0).sqrt(),
     }
 }
 
