@@ -97,7 +97,7 @@ fn amplitude_too_high(set_up: &CampaignSetUp, drive_m: f64) -> Option<TooMuch> {
 fn limit_too_high(sine: &SteppedSine, drive_m: f64) -> Option<TooMuch> {
     let limit = sine.drive_limit.as_ref().filter(|_| sine.drive != DriveMode::Constant)?;
     (limit.value as f32 > drive_m as f32).then(|| TooMuch {
-        title: "the drive limit of the loop is too large".into(),
+        title: "the closed loop's drive limit is too large".into(),
         span: limit.span.clone(),
         asked_m: limit.value,
         key: "drive_limit_m",

@@ -33,6 +33,8 @@ pub struct HeldResponse {
     pub base: (f64, f64),
     /// Drive frequencies at which the response is not held when the wait is over, Hz.
     pub missed_hz: Vec<f64>,
+    /// Whether the drive is at its limit at one of them.
+    pub is_drive_short: bool,
     /// The predicted results of its points, as far as they were simulated.
     pub points: Vec<PointResult>,
 }
@@ -182,8 +184,9 @@ impl Simulation {
             (reached_m / asked_m - 1.0).abs() > held.tolerance
         };
         let missed_hz = self.points.iter().filter(is_missed).map(|point| f64::from(point.frequency_hz)).collect();
+        let is_drive_short = self.points.iter().filter(is_missed).any(|point| point.drive_saturated);
         let Self { swing, base, points, .. } = self;
-        HeldResponse { set_up, experiment, swing, base, missed_hz, points }
+        HeldResponse { set_up, experiment, swing, base, missed_hz, is_drive_short, points }
     }
 }
 
@@ -254,8 +257,9 @@ pub fn check(campaign: &Campaign, predicted: &[HeldResponse]) -> Result<Vec<Stri
         }
         if !own.missed_hz.is_empty() {
             let at: Vec<String> = own.missed_hz.iter().map(|f| trim(*f)).collect();
+            let why = if own.is_drive_short { "; the drive is at its limit there" } else { "" };
             warnings.push(format!(
-                "set-up {:?}, experiment {:?}: {words} is not predicted to be held at {} Hz: these points are measured when the wait is over",
+                "set-up {:?}, experiment {:?}: {words} is not predicted to be held at {} Hz{why}. These points are measured when the wait is over",
                 set_up.name,
                 experiment.name,
                 at.join(", ")

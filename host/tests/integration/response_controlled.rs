@@ -115,16 +115,28 @@ fn an_amplitude_that_would_leave_a_limit_is_refused_with_its_line() {
     let text = sheets("soft-walls");
     let list = &text[text.find("x_amplitudes_m").unwrap()..];
     let list = &list[..list.find('\n').unwrap()];
-    let high = text.replace(list, "x_amplitudes_m = [0.001, 0.09]");
-    let folder = folder_with(&high);
-    let refused = damprig(&folder).args(["run", "test.toml", "--dry-run"]).assert().code(2);
-    refused.stderr(contains("would leave the displacement limit of the structure").and(contains("0.09")));
-    let far = high
-        .replace("0.001, 0.09", "0.03")
-        .replace("from_hz = 3.04, to_hz = 3.19, step_hz = 0.03", "from_hz = 6, to_hz = 6.5, step_hz = 0.5");
-    let folder = folder_with(&far);
-    let refused = damprig(&folder).args(["run", "test.toml", "--dry-run"]).assert().code(2);
-    refused.stderr(contains("would leave the displacement limit of the base"));
+    for (limits, said) in [
+        ("structure_limit_m = 0.003", "would leave the displacement limit of the structure"),
+        ("base_limit_m = 0.0009", "would leave the displacement limit of the base"),
+    ] {
+        let text = text.replace(list, "x_amplitudes_m = [0.0035]").replace("[rig]", &format!("[rig]\n{limits}"));
+        let folder = folder_with(&text);
+        let refused = damprig(&folder).args(["run", "test.toml", "--dry-run"]).assert().code(2);
+        refused.stderr(contains(said).and(contains("x_amplitudes_m = [0.0035]")).and(contains("x 3.5 mm is too much")));
+    }
+}
+
+/// The rig as delivered moves its base by 4.39 mm.
+#[test]
+fn an_amplitude_that_the_drive_cannot_reach_is_told_before_the_run() {
+    let text = sheets("soft-walls");
+    let list = &text[text.find("x_amplitudes_m").unwrap()..];
+    let list = &list[..list.find('\n').unwrap()];
+    let folder = folder_with(&text.replace(list, "x_amplitudes_m = [0.09]"));
+    let told = damprig(&folder).args(["run", "test.toml", "--dry-run"]).assert().success();
+    told.stderr(
+        contains("x 90 mm is not predicted to be held at 3.04").and(contains("the drive is at its limit there")),
+    );
 }
 
 #[test]
