@@ -20,7 +20,9 @@ pub struct Experiment {
     pub name: String,
     /// Number of its `[[experiment]]` in the campaign, from 1, the same for all of its repeats.
     pub number: usize,
-    /// Its name as written, with its amplitude where it has several; the same for all of its repeats.
+    /// Its name as written, the same for all of its sheets and repeats.
+    pub written: String,
+    /// Its name with the amplitude of its sheet where it has several; the same for all of its repeats.
     pub series: String,
     /// Which of its repeats it is, from 0.
     pub repeat: u32,
@@ -239,12 +241,13 @@ fn read(
     let own = section.text_of(&experiment::NAME);
     let number = index + 1;
     let name = own.as_ref().map_or_else(|| default_name(number), |t| t.value.clone());
+    let name_span = own.map_or(section.span(), |text| text.span);
     let repeats = section.scalar(&experiment::REPEATS).map(|repeats| repeats as usize);
     let instruction = section.text_of(&experiment::INSTRUCTION).map(|text| text.value);
     let own_names = repeat_names(&name, repeats.unwrap_or(1));
     if own_names.iter().any(|name| names.contains(name)) {
         let help = Some("give each experiment a name of its own: tables and --resume tell them apart by it".into());
-        section.refuse("name", &own.map_or(section.span(), |t| t.span), "is the name of an earlier experiment", help);
+        section.refuse("name", &name_span, "is the name of an earlier experiment", help);
     }
     names.extend(own_names);
     let kind = section.word(&experiment::KIND);
@@ -280,10 +283,22 @@ fn read(
             _ => None,
         };
         let series = sheet.map_or_else(|| name.clone(), |own| format!("{name}, {}", kept_in_words(&own.response)));
-        let (set_ups, instruction) = (set_ups.clone(), instruction.clone());
-        (Experiment { number, name: series.clone(), series, repeat: 0, set_ups, instruction, kind }, repeats)
+        let (written, set_ups, instruction) = (name.clone(), set_ups.clone(), instruction.clone());
+        let one = Experiment { number, written, name: series.clone(), series, repeat: 0, set_ups, instruction, kind };
+        (one, repeats)
     };
-    Some(read.into_iter().map(of).collect())
+    let all: Vec<(Experiment, usize)> = read.into_iter().map(of).collect();
+    if !is_one {
+        let own_names: Vec<String> =
+            all.iter().flat_map(|(one, repeats)| repeat_names(&one.series, *repeats)).collect();
+        if let Some(taken) = own_names.iter().find(|name| names.contains(name)) {
+            let allowed = format!("gives a sheet the name {taken:?}, which is that of an earlier experiment");
+            section.refuse("name", &name_span, allowed, Some("give each experiment a name of its own".into()));
+            return None;
+        }
+        names.extend(own_names);
+    }
+    Some(all)
 }
 
 /// The structures of the set-ups at these positions.

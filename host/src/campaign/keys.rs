@@ -1,7 +1,7 @@
 //! Declares the keys of a campaign other than those of structure and dampers: name, type, range, default and meaning of each.
 
 use damprig_core::control::base_loop::{ClosedLoop, MAX_GAIN_PER_S};
-use damprig_core::control::response_loop::{MAX_GAIN_PER_CYCLE, Response, ResponseLoop};
+use damprig_core::control::response_loop::{KeptQuantity, MAX_GAIN_PER_CYCLE, ResponseLoop};
 use damprig_core::control::stepped_sine::MIN_TICKS_PER_CYCLE;
 use damprig_core::io::TICK_HZ;
 use damprig_core::measure::steadiness::SteadyLimits;
@@ -398,7 +398,7 @@ const fn numbers(name: &'static str, doc: &'static str) -> Key {
 
 /// The loop of the response as delivered.
 fn default_loop() -> ResponseLoop {
-    ResponseLoop::new(Response::Displacement { amplitude_m: 1.0 }, None)
+    ResponseLoop::new(KeptQuantity::Displacement { amplitude_m: 1.0 }, None)
 }
 
 /// Resistance and limit of the default amplifier.

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use damprig_core::control::base_loop::ClosedLoop;
-use damprig_core::control::response_loop::{Response, ResponseLoop};
+use damprig_core::control::response_loop::{KeptQuantity, ResponseLoop};
 use damprig_core::control::stepped_sine as core_sine;
 use damprig_core::control::stepped_sine::{DriveMode, MAX_POINTS, MIN_CYCLES};
 use damprig_core::measure::steadiness::SteadyLimits;
@@ -40,8 +40,8 @@ pub struct SteppedSine {
     pub drive: DriveMode,
     /// The stated drive limit of a loop, m, and its place; without one it is the range of the rig's drive.
     pub drive_limit: Option<Number>,
-    /// The amplitude of a response that is kept, as written, and its place; `None` where the base is driven.
-    pub kept: Option<Number>,
+    /// The amplitude of a response that is kept, as written; `None` where the base is driven.
+    pub kept: Option<KeptAmplitude>,
     /// Time over which the drive rises from zero and fades again, s.
     pub ramp_s: f64,
     /// Settling time: from the start of a point to its dwell, s.
@@ -52,6 +52,15 @@ pub struct SteppedSine {
     pub rest_level_m: f64,
     /// When a point counts as steady.
     pub steady: SteadyLimits,
+}
+
+/// An amplitude of a response that is kept, as written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KeptAmplitude {
+    /// Its key.
+    pub key: &'static str,
+    /// The amplitude in the key's unit, and its place.
+    pub amplitude: Number,
 }
 
 impl SteppedSine {
@@ -98,16 +107,16 @@ impl SteppedSine {
     }
 }
 
-/// What is kept, in a few words: `x 5 mm`, `velocity 0.1 m/s`, `x − z 5 mm`.
+/// What is kept, in a few words: `x 5 mm`, `velocity 0.1 m/s`, `relative 5 mm`.
 #[must_use]
-pub fn kept_in_words(response: &Response) -> String {
+pub fn kept_in_words(quantity: &KeptQuantity) -> String {
     let of = |what: &str, amplitude: f32, per: f64, unit: &str| {
         format!("{what} {} {unit}", to_nine_places(number_of(amplitude) * per))
     };
-    match *response {
-        Response::Displacement { amplitude_m } => of("x", amplitude_m, 1e3, "mm"),
-        Response::Velocity { amplitude_m_per_s } => of("velocity", amplitude_m_per_s, 1.0, "m/s"),
-        Response::Relative { amplitude_m } => of("x − z", amplitude_m, 1e3, "mm"),
+    match *quantity {
+        KeptQuantity::Displacement { amplitude_m } => of("x", amplitude_m, 1e3, "mm"),
+        KeptQuantity::Velocity { amplitude_m_per_s } => of("velocity", amplitude_m_per_s, 1.0, "m/s"),
+        KeptQuantity::Relative { amplitude_m } => of("relative", amplitude_m, 1e3, "mm"),
     }
 }
 
@@ -127,6 +136,11 @@ pub(super) fn read_response_controlled(
     let sine = read_points(section, structures);
     let loops = read_loops(section, rig)?;
     let sine = sine?;
+    if !sine.peak_order.is_empty() {
+        let allowed = "belongs to stepped sines that drive the base: at a constant response there is no peak of X/Z";
+        section.reject("peak_points", allowed, Some("leave it out".into()));
+        return None;
+    }
     let (drive_limit, all) = loops;
     let of = |(drive, kept)| SteppedSine { drive, drive_limit: drive_limit.clone(), kept: Some(kept), ..sine.clone() };
     Some(all.into_iter().map(of).collect())
@@ -314,7 +328,7 @@ fn read_drive(section: &Section, rig: Option<&RigSettings>) -> Option<(DriveMode
 }
 
 /// The stated drive limit, and the loop of each amplitude with the amplitude as written.
-type Loops = (Option<Number>, Vec<(DriveMode, Number)>);
+type Loops = (Option<Number>, Vec<(DriveMode, KeptAmplitude)>);
 
 /// The amplitudes of a response, and its `response_loop`.
 fn read_loops(section: &Section, rig: Option<&RigSettings>) -> Option<Loops> {
@@ -328,7 +342,8 @@ fn read_loops(section: &Section, rig: Option<&RigSettings>) -> Option<Loops> {
         section.reject(key.name, "must hold at least one amplitude", Some(format!("write {} = [0.01]", key.name)));
         return None;
     }
-    let is_repeated = |n: usize| list[..n].iter().any(|before| before.value == list[n].value);
+    // As the controller gets them.
+    let is_repeated = |n: usize| list[..n].iter().any(|before| before.value as f32 == list[n].value as f32);
     if let Some(repeated) = (1..list.len()).find(|n| is_repeated(*n)) {
         let help = Some("write repeats = 2 to measure it twice".into());
         section.refuse(key.name, &list[repeated].span, "holds the same amplitude twice", help);
@@ -348,16 +363,16 @@ fn read_loops(section: &Section, rig: Option<&RigSettings>) -> Option<Loops> {
         None => None,
     };
     let response = |value: f64| match key.name {
-        "x_amplitudes_m" => Response::Displacement { amplitude_m: value as f32 },
-        "velocity_amplitudes_m_per_s" => Response::Velocity { amplitude_m_per_s: value as f32 },
-        _ => Response::Relative { amplitude_m: value as f32 },
+        "x_amplitudes_m" => KeptQuantity::Displacement { amplitude_m: value as f32 },
+        "velocity_amplitudes_m_per_s" => KeptQuantity::Velocity { amplitude_m_per_s: value as f32 },
+        _ => KeptQuantity::Relative { amplitude_m: value as f32 },
     };
     let (gain, tolerance, wait) = (gain? as f32, tolerance? as f32, wait? as f32);
     let loop_of = |amplitude: Number| {
         let new = ResponseLoop::new(response(amplitude.value), base);
         let drive_limit_m = limit.as_ref().map_or(new.drive_limit_m, |limit| limit.value as f32);
         let own = ResponseLoop { gain_per_cycle: gain, tolerance, wait_s: wait, drive_limit_m, ..new };
-        (DriveMode::Response(own), amplitude)
+        (DriveMode::Response(own), KeptAmplitude { key: key.name, amplitude })
     };
     let all = list.into_iter().map(loop_of).collect();
     Some((limit, all))

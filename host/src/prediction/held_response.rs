@@ -5,7 +5,7 @@
 //! real drive is at, and the noise, the run shows.
 
 use damprig_core::control::outcome::{Outcome, TickInputs};
-use damprig_core::control::response_loop::ResponseLoop;
+use damprig_core::control::response_loop::{KeptQuantity, ResponseLoop};
 use damprig_core::control::stepped_sine::{DriveMode, SteppedSinePlan, SteppedSineRunner};
 use damprig_core::integrator::base::{BaseSegment, BaseTrack};
 use damprig_core::integrator::sampled::Sampled;
@@ -16,7 +16,8 @@ use damprig_motion::watch::{Detection, WatchedMotion};
 use rayon::prelude::*;
 
 use super::{MAX_STEPS, Response, Swing, USABLE, trim, wall_force, watch};
-use crate::campaign::{Campaign, CampaignSetUp, SteppedSine, kept_in_words};
+use crate::campaign::transient::two_digits_down;
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, kept_in_words};
 use crate::failure::Failure;
 use crate::input::Problem;
 
@@ -44,25 +45,28 @@ pub struct HeldResponse {
 /// # Errors
 /// A parameter that cannot be simulated, with the set-up's name.
 pub fn predict(campaign: &Campaign) -> Result<Vec<HeldResponse>, Failure> {
-    let experiments = || campaign.experiments.iter().enumerate();
-    let pairs: Vec<(usize, usize, &SteppedSine)> = (0..campaign.set_ups.len())
+    let sheets = || campaign.experiments.iter().enumerate().filter(|(_, e)| e.response_controlled().is_some());
+    // Repeats are the same without noise.
+    let once: Vec<(usize, usize)> = (0..campaign.set_ups.len())
+        .filter(|set_up| campaign.set_ups[*set_up].is_predicted)
         .flat_map(|set_up| {
-            let own = experiments().filter(move |(_, e)| e.set_ups.contains(&set_up));
-            own.filter_map(move |(place, e)| e.response_controlled().map(|sine| (set_up, place, sine)))
+            let own = sheets().filter(move |(_, e)| e.repeat == 0 && e.set_ups.contains(&set_up));
+            own.map(move |(experiment, _)| (set_up, experiment))
         })
         .collect();
-    let most_ticks = MAX_TICKS / pairs.len().max(1) as u64;
+    let most_ticks = (MAX_TICKS / once.len().max(1) as u64).max(MIN_TICKS);
     let detection = watch::detection(&campaign.rig.board.impacts);
-    let drive_m = campaign.rig.board.calibration.drive.range();
-    pairs
-        .into_par_iter()
-        .filter(|(set_up, ..)| campaign.set_ups[*set_up].is_predicted)
+    let drive_m = campaign.rig.board.calibration.drive.range().amplitude_m();
+    once.into_par_iter()
+        .filter_map(|(set_up, experiment)| {
+            Some((set_up, experiment, campaign.experiments[experiment].response_controlled()?))
+        })
         .map(|(set_up, experiment, sine)| {
             let own = &campaign.set_ups[set_up];
-            let order = sine.order(own.base_amplitude_m, 0..sine.frequencies_hz.len(), drive_m.amplitude_m());
+            let order = sine.order(own.base_amplitude_m, 0..sine.frequencies_hz.len(), drive_m);
             let failed = |e: Invalid| Failure::Input(format!("set-up {:?}: {e}", own.name));
             let mut run = Simulation::new(own, order, &detection).map_err(failed)?;
-            run.go(most_ticks.max(MIN_TICKS));
+            run.go(most_ticks);
             Ok(run.into_prediction(set_up, experiment))
         })
         .collect()
@@ -72,7 +76,7 @@ pub fn predict(campaign: &Campaign) -> Result<Vec<HeldResponse>, Failure> {
 const MAX_TICKS: u64 = 10 * MAX_STEPS;
 
 /// Ticks that every experiment may have.
-const MIN_TICKS: u64 = 200_000;
+const MIN_TICKS: u64 = 50_000;
 
 /// An experiment on a set-up, tick by tick.
 struct Simulation {
@@ -178,10 +182,8 @@ impl Simulation {
 
     fn into_prediction(self, set_up: usize, experiment: usize) -> HeldResponse {
         let is_missed = |point: &&PointResult| {
-            let Some(held) = &self.held else { return false };
-            let asked_m = held.response.amplitude_m(point.frequency_hz);
-            let reached_m = amplitude_m(held, [point.x_amplitude_m, point.z_amplitude_m, point.phase_rad]);
-            (reached_m / asked_m - 1.0).abs() > held.tolerance
+            let amplitudes = [point.x_amplitude_m, point.z_amplitude_m, point.phase_rad];
+            self.held.as_ref().is_some_and(|held| !is_within(held, point.frequency_hz, amplitudes))
         };
         let missed_hz = self.points.iter().filter(is_missed).map(|point| f64::from(point.frequency_hz)).collect();
         let is_drive_short = self.points.iter().filter(is_missed).any(|point| point.drive_saturated);
@@ -190,21 +192,29 @@ impl Simulation {
     }
 }
 
-/// The amplitude of a result that the loop keeps, as a displacement, m. `point`: amplitudes of x and z (m) and the phase of x relative to z
-/// (rad), all at the drive frequency.
+/// Whether a result has the amplitude that the loop keeps, within its tolerance. `amplitudes`: of x and z (m), and the phase of x
+/// relative to z (rad), all at the drive frequency.
 #[must_use]
-pub fn amplitude_m(held: &ResponseLoop, [x_m, z_m, phase_rad]: [f32; 3]) -> f32 {
-    use damprig_core::control::response_loop::Response as Kept;
-    match held.response {
-        Kept::Displacement { .. } | Kept::Velocity { .. } => x_m,
-        Kept::Relative { .. } => (x_m * x_m + z_m * z_m - 2.0 * x_m * z_m * libm::cosf(phase_rad)).max(0.0).sqrt(),
-    }
+pub fn is_within(held: &ResponseLoop, frequency_hz: f32, [x_m, z_m, phase_rad]: [f32; 3]) -> bool {
+    let reached_m = match held.response {
+        KeptQuantity::Displacement { .. } | KeptQuantity::Velocity { .. } => x_m,
+        KeptQuantity::Relative { .. } => {
+            (x_m * x_m + z_m * z_m - 2.0 * x_m * z_m * libm::cosf(phase_rad)).max(0.0).sqrt()
+        }
+    };
+    (reached_m / held.response.amplitude_m(frequency_hz) - 1.0).abs() <= held.tolerance
 }
 
 impl HeldResponse {
-    /// X/Z (cycle maxima) over frequency, as of other stepped sines.
-    #[must_use]
-    pub fn response(&self) -> Response {
+    /// X/Z (cycle maxima) over frequency as of other stepped sines, of the experiment and each of its repeats.
+    pub fn responses<'a>(&'a self, campaign: &'a Campaign) -> impl Iterator<Item = Response> + 'a {
+        let own = &campaign.experiments[self.experiment];
+        let is_repeat = |e: &Experiment| e.series == own.series && e.set_ups.contains(&self.set_up);
+        let repeats = campaign.experiments.iter().enumerate().filter(move |(_, e)| is_repeat(e));
+        repeats.map(|(experiment, _)| Response { experiment, ..self.response() })
+    }
+
+    fn response(&self) -> Response {
         let ratio =
             |p: &PointResult| (f64::from(p.frequency_hz), f64::from(p.mean_cycle_max_m) / f64::from(p.z_amplitude_m));
         let largest = self.points.iter().map(|p| f64::from(p.max_abs_x_m)).fold(0.0, f64::max);
@@ -247,11 +257,11 @@ pub fn check(campaign: &Campaign, predicted: &[HeldResponse]) -> Result<Vec<Stri
                     trim(at_hz),
                     trim(limit_m * 1e3),
                 ),
-                span: kept.span.clone(),
+                span: kept.amplitude.span.clone(),
                 allowed: format!("{words} is too much for this set-up at these frequencies"),
                 help: Some(format!(
                     "write {} or less, or leave out the frequencies that need more",
-                    crate::campaign::transient::two_digits_down(kept.value * USABLE * limit_m / largest_m)
+                    two_digits_down(kept.amplitude.value * USABLE * limit_m / largest_m)
                 )),
             });
         }

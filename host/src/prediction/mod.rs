@@ -125,7 +125,7 @@ impl Predicted {
     pub fn of(campaign: &Campaign) -> Result<Self, Failure> {
         let (swings, mut responses) = predict(campaign)?;
         let held = held_response::predict(campaign)?;
-        responses.extend(held.iter().map(HeldResponse::response));
+        responses.extend(held.iter().flat_map(|own| own.responses(campaign)));
         responses.sort_by_key(|response| (response.set_up, response.experiment));
         Ok(Self { swings, held, responses, expected: transient::predict(campaign)? })
     }

@@ -12,9 +12,6 @@ use crate::failure::Failure;
 use crate::input::locate::Step::{Item, Key};
 use crate::input::{Problem, Span};
 
-/// The key of a kept response, whichever it is.
-const AMPLITUDE: &str = "amplitudes";
-
 /// A start may move the table this much further than the steady motion.
 const OVERSHOOT: f64 = 1.5;
 
@@ -39,7 +36,7 @@ pub fn check(campaign: &Campaign) -> Result<Vec<String>, Failure> {
                     }
                     let kept = sine.response_loop().zip(sine.kept.as_ref()).map(|(own, kept)| {
                         let highest_hz = sine.frequencies_hz.iter().copied().fold(0.0, f64::max);
-                        (AMPLITUDE, f64::from(own.response.amplitude_m(highest_hz as f32)), &kept.span)
+                        (kept.key, f64::from(own.response.amplitude_m(highest_hz as f32)), &kept.amplitude.span)
                     });
                     let base = (set_up.amplitude_key(), set_up.base_amplitude_m, &set_up.base_amplitude_span);
                     kept.unwrap_or(base)

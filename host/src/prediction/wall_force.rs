@@ -73,7 +73,7 @@ fn problem(set_up: &CampaignSetUp, experiment: Option<&Experiment>, title: Strin
     let (span, key) = match experiment.map(|experiment| &experiment.kind) {
         Some(Kind::FreeVibration(free)) => (free.span.clone(), "start_m"),
         Some(Kind::Playback(playback)) => (playback.span.clone(), playback.key),
-        Some(Kind::SteppedSine(SteppedSine { kept: Some(kept), .. })) => (kept.span.clone(), "amplitude"),
+        Some(Kind::SteppedSine(SteppedSine { kept: Some(kept), .. })) => (kept.amplitude.span.clone(), kept.key),
         _ => (set_up.base_amplitude_span.clone(), set_up.amplitude_key()),
     };
     Problem {

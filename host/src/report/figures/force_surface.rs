@@ -49,7 +49,7 @@ pub fn draw(campaign: &Campaign, surfaces: &[ForceSurface]) -> Picture {
 
 fn tint(surface: &ForceSurface, row: usize) -> Colour {
     // The light end of the scale is hardly seen on white.
-    viridis(0.9 * row as f64 / (surface.amplitudes.len() - 1) as f64)
+    viridis(0.9 * row as f64 / (surface.amplitudes.len() - 1).max(1) as f64)
 }
 
 /// Measured points: row, frequency and Z.
@@ -105,7 +105,6 @@ fn cuts(picture: &mut Picture, surface: &ForceSurface, stated_m: f64, bounds: Bo
             traces.line(line.iter().copied(), style);
         }
         for line in lines {
-            // A line ends at a border of the grid, where it has room for its name.
             let end = line.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1));
             if let Some((f, amplitude)) = end {
                 let (x, y) = frame.point(f, amplitude);

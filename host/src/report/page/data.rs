@@ -85,6 +85,12 @@ impl PageData {
         self.points.iter().map(PlottedPoint::from).collect()
     }
 
+    /// Whether an experiment, by its name, keeps the response.
+    pub(super) fn keeps_response(&self, name: &str) -> bool {
+        let mut experiments = self.campaign.iter().flat_map(|campaign| &campaign.experiments);
+        experiments.any(|experiment| experiment.name == name && experiment.response_controlled().is_some())
+    }
+
     /// Points of a set-up.
     pub(super) fn points_of<'a>(&'a self, set_up: &'a str) -> impl Iterator<Item = &'a ResultRow> {
         self.points.iter().filter(move |p| p.set_up == set_up)

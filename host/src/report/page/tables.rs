@@ -131,12 +131,8 @@ fn largest_m<'a>(points: impl Iterator<Item = &'a ResultRow>) -> f64 {
 
 /// Set-ups and experiments with points that drove the base, in the order of the run.
 fn curves(data: &PageData) -> Vec<(String, String)> {
-    let keeps_response = |name: &str| {
-        let mut experiments = data.campaign.iter().flat_map(|campaign| &campaign.experiments);
-        experiments.any(|experiment| experiment.name == name && experiment.response_controlled().is_some())
-    };
     let mut curves: Vec<(String, String)> = Vec::new();
-    for point in data.points.iter().filter(|point| !keeps_response(&point.experiment)) {
+    for point in data.points.iter().filter(|point| !data.keeps_response(&point.experiment)) {
         let curve = (point.set_up.clone(), point.experiment.clone());
         if !curves.contains(&curve) {
             curves.push(curve);

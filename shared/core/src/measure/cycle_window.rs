@@ -15,6 +15,7 @@ const PART_BITS: u32 = 32 - PARTS.ilog2();
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CycleWindow {
     lock_in: LockIn,
+    /// What each part contributes to a mean over the whole cycle, in the signal's unit.
     parts: [(f32, f32); PARTS],
     ticks_per_cycle: f32,
 }
@@ -35,7 +36,9 @@ impl CycleWindow {
             return None;
         }
         let over = (next & ((1 << PART_BITS) - 1)) as f32 / increment as f32;
-        self.parts[part] = self.lock_in.end_cycle(over);
+        let (sine, cosine) = self.lock_in.end_cycle(over);
+        let scale = 2.0 / self.ticks_per_cycle;
+        self.parts[part] = (scale * sine, scale * cosine);
         Some(following)
     }
 
@@ -44,16 +47,13 @@ impl CycleWindow {
     pub fn last_half(&self, following: usize) -> (f32, f32) {
         let last = (0..PARTS / 2).map(|n| self.parts[(following + PARTS - 1 - n) % PARTS]);
         let (sine, cosine) = last.fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
-        let scale = 4.0 / self.ticks_per_cycle;
-        (sine * scale, cosine * scale)
+        (2.0 * sine, 2.0 * cosine)
     }
 
     /// The components in phase with the sine and with the cosine, in the signal's unit. In the first cycle they rise from 0.
     #[must_use]
     pub fn components(&self) -> (f32, f32) {
-        let (sine, cosine) = self.parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
-        let scale = 2.0 / self.ticks_per_cycle;
-        (sine * scale, cosine * scale)
+        self.parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1))
     }
 }
 
@@ -61,6 +61,25 @@ impl CycleWindow {
 mod tests {
     use super::*;
     use crate::sine::Phase;
+
+    #[test]
+    fn a_change_of_the_frequency_leaves_the_amplitude() {
+        let (mut phase, mut window) = (Phase::default(), CycleWindow::default());
+        for frequency_hz in [2.0, 3.0] {
+            window.tune(1000.0 / frequency_hz);
+            let increment = Phase::increment(frequency_hz, 1000.0);
+            for tick in 0..1000 {
+                let (sine, cosine) = phase.sin_cos();
+                if window.push(0.5 * sine, phase.0, increment, (sine, cosine)).is_some()
+                    && (frequency_hz > 2.0 || tick > 500)
+                {
+                    // The part in which the frequency changes has ticks of both.
+                    assert!((window.components().0 - 0.5).abs() < 0.5 / PARTS as f32 / 2.0, "{tick}");
+                }
+                phase.advance(increment);
+            }
+        }
+    }
 
     #[test]
     fn a_mean_and_harmonics_do_not_enter_in_any_part_of_the_cycle() {

@@ -3,7 +3,7 @@
 use damprig_board::{Board, Config, Time};
 use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, SpringStage, Target};
-use damprig_core::control::response_loop::{Response, ResponseLoop};
+use damprig_core::control::response_loop::{KeptQuantity, ResponseLoop};
 use damprig_core::control::stepped_sine::{DriveMode, SteppedSine};
 use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
 use damprig_core::twin::TwinConfig;
@@ -94,7 +94,7 @@ fn a_tick_and_the_memory_keep_their_budgets_with_everything_switched_on() {
     host.ask(Request::SetTelemetry { every_ticks: 1, signals: (0..16).collect(), impacts: true });
     // Both loops at once: that of the response, and that of the base below it.
     let base = ClosedLoop { tolerance: 0.5, wait_s: 0.0, ..ClosedLoop::default() };
-    let response = ResponseLoop::new(Response::Displacement { amplitude_m: 0.02 }, Some(base));
+    let response = ResponseLoop::new(KeptQuantity::Displacement { amplitude_m: 0.02 }, Some(base));
     let drive = DriveMode::Response(ResponseLoop { tolerance: 0.5, wait_s: 0.0, ..response });
     host.ask(Request::Configure(SteppedSine { drive, settle_s: 1.0, dwell_s: 3.0, ..sine(2e-3, 2.5) }));
     host.board.forget_costs();

@@ -4,7 +4,7 @@
 use damprig_board::{Board, Config, Output, Time};
 use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::fault::FaultCause;
-use damprig_core::control::response_loop::{Response, ResponseLoop};
+use damprig_core::control::response_loop::{KeptQuantity, ResponseLoop};
 use damprig_core::control::safety::{ExperimentLimits, SafeStage};
 use damprig_core::control::stepped_sine::{DriveMode, SteppedSine};
 use damprig_core::io::Sensor;
@@ -18,7 +18,7 @@ use crate::common::{Host, bare, image, is_driving, opened, pass, sine};
 const MIDDLE: u16 = 2_048;
 
 fn kept(amplitude_m: f32) -> ResponseLoop {
-    ResponseLoop::new(Response::Displacement { amplitude_m }, Some(ClosedLoop::default()))
+    ResponseLoop::new(KeptQuantity::Displacement { amplitude_m }, Some(ClosedLoop::default()))
 }
 
 fn experiment(parameters: ResponseLoop) -> SteppedSine {
@@ -95,7 +95,8 @@ fn a_host_that_is_gone_and_a_drive_at_its_limit_end_the_drive_after_their_time()
     assert_safe(&mut board, silent, Time::from_ms(5_250), "no host");
     let limits = ExperimentLimits { saturated_s: Some(2.0), ..ExperimentLimits::default() };
     // At 2.6 Hz an |x| of 60 mm needs Z = 5 mm.
-    let short = ResponseLoop { drive_limit_m: 1e-3, ..kept(0.06) };
+    let base = ClosedLoop { drive_limit_m: 1e-3, ..ClosedLoop::default() };
+    let short = ResponseLoop { drive_limit_m: 1e-3, base: Some(base), ..kept(0.06) };
     let Some(mut board) = keeping(short, limits) else { return };
     let begun = board.now();
     pass(&mut board, 5_000);
@@ -132,11 +133,13 @@ fn what_a_host_may_not_ask_of_the_loop_is_refused_by_name() {
     let mut host = Host::new(&mut board);
     host.ask(Request::Identify);
     let base = ClosedLoop { gain_per_s: f32::INFINITY, ..ClosedLoop::default() };
+    let strong = ClosedLoop { drive_limit_m: 1.0, ..ClosedLoop::default() };
     for (lie, name) in [
         (kept(f32::NAN), "drive.amplitude_m"),
         (ResponseLoop { gain_per_cycle: 1e9, ..kept(4e-3) }, "drive.gain_per_cycle"),
         (ResponseLoop { drive_limit_m: 1.0, ..kept(4e-3) }, "drive.drive_limit_m"),
         (ResponseLoop { base: Some(base), ..kept(4e-3) }, "drive.gain_per_s"),
+        (ResponseLoop { base: Some(strong), ..kept(4e-3) }, "drive.base.drive_limit_m"),
     ] {
         let why = host.try_ask(Request::Configure(experiment(lie))).expect_err("refused");
         assert!(format!("{why:?}").contains(name), "{why:?}");

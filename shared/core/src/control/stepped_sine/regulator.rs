@@ -5,7 +5,7 @@ use crate::control::base_loop::{BaseLoop, DELAY_TICKS, RUNAWAY};
 use crate::control::fault::{Fault, FaultCause};
 use crate::control::outcome::TickInputs;
 use crate::control::response_loop::ResponseControl;
-use crate::io::{Rail, Reading, Readings, TICK_HZ};
+use crate::io::{Rail, Readings, TICK_HZ};
 use crate::sine::Phase;
 
 /// The phase of the drive in a tick.
@@ -72,16 +72,6 @@ impl Regulator {
         }
     }
 
-    /// Every reading that the loop needs is a displacement.
-    pub fn can_read(&self, readings: &Readings) -> bool {
-        let is_clear = |reading: &Reading| reading.rail == Rail::Clear;
-        match self {
-            Self::Constant => true,
-            Self::Base(_) => is_clear(&readings.z),
-            Self::Response(..) => is_clear(&readings.x) && is_clear(&readings.z),
-        }
-    }
-
     /// The drive without feedback, m; `amplitude_m` is that of a constant drive.
     pub fn open(&self, amplitude_m: f32, wave: (f32, f32)) -> f32 {
         match self {
@@ -97,34 +87,42 @@ impl Regulator {
     }
 
     /// The drive of this tick, m, at this height of the ramp, and a fault. `amplitude_m` is the demanded amplitude of the
-    /// base.
+    /// base. While a reading that a loop needs is no displacement, the drive continues at its last amplitude and phase.
     pub fn tick(&mut self, ramp: f32, amplitude_m: f32, now: &TickInputs, at: &DrivePhase) -> (f32, Option<Fault>) {
-        let (x_m, z_m) = (now.readings.x.mean_m, now.readings.z.mean_m);
+        let Readings { x, z, .. } = now.readings;
         let then = at.phase.0.wrapping_sub(at.increment.wrapping_mul(DELAY_TICKS));
+        let is_cycle_end = then.checked_add(at.increment).is_none();
+        let (is_x_read, is_z_read) = (x.rail == Rail::Clear, z.rail == Rail::Clear);
+        let ran_away = |base: &BaseLoop, demand_m: f32| {
+            let value = base.runaway(demand_m)?;
+            Some(Fault { cause: FaultCause::BaseRunaway, tick: now.tick, value, limit: RUNAWAY * demand_m })
+        };
         match self {
             Self::Constant => (ramp * amplitude_m * at.wave.0, None),
             Self::Base(own) => {
-                let drive = own.tick((ramp * amplitude_m, 0.0), z_m, at.wave_then, at.wave);
-                if then.checked_add(at.increment).is_some() {
+                if !is_z_read {
+                    return (own.open(at.wave), None);
+                }
+                let drive = own.tick((ramp * amplitude_m, 0.0), z.mean_m, at.wave_then, at.wave);
+                if !is_cycle_end {
                     return (drive, None);
                 }
                 own.end_cycle(amplitude_m);
-                let fault = own.runaway(amplitude_m).map(|value| Fault {
-                    cause: FaultCause::BaseRunaway,
-                    tick: now.tick,
-                    value,
-                    limit: RUNAWAY * amplitude_m,
-                });
-                (drive, fault)
+                (drive, ran_away(own, amplitude_m))
             }
             Self::Response(own, base) => {
-                let demand = own.tick(ramp, (x_m, z_m), (then, at.increment, at.wave_then));
+                let reading = (is_x_read && is_z_read).then_some((x.mean_m, z.mean_m));
+                let demand = own.tick(ramp, reading, (then, at.increment, at.wave_then));
                 let Some(base) = base else { return (own.open(at.wave), None) };
-                let drive = base.tick(demand, z_m, at.wave_then, at.wave);
-                if then.checked_add(at.increment).is_none() {
-                    base.end_cycle(own.demanded_m());
+                if !is_z_read {
+                    return (base.open(at.wave), None);
                 }
-                (drive, None)
+                let drive = base.tick(demand, z.mean_m, at.wave_then, at.wave);
+                if !is_cycle_end {
+                    return (drive, None);
+                }
+                base.end_cycle(own.demanded_m());
+                (drive, ran_away(base, amplitude_m.max(own.largest_demand_m())))
             }
         }
     }
@@ -133,12 +131,5 @@ impl Regulator {
     pub fn demand_m(&self, amplitude_m: f32) -> f32 {
         let Self::Response(own, _) = self else { return amplitude_m };
         amplitude_m.max(own.demanded_m())
-    }
-
-    /// Stops every change of the drive: a reading is not a displacement.
-    pub fn freeze(&mut self) {
-        if let Self::Response(own, _) = self {
-            own.freeze();
-        }
     }
 }

@@ -270,11 +270,6 @@ impl SteppedSineRunner {
         self.saturated = false;
         let amplitude = self.plan.sine.amplitude_m;
         let Some(now) = now else { return (ramp * self.regulator.open(amplitude, wave), None) };
-        if !self.regulator.can_read(now.readings) {
-            // A reading is not a displacement: the drive continues at its last amplitude and phase.
-            self.regulator.freeze();
-            return (self.regulator.open(amplitude, wave), None);
-        }
         let at = DrivePhase { phase: self.phase, increment: self.increment, wave, wave_then };
         let (drive, fault) = self.regulator.tick(ramp, amplitude, now, &at);
         self.saturated = self.regulator.is_saturated();
