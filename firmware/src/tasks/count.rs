@@ -375,7 +375,7 @@ fn asked(turn: u32, is_running: bool) -> Request {
 /// An experiment with both loops, of the response and of the base below it, that measures when the wait is over.
 fn experiment() -> SteppedSine {
     let base = ClosedLoop { tolerance: 0.5, wait_s: 0.0, ..ClosedLoop::default() };
-    let response = ResponseLoop::new(KeptQuantity::Displacement { amplitude_m: 0.02 }, Some(base));
+    let response = ResponseLoop::new(KeptQuantity::Displacement { amplitude_m: 0.012 }, Some(base));
     SteppedSine {
         start: Start::CarryOver,
         amplitude_m: 2e-3,

@@ -98,7 +98,7 @@ impl Regulator {
             Some(Fault { cause: FaultCause::BaseRunaway, tick: now.tick, value, limit: RUNAWAY * demand_m })
         };
         match self {
-            Self::Constant => (ramp * amplitude_m * at.wave.0, None),
+            Self::Constant => (ramp * (amplitude_m * at.wave.0), None),
             Self::Base(own) => {
                 if !is_z_read {
                     return (own.open(at.wave), None);
