@@ -10,7 +10,6 @@ use core::hint::black_box;
 use cortex_m_semihosting::hprintln;
 use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target};
-use damprig_core::control::response_loop::{KeptQuantity, ResponseLoop};
 use damprig_core::control::safety::ExperimentLimits;
 use damprig_core::control::stepped_sine::{DriveMode, MAX_POINTS, Start, SteppedSine};
 use damprig_core::io::{Actuators, SUBSAMPLES, Sensors, SlowBlock};
@@ -372,14 +371,12 @@ fn asked(turn: u32, is_running: bool) -> Request {
     }
 }
 
-/// An experiment with both loops, of the response and of the base below it, that measures when the wait is over.
+/// A closed-loop experiment that measures from the first cycle within tolerance.
 fn experiment() -> SteppedSine {
-    let base = ClosedLoop { tolerance: 0.5, wait_s: 0.0, ..ClosedLoop::default() };
-    let response = ResponseLoop::new(KeptQuantity::Displacement { amplitude_m: 0.012 }, Some(base));
     SteppedSine {
         start: Start::CarryOver,
         amplitude_m: 2e-3,
-        drive: DriveMode::Response(ResponseLoop { tolerance: 0.5, wait_s: 0.0, ..response }),
+        drive: DriveMode::ClosedLoop(ClosedLoop { tolerance: 0.5, wait_s: 0.0, ..ClosedLoop::default() }),
         ramp_s: 0.0,
         settle_s: 2.0,
         dwell_s: 4.0,
