@@ -90,6 +90,12 @@ fn the_emergency_stop_and_a_falling_supply_open_the_relay_at_once() {
 fn a_host_that_is_gone_and_a_drive_at_its_limit_end_the_drive_after_their_time() {
     let limits = ExperimentLimits { host_silent_s: Some(5.0), ..ExperimentLimits::default() };
     let Some(mut board) = keeping(kept(4e-3), limits) else { return };
+    // Until the drive rises no more.
+    let mut host = Host::new(&mut board);
+    for _ in 0..8 {
+        host.pass(Time::from_ms(500));
+        host.status();
+    }
     let silent = board.now();
     pass(&mut board, 4_500);
     assert_safe(&mut board, silent, Time::from_ms(5_250), "no host");
