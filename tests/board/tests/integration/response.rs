@@ -97,7 +97,7 @@ fn a_host_that_is_gone_and_a_drive_at_its_limit_end_the_drive_after_their_time()
         host.status();
     }
     let silent = board.now();
-    pass(&mut board, 4_500);
+    pass(&mut board, 5_000);
     assert_safe(&mut board, silent, Time::from_ms(5_250), "no host");
     let limits = ExperimentLimits { saturated_s: Some(2.0), ..ExperimentLimits::default() };
     // At 2.6 Hz an |x| of 60 mm needs Z = 5 mm.
