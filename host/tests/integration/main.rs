@@ -41,6 +41,7 @@ mod limits;
 mod manual;
 mod many_particles;
 mod monitor;
+mod monitor_actions;
 mod monitor_folder;
 #[cfg(unix)]
 mod monitor_run;
