@@ -1,7 +1,6 @@
 //! A stepped sine over a list of frequencies.
 
 use std::f64::consts::TAU;
-
 use std::ops::Range;
 
 use damprig_core::control::base_loop::ClosedLoop;

@@ -26,6 +26,8 @@ use super::wire_mapping::{self, Selection};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind};
 use crate::client::session::Session;
 use crate::failure::Failure;
+use crate::input::Problem;
+use crate::input::locate::Step::{Item, Key};
 use crate::prediction;
 
 /// The prediction refuses a record beyond the drive's range, with the peak that fits.
@@ -47,6 +49,9 @@ pub fn accept(campaign: &mut Campaign, session: &Session) -> Result<(Selection, 
     let selection = Selection::of(campaign, session)?;
     let drive_m = f64::from(settings.calibration.drive.range().amplitude_m());
     prediction::drive::check(campaign, &[], drive_m)?;
+    if !is_simulated {
+        names_its_shaker(campaign)?;
+    }
     let mut warnings = if is_simulated { prediction::simulated_rig::check(campaign)? } else { Vec::new() };
     warnings.extend(wire_mapping::without_twin(campaign, &selection));
     warnings.extend(campaign.set_ups.iter().filter(|set_up| set_up.has_unmodelled_damper).map(|set_up| {
@@ -59,6 +64,30 @@ pub fn accept(campaign: &mut Campaign, session: &Session) -> Result<(Selection, 
     }));
     rehearse(campaign, &selection, settings, plant)?;
     Ok((selection, warnings))
+}
+
+/// Refuses to keep the response on a rig whose shaker is not stated: without it the loop takes the base to follow the drive, and it is
+/// unstable on a source of velocity.
+///
+/// # Errors
+/// Each such experiment, with its line.
+fn names_its_shaker(campaign: &Campaign) -> Result<(), Failure> {
+    if campaign.rig.shaker.is_some() {
+        return Ok(());
+    }
+    let mut numbers: Vec<usize> =
+        campaign.experiments.iter().filter(|e| e.response_controlled().is_some()).map(|e| e.number).collect();
+    numbers.dedup();
+    for number in numbers {
+        let place = [Key("experiment"), Item(number - 1), Key("kind")];
+        campaign.source.report(Problem {
+            title: format!("`experiment[{number}].kind` = \"response_controlled\" needs a shaker"),
+            span: campaign.source.locate(&place).unwrap_or_default(),
+            allowed: "a real rig states the frequency at which its shaker is calibrated".into(),
+            help: Some("write [rig.shaker] with calibrated_at_hz".into()),
+        });
+    }
+    campaign.source.verdict()
 }
 
 /// Checks that a controller with these settings accepts the whole campaign. `plant` is the kind of its plant: a simulated one is

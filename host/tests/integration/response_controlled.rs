@@ -1,6 +1,7 @@
 //! Experiments that keep the structure's amplitude: the hidden part of a response, the prediction of it, and what is refused.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use damprig::campaign::Campaign;
 use damprig::continuation::Continuation;
@@ -12,6 +13,7 @@ use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
 use tempfile::TempDir;
 
+use crate::common::real_board::real_board;
 use crate::common::{cut_off_at, damprig, folder_with, is_full};
 
 fn shipped() -> String {
@@ -108,14 +110,11 @@ fn the_prediction_is_what_the_rig_measures() {
 
 #[test]
 fn an_amplitude_that_would_leave_a_limit_is_refused_with_its_line() {
-    let text = sheets("soft-walls", EIGHT);
-    let list = &text[text.find("x_amplitudes_m").unwrap()..];
-    let list = &list[..list.find('\n').unwrap()];
     for (limits, said) in [
         ("structure_limit_m = 0.003", "would leave the displacement limit of the structure"),
         ("base_limit_m = 0.0009", "would leave the displacement limit of the base"),
     ] {
-        let text = text.replace(list, "x_amplitudes_m = [0.0035]").replace("[rig]", &format!("[rig]\n{limits}"));
+        let text = sheets("soft-walls", "0.0035").replace("[rig]", &format!("[rig]\n{limits}"));
         let folder = folder_with(&text);
         let refused = damprig(&folder).args(["run", "test.toml", "--dry-run"]).assert().code(2);
         refused.stderr(contains(said).and(contains("x_amplitudes_m = [0.0035]")).and(contains("x 3.5 mm is too much")));
@@ -125,10 +124,7 @@ fn an_amplitude_that_would_leave_a_limit_is_refused_with_its_line() {
 /// The rig as delivered moves its base by 4.39 mm.
 #[test]
 fn an_amplitude_that_the_drive_cannot_reach_is_told_before_the_run() {
-    let text = sheets("soft-walls", EIGHT);
-    let list = &text[text.find("x_amplitudes_m").unwrap()..];
-    let list = &list[..list.find('\n').unwrap()];
-    let folder = folder_with(&text.replace(list, "x_amplitudes_m = [0.09]"));
+    let folder = folder_with(&sheets("soft-walls", "0.09"));
     let told = damprig(&folder).args(["run", "test.toml", "--dry-run"]).assert().success();
     told.stderr(
         contains("x 90 mm is not predicted to be held at 3.04").and(contains("the drive is at its limit there")),
@@ -137,32 +133,30 @@ fn an_amplitude_that_the_drive_cannot_reach_is_told_before_the_run() {
 
 #[test]
 fn what_the_loop_cannot_do_is_refused_with_its_reason() {
-    let text = sheets("soft-walls", EIGHT);
-    let list = &text[text.find("x_amplitudes_m").unwrap()..];
-    let list = &list[..list.find('\n').unwrap()];
+    let of = |amplitudes_m: &str| sheets("soft-walls", amplitudes_m);
+    let text = of("0.002");
     for (wrong, said) in [
-        (text.replace(list, "x_amplitudes_m = []"), "must hold at least one amplitude"),
-        (text.replace(list, "x_amplitudes_m = [0.002, 0.002]"), "holds the same amplitude twice"),
-        (text.replace(list, "x_amplitudes_m = [0.002, 0.00200000001]"), "holds the same amplitude twice"),
+        (of(""), "must hold at least one amplitude"),
+        (of("0.002, 0.002"), "holds the same amplitude twice"),
+        (of("0.002, 0.00200000001"), "holds the same amplitude twice"),
         (text.replace("step_hz = 0.03", "step_hz = 0.03, peak_points = 4"), "there is no peak of X/Z"),
         (
             format!(
                 "{}[[experiment]]\nname = \"sheets\"\nkind = \"response_controlled\"\nx_amplitudes_m = [0.002, 0.003]\n\
                  frequencies_hz = [3.0]\nstart = \"carry_over\"\ndwell_s = 4\n",
                 text.replace("name = \"sheets\"", "name = \"sheets, x 2 mm\"")
-                    .replace(list, "x_amplitudes_m = [0.002]")
             ),
             "gives a sheet the name \"sheets, x 2 mm\"",
         ),
-        (text.replace(list, "x_amplitudes_m = [0.002, -0.002]"), "greater than 0"),
-        (text.replace(list, "x_amplitudes_m = [0.002]\nrelative_amplitudes_m = [0.002]"), "says the same quantity"),
-        (text.replace(list, ""), "x_amplitudes_m"),
+        (of("0.002, -0.002"), "greater than 0"),
+        (text.replace("start = ", "relative_amplitudes_m = [0.002]\nstart = "), "says the same quantity"),
+        (text.replace("x_amplitudes_m = [0.002]", ""), "`experiment[1].x_amplitudes_m` is missing"),
         (text.replace("shaker = {}", "shaker = { amplifier = \"current\" }"), "needs a shaker in voltage mode"),
         (
             text.replace("settle_s = 4", "settle_s = 4\nresponse_loop = { gain_per_cycle = 3 }"),
             "greater than 0 and at most 2",
         ),
-        (text.replace("settle_s = 4", "settle_s = 4\ndrive = \"closed_loop\""), "drive"),
+        (text.replace("settle_s = 4", "settle_s = 4\ndrive = \"closed_loop\""), "unknown key"),
         (
             text.replace("shaker = {}", "").replacen("base_amplitude_m = 0.001", "force_amplitude_n = 0.4", 1),
             "is driven by a force over a fixed base",
@@ -170,6 +164,19 @@ fn what_the_loop_cannot_do_is_refused_with_its_reason() {
     ] {
         let folder = folder_with(&wrong);
         damprig(&folder).args(["run", "test.toml", "--dry-run"]).assert().code(2).stderr(contains(said));
+    }
+}
+
+/// Without it the loop would take the base to follow the drive, and swing up on a source of velocity.
+#[test]
+fn a_real_rig_must_state_its_shaker() {
+    let rig = real_board(&Arc::default());
+    let text = sheets("soft-walls", "0.002").replace("sensors = { kind = \"data_sheet\" }", "");
+    for (shaker, said) in [("", "write [rig.shaker] with calibrated_at_hz"), ("shaker = {}", "Nothing has moved")] {
+        let folder = folder_with(&text.replace("shaker = {}", shaker));
+        let output = damprig(&folder).args(["run", "test.toml", "--dry-run", "--rig", &rig]).output().unwrap();
+        let all = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned()).concat();
+        assert!(all.contains(said), "{shaker:?}: {all}");
     }
 }
 

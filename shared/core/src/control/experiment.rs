@@ -73,7 +73,7 @@ pub struct Driving {
     pub swinging: bool,
     /// The drive was at its limit in the last tick.
     pub saturated: bool,
-    /// Base amplitude that the next drive of a loop will cause, m; 0 where none is known.
+    /// Base amplitude that the response's loop demands next, m; 0 of other drives.
     pub base_foreseen_m: f32,
 }
 

@@ -35,15 +35,14 @@
 //! is therefore asked for a pure sine, and the loop adds nothing to the motion.
 //!
 //! # Stability
-//! With λ constant, and without delays, the deviation obeys s² + (λ + g f) s + (g f/8)(λ + g f) = 0: both roots are damped
-//! for every detuning. Half a cycle's mean has a delay of a quarter of a cycle, and the correction that is spread over a part
-//! one of a sixteenth; at λ = 0 the damping term alone is then stable up to g = 6.6 (the phase −π at 5.0 rad a cycle, where
-//! the mean passes 0.76). Farther from the drive frequency
-//! than |ωn − Ω| the structure responds with another phase than this model, which lowers the limit: simulated rigs,
-//! bare and with every damper, are stable at [`MAX_GAIN_PER_CYCLE`] from 0.8 to 1.28 fn
-//! (`shared/simulator/tests/integration/response_loop.rs`); that of a soft wall was unstable at 3. A damper's dλ/d|a| acts like a further rate A dλ/d|a|:
-//! where it is larger than g f, the response is not held, and the point is measured when the wait is over, with
-//! the amplitude that it has.
+//! With λ constant, and without delays, the deviation obeys s² + (λ + g f) s + (g f/8)(λ + g f) = 0: both roots are
+//! damped for every detuning. Half a cycle's mean has a delay of a quarter of a cycle, and the correction that is spread
+//! over a part one of a sixteenth; at λ = 0 the damping term alone is then stable up to g = 6.6 (the phase −π at 5.0 rad a
+//! cycle, where the mean passes 0.76). Farther from the drive frequency than |ωn − Ω| the structure responds with
+//! another phase than this model, which lowers the limit. Simulated rigs, bare and with every damper, are stable at
+//! [`MAX_GAIN_PER_CYCLE`] from 0.8 to 1.28 fn (`shared/simulator/tests/integration/response_loop.rs`). A damper's
+//! dλ/d|a| acts like a further rate A dλ/d|a|: where it is larger than g f, the response is not held, and the point is
+//! measured when the wait is over, with the amplitude that it has.
 //!
 //! When a particle sticks to its wall or is let go, λ jumps. The response leaves its amplitude and returns at these
 //! rates; a measurement in progress starts again.

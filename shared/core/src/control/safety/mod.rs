@@ -96,7 +96,7 @@ pub struct Signs {
     pub wall_drift: [Option<(f32, f32)>; 2],
     /// The drive is at its limit.
     pub saturated: bool,
-    /// Base amplitude that the next drive of a loop will cause, m.
+    /// Base amplitude that the response's loop demands next, m; 0 of other drives.
     pub base_foreseen_m: f32,
     /// The emergency stop is pressed.
     pub emergency_stop: bool,

@@ -81,7 +81,7 @@ impl Regulator {
         }
     }
 
-    /// Base amplitude that is demanded next, m; 0 where none is known.
+    /// Base amplitude that the response's loop demands next, m; 0 of other drives.
     pub fn base_foreseen_m(&self) -> f32 {
         if let Self::Response(own, _) = self { own.base_foreseen_m() } else { 0.0 }
     }

@@ -138,7 +138,7 @@ impl SteppedSineRunner {
         self.saturated
     }
 
-    /// Base amplitude that the next drive of a loop will cause, m; 0 where none is known.
+    /// Base amplitude that the response's loop demands next, m; 0 of other drives.
     #[must_use]
     pub fn base_foreseen_m(&self) -> f32 {
         self.regulator.base_foreseen_m()
