@@ -39,7 +39,7 @@ fn measure(speed: f64) -> Result<(), SessionError> {
         dwell_s: 3600.0,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [2.0].into_iter().collect(),
+        points: [2.0].into_iter().collect(),
     };
     session.execute("take the experiment", Request::Configure(sine))?;
     let signals = (0..8).collect();

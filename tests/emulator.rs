@@ -111,7 +111,7 @@ fn experiment() -> SteppedSine {
         settle_s: 1.0,
         dwell_s: 3.0,
         steady: SteadyLimits::default(),
-        frequencies_hz: [2.4, 2.5].into_iter().collect(),
+        points: [2.4, 2.5].into_iter().collect(),
         first_index: 0,
     }
 }

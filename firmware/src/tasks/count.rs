@@ -221,7 +221,7 @@ pub fn run(counter: &InstructionCounter) -> ! {
         ("settings", Request::SetSettings(Settings::default())),
         ("spring", Request::SetSpring(spring())),
         ("twin", Request::SetTwin(Some(TwinConfig::new(set_up())))),
-        ("most frequencies", Request::Configure(SteppedSine { frequencies_hz: longest, ..experiment() })),
+        ("most frequencies", Request::Configure(SteppedSine { points: longest, ..experiment() })),
         ("two frequencies", Request::Configure(experiment())),
         (
             "limits",
@@ -381,7 +381,7 @@ fn experiment() -> SteppedSine {
         settle_s: 2.0,
         dwell_s: 4.0,
         steady: SteadyLimits::default(),
-        frequencies_hz: [2.4, 2.5].into_iter().collect(),
+        points: [2.4, 2.5].into_iter().collect(),
         first_index: 0,
     }
 }

@@ -171,7 +171,7 @@ impl<'a> CalibratedRig<'a> {
             dwell_s: dwell_s as f32,
             steady: SteadyLimits { tolerance: 0.01, scatter: 0.01, longest_dwell_s: 0.0 },
             first_index: self.next_index(frequencies_hz.len()),
-            frequencies_hz: frequencies_hz.iter().map(|f| *f as f32).collect(),
+            points: frequencies_hz.iter().map(|f| *f as f32).collect(),
         };
         self.session.execute("take the sine", Request::Configure(sine))?;
         let mut results = Vec::new();

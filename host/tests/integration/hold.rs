@@ -31,7 +31,7 @@ fn running() -> Session {
         dwell_s: DWELL_S,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [4.0, 5.0, 6.0].into_iter().collect(),
+        points: [4.0, 5.0, 6.0].into_iter().collect(),
     };
     session.execute("take the experiment", Request::Configure(sine)).expect("an experiment");
     session.start().expect("it starts");

@@ -167,7 +167,7 @@ mod tests {
             dwell_s: 4.0,
             steady: Default::default(),
             first_index: u16::MAX,
-            frequencies_hz: core::iter::repeat_n(2.5, MAX_POINTS).collect(),
+            points: core::iter::repeat_n(2.5, MAX_POINTS).collect(),
         };
         let request = NumberedRequest { seq: u16::MAX, at_tick: Some(u32::MAX), request: Request::Configure(sine) };
         assert!(encode(&ToDevice::Request(request), &mut [0; LONGEST]).is_some());

@@ -108,7 +108,7 @@ fn experiment(plant: PlantConfig, twin: Option<SetUp>, more: &[Request]) -> Vec<
         dwell_s: 0.7,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [9.0, 10.0].into_iter().collect(),
+        points: [9.0, 10.0].into_iter().collect(),
     };
     let telemetry = Request::SetTelemetry { every_ticks: 3, signals: Default::default(), impacts: true };
     let mut asks = vec![Request::Identify, Request::Describe, Request::Signals { from: 0 }, set_plant(plant)];

@@ -156,6 +156,10 @@ impl BaseLoop {
         self.step = 2.0 * parameters.gain_per_s * (frequency_hz / parameters.calibrated_at_hz) / tick_hz;
         self.proportional = 2.0 * parameters.gain_per_s / (core::f32::consts::TAU * parameters.calibrated_at_hz);
         self.ticks_per_cycle = tick_hz / frequency_hz;
+    }
+
+    /// Begins a point: its amplitude is measured anew.
+    pub fn begin_point(&mut self) {
         self.lock_in = LockIn::default();
         self.held = 0;
         self.amplitude = 0.0;

@@ -40,7 +40,7 @@ impl Experiment {
     pub fn largest_drive_m(&self, record_peak_counts: Option<u16>) -> Option<(&'static str, f32)> {
         match self {
             Self::SteppedSine(plan) => Some(match &plan.sine().drive {
-                DriveMode::Constant => ("amplitude_m", plan.sine().amplitude_m),
+                DriveMode::Constant => ("amplitude_m", plan.sine().largest_amplitude_m()),
                 DriveMode::ClosedLoop(parameters) => ("drive.drive_limit_m", parameters.drive_limit_m),
                 DriveMode::Response(parameters) => ("drive.drive_limit_m", parameters.drive_limit_m),
             }),

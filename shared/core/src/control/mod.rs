@@ -7,6 +7,7 @@ pub mod experiment;
 pub mod fault;
 pub mod friction_spring;
 pub mod outcome;
+pub mod phase_lock;
 pub mod response_loop;
 mod rest;
 pub mod safety;

@@ -48,7 +48,7 @@
 //! rates; a measurement in progress starts again.
 //!
 //! # Start and limits
-//! When the loop starts, its target rises over [`RISE_CYCLES`]. The demanded amplitude stays within its limit; at the limit the
+//! When the loop starts or its amplitude changes, its target moves over [`RISE_CYCLES`]. The demanded amplitude stays within its limit; at the limit the
 //! integrator keeps the value that belongs to it. In a tick without a reading the mean is taken for it, and the part of
 //! the cycle that has such a tick corrects nothing; after a fault the drive fades. The base amplitude that is demanded next is
 //! known before the base has it ([`ResponseControl::base_foreseen_m`]): the interlocks stop the rig before its limit.
@@ -70,7 +70,7 @@ const MAX_RATIO: f32 = 1.0;
 /// Share of the difference from the whole cycle that is learned in each cycle.
 const LEARNED: f32 = 0.125;
 
-/// Cycles over which the target rises when the loop starts.
+/// Cycles over which the target moves when the loop starts or its amplitude changes.
 const RISE_CYCLES: f32 = 4.0;
 
 /// Response below this share of its target: its ratio to the drive is not known yet.
@@ -103,6 +103,16 @@ impl KeptQuantity {
         match self {
             Self::Displacement { amplitude_m } | Self::Relative { amplitude_m } => *amplitude_m,
             Self::Velocity { amplitude_m_per_s } => amplitude_m_per_s / (2.0 * PI * frequency_hz),
+        }
+    }
+
+    /// The quantity with another amplitude, in its unit.
+    #[must_use]
+    pub fn with_amplitude(self, amplitude: f32) -> Self {
+        match self {
+            Self::Displacement { .. } => Self::Displacement { amplitude_m: amplitude },
+            Self::Velocity { .. } => Self::Velocity { amplitude_m_per_s: amplitude },
+            Self::Relative { .. } => Self::Relative { amplitude_m: amplitude },
         }
     }
 
@@ -199,7 +209,8 @@ pub struct ResponseControl {
     last_m: f32,
     /// Largest |u| of this cycle and of the one before, m.
     largest_m: [f32; 2],
-    /// Share of the target, 0 to 1.
+    /// The target from which it rises, m, and the share of the rise, 0 to 1.
+    before_m: f32,
     rise: f32,
     /// A reading was missing in this part of the cycle.
     is_unread: bool,
@@ -221,7 +232,16 @@ impl ResponseControl {
         let ticks_per_cycle = tick_hz / frequency_hz;
         self.ticks_per_part = ticks_per_cycle / PARTS as f32;
         self.window.tune(ticks_per_cycle);
+    }
+
+    /// Begins a point; with another amplitude of its quantity if one is given. The target rises to it from the one before.
+    pub fn begin_point(&mut self, amplitude: Option<f32>) {
         self.held = 0;
+        if let (Some(parameters), Some(amplitude)) = (&mut self.parameters, amplitude) {
+            self.before_m += self.rise * (self.target_m - self.before_m);
+            self.rise = 0.0;
+            parameters.response = parameters.response.with_amplitude(amplitude);
+        }
     }
 
     /// Runs one tick. `ramp` (0 to 1) scales the target. `reading`: x and z, m; `None` if one is no displacement. `phase` is that of
@@ -268,7 +288,7 @@ impl ResponseControl {
         let gain = parameters.gain_per_cycle;
         self.rise = (self.rise + 1.0 / (RISE_CYCLES * PARTS as f32)).min(1.0);
         let (response, half) = (self.window.components(), self.window.last_half(following));
-        let target_m = ramp * self.rise * self.target_m;
+        let target_m = ramp * self.rise * (self.target_m - self.before_m) + ramp * self.before_m;
         let error = (target_m - response.0, -response.1);
         let learned = &mut self.learned[following];
         learned.0 += LEARNED * (half.0 - response.0 - learned.0);

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 pub struct PointResult {
     /// Index in the whole experiment's frequency list, from 0.
     pub index: u16,
-    /// Drive frequency, Hz.
+    /// Drive frequency, Hz; of a tracked resonance its mean over the dwell.
     pub frequency_hz: f32,
     /// Base amplitude Z at the drive frequency (lock-in), m.
     pub z_amplitude_m: f32,
@@ -114,6 +114,12 @@ impl PointMeter {
     #[must_use]
     pub fn cycles(&self) -> u32 {
         self.cycles
+    }
+
+    /// Mean frequency of the drive over these cycles, Hz.
+    #[must_use]
+    pub fn frequency_hz(&self) -> f32 {
+        if self.samples > 0.0 { self.cycles as f32 / self.samples * TICK_HZ } else { 0.0 }
     }
 
     fn lock_ins(&mut self) -> impl Iterator<Item = &mut LockIn> {

@@ -16,7 +16,7 @@ fn running() -> Rig {
         settle_s: 1.0,
         dwell_s: 4.0,
         steady: SteadyLimits::default(),
-        frequencies_hz: [2.5].into_iter().collect(),
+        points: [2.5].into_iter().collect(),
         first_index: 0,
     };
     let mut rig = Rig::new();

@@ -24,7 +24,7 @@ fn sine(start: Start, drive: DriveMode) -> SteppedSine {
         dwell_s: 2.0,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [5.0, 6.0].into_iter().collect(),
+        points: [5.0, 6.0].into_iter().collect(),
     }
 }
 

@@ -166,7 +166,7 @@ fn a_start_drops_the_rows_of_the_experiment_before() {
         dwell_s: 4.0,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [2.0].into_iter().collect(),
+        points: [2.0].into_iter().collect(),
     }));
     device.board.z_m = 1e-3;
     device.tick(ROWS_WAITING as u32 - 1);

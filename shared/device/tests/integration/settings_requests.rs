@@ -112,7 +112,7 @@ fn experiment() -> SteppedSine {
         dwell_s: 4.0,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [2.0].into_iter().collect(),
+        points: [2.0].into_iter().collect(),
     }
 }
 

@@ -53,7 +53,7 @@ pub(super) fn plan(z_m: f32) -> SteppedSine {
         dwell_s: 8.0,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: (0..=20).map(|n| 2.0 + 0.05 * n as f32).collect(),
+        points: (0..=20).map(|n| 2.0 + 0.05 * n as f32).collect(),
     }
 }
 
@@ -131,7 +131,7 @@ fn assert_kept(name: &str, config: &PlantConfig, plan: &SteppedSine) {
         (outcome.highest_m / z - 1.0) * 100.0,
         outcome.ticks / 1000
     );
-    assert_eq!((outcome.fault, outcome.points.len()), (None, plan.frequencies_hz.len()), "{name}");
+    assert_eq!((outcome.fault, outcome.points.len()), (None, plan.points.len()), "{name}");
     assert!(worst < 0.01, "{name}: {worst}");
     assert!(outcome.highest_m < 1.1 * z, "{name}: {}", outcome.highest_m);
     assert!(outcome.points.iter().all(|p| !p.drive_saturated), "{name}");
@@ -150,7 +150,7 @@ fn the_base_keeps_its_amplitude_from_2_to_3_hz_under_every_damper_kind() {
 fn the_loop_is_stable_at_the_largest_gain_allowed_and_half_the_calibration() {
     let gain = |gain_per_s| DriveMode::ClosedLoop(ClosedLoop { gain_per_s, ..ClosedLoop::default() });
     let near_resonance = [2.4, 2.5, 2.55].into_iter().collect();
-    let most = SteppedSine { drive: gain(MAX_GAIN_PER_S), frequencies_hz: near_resonance, ..plan(3e-4) };
+    let most = SteppedSine { drive: gain(MAX_GAIN_PER_S), points: near_resonance, ..plan(3e-4) };
     assert_kept("largest gain", &plant(bare()), &most);
     // Calibrated at twice the frequency, the table moves twice as far for the same drive.
     let shaker = Shaker { calibrated_at_hz: 5.0, ..Shaker::default() };
@@ -160,8 +160,8 @@ fn the_loop_is_stable_at_the_largest_gain_allowed_and_half_the_calibration() {
 
 #[test]
 fn the_gain_means_the_same_at_every_drive_frequency() {
-    let frequencies_hz = [0.5, 1.0, 5.0, 10.0, 20.0].into_iter().collect();
-    let plan = SteppedSine { settle_s: 20.0, dwell_s: 20.0, frequencies_hz, ..plan(3e-4) };
+    let points = [0.5, 1.0, 5.0, 10.0, 20.0].into_iter().collect();
+    let plan = SteppedSine { settle_s: 20.0, dwell_s: 20.0, points, ..plan(3e-4) };
     assert_kept("half to 20 Hz", &plant(spid()), &plan);
 }
 
@@ -170,7 +170,7 @@ fn the_gain_means_the_same_at_every_drive_frequency() {
 #[test]
 fn at_constant_drive_the_base_sags_at_resonance() {
     let at_resonance = [2.5].into_iter().collect();
-    let plan = SteppedSine { drive: DriveMode::Constant, settle_s: 30.0, frequencies_hz: at_resonance, ..plan(3e-4) };
+    let plan = SteppedSine { drive: DriveMode::Constant, settle_s: 30.0, points: at_resonance, ..plan(3e-4) };
     let [point] = run(&plant(bare()), &plan).points.try_into().unwrap();
     assert!((point.z_amplitude_m / 3e-4 - 0.1555).abs() < 1e-3, "{}", point.z_amplitude_m);
     assert!((point.drive_amplitude_m / 3e-4 - 1.0).abs() < 1e-3, "{}", point.drive_amplitude_m);
@@ -180,7 +180,7 @@ fn at_constant_drive_the_base_sags_at_resonance() {
 fn a_drive_at_its_limit_is_reported_and_the_base_stays_below_its_target() {
     let limited = ClosedLoop { drive_limit_m: 6e-4, wait_s: 5.0, ..ClosedLoop::default() };
     let at_resonance = [2.5].into_iter().collect();
-    let plan = SteppedSine { drive: DriveMode::ClosedLoop(limited), frequencies_hz: at_resonance, ..plan(3e-4) };
+    let plan = SteppedSine { drive: DriveMode::ClosedLoop(limited), points: at_resonance, ..plan(3e-4) };
     let [point] = run(&plant(bare()), &plan).points.try_into().unwrap();
     assert!(point.drive_saturated);
     assert!(point.z_amplitude_m < 0.9 * 3e-4, "{}", point.z_amplitude_m);
@@ -212,12 +212,8 @@ fn a_current_amplifier_is_kept_at_its_target_but_overshoots() {
 #[test]
 fn a_ramp_starts_and_ends_the_drive_without_a_corner() {
     let steepest = |ramp_s: f32| {
-        let plan = SteppedSine {
-            drive: DriveMode::Constant,
-            ramp_s,
-            frequencies_hz: [2.5].into_iter().collect(),
-            ..plan(1e-3)
-        };
+        let plan =
+            SteppedSine { drive: DriveMode::Constant, ramp_s, points: [2.5].into_iter().collect(), ..plan(1e-3) };
         let (mut rig, mut last, mut slope, mut steepest) = (Rig::new(), 0.0f32, 0.0f32, 0.0f32);
         rig.handle(Command::Configure(Experiment::SteppedSine(SteppedSinePlan::new(plan).unwrap()))).unwrap();
         // The structure stands still here: do not report a frozen sensor.

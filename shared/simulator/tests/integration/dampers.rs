@@ -48,7 +48,7 @@ fn at_resonance(settle_s: f32, dwell_s: f32) -> Request {
         dwell_s,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [2.5].into_iter().collect(),
+        points: [2.5].into_iter().collect(),
     })
 }
 

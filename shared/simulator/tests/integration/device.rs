@@ -88,7 +88,7 @@ fn experiment() -> SteppedSine {
         dwell_s: 4.0,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [2.0, 3.0].into_iter().collect(),
+        points: [2.0, 3.0].into_iter().collect(),
     }
 }
 
@@ -295,7 +295,7 @@ fn a_stop_takes_effect_in_the_next_tick() {
 }
 
 fn resonance() -> SteppedSine {
-    SteppedSine { amplitude_m: 1.5e-3, frequencies_hz: [2.5].into_iter().collect(), ..experiment() }
+    SteppedSine { amplitude_m: 1.5e-3, points: [2.5].into_iter().collect(), ..experiment() }
 }
 
 /// A plant whose particle hits its walls at resonance, with wall-force sensors.
@@ -408,7 +408,7 @@ fn a_displacement_limit_stops_the_drive_and_stays_latched() {
     let limits = Limits { structure_m: 3e-3, ..Limits::default() };
     let safety = SafetyConfig { limits, half_cycles_ahead: 0.0, ..SafetyConfig::default() };
     assert_eq!(host.ask(Request::SetSettings(Settings { safety, ..Settings::default() })), Ok(Reply::Done));
-    let resonance = SteppedSine { frequencies_hz: [2.5].into_iter().collect(), ..experiment() };
+    let resonance = SteppedSine { points: [2.5].into_iter().collect(), ..experiment() };
     assert_eq!(host.ask(Request::Configure(resonance)), Ok(Reply::Done));
     assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     let messages = host.grant(8000);
@@ -445,7 +445,7 @@ fn invalid_values_are_refused_with_the_parameter_and_what_is_allowed() {
     let Err(refused) = host.ask(set_plant(config)) else { panic!() };
     assert_eq!(refused.to_string(), "structure.mass_kg = -1 is not allowed: must be a finite number greater than 0");
     assert_eq!(host.ask(set_plant(plant())), Ok(Reply::Done));
-    let too_fast = SteppedSine { frequencies_hz: [51.0].into_iter().collect(), ..experiment() };
+    let too_fast = SteppedSine { points: [51.0].into_iter().collect(), ..experiment() };
     assert!(matches!(host.ask(Request::Configure(too_fast)), Err(Rejected::Invalid { .. })));
     let nan = SteppedSine { amplitude_m: f32::NAN, ..experiment() };
     assert!(matches!(host.ask(Request::Configure(nan)), Err(Rejected::Invalid { .. })));

@@ -39,7 +39,7 @@ fn sine(amplitude_m: f32, drive: DriveMode) -> SteppedSine {
         dwell_s: 4.0,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [2.0].into_iter().collect(),
+        points: [2.0].into_iter().collect(),
     }
 }
 

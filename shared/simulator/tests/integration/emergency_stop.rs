@@ -57,7 +57,7 @@ fn sine() -> Request {
         dwell_s: 20.0,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [2.2].into_iter().collect(),
+        points: [2.2].into_iter().collect(),
     })
 }
 

@@ -33,7 +33,7 @@ fn sine() -> SteppedSine {
         dwell_s: 20.0,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [2.0].into_iter().collect(),
+        points: [2.0].into_iter().collect(),
     }
 }
 

@@ -122,7 +122,7 @@ fn resonance() -> SteppedSine {
         dwell_s: 5.0,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [2.5].into_iter().collect(),
+        points: [2.5].into_iter().collect(),
     }
 }
 

@@ -9,6 +9,7 @@ mod friction_spring;
 mod impacts;
 mod interlocks;
 mod limits;
+mod resonance;
 mod response_loop;
 mod sensors;
 mod shaker;

@@ -29,7 +29,7 @@ fn held(parameters: ResponseLoop) -> SteppedSine {
         drive: DriveMode::Response(ResponseLoop { drive_limit_m: 0.03, ..parameters }),
         ramp_s: 1.0,
         dwell_s: 6.0,
-        frequencies_hz: (0..=12).map(|n| 2.0 + 0.1 * n as f32).collect(),
+        points: (0..=12).map(|n| 2.0 + 0.1 * n as f32).collect(),
         ..plan(1e-3)
     }
 }
@@ -50,7 +50,7 @@ fn assert_held(name: &str, config: &PlantConfig, sine: &SteppedSine, amplitude_m
     let worst = worst(&outcome.points, |_| amplitude_m);
     let longest = outcome.points.windows(2).map(|pair| pair[1].start_tick - pair[0].end_tick).max().unwrap_or(0);
     println!("{name}: x within {:.2} %, {} s, longest wait {} s", 100.0 * worst, outcome.ticks / 1000, longest / 1000);
-    assert_eq!((outcome.fault, outcome.points.len()), (None, sine.frequencies_hz.len()), "{name}");
+    assert_eq!((outcome.fault, outcome.points.len()), (None, sine.points.len()), "{name}");
     assert!(worst < 0.01, "{name}: {worst}");
     assert!(longest < 100_000, "{name}: a point was measured after its whole wait");
     outcome.points
@@ -104,8 +104,8 @@ fn velocity_and_the_displacement_relative_to_the_base_are_kept_too() {
 #[test]
 fn a_part_of_the_response_that_a_sweep_jumps_over_is_held() {
     let z_mm = |amplitude_m: f32| {
-        let frequencies_hz = [3.06, 3.12].into_iter().collect();
-        let sine = SteppedSine { frequencies_hz, ..held(on_shaker(of(amplitude_m))) };
+        let points = [3.06, 3.12].into_iter().collect();
+        let sine = SteppedSine { points, ..held(on_shaker(of(amplitude_m))) };
         let name = format!("soft walls, {amplitude_m} m");
         1e3 * assert_held(&name, &plant(soft()), &sine, amplitude_m)[1].z_amplitude_m
     };
@@ -122,8 +122,8 @@ fn the_base_moves_as_a_pure_sine_where_the_motion_repeats() {
     if let Some(particle) = &mut config.set_up.particle {
         particle.cavity.positive_wall = Some(Wall::Restitution { coefficient: 0.8 });
     }
-    let frequencies_hz = [2.45, 2.5].into_iter().collect();
-    let sine = SteppedSine { settle_s: 30.0, frequencies_hz, ..held(ResponseLoop::new(of(0.02), None)) };
+    let points = [2.45, 2.5].into_iter().collect();
+    let sine = SteppedSine { settle_s: 30.0, points, ..held(ResponseLoop::new(of(0.02), None)) };
     for point in run(&config, &sine).points {
         // The resolution of the distortion is 1/(cycles × ticks per cycle).
         let resolution = point.frequency_hz / (1000.0 * point.cycles as f32);
@@ -134,8 +134,8 @@ fn the_base_moves_as_a_pure_sine_where_the_motion_repeats() {
 /// Steps of half an octave, without a ramp: the base moves little more than the frequencies need.
 #[test]
 fn a_large_step_of_the_frequency_and_no_ramp_kick_the_base_little() {
-    let frequencies_hz = [2.0, 3.0, 2.0].into_iter().collect();
-    let sine = SteppedSine { ramp_s: 0.0, frequencies_hz, ..held(ResponseLoop::new(of(0.01), None)) };
+    let points = [2.0, 3.0, 2.0].into_iter().collect();
+    let sine = SteppedSine { ramp_s: 0.0, points, ..held(ResponseLoop::new(of(0.01), None)) };
     let outcome = run(&PlantConfig::ideal(spid()), &sine);
     let most_m = outcome.points.iter().map(|p| p.z_amplitude_m).fold(0.0, f32::max);
     assert_eq!((outcome.fault, outcome.points.len()), (None, 3));
@@ -148,9 +148,9 @@ fn a_point_from_rest_does_not_depend_on_the_points_before_it() {
     let sensors = SensorModel { noise_rms_m: 0.0, ..SensorModel::default() };
     let config = PlantConfig { sensors, ..plant(hybrid()) };
     let from_rest = |list: &[f32]| {
-        let frequencies_hz = list.iter().copied().collect();
+        let points = list.iter().copied().collect();
         let start = Start::FromRest { level_m: 5e-4 };
-        run(&config, &SteppedSine { start, frequencies_hz, ..held(on_shaker(of(0.006))) }).points
+        run(&config, &SteppedSine { start, points, ..held(on_shaker(of(0.006))) }).points
     };
     let (both, one) = (from_rest(&[2.6, 2.4]), from_rest(&[2.4]));
     let parts = |p: &PointResult| [p.z_amplitude_m, p.x_amplitude_m, p.phase_rad, p.drive_amplitude_m];
@@ -171,8 +171,8 @@ fn a_drive_at_its_limit_is_reported_and_does_not_wind_up() {
     let limited = ResponseLoop { drive_limit_m: 1e-3, wait_s: 5.0, ..ResponseLoop::new(of(0.01), None) };
     let drive = DriveMode::Response(limited);
     // At 3 Hz x = 10 mm needs Z = 4.4 mm, at 2.55 Hz 0.4 mm.
-    let frequencies_hz = [3.0, 2.55].into_iter().collect();
-    let sine = SteppedSine { drive, frequencies_hz, ..held(limited) };
+    let points = [3.0, 2.55].into_iter().collect();
+    let sine = SteppedSine { drive, points, ..held(limited) };
     let [far, near] = run(&PlantConfig::ideal(bare()), &sine).points.try_into().unwrap();
     assert!(far.drive_saturated && far.x_amplitude_m < 0.5 * 0.01, "{far:?}");
     assert!((far.drive_amplitude_m / 1e-3 - 1.0).abs() < 0.02, "{far:?}");
@@ -185,8 +185,8 @@ fn a_drive_at_its_limit_is_reported_and_does_not_wind_up() {
 fn a_demand_beyond_the_limit_of_the_base_stops_the_rig_before_the_base_is_there() {
     let config = PlantConfig { base: Base::Prescribed, ..plant(bare()) };
     let high = ResponseLoop { drive_limit_m: 0.05, ..ResponseLoop::new(of(0.25), None) };
-    let frequencies_hz = [3.0].into_iter().collect();
-    let sine = SteppedSine { drive: DriveMode::Response(high), frequencies_hz, ..held(high) };
+    let points = [3.0].into_iter().collect();
+    let sine = SteppedSine { drive: DriveMode::Response(high), points, ..held(high) };
     let outcome = super::base_loop::run_within(&config, &sine, 0.04);
     assert_eq!(outcome.fault, Some(FaultCause::BaseForeseen));
     assert!(outcome.highest_m < 0.04, "{}", outcome.highest_m);

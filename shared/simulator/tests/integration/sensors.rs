@@ -40,7 +40,7 @@ fn sine(settle_s: f32, dwell_s: f32) -> Request {
         dwell_s,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [2.2].into_iter().collect(),
+        points: [2.2].into_iter().collect(),
     })
 }
 

@@ -38,7 +38,7 @@ fn the_stated_deviation_has_what_a_beat_adds_to_the_cycle_maxima() {
                 dwell_s: 30.0,
                 steady: SteadyLimits::default(),
                 first_index: 0,
-                frequencies_hz: [frequency_hz].into_iter().collect(),
+                points: [frequency_hz].into_iter().collect(),
             }));
             host.done(Request::Start);
             host.pass(50_000);
@@ -70,7 +70,7 @@ fn at_resonance(plant: PlantConfig, z_m: f32, settle_s: f32, longest_dwell_s: f3
         dwell_s: 20.0,
         steady: SteadyLimits { longest_dwell_s, ..SteadyLimits::default() },
         first_index: 0,
-        frequencies_hz: [2.5].into_iter().collect(),
+        points: [2.5].into_iter().collect(),
     }));
     host.done(Request::Start);
     host.pass(400_000);

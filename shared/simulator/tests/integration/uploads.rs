@@ -294,7 +294,7 @@ fn a_stepped_sine_gives_the_same_result_after_a_playback_as_before() {
         dwell_s: 4.0,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [2.0].into_iter().collect(),
+        points: [2.0].into_iter().collect(),
     };
     let point = |host: &mut Host| {
         assert_eq!(host.ask(Request::Configure(sine())), Ok(Reply::Done));

@@ -185,7 +185,7 @@ pub fn sine(amplitude_m: f32, frequency_hz: f32) -> SteppedSine {
         settle_s: 20.0,
         dwell_s: 20.0,
         steady: SteadyLimits::default(),
-        frequencies_hz: [frequency_hz].into_iter().collect(),
+        points: [frequency_hz].into_iter().collect(),
         first_index: 0,
     }
 }

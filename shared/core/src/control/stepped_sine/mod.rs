@@ -4,7 +4,8 @@
 //! over, the drive is phase-continuous from one frequency to the next. From rest it starts at phase zero, so the base
 //! starts without a step in displacement. The drive rises and falls on a smooth ramp if one is requested. Its amplitude
 //! is constant, or is set by [`super::base_loop`] to keep the base amplitude constant, or by [`super::response_loop`]
-//! to keep the structure's amplitude constant.
+//! to keep the structure's amplitude constant. The points are frequencies, or amplitudes at the resonance, whose
+//! frequency [`super::phase_lock`] finds.
 //!
 //! [`SteppedSine`] is the host's request and [`SteppedSinePlan`] the checked plan. A plan is made outside the control
 //! tick, which has no time to check a hundred frequencies. The [`SteppedSineRunner`] runs it.
@@ -13,6 +14,7 @@ mod regulator;
 mod runner;
 
 use crate::control::base_loop::ClosedLoop;
+use crate::control::phase_lock::PhaseLock;
 use crate::control::response_loop::ResponseLoop;
 use crate::control::rest::REST_HOLD_S;
 use crate::io::{Invalid, TICK_HZ, not_negative, positive, require};
@@ -22,7 +24,7 @@ use postcard_schema::Schema;
 pub use runner::SteppedSineRunner;
 use serde::{Deserialize, Serialize};
 
-/// Most frequencies in one experiment, enough for 2 to 3 Hz in steps of 0.01 Hz. Each costs the controller 4 bytes in
+/// Most points in one experiment, enough for 2 to 3 Hz in steps of 0.01 Hz. Each costs the controller 4 bytes in
 /// several places.
 pub const MAX_POINTS: usize = 400;
 
@@ -65,8 +67,8 @@ pub enum DriveMode {
 pub struct SteppedSine {
     /// How each point begins.
     pub start: Start,
-    /// Demanded base amplitude Z, m; greater than 0. Where the response is kept: the Z for which the set-up is stated, the scale
-    /// of the check that the base follows.
+    /// Demanded base amplitude Z, m; greater than 0. Where the points have amplitudes of their own or the response is kept: the Z for
+    /// which the set-up is stated, the scale of the check that the base follows.
     pub amplitude_m: f32,
     /// The quantity that is kept at that amplitude.
     pub drive: DriveMode,
@@ -83,8 +85,77 @@ pub struct SteppedSine {
     /// and the virtual rig's noise depend on the index in the whole experiment, so both are the same as without the
     /// interruption.
     pub first_index: u16,
-    /// Frequencies in the order of the experiment, Hz.
-    pub frequencies_hz: Vec<f32, MAX_POINTS>,
+    /// Its points in their order.
+    pub points: Points,
+}
+
+/// What the points of an experiment differ in. Collects frequencies, Hz.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub enum Points {
+    /// Frequencies, Hz.
+    Frequencies(Vec<f32, MAX_POINTS>),
+    /// Amplitudes at the frequency that the phase of x asks for.
+    Resonance {
+        /// The loop that finds the frequency.
+        lock: PhaseLock,
+        /// Amplitudes of the base, m, or of the response that is kept, in its unit.
+        amplitudes: Vec<f32, MAX_POINTS>,
+    },
+}
+
+impl Points {
+    /// How many.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.list().len()
+    }
+
+    /// There are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.list().is_empty()
+    }
+
+    fn list(&self) -> &[f32] {
+        match self {
+            Self::Frequencies(list) | Self::Resonance { amplitudes: list, .. } => list,
+        }
+    }
+
+    /// The loop that finds the frequency.
+    #[must_use]
+    pub fn lock(&self) -> Option<&PhaseLock> {
+        if let Self::Resonance { lock, .. } = self { Some(lock) } else { None }
+    }
+
+    /// The frequency at which a point starts, Hz, unless the resonance of the point before is known.
+    fn frequency_hz(&self, index: usize) -> f32 {
+        match self {
+            Self::Frequencies(list) => list.get(index).copied().unwrap_or(0.0),
+            Self::Resonance { lock, .. } => lock.start_hz,
+        }
+    }
+
+    /// A point's own amplitude.
+    fn amplitude(&self, index: usize) -> Option<f32> {
+        if let Self::Resonance { amplitudes, .. } = self { amplitudes.get(index).copied() } else { None }
+    }
+
+    /// Lowest and highest frequency, Hz.
+    fn range_hz(&self) -> (f32, f32) {
+        match self {
+            Self::Frequencies(list) => {
+                list.iter().fold((f32::INFINITY, 0.0), |(low, high), f| (f.min(low), f.max(high)))
+            }
+            Self::Resonance { lock, .. } => (lock.low_hz, lock.high_hz),
+        }
+    }
+}
+
+impl FromIterator<f32> for Points {
+    fn from_iter<I: IntoIterator<Item = f32>>(frequencies_hz: I) -> Self {
+        Self::Frequencies(frequencies_hz.into_iter().collect())
+    }
 }
 
 impl SteppedSine {
@@ -107,7 +178,7 @@ impl SteppedSine {
             DriveMode::ClosedLoop(parameters) => {
                 parameters.validate()?;
                 let limit = f64::from(parameters.drive_limit_m);
-                let is_above = self.amplitude_m < parameters.drive_limit_m;
+                let is_above = self.largest_amplitude_m() < parameters.drive_limit_m;
                 require(is_above, "drive.drive_limit_m", limit, "greater than amplitude_m")?;
             }
             DriveMode::Response(parameters) => parameters.validate()?,
@@ -122,28 +193,41 @@ impl SteppedSine {
         let is_allowed = longest == 0.0 || (longest >= f64::from(self.dwell_s) && longest <= longest_s);
         require(is_allowed, "steady.longest_dwell_s", longest, allowed)?;
         require(
-            usize::from(self.first_index) + self.frequencies_hz.len() <= usize::from(u16::MAX),
+            usize::from(self.first_index) + self.points.len() <= usize::from(u16::MAX),
             "first_index",
             f64::from(self.first_index),
             "small enough for 65535 points in all",
         )?;
-        require(!self.frequencies_hz.is_empty(), "frequencies_hz", 0.0, "a list with at least one frequency")?;
-        for &frequency in &self.frequencies_hz {
-            positive("frequencies_hz", f64::from(frequency))?;
-            require(
-                frequency * MIN_TICKS_PER_CYCLE <= tick_hz,
-                "frequencies_hz",
-                f64::from(frequency),
-                "at most a twentieth of the tick rate",
-            )?;
-            require(
-                frequency * self.dwell_s >= MIN_CYCLES,
-                "dwell_s",
-                f64::from(self.dwell_s),
-                "long enough for 6 cycles of every frequency",
-            )?;
+        self.validate_points(tick_hz)
+    }
+
+    fn validate_points(&self, tick_hz: f32) -> Result<(), Invalid> {
+        let name = match &self.points {
+            Points::Frequencies(_) => "frequencies_hz",
+            Points::Resonance { lock, .. } => {
+                lock.validate()?;
+                "amplitudes"
+            }
+        };
+        require(!self.points.is_empty(), name, 0.0, "a list with at least one value")?;
+        for &value in self.points.list() {
+            positive(name, f64::from(value))?;
         }
-        Ok(())
+        let highest = self.points.lock().map_or("frequencies_hz", |_| "lock.high_hz");
+        let (low_hz, high_hz) = self.points.range_hz();
+        let is_slow = high_hz * MIN_TICKS_PER_CYCLE <= tick_hz;
+        require(is_slow, highest, f64::from(high_hz), "at most a twentieth of the tick rate")?;
+        let is_long = low_hz * self.dwell_s >= MIN_CYCLES;
+        require(is_long, "dwell_s", f64::from(self.dwell_s), "long enough for 6 cycles of every frequency")
+    }
+
+    /// The largest amplitude of the base that is demanded without a loop, m.
+    #[must_use]
+    pub fn largest_amplitude_m(&self) -> f32 {
+        match &self.points {
+            Points::Frequencies(_) => self.amplitude_m,
+            Points::Resonance { amplitudes, .. } => amplitudes.iter().copied().fold(0.0, f32::max),
+        }
     }
 
     /// Number of ticks that the whole experiment takes when every rest is immediate, as on a virtual rig, and a closed
@@ -155,7 +239,7 @@ impl SteppedSine {
             Start::CarryOver => 0.0,
         };
         let point_s = f64::from(rest_s + self.settle_s + self.dwell_s);
-        (point_s * f64::from(tick_hz) * self.frequencies_hz.len() as f64) as u64
+        (point_s * f64::from(tick_hz) * self.points.len() as f64) as u64
     }
 }
 
@@ -164,7 +248,7 @@ impl SteppedSine {
 pub struct SteppedSinePlan {
     sine: SteppedSine,
     settle_ticks: u32,
-    /// Settling time plus the longest wait for a closed loop.
+    /// Settling time plus the longest wait for the loops.
     held_by_ticks: u32,
     /// Longest time of all dwells of a point.
     longest_dwell_ticks: u32,
@@ -182,11 +266,12 @@ impl SteppedSinePlan {
         sine.validate(TICK_HZ)?;
         let ticks = |seconds: f32| (f64::from(seconds) * f64::from(TICK_HZ) + 0.5) as u32;
         let per_tick = |seconds: f32| if seconds > 0.0 { 1.0 / (seconds * TICK_HZ) } else { 1.0 };
-        let wait_s = match &sine.drive {
+        let wait_s: f32 = match &sine.drive {
             DriveMode::Constant => 0.0,
             DriveMode::ClosedLoop(parameters) => parameters.wait_s,
             DriveMode::Response(parameters) => parameters.wait_s,
         };
+        let wait_s = wait_s.max(sine.points.lock().map_or(0.0, |lock| lock.wait_s));
         Ok(Self {
             settle_ticks: ticks(sine.settle_s),
             held_by_ticks: ticks(sine.settle_s + wait_s),

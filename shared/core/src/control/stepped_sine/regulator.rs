@@ -1,20 +1,20 @@
 //! What sets the drive of a stepped sine: a constant amplitude, the loop of the base, or the loop of the response.
 
 use super::DriveMode;
-use crate::control::base_loop::{BaseLoop, DELAY_TICKS, RUNAWAY};
+use crate::control::base_loop::{BaseLoop, RUNAWAY};
 use crate::control::fault::{Fault, FaultCause};
 use crate::control::outcome::TickInputs;
 use crate::control::response_loop::ResponseControl;
 use crate::io::{Rail, Readings, TICK_HZ};
-use crate::sine::Phase;
 
 /// The phase of the drive in a tick.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DrivePhase {
-    pub phase: Phase,
-    pub increment: u32,
-    /// Sine and cosine now, and of the phase that the readings belong to.
+    /// Sine and cosine of it.
     pub wave: (f32, f32),
+    /// The phase that the readings belong to, its increment to the next readings, and its sine and cosine.
+    pub then: u32,
+    pub increment_then: u32,
     pub wave_then: (f32, f32),
 }
 
@@ -40,6 +40,21 @@ impl Regulator {
         }
     }
 
+    /// Begins a point, with this amplitude of the kept response if it has one of its own.
+    pub fn begin_point(&mut self, mode: &DriveMode, frequency_hz: f32, kept: Option<f32>) {
+        match self {
+            Self::Constant => {}
+            Self::Base(own) => own.begin_point(),
+            Self::Response(own, base) => {
+                own.begin_point(kept);
+                if let Some(base) = base {
+                    base.begin_point();
+                }
+            }
+        }
+        self.tune(mode, frequency_hz);
+    }
+
     /// Changes the frequency; the drive's amplitude and phase carry over.
     pub fn tune(&mut self, mode: &DriveMode, frequency_hz: f32) {
         match (self, mode) {
@@ -61,6 +76,11 @@ impl Regulator {
             Self::Base(own) => own.is_held(),
             Self::Response(own, _) => own.is_held(),
         }
+    }
+
+    /// A loop keeps the response's amplitude.
+    pub fn keeps_response(&self) -> bool {
+        matches!(self, Self::Response(..))
     }
 
     /// The loop's drive was at its limit.
@@ -90,8 +110,7 @@ impl Regulator {
     /// base. While a reading that a loop needs is no displacement, the drive continues at its last amplitude and phase.
     pub fn tick(&mut self, ramp: f32, amplitude_m: f32, now: &TickInputs, at: &DrivePhase) -> (f32, Option<Fault>) {
         let Readings { x, z, .. } = now.readings;
-        let then = at.phase.0.wrapping_sub(at.increment.wrapping_mul(DELAY_TICKS));
-        let is_cycle_end = then.checked_add(at.increment).is_none();
+        let is_cycle_end = at.then.checked_add(at.increment_then).is_none();
         let (is_x_read, is_z_read) = (x.rail == Rail::Clear, z.rail == Rail::Clear);
         let ran_away = |base: &BaseLoop, demand_m: f32| {
             let value = base.runaway(demand_m)?;
@@ -112,7 +131,7 @@ impl Regulator {
             }
             Self::Response(own, base) => {
                 let reading = (is_x_read && is_z_read).then_some((x.mean_m, z.mean_m));
-                let demand = own.tick(ramp, reading, (then, at.increment, at.wave_then));
+                let demand = own.tick(ramp, reading, (at.then, at.increment_then, at.wave_then));
                 let Some(base) = base else { return (own.open(at.wave), None) };
                 if !is_z_read {
                     return (base.open(at.wave), None);

@@ -1,13 +1,14 @@
 //! Runs a checked stepped sine, one tick at a time.
 
 use super::regulator::{DrivePhase, Regulator};
-use super::{FADE_S, Start, SteppedSinePlan};
+use super::{FADE_S, Start, SteppedSine, SteppedSinePlan};
 use crate::control::base_follow::BaseFollow;
 use crate::control::base_loop::DELAY_TICKS;
 use crate::control::fault::{Fault, FaultCause};
 use crate::control::outcome::{ExperimentStage, Outcome, TickInputs};
+use crate::control::phase_lock::{PhaseTracker, Sample};
 use crate::control::rest::{RestWait, Waited};
-use crate::io::{DriveRange, Rail, SensorSet, TICK_HZ};
+use crate::io::{DriveRange, Rail, Readings, SensorSet, TICK_HZ};
 use crate::measure::point::{Place, PointMeter};
 use crate::measure::running::DriveReference;
 use crate::sine::Phase;
@@ -24,8 +25,8 @@ pub struct SteppedSineRunner {
     /// Ticks since the present frequency began.
     driven_ticks: u32,
     phase: Phase,
-    /// Sine and cosine of the drive's phase in the last ticks, oldest first.
-    waves: [(f32, f32); DELAY_TICKS as usize],
+    /// The drive's phase in the last ticks with its sine and cosine, oldest first.
+    waves: [(Phase, (f32, f32)); DELAY_TICKS as usize],
     increment: u32,
     frequency_hz: f32,
     /// Position on the ramp, 0 to 1.
@@ -36,7 +37,11 @@ pub struct SteppedSineRunner {
     held: bool,
     /// The range that the drive can deliver.
     range: DriveRange,
+    /// Base amplitude that this point demands without a loop of the response, m.
+    amplitude_m: f32,
     regulator: Regulator,
+    /// The loop that finds the resonance.
+    tracker: Option<PhaseTracker>,
     follow: BaseFollow,
     /// The drive was at its limit in the last tick, and at any time since the dwell began.
     saturated: bool,
@@ -72,7 +77,9 @@ impl SteppedSineRunner {
             driving: false,
             held: false,
             range: *drive,
+            amplitude_m: plan.sine.amplitude_m,
             regulator: Regulator::new(&plan.sine.drive),
+            tracker: None,
             follow: BaseFollow::default(),
             saturated: false,
             was_saturated: false,
@@ -110,7 +117,7 @@ impl SteppedSineRunner {
     /// The drive's reference in the last tick; `None` while resting.
     #[must_use]
     pub fn reference(&self) -> Option<DriveReference> {
-        let wave = self.waves[DELAY_TICKS as usize - 1];
+        let (_, wave) = self.waves[DELAY_TICKS as usize - 1];
         (self.stage != ExperimentStage::Rest).then_some(DriveReference { wave, cycle_ended: self.cycle_ended })
     }
 
@@ -200,30 +207,41 @@ impl SteppedSineRunner {
     }
 
     fn begin_settling(&mut self) {
-        let frequency = self.plan.sine.frequencies_hz.get(self.index).copied().unwrap_or(0.0);
-        self.frequency_hz = frequency;
-        self.increment = Phase::increment(frequency, TICK_HZ);
-        self.cycles = (self.plan.sine.dwell_s * frequency) as u32;
+        let SteppedSine { points, drive, amplitude_m, .. } = &self.plan.sine;
+        if self.gain == 0.0 {
+            self.regulator = Regulator::new(drive);
+            self.tracker = points.lock().map(|lock| PhaseTracker::new(lock, TICK_HZ));
+        }
+        let own = points.amplitude(self.index);
+        self.amplitude_m = own.filter(|_| !self.regulator.keeps_response()).unwrap_or(*amplitude_m);
+        // The resonance is where it was in the point before.
+        self.frequency_hz = self.tracker.as_mut().map_or_else(
+            || points.frequency_hz(self.index),
+            |tracker| {
+                tracker.begin_point();
+                tracker.frequency_hz()
+            },
+        );
+        self.increment = Phase::increment(self.frequency_hz, TICK_HZ);
+        self.regulator.begin_point(drive, self.frequency_hz, own);
         self.stage = ExperimentStage::Settle;
         self.driven_ticks = 0;
         self.first_dwell = None;
         self.driving = true;
-        if self.gain == 0.0 {
-            self.regulator = Regulator::new(&self.plan.sine.drive);
-        }
-        self.regulator.tune(&self.plan.sine.drive, frequency);
     }
 
-    /// Whether, in a dwell of a closed loop, the amplitude has left its tolerance and there is time to restart the dwell.
-    fn amplitude_slipped(&self) -> bool {
-        !self.regulator.is_held() && self.driven_ticks <= self.plan.held_by_ticks
+    /// Whether, in a dwell, an amplitude or the phase has left its tolerance and there is time to restart the dwell.
+    fn has_slipped(&self) -> bool {
+        let is_kept = self.regulator.is_held() && !self.tracker.as_ref().is_some_and(PhaseTracker::is_lost);
+        !is_kept && self.driven_ticks <= self.plan.held_by_ticks
     }
 
     /// The point has settled: the measurement may begin at the next cycle.
     fn is_settled(&self) -> bool {
+        let is_kept = self.regulator.is_held() && self.tracker.as_ref().is_none_or(PhaseTracker::is_locked);
         !self.held
             && self.driven_ticks > self.plan.settle_ticks
-            && (self.regulator.is_held() || self.driven_ticks > self.plan.held_by_ticks)
+            && (is_kept || self.driven_ticks > self.plan.held_by_ticks)
     }
 
     /// Fraction of the last tick, at whose end a cycle ended, that belongs to the present cycle.
@@ -233,6 +251,7 @@ impl SteppedSineRunner {
 
     fn begin_dwelling(&mut self, now: &TickInputs) {
         self.stage = ExperimentStage::Dwell;
+        self.cycles = (self.plan.sine.dwell_s * self.frequency_hz) as u32;
         self.start_tick = now.tick;
         self.impacts_before = now.impacts;
         self.first_dwell.get_or_insert(now.tick);
@@ -264,16 +283,31 @@ impl SteppedSineRunner {
     fn demand_m(&mut self, now: Option<&TickInputs>, wave: (f32, f32)) -> (f32, Option<Fault>) {
         // A smooth ramp: its slope is zero at both ends.
         let ramp = self.gain * self.gain * (3.0 - 2.0 * self.gain);
-        let wave_then = self.waves[0];
+        let [(then, wave_then), (next, _)] = self.waves;
         self.waves.rotate_left(1);
-        self.waves[DELAY_TICKS as usize - 1] = wave;
+        self.waves[DELAY_TICKS as usize - 1] = (self.phase, wave);
         self.saturated = false;
-        let amplitude = self.plan.sine.amplitude_m;
-        let Some(now) = now else { return (ramp * self.regulator.open(amplitude, wave), None) };
-        let at = DrivePhase { phase: self.phase, increment: self.increment, wave, wave_then };
-        let (drive, fault) = self.regulator.tick(ramp, amplitude, now, &at);
+        let Some(now) = now else { return (ramp * self.regulator.open(self.amplitude_m, wave), None) };
+        let at = DrivePhase { wave, then: then.0, increment_then: next.0.wrapping_sub(then.0), wave_then };
+        self.track(now, &at);
+        let (drive, fault) = self.regulator.tick(ramp, self.amplitude_m, now, &at);
         self.saturated = self.regulator.is_saturated();
         (drive, fault)
+    }
+
+    /// Sets the frequency that the phase of x asks for.
+    fn track(&mut self, now: &TickInputs, at: &DrivePhase) {
+        let Some(tracker) = &mut self.tracker else { return };
+        let Readings { x, z, .. } = now.readings;
+        let is_read = x.rail == Rail::Clear && z.rail == Rail::Clear;
+        let reading = is_read.then_some((x.mean_m, z.mean_m));
+        let sample = Sample { reading, phase: at.then, increment: at.increment_then, wave: at.wave_then };
+        let is_full = self.gain >= 1.0;
+        if let Some(frequency_hz) = tracker.tick(&sample, is_full, self.regulator.keeps_response()) {
+            self.frequency_hz = frequency_hz;
+            self.increment = Phase::increment(frequency_hz, TICK_HZ);
+            self.regulator.tune(&self.plan.sine.drive, frequency_hz);
+        }
     }
 
     /// Checks that the base follows the drive.
@@ -287,7 +321,7 @@ impl SteppedSineRunner {
             return None;
         }
         let followed = self.follow.end_cycle()?;
-        let demand_m = self.regulator.demand_m(self.plan.sine.amplitude_m);
+        let demand_m = self.regulator.demand_m(self.amplitude_m);
         let (cause, value, limit) = followed.fault(demand_m)?;
         Some(Fault { cause, tick: now.tick, value, limit })
     }
@@ -309,7 +343,7 @@ impl SteppedSineRunner {
         let (drive, runaway) = self.drive_m(Some(now));
         let fault = runaway.or(unrest);
         // After the last point only the fade-out of the drive continues.
-        let measuring = self.stage == ExperimentStage::Dwell && self.index < self.plan.sine.frequencies_hz.len();
+        let measuring = self.stage == ExperimentStage::Dwell && self.index < self.plan.sine.points.len();
         if measuring {
             self.meter.push(now.readings, drive, self.phase.sin_cos());
             self.clipped.extend(now.clipped);
@@ -317,7 +351,7 @@ impl SteppedSineRunner {
         self.cycle_ended = self.phase.advance(self.increment);
         if self.cycle_ended && measuring {
             self.meter.end_cycle(self.over());
-            if self.amplitude_slipped() {
+            if self.has_slipped() {
                 self.stage = ExperimentStage::Settle;
             }
             if self.meter.cycles() == self.cycles && fault.is_none() {
@@ -343,7 +377,7 @@ impl SteppedSineRunner {
             Waited::Quiet => {
                 self.phase = Phase::default();
                 // As at the start of an experiment: a point from rest does not depend on the point before it.
-                self.waves = [self.phase.sin_cos(); DELAY_TICKS as usize];
+                self.waves = [(self.phase, self.phase.sin_cos()); DELAY_TICKS as usize];
                 self.begin_settling();
                 self.driven_ticks = 1;
             }
@@ -358,7 +392,7 @@ impl SteppedSineRunner {
     fn end_dwell(&mut self, now: &TickInputs) -> Outcome {
         let place = Place {
             index: self.place(),
-            frequency_hz: self.frequency_hz,
+            frequency_hz: if self.tracker.is_some() { self.meter.frequency_hz() } else { self.frequency_hz },
             start_tick: self.start_tick,
             end_tick: now.tick + 1,
             drive_saturated: self.was_saturated,
@@ -376,7 +410,7 @@ impl SteppedSineRunner {
             return Outcome::Running;
         }
         self.index += 1;
-        if self.index == self.plan.sine.frequencies_hz.len() {
+        if self.index == self.plan.sine.points.len() {
             self.end_driving();
             Outcome::Finished(result)
         } else {
@@ -404,7 +438,7 @@ mod tests {
             settle_s: 1.0,
             dwell_s: 4.0,
             steady: SteadyLimits::default(),
-            frequencies_hz: [2.5].into_iter().collect(),
+            points: [2.5].into_iter().collect(),
             first_index: 0,
         })
         .unwrap();
@@ -415,7 +449,7 @@ mod tests {
             if tick >= DELAY_TICKS {
                 // The phase is already that of the next tick.
                 let then = Phase(runner.phase.0.wrapping_sub(DELAY_TICKS * runner.increment));
-                assert_eq!(runner.waves[0], then.sin_cos(), "tick {tick}");
+                assert_eq!(runner.waves[0], (then, then.sin_cos()), "tick {tick}");
             }
         }
     }

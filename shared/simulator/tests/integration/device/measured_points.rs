@@ -16,7 +16,7 @@ fn the_bare_structure_measures_its_transmissibility_within_the_sensors_resolutio
         settle_s: 300.0,
         dwell_s: 40.0,
         amplitude_m: 1e-4,
-        frequencies_hz: [2.5].into_iter().collect(),
+        points: [2.5].into_iter().collect(),
         ..experiment()
     };
     assert_eq!(host.ask(Request::Configure(long)), Ok(Reply::Done));
@@ -52,7 +52,7 @@ fn a_resumed_experiment_gives_the_results_of_an_uninterrupted_one() {
     assert_eq!(whole.ask(Request::Start), Ok(Reply::Done));
     let whole = figures(&whole.grant(20_000));
     let mut rest = ready();
-    let second = SteppedSine { first_index: 1, frequencies_hz: [3.0].into_iter().collect(), ..experiment() };
+    let second = SteppedSine { first_index: 1, points: [3.0].into_iter().collect(), ..experiment() };
     assert_eq!(rest.ask(Request::Configure(second)), Ok(Reply::Done));
     assert_eq!(rest.ask(Request::Start), Ok(Reply::Done));
     assert_eq!(figures(&rest.grant(20_000)), whole[1..]);
@@ -77,7 +77,7 @@ fn the_impact_damper_measures_its_closed_form_within_the_sensors_resolution() {
         settle_s: 200.0,
         dwell_s: 40.0,
         amplitude_m: z_m,
-        frequencies_hz: [2.5].into_iter().collect(),
+        points: [2.5].into_iter().collect(),
         ..experiment()
     };
     assert_eq!(host.ask(Request::Configure(long)), Ok(Reply::Done));

@@ -127,7 +127,7 @@ impl Point {
             dwell_s: dwell_s as f32,
             steady: SteadyLimits::default(),
             first_index: 0,
-            frequencies_hz: [self.frequency_hz as f32].into_iter().collect(),
+            points: [self.frequency_hz as f32].into_iter().collect(),
         })
         .unwrap();
         let mut runner = SteppedSineRunner::new(&plan, &DriveScale::default().range());
