@@ -10,11 +10,12 @@ use crate::failure::Failure;
 use crate::host_time;
 use crate::prediction::Predicted;
 use crate::report::figures::campaign::{self as figures, PlottedPoint};
-use crate::report::figures::force_surface;
 use crate::report::figures::peak_motion::draw as draw_motions;
+use crate::report::figures::{force_surface, resonance};
 use crate::report::force_surface::ForceSurface;
 use crate::report::page::page;
 use crate::report::plot::{Breadth, Picture};
+use crate::report::resonance::TrackedCurve;
 use crate::run_folder::checksum;
 use crate::run_folder::journal::{Begin, CopiedFile, Ended, Entry, Journal, Withdrawn};
 use crate::run_folder::read::folder::id_of;
@@ -186,6 +187,11 @@ impl<'a> RecordedRun<'a> {
         let surfaces = ForceSurface::of(self.campaign, &rows);
         let drawn = drawn.and_then(|()| match surfaces.is_empty() {
             false => write(force_surface::draw(self.campaign, &surfaces), "force-surface"),
+            true => Ok(()),
+        });
+        let tracked = TrackedCurve::of(self.campaign, &rows, manifest.is_simulated());
+        let drawn = drawn.and_then(|()| match tracked.is_empty() {
+            false => write(resonance::draw(self.campaign, &tracked), "resonance"),
             true => Ok(()),
         });
         let drawn = drawn.and_then(|()| match figures::transients(self.campaign, path, taken.transients())? {

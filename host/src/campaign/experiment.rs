@@ -8,7 +8,7 @@ use damprig_core::model::Structure;
 
 use super::keys::{campaign, experiment};
 use super::playback;
-use super::stepped_sine::{self, Start, SteppedSine, kept_in_words};
+use super::stepped_sine::{self, Start, SteppedSine, TrackedResonance, kept_in_words};
 use super::transient::{self, FreeVibration, Playback};
 use super::{AroundPeak, CampaignSetUp, Plan, RigSettings};
 use crate::input::{Problem, Section, Text, listed, near};
@@ -55,16 +55,28 @@ impl Experiment {
         if let Kind::SteppedSine(sine) = &self.kind { Some(sine) } else { None }
     }
 
-    /// The stepped sine that drives the base, if it is one.
+    /// The stepped sine that drives the base at known frequencies, if it is one.
     #[must_use]
     pub fn base_driven(&self) -> Option<&SteppedSine> {
-        self.stepped_sine().filter(|sine| sine.response_loop().is_none())
+        self.stepped_sine().filter(|sine| sine.response_loop().is_none() && sine.tracked.is_none())
     }
 
-    /// The stepped sine that keeps the response, if it is one.
+    /// The stepped sine that keeps the response at known frequencies, if it is one.
     #[must_use]
     pub fn response_controlled(&self) -> Option<&SteppedSine> {
-        self.stepped_sine().filter(|sine| sine.response_loop().is_some())
+        self.stepped_sine().filter(|sine| sine.response_loop().is_some() && sine.tracked.is_none())
+    }
+
+    /// The stepped sine that follows a resonance, if it is one, with what it follows.
+    #[must_use]
+    pub fn tracking(&self) -> Option<(&SteppedSine, &TrackedResonance)> {
+        self.stepped_sine().and_then(|sine| Some((sine, sine.tracked.as_ref()?)))
+    }
+
+    /// The stepped sine whose frequency or base the controller's loops find, if it is one.
+    #[must_use]
+    pub fn led_by_loops(&self) -> Option<&SteppedSine> {
+        self.stepped_sine().filter(|sine| sine.response_loop().is_some() || sine.tracked.is_some())
     }
 
     /// The playback, if it is one.
@@ -90,13 +102,13 @@ impl Experiment {
         }
     }
 
-    /// The known drive frequencies in order, Hz; none unless it is a stepped sine.
+    /// The known drive frequencies in order, Hz; none unless it is a stepped sine, and none of a tracked resonance.
     #[must_use]
     pub fn frequencies_hz(&self) -> &[f64] {
         self.stepped_sine().map_or(&[], |sine| &sine.frequencies_hz)
     }
 
-    /// The drive frequency of a point, Hz; 0 where there is none.
+    /// The drive frequency of a point, Hz; 0 where there is none, or it is not known before.
     #[must_use]
     pub fn frequency_hz(&self, index: usize) -> f64 {
         self.frequencies_hz().get(index).copied().unwrap_or(0.0)
@@ -111,7 +123,7 @@ impl Experiment {
     /// Points that are known before the experiment begins.
     #[must_use]
     pub fn known_points(&self) -> usize {
-        self.stepped_sine().map_or(1, |sine| sine.frequencies_hz.len())
+        self.stepped_sine().map_or(1, SteppedSine::known_points)
     }
 
     /// Points around the peak that follow when the others are measured.
@@ -203,6 +215,9 @@ pub(super) fn read_all(
                 && sine.start == Start::FromRest
             {
                 plan.order(&mut sine.frequencies_hz, FREQUENCIES_PLACE + all.len() as u64);
+                if let Some(tracked) = &mut sine.tracked {
+                    plan.order(&mut tracked.amplitudes, FREQUENCIES_PLACE + all.len() as u64);
+                }
                 plan.order(&mut sine.peak_order, PEAKS_PLACE + all.len() as u64);
             }
             all.push(one);
@@ -264,10 +279,11 @@ fn read(
         Some(3) => transient::free_vibration(&section, rig).map(|own| vec![Kind::FreeVibration(own)]),
         Some(4) => stepped_sine::read_response_controlled(&section, rig, &structures)
             .map(|all| all.into_iter().map(Kind::SteppedSine).collect()),
+        Some(5) => stepped_sine::read_tracking(&section, rig).map(|own| vec![Kind::SteppedSine(own)]),
         // Without a kind, the keys of the most frequent one are checked.
         _ => stepped_sine::read(&section, rig, &structures).map(|own| vec![Kind::SteppedSine(own)]),
     };
-    if let (Some(1 | 2 | 4), Some(chosen), Some(set_ups)) = (kind, &chosen, set_ups)
+    if let (Some(1 | 2 | 4 | 5), Some(chosen), Some(set_ups)) = (kind, &chosen, set_ups)
         && let Some(forced) = chosen.iter().map(|&place| &set_ups[place]).find(|s| s.model().is_force_driven)
     {
         let allowed = format!("moves the base, and set-up {:?} is driven by a force over a fixed base", forced.name);

@@ -1,6 +1,7 @@
 //! Declares the keys of a campaign other than those of structure and dampers: name, type, range, default and meaning of each.
 
 use damprig_core::control::base_loop::{ClosedLoop, MAX_GAIN_PER_S};
+use damprig_core::control::phase_lock::{self as phase_lock_limits, PhaseLock};
 use damprig_core::control::response_loop::{KeptQuantity, MAX_GAIN_PER_CYCLE, ResponseLoop};
 use damprig_core::control::stepped_sine::MIN_TICKS_PER_CYCLE;
 use damprig_core::io::TICK_HZ;
@@ -56,7 +57,8 @@ const INSTRUCTION_KEY: Key =
 const MAX_REPEATS: f64 = 100.0;
 
 /// The word of `kind` of every kind of experiment.
-const KINDS: &[&str] = &["stepped_sine", "playback", "impulse", "free_vibration", "response_controlled"];
+const KINDS: &[&str] =
+    &["stepped_sine", "playback", "impulse", "free_vibration", "response_controlled", "resonance_tracking"];
 
 /// The keys of the record that a playback plays.
 const PLAYED_RECORD: Table = Table { path: "experiment", kind: Some("playback"), ..BASE_RECORD };
@@ -280,6 +282,47 @@ tables! {
         RESPONSE_LOOP: Optional, [key("response_loop", Kind::Table, "parameters of the loop that keeps the amplitude")];
     }
 
+    "The resonance at one amplitude after another: the drive's frequency follows the phase of x, and frequency and damping over the amplitude are the result."
+    resonance_tracking("experiment", "resonance_tracking") {
+        AMPLITUDES: Required, [
+            numbers("base_amplitudes_m", "amplitudes of the base, in the order in which they are measured").usual(1e-5, 0.02),
+            numbers("x_amplitudes_m", "amplitudes of x at the drive frequency, in the order in which they are measured; a loop keeps them").usual(1e-5, 0.1),
+            numbers("velocity_amplitudes_m_per_s", "amplitudes of the velocity of x, likewise").usual(1e-4, 5.0),
+            numbers("relative_amplitudes_m", "amplitudes of x − z, likewise").usual(1e-5, 0.1),
+        ];
+        FROM: Required, [number("from_hz", Above(0.0, HIGHEST_HZ), "lowest frequency of the drive").usual(0.1, 25.0).note(TICK)];
+        TO: Required, [number("to_hz", Above(0.0, HIGHEST_HZ), "highest frequency of the drive").usual(0.1, 25.0).note(TICK)];
+        START_FREQUENCY: Optional, [
+            number("start_hz", Above(0.0, HIGHEST_HZ), "frequency at which the search starts; the middle of the range when left out"),
+        ];
+        START: Required, [stepped_sine::START.keys[0]];
+        SETTLE: stepped_sine::SETTLE.need, [stepped_sine::SETTLE.keys[0]];
+        DWELL: Required, [stepped_sine::DWELL.keys[0]];
+        RAMP: stepped_sine::RAMP.need, [stepped_sine::RAMP.keys[0]];
+        REST_LEVEL: stepped_sine::REST_LEVEL.need, [REST_LEVEL_KEY];
+        STEADY: Optional, [stepped_sine::STEADY.keys[0]];
+        DRIVE: stepped_sine::DRIVE.need, [stepped_sine::DRIVE.keys[0]];
+        CLOSED_LOOP: stepped_sine::CLOSED_LOOP.need, [stepped_sine::CLOSED_LOOP.keys[0]];
+        RESPONSE_LOOP: Optional, [response_controlled::RESPONSE_LOOP.keys[0]];
+        PHASE_LOCK: Optional, [key("phase_lock", Kind::Table, "the phase that is kept, and the loop that keeps it")];
+    }
+
+    "The loop that follows a resonance by the phase of x."
+    phase_lock("experiment.phase_lock") {
+        PHASE: Default(Number(-90.0)), [
+            number("phase_deg", Between(-150.0, -30.0), "kept phase of x relative to z; at −90° the structure is at resonance"),
+        ];
+        GAIN: Default(From(|| default_lock().gain_per_cycle.into())), [
+            number("gain_per_cycle", Above(0.0, phase_lock_limits::MAX_GAIN_PER_CYCLE as f64), "rate of the loop, for each cycle of the drive"),
+        ];
+        TOLERANCE: Default(Number(2.0)), [
+            number("tolerance_deg", Between(0.1, 10.0), "deviation of the phase within which it counts as kept; three times it is a lost lock"),
+        ];
+        WAIT: Default(From(|| default_lock().wait_s.into())), [
+            number("wait_s", Between(0.0, 3600.0), "longest time after settling until the phase is kept"),
+        ];
+    }
+
     "Parameters of the loop that keeps the structure's amplitude."
     response_loop("experiment.response_loop") {
         GAIN: Default(From(|| default_loop().gain_per_cycle.into())), [
@@ -399,6 +442,11 @@ const fn numbers(name: &'static str, doc: &'static str) -> Key {
 /// The loop of the response as delivered.
 fn default_loop() -> ResponseLoop {
     ResponseLoop::new(KeptQuantity::Displacement { amplitude_m: 1.0 }, None)
+}
+
+/// The loop that follows a resonance as delivered.
+fn default_lock() -> PhaseLock {
+    PhaseLock::new(1.0, 2.0)
 }
 
 /// Resistance and limit of the default amplifier.

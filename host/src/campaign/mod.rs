@@ -35,7 +35,7 @@ pub use peak::{AroundPeak, GridPeak, RISE_BETWEEN_POINTS};
 pub use plan::Plan;
 pub use rig::{RigSettings, Telemetry};
 pub use set_up::CampaignSetUp;
-pub use stepped_sine::{KeptAmplitude, Start, SteppedSine, kept_in_words};
+pub use stepped_sine::{KeptAmplitude, Start, SteppedSine, TrackedResonance, kept_in_words};
 pub use transient::{FreeVibration, Playback};
 
 /// A campaign, read and checked.

@@ -4,15 +4,19 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use damprig_core::control::base_loop::ClosedLoop;
+use damprig_core::control::phase_lock::PhaseLock;
 use damprig_core::control::response_loop::{KeptQuantity, ResponseLoop};
 use damprig_core::control::stepped_sine as core_sine;
-use damprig_core::control::stepped_sine::{DriveMode, MAX_POINTS, MIN_CYCLES};
+use damprig_core::control::stepped_sine::{DriveMode, MAX_POINTS, MIN_CYCLES, Points};
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::Structure;
 use damprig_simulator::plant::Amplifier;
 
 use super::RigSettings;
-use super::keys::{closed_loop, grid, response_controlled, response_loop, steady, stepped_sine as keys};
+use super::keys::{
+    closed_loop, grid, phase_lock, resonance_tracking, response_controlled, response_loop, steady, stepped_sine as keys,
+};
+use crate::input::key::Quantity;
 use crate::input::section::Given;
 use crate::input::{Number, Problem, Section};
 use crate::settings::number_of;
@@ -29,8 +33,10 @@ pub enum Start {
 /// A stepped sine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SteppedSine {
-    /// The frequencies in the order they are run, Hz.
+    /// The frequencies in the order they are run, Hz; none of a tracked resonance.
     pub frequencies_hz: Vec<f64>,
+    /// The resonance that is tracked, at its amplitudes.
+    pub tracked: Option<TrackedResonance>,
     /// The points around the measured peak in the order they are run, each as its place in the grid's direction; empty without any.
     pub peak_order: Vec<usize>,
     /// How each point starts.
@@ -39,7 +45,7 @@ pub struct SteppedSine {
     pub drive: DriveMode,
     /// The stated drive limit of a loop, m, and its place; without one it is the range of the rig's drive.
     pub drive_limit: Option<Number>,
-    /// The amplitude of a response that is kept, as written; `None` where the base is driven.
+    /// The one amplitude of a response that is kept, as written.
     pub kept: Option<KeptAmplitude>,
     /// Time over which the drive rises from zero and fades again, s.
     pub ramp_s: f64,
@@ -62,7 +68,69 @@ pub struct KeptAmplitude {
     pub amplitude: Number,
 }
 
+/// A resonance that is tracked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackedResonance {
+    /// The loop that finds its frequency.
+    pub lock: PhaseLock,
+    /// The key of its amplitudes.
+    pub key: &'static str,
+    /// The amplitudes in the order they are run, in the key's unit, and their places.
+    pub amplitudes: Vec<Number>,
+}
+
 impl SteppedSine {
+    /// Number of its points that are known before it begins.
+    #[must_use]
+    pub fn known_points(&self) -> usize {
+        self.tracked.as_ref().map_or(self.frequencies_hz.len(), |tracked| tracked.amplitudes.len())
+    }
+
+    /// A point in a few words: `2.45 Hz`, or of a tracked resonance `the resonance at x 5 mm`.
+    #[must_use]
+    pub fn point_in_words(&self, index: usize) -> String {
+        match &self.tracked {
+            Some(tracked) => tracked.amplitudes.get(index).map_or_else(String::new, |amplitude| {
+                format!("the resonance at {}", self.amplitude_in_words(amplitude.value))
+            }),
+            None => self.frequencies_hz.get(index).map_or_else(String::new, |f| format!("{f} Hz")),
+        }
+    }
+
+    /// An amplitude that it states itself in a few words: `x 5 mm`, `Z 1 mm`.
+    #[must_use]
+    pub fn amplitude_in_words(&self, value: f64) -> String {
+        match self.response_loop() {
+            Some(own) => kept_in_words(&own.response.with_amplitude(value as f32)),
+            None => format!("Z {} mm", to_nine_places(value * 1e3)),
+        }
+    }
+
+    /// The frequencies at which it drives, or the ends of the range in which it follows a resonance, Hz.
+    #[must_use]
+    pub fn drive_range_hz(&self) -> Vec<f64> {
+        let ends = |own: &TrackedResonance| vec![f64::from(own.lock.low_hz), f64::from(own.lock.high_hz)];
+        self.tracked.as_ref().map_or_else(|| self.frequencies_hz.clone(), ends)
+    }
+
+    /// The amplitudes that it states itself, each with its key; none where the set-up states it.
+    fn amplitudes(&self) -> impl Iterator<Item = (&'static str, &Number)> {
+        let tracked = self.tracked.iter().flat_map(|own| own.amplitudes.iter().map(|amplitude| (own.key, amplitude)));
+        tracked.chain(self.kept.iter().map(|own| (own.key, &own.amplitude)))
+    }
+
+    /// The largest amplitude that it states itself, with its key.
+    #[must_use]
+    pub fn largest_amplitude(&self) -> Option<(&'static str, &Number)> {
+        self.amplitudes().max_by(|a, b| a.1.value.total_cmp(&b.1.value))
+    }
+
+    /// The smallest amplitude that it states itself, with its key.
+    #[must_use]
+    pub fn smallest_amplitude(&self) -> Option<(&'static str, &Number)> {
+        self.amplitudes().min_by(|a, b| a.1.value.total_cmp(&b.1.value))
+    }
+
     /// Longest time of all dwells of a point, s: `dwell_s`, or more if a point is measured again until it is steady.
     #[must_use]
     pub fn longest_dwell_s(&self) -> f64 {
@@ -101,7 +169,13 @@ impl SteppedSine {
             steady: self.steady,
             first_index: points.start as u16,
             // Cannot overflow: the campaign's parser limits their number.
-            frequencies_hz: self.frequencies_hz[points].iter().map(|f| *f as f32).collect(),
+            points: match &self.tracked {
+                Some(TrackedResonance { lock, amplitudes, .. }) => Points::Resonance {
+                    lock: *lock,
+                    amplitudes: amplitudes[points].iter().map(|amplitude| amplitude.value as f32).collect(),
+                },
+                None => self.frequencies_hz[points].iter().map(|f| *f as f32).collect(),
+            },
         }
     }
 }
@@ -145,22 +219,85 @@ pub(super) fn read_response_controlled(
     Some(all.into_iter().map(of).collect())
 }
 
+/// Reads a stepped sine that follows a resonance; arguments as for [`read`].
+pub(super) fn read_tracking(section: &Section, rig: Option<&RigSettings>) -> Option<SteppedSine> {
+    let (from, to) = (section.placed(&resonance_tracking::FROM), section.placed(&resonance_tracking::TO));
+    let start = section.placed(&resonance_tracking::START_FREQUENCY);
+    let lowest_hz = from.as_ref().map(|from| from.value);
+    let times = read_times(section, || lowest_hz);
+    let table = section.part(&resonance_tracking::PHASE_LOCK)?;
+    let (phase, gain) = (table.scalar(&phase_lock::PHASE), table.scalar(&phase_lock::GAIN));
+    let (tolerance, wait) = (table.scalar(&phase_lock::TOLERANCE), table.scalar(&phase_lock::WAIT));
+    table.finish();
+    let (key, amplitudes) = amplitudes(section, &resonance_tracking::AMPLITUDES)?;
+    let (drive, drive_limit) = match quantity(key, 1.0) {
+        None => {
+            refuse_other(section, resonance_tracking::RESPONSE_LOOP.name(), "belongs to amplitudes of the response");
+            read_drive(section, rig)?
+        }
+        Some(_) => {
+            for name in [keys::DRIVE.name(), keys::CLOSED_LOOP.name()] {
+                refuse_other(section, name, "belongs to base_amplitudes_m: a loop keeps the response's amplitude");
+            }
+            let table = section.part(&resonance_tracking::RESPONSE_LOOP)?;
+            let (limit, of) = read_loop(section, &table, rig)?;
+            (of(quantity(key, amplitudes.first()?.value)?), limit)
+        }
+    };
+    let (from, to) = (from?, to?);
+    if to.value <= from.value {
+        section.refuse("to_hz", &to.span, format!("must be above from_hz = {}", from.value), None);
+        return None;
+    }
+    if let Some(start) = start.as_ref().filter(|start| !(from.value..=to.value).contains(&start.value)) {
+        section.refuse("start_hz", &start.span, format!("must be from {} to {} Hz", from.value, to.value), None);
+        return None;
+    }
+    let new = PhaseLock::new(from.value as f32, to.value as f32);
+    let lock = PhaseLock {
+        phase_rad: phase?.to_radians() as f32,
+        start_hz: start.map_or(new.start_hz, |start| start.value as f32),
+        gain_per_cycle: gain? as f32,
+        tolerance_rad: tolerance?.to_radians() as f32,
+        wait_s: wait? as f32,
+        ..new
+    };
+    Some(SteppedSine { tracked: Some(TrackedResonance { lock, key, amplitudes }), drive, drive_limit, ..times? })
+}
+
+/// Reports a key that the other keys leave without a meaning.
+fn refuse_other(section: &Section, name: &'static str, allowed: &'static str) {
+    if section.has_own(name) {
+        section.reject(name, allowed, Some("leave it out".into()));
+    }
+}
+
 /// Frequencies and times of a stepped sine at constant drive.
 fn read_points(section: &Section, structures: &[Structure]) -> Option<SteppedSine> {
+    let mut found = None;
+    let times = read_times(section, || {
+        refuse_misplaced(section);
+        found = frequencies(section, structures);
+        Some(found.as_ref()?.0.iter().copied().fold(f64::INFINITY, f64::min))
+    });
+    let (frequencies_hz, peak_points) = found?;
+    Some(SteppedSine { frequencies_hz, peak_order: (0..peak_points).collect(), ..times? })
+}
+
+/// The times of a stepped sine at constant drive; `lowest_hz` reads its lowest frequency.
+fn read_times(section: &Section, lowest_hz: impl FnOnce() -> Option<f64>) -> Option<SteppedSine> {
     let start = section.word(&keys::START);
     let settle_s = section.scalar(&keys::SETTLE);
     let dwell = section.placed(&keys::DWELL);
     let rest_level_m = section.scalar(&keys::REST_LEVEL);
-    refuse_misplaced(section);
-    let frequencies = frequencies(section, structures);
+    let lowest_hz = lowest_hz();
     let steady = read_steady(section, dwell.as_ref());
-    if let (Some(dwell), Some((list, _))) = (&dwell, &frequencies) {
-        let lowest = list.iter().copied().fold(f64::INFINITY, f64::min);
-        if dwell.value * lowest < f64::from(MIN_CYCLES) {
-            let allowed = format!("must hold {MIN_CYCLES} periods of the lowest frequency, {lowest} Hz");
-            let help = Some(format!("write dwell_s = {} or more", f64::from(MIN_CYCLES) / lowest));
-            section.refuse("dwell_s", &dwell.span, allowed, help);
-        }
+    if let (Some(dwell), Some(lowest)) = (&dwell, lowest_hz)
+        && dwell.value * lowest < f64::from(MIN_CYCLES)
+    {
+        let allowed = format!("must hold {MIN_CYCLES} periods of the lowest frequency, {lowest} Hz");
+        let help = Some(format!("write dwell_s = {} or more", f64::from(MIN_CYCLES) / lowest));
+        section.refuse("dwell_s", &dwell.span, allowed, help);
     }
     let ramp = section.placed(&keys::RAMP);
     if let (Some(ramp), Some(settle_s)) = (&ramp, settle_s)
@@ -169,10 +306,10 @@ fn read_points(section: &Section, structures: &[Structure]) -> Option<SteppedSin
         let allowed = format!("must be from 0 to settle_s = {settle_s}: nothing is measured on the ramp");
         section.refuse("ramp_s", &ramp.span, allowed, None);
     }
-    let (frequencies_hz, peak_points) = frequencies?;
     Some(SteppedSine {
-        frequencies_hz,
-        peak_order: (0..peak_points).collect(),
+        frequencies_hz: Vec::new(),
+        tracked: None,
+        peak_order: Vec::new(),
         start: if start? == 0 { Start::FromRest } else { Start::CarryOver },
         drive: DriveMode::Constant,
         drive_limit: None,
@@ -332,22 +469,55 @@ type Loops = (Option<Number>, Vec<(DriveMode, KeptAmplitude)>);
 /// The amplitudes of a response, and its `response_loop`.
 fn read_loops(section: &Section, rig: Option<&RigSettings>) -> Option<Loops> {
     let table = section.part(&response_controlled::RESPONSE_LOOP)?;
-    let (gain, tolerance) = (table.scalar(&response_loop::GAIN), table.scalar(&response_loop::TOLERANCE));
-    let (wait, limit) = (table.scalar(&response_loop::WAIT), table.placed(&response_loop::DRIVE_LIMIT));
-    table.finish();
-    let (place, given) = section.given(&response_controlled::AMPLITUDES)?;
-    let (key, Given::Numbers(list)) = (&response_controlled::AMPLITUDES.keys[place], given) else { return None };
-    if list.is_empty() {
-        section.reject(key.name, "must hold at least one amplitude", Some(format!("write {} = [0.01]", key.name)));
-        return None;
-    }
+    let read = read_loop(section, &table, rig);
+    let (key, list) = amplitudes(section, &response_controlled::AMPLITUDES)?;
     // As the controller gets them.
     let is_repeated = |n: usize| list[..n].iter().any(|before| before.value as f32 == list[n].value as f32);
     if let Some(repeated) = (1..list.len()).find(|n| is_repeated(*n)) {
         let help = Some("write repeats = 2 to measure it twice".into());
-        section.refuse(key.name, &list[repeated].span, "holds the same amplitude twice", help);
+        section.refuse(key, &list[repeated].span, "holds the same amplitude twice", help);
         return None;
     }
+    let (limit, of) = read?;
+    let loop_of = |amplitude: Number| Some((of(quantity(key, amplitude.value)?), KeptAmplitude { key, amplitude }));
+    Some((limit, list.into_iter().map(loop_of).collect::<Option<_>>()?))
+}
+
+/// The key and the values of a list of amplitudes.
+fn amplitudes(section: &Section, declared: &Quantity) -> Option<(&'static str, Vec<Number>)> {
+    let (place, given) = section.given(declared)?;
+    let (name, Given::Numbers(list)) = (declared.keys[place].name, given) else { return None };
+    if list.is_empty() {
+        section.reject(name, "must hold at least one amplitude", Some(format!("write {name} = [0.01]")));
+        return None;
+    }
+    if list.len() > MAX_POINTS {
+        let allowed = format!("holds {} amplitudes; the controller holds at most {MAX_POINTS}", list.len());
+        section.reject(name, allowed, Some("divide them among several experiments".into()));
+        return None;
+    }
+    Some((name, list))
+}
+
+/// The response of a key of amplitudes, at one of them; `None` of amplitudes of the base.
+fn quantity(key: &str, amplitude: f64) -> Option<KeptQuantity> {
+    match key {
+        "x_amplitudes_m" => Some(KeptQuantity::Displacement { amplitude_m: amplitude as f32 }),
+        "velocity_amplitudes_m_per_s" => Some(KeptQuantity::Velocity { amplitude_m_per_s: amplitude as f32 }),
+        "relative_amplitudes_m" => Some(KeptQuantity::Relative { amplitude_m: amplitude as f32 }),
+        _ => None,
+    }
+}
+
+/// The stated drive limit, and the loop for a response.
+type LoopOf = (Option<Number>, Box<dyn Fn(KeptQuantity) -> DriveMode>);
+
+/// The loop that keeps a response, from its `response_loop`.
+fn read_loop(section: &Section, table: &Section, rig: Option<&RigSettings>) -> Option<LoopOf> {
+    let (gain, tolerance) = (table.scalar(&response_loop::GAIN), table.scalar(&response_loop::TOLERANCE));
+    let (wait, limit) = (table.scalar(&response_loop::WAIT), table.placed(&response_loop::DRIVE_LIMIT));
+    table.finish();
+    let limit_m = limit.as_ref().map(|limit| limit.value as f32);
     let base = match &rig?.shaker {
         Some(shaker) if shaker.amplifier == Amplifier::Current => {
             let help = Some("write amplifier = \"voltage\" in [rig.shaker], if it is one".into());
@@ -356,25 +526,18 @@ fn read_loops(section: &Section, rig: Option<&RigSettings>) -> Option<Loops> {
         }
         Some(shaker) => {
             let default = ClosedLoop::default();
-            let drive_limit_m = limit.as_ref().map_or(default.drive_limit_m, |limit| limit.value as f32);
+            let drive_limit_m = limit_m.unwrap_or(default.drive_limit_m);
             Some(ClosedLoop { calibrated_at_hz: shaker.calibrated_at_hz as f32, drive_limit_m, ..default })
         }
         None => None,
     };
-    let response = |value: f64| match key.name {
-        "x_amplitudes_m" => KeptQuantity::Displacement { amplitude_m: value as f32 },
-        "velocity_amplitudes_m_per_s" => KeptQuantity::Velocity { amplitude_m_per_s: value as f32 },
-        _ => KeptQuantity::Relative { amplitude_m: value as f32 },
+    let (gain_per_cycle, tolerance, wait_s) = (gain? as f32, tolerance? as f32, wait? as f32);
+    let of = move |response: KeptQuantity| {
+        let new = ResponseLoop::new(response, base);
+        let drive_limit_m = limit_m.unwrap_or(new.drive_limit_m);
+        DriveMode::Response(ResponseLoop { gain_per_cycle, tolerance, wait_s, drive_limit_m, ..new })
     };
-    let (gain, tolerance, wait) = (gain? as f32, tolerance? as f32, wait? as f32);
-    let loop_of = |amplitude: Number| {
-        let new = ResponseLoop::new(response(amplitude.value), base);
-        let drive_limit_m = limit.as_ref().map_or(new.drive_limit_m, |limit| limit.value as f32);
-        let own = ResponseLoop { gain_per_cycle: gain, tolerance, wait_s: wait, drive_limit_m, ..new };
-        (DriveMode::Response(own), KeptAmplitude { key: key.name, amplitude })
-    };
-    let all = list.into_iter().map(loop_of).collect();
-    Some((limit, all))
+    Some((limit, Box::new(of)))
 }
 
 fn read_steady(section: &Section, dwell: Option<&Number>) -> Option<SteadyLimits> {

@@ -84,6 +84,10 @@ impl Compared<'_> {
         models: &Models,
         rows: &[&ResultRow],
     ) -> Vec<ComparedPoint> {
+        if sine.tracked.is_some() {
+            let why = "the loop sets the frequency; the run's page has its prediction beside it";
+            return rows.iter().map(|row| self.without_simulation(row, models, why)).collect();
+        }
         if sine.response_loop().is_some() {
             let why = "the loop moves the base as the response needs; `damprig continue` has the periodic motions";
             return rows.iter().map(|row| self.without_simulation(row, models, why)).collect();

@@ -45,7 +45,7 @@ pub fn of(rig: &RigSettings, is_simulated: bool) -> Sensors {
 #[must_use]
 pub fn of_run(run: &RunFolder) -> Sensors {
     let device = run.manifest().device.as_ref();
-    let is_simulated = device.is_some_and(|device| device.simulated);
+    let is_simulated = run.manifest().is_simulated();
     let Ok(mut campaign) = campaign_copy::campaign(run.path()) else { return Sensors::ASSUMED };
     if let Some(board) = device.and_then(|device| device.settings.as_ref()) {
         // Limits were checked before the run.

@@ -10,7 +10,7 @@ use super::trim;
 use crate::campaign::transient::two_digits_down;
 use crate::campaign::{Campaign, CampaignSetUp, Kind, Playback, SteppedSine};
 use crate::failure::Failure;
-use crate::input::{Problem, Span};
+use crate::input::{Number, Problem, Span};
 
 /// A demand that is too large.
 struct TooMuch {
@@ -35,6 +35,10 @@ pub fn check(campaign: &Campaign, expected: &[Expected], drive_m: f64) -> Result
         all.extend(limit_too_high(sine, drive_m));
         if sine.response_loop().is_some() {
             // Its drive is whatever the response needs, up to the limit.
+            continue;
+        }
+        if let Some((key, largest)) = sine.largest_amplitude() {
+            all.extend(own_amplitude_too_high(key, largest, drive_m));
             continue;
         }
         for &index in &experiment.set_ups {
@@ -90,6 +94,17 @@ fn amplitude_too_high(set_up: &CampaignSetUp, drive_m: f64) -> Option<TooMuch> {
             None => format!("{} m", trim_m(drive_m)),
         },
         fits: set_up.amplitude_for(drive_m),
+    })
+}
+
+fn own_amplitude_too_high(key: &'static str, largest: &Number, drive_m: f64) -> Option<TooMuch> {
+    (largest.value as f32 > drive_m as f32).then(|| TooMuch {
+        title: format!("`{key}` has too large an amplitude"),
+        span: largest.span.clone(),
+        asked_m: largest.value,
+        key,
+        most: format!("{} m", trim_m(drive_m)),
+        fits: two_digits_down(drive_m),
     })
 }
 

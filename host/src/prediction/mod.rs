@@ -1,5 +1,5 @@
 //! Predicts the largest displacement of each set-up before the rig moves, and refuses those that exceed a limit. Records,
-//! pulses and free vibrations are in [`transient`], responses that a loop keeps in [`held_response`], the drive's range in [`drive`], the time that a bare structure needs to settle
+//! pulses and free vibrations are in [`transient`], responses that a loop keeps in [`loops`], the drive's range in [`drive`], the time that a bare structure needs to settle
 //! in [`settling`], forces on the walls in [`wall_force`], the simulated shaker and sensors in [`simulated_rig`].
 //!
 //! Each set-up is simulated through the campaign's points with the sampled driver in `f64`. The base motion is given as
@@ -10,7 +10,7 @@
 //! The work is bounded: a point that lasts very long is predicted up to [`Swing::predicted_s`].
 
 pub mod drive;
-pub mod held_response;
+pub mod loops;
 pub mod settling;
 pub mod simulated_rig;
 pub mod transient;
@@ -32,7 +32,7 @@ use crate::campaign::transient::two_digits_down;
 use crate::campaign::{AroundPeak, Campaign, CampaignSetUp, Start, SteppedSine};
 use crate::failure::Failure;
 use crate::input::Problem;
-use held_response::HeldResponse;
+use loops::LoopPrediction;
 use transient::Expected;
 pub use watch::contact_s;
 
@@ -110,7 +110,7 @@ pub struct Predicted {
     /// Of the set-ups in stepped sines that drive the base.
     pub swings: Vec<Prediction>,
     /// Of the experiments that keep the response, on their set-ups.
-    pub held: Vec<HeldResponse>,
+    pub held: Vec<LoopPrediction>,
     /// Of the stepped sines on their set-ups.
     pub responses: Vec<Response>,
     /// Of records, pulses and free vibrations.
@@ -121,10 +121,10 @@ impl Predicted {
     /// Predicts all experiments of a campaign.
     ///
     /// # Errors
-    /// As [`predict`], [`held_response::predict`] and [`transient::predict`].
+    /// As [`predict`], [`loops::predict`] and [`transient::predict`].
     pub fn of(campaign: &Campaign) -> Result<Self, Failure> {
         let (swings, mut responses) = predict(campaign)?;
-        let held = held_response::predict(campaign)?;
+        let held = loops::predict(campaign)?;
         responses.extend(held.iter().flat_map(|own| own.responses(campaign)));
         responses.sort_by_key(|response| (response.set_up, response.experiment));
         Ok(Self { swings, held, responses, expected: transient::predict(campaign)? })
@@ -146,10 +146,10 @@ impl Predicted {
     /// Refuses what would leave a limit, for a drive of ± `drive_m`; returns warnings.
     ///
     /// # Errors
-    /// As [`check`], [`held_response::check`], [`transient::check`], [`drive::check`] and [`wall_force::check`].
+    /// As [`check`], [`loops::check`], [`transient::check`], [`drive::check`] and [`wall_force::check`].
     pub fn check(&self, campaign: &Campaign, drive_m: f64) -> Result<Vec<String>, Failure> {
         check(campaign, &self.swings)?;
-        let mut warnings = held_response::check(campaign, &self.held)?;
+        let mut warnings = loops::check(campaign, &self.held)?;
         transient::check(campaign, &self.expected)?;
         drive::check(campaign, &self.expected, drive_m)?;
         warnings.extend(wall_force::check(campaign, &self.swings, &self.held, &self.expected)?);

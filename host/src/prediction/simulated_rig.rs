@@ -34,18 +34,20 @@ pub fn check(campaign: &Campaign) -> Result<Vec<String>, Failure> {
                     if let (Some(shaker), DriveMode::Constant) = (&campaign.rig.shaker, &sine.drive) {
                         warnings.extend(unloaded(campaign, shaker, set_up, sine));
                     }
-                    let kept = sine.response_loop().zip(sine.kept.as_ref()).map(|(own, kept)| {
-                        let highest_hz = sine.frequencies_hz.iter().copied().fold(0.0, f64::max);
-                        (kept.key, f64::from(own.response.amplitude_m(highest_hz as f32)), &kept.amplitude.span)
+                    let highest_hz = sine.drive_range_hz().into_iter().fold(0.0, f64::max) as f32;
+                    let own = sine.smallest_amplitude().map(|(key, own)| {
+                        let response = sine.response_loop().map(|held| held.response.with_amplitude(own.value as f32));
+                        let moved_m = response.map_or(own.value, |response| response.amplitude_m(highest_hz).into());
+                        (key, moved_m, &own.span)
                     });
                     let base = (set_up.amplitude_key(), set_up.base_amplitude_m, &set_up.base_amplitude_span);
-                    kept.unwrap_or(base)
+                    own.unwrap_or(base)
                 }
                 Kind::Playback(playback) => (playback.key, playback.peak_m(), &playback.span),
                 Kind::FreeVibration(free) => ("start_m", free.start_m.abs(), &free.span),
             };
             let per_m = match &experiment.kind {
-                Kind::SteppedSine(sine) if sine.kept.is_none() => {
+                Kind::SteppedSine(sine) if sine.largest_amplitude().is_none() => {
                     set_up.force_amplitude_n().map(|force_n| force_n / set_up.base_amplitude_m)
                 }
                 _ => None,
@@ -70,10 +72,11 @@ fn unloaded(campaign: &Campaign, shaker: &Shaker, set_up: &CampaignSetUp, sine: 
         let (re, im) = shaker.dynamic_stiffness_n_per_m(TAU * f);
         shaker.force_per_drive_n_per_m() / re.hypot(im)
     };
-    let gains = sine.frequencies_hz.iter().map(|f| (gain(*f), *f));
+    let range_hz = sine.drive_range_hz();
+    let gains = range_hz.iter().map(|f| (gain(*f), *f));
     let (largest, at_hz) = gains.clone().max_by(|a, b| a.0.total_cmp(&b.0))?;
     let (least, low_hz) = gains.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let z_m = set_up.base_amplitude_m;
+    let z_m = sine.largest_amplitude().map_or(set_up.base_amplitude_m, |(_, own)| own.value);
     let most_m = shaker.half_stroke_m.min(USABLE * campaign.rig.base_limit_m());
     let calibrated = shaker.calibrated_at_hz;
     let moves = |gain: f64, at_hz: f64| {

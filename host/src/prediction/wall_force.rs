@@ -6,10 +6,10 @@
 //! The force of a soft wall is that of its spring and dashpot: above the limit it is refused. Each wall is judged as what it is.
 
 use super::Prediction;
-use super::held_response::HeldResponse;
+use super::loops::LoopPrediction;
 use super::transient::Expected;
 use super::watch;
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, SteppedSine};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind};
 use crate::failure::Failure;
 use crate::input::Problem;
 use crate::settings::number_of;
@@ -30,7 +30,7 @@ pub(super) fn larger(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 pub fn check(
     campaign: &Campaign,
     predictions: &[Prediction],
-    held: &[HeldResponse],
+    held: &[LoopPrediction],
     expected: &[Expected],
 ) -> Result<Vec<String>, Failure> {
     // Forces on the set-ups' walls: in stepped sines, and in other experiments.
@@ -73,7 +73,7 @@ fn problem(set_up: &CampaignSetUp, experiment: Option<&Experiment>, title: Strin
     let (span, key) = match experiment.map(|experiment| &experiment.kind) {
         Some(Kind::FreeVibration(free)) => (free.span.clone(), "start_m"),
         Some(Kind::Playback(playback)) => (playback.span.clone(), playback.key),
-        Some(Kind::SteppedSine(SteppedSine { kept: Some(kept), .. })) => (kept.amplitude.span.clone(), kept.key),
+        Some(Kind::SteppedSine(sine)) if let Some((key, own)) = sine.largest_amplitude() => (own.span.clone(), key),
         _ => (set_up.base_amplitude_span.clone(), set_up.amplitude_key()),
     };
     Problem {

@@ -40,10 +40,10 @@ pub fn predicted_and_measured(campaign: &Campaign) -> Vec<String> {
                 .into(),
         );
     }
-    if sines().any(|sine| sine.response_loop().is_some()) {
+    if sines().any(|sine| sine.response_loop().is_some() || sine.tracked.is_some()) {
         notes.push(
-            "An experiment that keeps the response is predicted with the controller's own loop, on a base that moves exactly as \
-             it demands."
+            "An experiment that keeps the response or follows a resonance is predicted with the controller's own loops, on a base \
+             that moves exactly as they demand."
                 .into(),
         );
     }

@@ -7,7 +7,7 @@ use damprig_core::control::response_loop::KeptQuantity;
 use super::plot::contour;
 use super::plot::svg::Place;
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
-use crate::prediction::held_response::is_within;
+use crate::prediction::loops::is_within;
 use crate::run_folder::ResultRow;
 
 /// The sheets of one `[[experiment]]` on a set-up.

@@ -1,7 +1,7 @@
 //! Results of runs and simulations for people and other programs: figures, the report page, exports and terminal
 //! text.
 //!
-//! `numbers`, `parameters`, `peak` and `describe` are the lowest layer, then [`plot`], then [`force_surface`] and [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
+//! `numbers`, `parameters`, `peak` and `describe` are the lowest layer, then [`plot`], then [`force_surface`], [`resonance`] and [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
 //! other. The modules named after files write what a command leaves in its folder.
 
 pub mod backbone_table;
@@ -20,6 +20,7 @@ pub mod page;
 pub mod parameters;
 pub mod peak;
 pub mod plot;
+pub mod resonance;
 pub mod restitution_table;
 pub mod spectrum_table;
 pub mod study_files;

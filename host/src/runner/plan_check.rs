@@ -3,7 +3,7 @@
 //! A frame with a correct checksum may still hold what was not asked for: a defective board, or one with another experiment.
 //! What does not fit is dropped and counted (`misfit_messages`).
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::response_loop::ResponseLoop;
@@ -14,7 +14,7 @@ use damprig_core::measure::point::PointResult;
 use damprig_core::measure::transient::TransientResult;
 use damprig_protocol::{Event, Telemetry};
 
-use crate::campaign::{Experiment, Kind, SteppedSine};
+use crate::campaign::{Experiment, Kind, SteppedSine, TrackedResonance};
 use crate::client::session::Report;
 
 /// Longest wait for rest before a point, s, with some room; the device ends a longer one itself.
@@ -31,13 +31,25 @@ pub(super) struct PlanCheck {
     every_ticks: u16,
     points: Range<usize>,
     /// Of its points; none without a stepped sine.
-    frequencies_hz: Option<Vec<f32>>,
+    frequencies_hz: Option<Planned>,
     has_impacts: bool,
     last_tick: u32,
     /// Longest duration of the segment without a hold, ticks.
     longest_ticks: u32,
     impacts: u64,
 }
+
+/// The frequencies that results may have, Hz.
+#[derive(Clone, Debug)]
+enum Planned {
+    /// Of each point.
+    Known(Vec<f32>),
+    /// Of the resonance that is tracked.
+    Within(RangeInclusive<f32>),
+}
+
+/// A mean frequency over whole cycles is within this of the frequencies in it, relative: it is counted in ticks.
+const OF_TICKS: f32 = 1e-3;
 
 impl PlanCheck {
     /// For these points of an experiment; `width` signals every `every_ticks`.
@@ -49,7 +61,12 @@ impl PlanCheck {
         has_impacts: bool,
     ) -> Self {
         let sine = experiment.stepped_sine();
-        let frequencies_hz = sine.map(|sine| sine.frequencies_hz[points.clone()].iter().map(|f| *f as f32).collect());
+        let frequencies_hz = sine.map(|sine| match &sine.tracked {
+            Some(TrackedResonance { lock, .. }) => {
+                Planned::Within(lock.low_hz * (1.0 - OF_TICKS)..=lock.high_hz * (1.0 + OF_TICKS))
+            }
+            None => Planned::Known(sine.frequencies_hz[points.clone()].iter().map(|f| *f as f32).collect()),
+        });
         let longest_s = match &experiment.kind {
             Kind::SteppedSine(sine) => points.len() as f64 * longest_point_s(sine),
             _ => LONGEST_REST_S + experiment.expected_s() + experiment.free_vibration().map_or(0.0, |f| f.timeout_s),
@@ -97,12 +114,17 @@ impl PlanCheck {
 
     /// Whether a result can be that of the point `index`.
     pub(super) fn admits_point(&self, result: &PointResult, index: u16) -> bool {
-        let frequency_hz = usize::from(index)
-            .checked_sub(self.points.start)
-            .and_then(|place| self.frequencies_hz.as_ref()?.get(place));
-        result.index == index
-            && frequency_hz.is_some_and(|planned| *planned == result.frequency_hz)
-            && self.admits_ticks(result.start_tick, result.end_tick)
+        let is_planned = match &self.frequencies_hz {
+            Some(Planned::Known(list)) => {
+                let place = usize::from(index).checked_sub(self.points.start);
+                place.and_then(|place| list.get(place)).is_some_and(|planned| *planned == result.frequency_hz)
+            }
+            Some(Planned::Within(range)) => {
+                self.points.contains(&usize::from(index)) && range.contains(&result.frequency_hz)
+            }
+            None => false,
+        };
+        result.index == index && is_planned && self.admits_ticks(result.start_tick, result.end_tick)
     }
 
     /// Whether a result can be that of the record or free vibration `index`.
@@ -137,7 +159,8 @@ fn longest_point_s(sine: &SteppedSine) -> f64 {
             f64::from(wait_s)
         }
     };
-    let lowest_hz = sine.frequencies_hz.iter().copied().fold(f64::INFINITY, f64::min);
+    let wait_s = sine.tracked.as_ref().map_or(wait_s, |tracked| wait_s.max(f64::from(tracked.lock.wait_s)));
+    let lowest_hz = sine.drive_range_hz().into_iter().fold(f64::INFINITY, f64::min);
     LONGEST_REST_S + 2.0 * sine.ramp_s + sine.settle_s + wait_s + 2.0 * sine.longest_dwell_s() + 4.0 / lowest_hz
 }
 
@@ -153,7 +176,7 @@ mod tests {
             width: 3,
             every_ticks: 10,
             points: 4..6,
-            frequencies_hz: Some(vec![2.4, 2.5]),
+            frequencies_hz: Some(Planned::Known(vec![2.4, 2.5])),
             has_impacts: true,
             last_tick: 10_000,
             longest_ticks: 10_000,
@@ -247,6 +270,15 @@ mod tests {
         }
         let finished = |points| Report::Event { tick: 9, event: Event::Finished { points, rows_dropped: 0 } };
         assert!(check().admits(&finished(2)) && !check().admits(&finished(3)));
+    }
+
+    #[test]
+    fn a_tracked_resonance_may_have_any_frequency_of_its_range() {
+        let check = || PlanCheck { frequencies_hz: Some(Planned::Within(2.0..=3.0)), ..check() };
+        assert!(check().admits(&point(4, 2.345, 0, 100)) && check().admits(&point(5, 3.0, 0, 100)));
+        for misfit in [point(4, 1.9, 0, 100), point(4, f32::NAN, 0, 100), point(6, 2.5, 0, 100)] {
+            assert!(!check().admits(&misfit), "{misfit:?}");
+        }
     }
 
     #[test]

@@ -75,13 +75,13 @@ fn names_its_shaker(campaign: &Campaign) -> Result<(), Failure> {
     if campaign.rig.shaker.is_some() {
         return Ok(());
     }
-    let mut numbers: Vec<usize> =
-        campaign.experiments.iter().filter(|e| e.response_controlled().is_some()).map(|e| e.number).collect();
+    let keeps_response = |e: &Experiment| e.stepped_sine().is_some_and(|sine| sine.response_loop().is_some());
+    let mut numbers: Vec<usize> = campaign.experiments.iter().filter(|e| keeps_response(e)).map(|e| e.number).collect();
     numbers.dedup();
     for number in numbers {
         let place = [Key("experiment"), Item(number - 1), Key("kind")];
         campaign.source.report(Problem {
-            title: format!("`experiment[{number}].kind` = \"response_controlled\" needs a shaker"),
+            title: format!("`experiment[{number}].kind` keeps the response, which needs a shaker"),
             span: campaign.source.locate(&place).unwrap_or_default(),
             allowed: "a real rig states the frequency at which its shaker is calibrated".into(),
             help: Some("write [rig.shaker] with calibrated_at_hz".into()),

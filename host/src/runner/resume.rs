@@ -198,7 +198,7 @@ impl EarlierRun {
                 let begun = self.journal.next_segment(&set_up.name, &experiment.name).segment > 0;
                 let Some(first) = missing.first().map(|range| range.start).filter(|_| begun) else { continue };
                 let place = format!("set-up {:?}, {:?}", set_up.name, experiment.name);
-                let frequency_hz = experiment.frequency_hz(first);
+                let at = experiment.stepped_sine().map_or_else(String::new, |sine| sine.point_in_words(first));
                 let around_peak =
                     self.journal.peak(&set_up.name, &experiment.name).map(|p| p.around.frequencies_hz.len());
                 let is_around_peak = first + around_peak.unwrap_or(0) >= experiment.known_points();
@@ -212,10 +212,10 @@ impl EarlierRun {
                     )
                 } else if experiment.carries_over() {
                     format!(
-                        "{place} starts from its beginning: the motion at {frequency_hz} Hz cannot be carried over; its points so far stay in the journal and are superseded"
+                        "{place} starts from its beginning: the motion at {at} cannot be carried over; its points so far stay in the journal and are superseded"
                     )
                 } else {
-                    format!("{place} continues at {frequency_hz} Hz, from rest; the samples of that point's interrupted start are kept")
+                    format!("{place} continues at {at}, from rest; the samples of that point's interrupted start are kept")
                 });
             }
         }
@@ -226,8 +226,8 @@ impl EarlierRun {
 /// The result that is withdrawn, and why.
 fn withdrawal(campaign: &Campaign, cut: &Withdrawn) -> String {
     let experiment = campaign.experiments.iter().find(|e| e.name == cut.id.experiment);
-    let frequency_hz = experiment.map_or(0.0, |e| e.frequency_hz(cut.point_index as usize));
-    let at = if frequency_hz > 0.0 { format!(" at {frequency_hz} Hz") } else { String::new() };
+    let point = experiment.and_then(|e| Some(e.stepped_sine()?.point_in_words(cut.point_index as usize)));
+    let at = point.filter(|point| !point.is_empty()).map_or_else(String::new, |point| format!(" at {point}"));
     format!(
         "set-up {:?}, {:?}{at}: the last {} rows of its samples were lost; the point is measured again",
         cut.id.set_up, cut.id.experiment, cut.lost_rows

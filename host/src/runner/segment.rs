@@ -38,7 +38,7 @@ pub(super) struct Task<'c> {
     pub(super) set_up: &'c CampaignSetUp,
     pub(super) experiment: &'c Experiment,
     pub(super) id: SegmentId,
-    /// Places in the frequency list.
+    /// Places among its points.
     pub(super) points: Range<usize>,
     /// Earlier results of the experiment are superseded.
     pub(super) anew: bool,
@@ -108,7 +108,9 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         if let Some(place) = frequency.filter(|place| !places.contains(place) && places.len() < MAX_SIGNALS) {
             places.push(place);
         }
-        let frequency_at = places.iter().position(|&place| Some(place) == frequency);
+        // The frequency of a tracked resonance changes within a point: it does not tell its end.
+        let frequency_at =
+            places.iter().position(|&place| Some(place) == frequency).filter(|_| task.experiment.tracking().is_none());
         let has_impacts = task.set_up.may_have_impacts();
         let check = PlanCheck::new(task.experiment, task.points.clone(), places.len(), run.every_ticks, has_impacts);
         let clock = ClockPairs::default();

@@ -21,6 +21,7 @@ use crate::failure::Failure;
 use crate::input::Problem;
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::samples::{PointLabel, SampleColumn, column_name};
+use crate::settings::number_of;
 
 /// The signals that a campaign records on a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -166,11 +167,13 @@ pub(super) fn clipped(sensors: SensorSet) -> String {
     if sensors.is_empty() { "none".to_string() } else { sensors.to_string() }
 }
 
+/// The row of a result; a frequency that was not known before is the measured one.
 pub(super) fn row(set_up: &CampaignSetUp, label: PointLabel, result: &PointResult) -> ResultRow {
+    let is_known = label.frequency_hz > 0.0;
     ResultRow {
         set_up: label.id.set_up,
         experiment: label.id.experiment,
-        frequency_hz: label.frequency_hz,
+        frequency_hz: if is_known { label.frequency_hz } else { number_of(result.frequency_hz) },
         z_amplitude_m: result.z_amplitude_m,
         z_distortion: result.z_distortion,
         drive_amplitude_m: result.drive_amplitude_m,

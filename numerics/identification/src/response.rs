@@ -62,6 +62,20 @@ fn response(frequency_hz: f64, parameters: &[f64]) -> (f64, f64) {
     }
 }
 
+/// Natural frequency (Hz) and damping ratio of the linear structure on a moved base that responds with this ratio X/Z and this phase of x
+/// relative to z (rad) at a frequency (Hz): (ωn² + 2jζωnΩ)(x − z) = Ω² x. Not numbers where no such structure does.
+///
+/// Of a nonlinear damper they are the equivalents at the amplitude of the point.
+#[must_use]
+pub fn equivalent(frequency_hz: f64, ratio: f64, phase_rad: f64) -> (f64, f64) {
+    let (x_re, x_im) = (ratio * phase_rad.cos(), ratio * phase_rad.sin());
+    // x/(x − z).
+    let (re, im) = (x_re - 1.0, x_im);
+    let square = re * re + im * im;
+    let (stiff, loss) = ((x_re * re + x_im * im) / square, (x_im * re - x_re * im) / square);
+    (frequency_hz * stiff.sqrt(), 0.5 * loss / stiff.sqrt())
+}
+
 /// Least relative uncertainty of a point: of sensors and calibration.
 pub const MIN_UNCERTAINTY: f64 = 1e-4;
 
@@ -230,6 +244,16 @@ mod tests {
         // H·(1 − r² + dj) = 1 + dj.
         let (a, b) = (1.0 - r * r, d);
         assert!((real * a - imaginary * b - 1.0).abs() < 1e-12 && (real * b + imaginary * a - d).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_point_of_a_linear_structure_gives_the_structure() {
+        for (frequency_hz, natural_hz, zeta) in [(2.5, 2.5, 0.0038), (2.3, 2.5, 0.02), (3.1, 2.5, 0.3)] {
+            let (re, im) = response(frequency_hz, &[natural_hz, zeta]);
+            let (found_hz, found) = equivalent(frequency_hz, re.hypot(im), im.atan2(re));
+            assert!((found_hz / natural_hz - 1.0).abs() < 1e-12 && (found / zeta - 1.0).abs() < 1e-9);
+        }
+        assert!(equivalent(2.5, 0.5, 0.0).0.is_nan(), "in phase and smaller than the base");
     }
 
     /// X/P = 1/(k − MΩ² + cΩj), from mass, dashpot and spring.

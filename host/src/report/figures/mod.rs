@@ -16,6 +16,7 @@ pub mod frequency_response;
 pub mod modal_response;
 pub mod next_points;
 pub mod peak_motion;
+pub mod resonance;
 pub mod restitution;
 pub mod sensitivity;
 pub mod set_ups;

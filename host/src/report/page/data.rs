@@ -85,10 +85,10 @@ impl PageData {
         self.points.iter().map(PlottedPoint::from).collect()
     }
 
-    /// Whether an experiment, by its name, keeps the response.
-    pub(super) fn keeps_response(&self, name: &str) -> bool {
+    /// Whether the base of an experiment, by its name, moves by other amplitudes than that of the set-up.
+    pub(super) fn has_own_base(&self, name: &str) -> bool {
         let mut experiments = self.campaign.iter().flat_map(|campaign| &campaign.experiments);
-        experiments.any(|experiment| experiment.name == name && experiment.response_controlled().is_some())
+        experiments.any(|experiment| experiment.name == name && experiment.led_by_loops().is_some())
     }
 
     /// Points of a set-up.

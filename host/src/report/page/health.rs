@@ -111,7 +111,7 @@ fn signs(data: &PageData) -> Option<String> {
 fn base_errors(data: &PageData) -> Vec<String> {
     let set_ups = data.manifest.set_ups.iter().filter(|s| s.base_amplitude_m > 0.0);
     // Where the response is kept, Z is the result.
-    let drives_base = |point: &&ResultRow| !data.keeps_response(&point.experiment);
+    let drives_base = |point: &&ResultRow| !data.has_own_base(&point.experiment);
     let worst = |name: &str, z_m: f64| {
         let error = |point: &ResultRow| (f64::from(point.z_amplitude_m) / z_m - 1.0, point.frequency_hz);
         data.points_of(name).filter(drives_base).map(error).max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))

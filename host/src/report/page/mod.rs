@@ -20,10 +20,11 @@ use crate::campaign::Campaign;
 use crate::failure::Failure;
 use crate::input::shown;
 use crate::report::figures::campaign::{groups, phase, response, responses_of_runs, transients, wall_force};
-use crate::report::figures::{self, force_surface, peak_motion};
+use crate::report::figures::{self, force_surface, peak_motion, resonance};
 use crate::report::force_surface::ForceSurface;
 use crate::report::plot::palette::Look;
 use crate::report::plot::{Breadth, Picture};
+use crate::report::resonance::TrackedCurve;
 use crate::run_folder::RunFolder;
 use data::PageData;
 
@@ -187,10 +188,15 @@ fn responses(data: &PageData) -> Markup {
     }
     let points = data.plotted_points();
     let surfaces = ForceSurface::of(campaign, &data.points);
+    let tracked = TrackedCurve::of(campaign, &data.points, data.manifest.is_simulated());
     html! {
         @if !surfaces.is_empty() {
             (drawn(Ok(force_surface::draw(campaign, &surfaces)), force_surface::CAPTION))
             @for line in force_surface::folds(campaign, &surfaces) { p { (line) } }
+        }
+        @if !tracked.is_empty() {
+            (drawn(Ok(resonance::draw(campaign, &tracked)), resonance::CAPTION))
+            (tables::resonances(campaign, &tracked))
         }
         @for group in groups(campaign).into_iter().filter(|_| has_driven_base(campaign)) {
             @let group = group.as_deref();

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 
 use super::data::PageData;
 use super::tables::{label, largest, number, short};
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, Start, SteppedSine, kept_in_words};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, Start, SteppedSine, TrackedResonance, kept_in_words};
 use crate::report::compared::predicted_and_measured;
 use crate::report::parameters::rows;
 use crate::run_folder::schema::manifest::SetUpRecord;
@@ -117,9 +117,15 @@ pub(super) fn experiments(data: &PageData) -> Markup {
 
 /// What a stepped sine keeps at its amplitude.
 fn controlled(sine: &SteppedSine) -> String {
+    let own = |tracked: &TrackedResonance| {
+        let all: Vec<String> = tracked.amplitudes.iter().map(|own| sine.amplitude_in_words(own.value)).collect();
+        format!(": {}", all.join(", "))
+    };
+    let amplitudes = sine.tracked.as_ref().map_or_else(String::new, own);
     match &sine.drive {
-        DriveMode::Constant => "drive (constant)".into(),
-        DriveMode::ClosedLoop(_) => "base (closed loop)".into(),
+        DriveMode::Constant => format!("drive (constant){amplitudes}"),
+        DriveMode::ClosedLoop(_) => format!("base (closed loop){amplitudes}"),
+        DriveMode::Response(_) if sine.tracked.is_some() => format!("response (closed loop){amplitudes}"),
         DriveMode::Response(own) => format!("{} (closed loop)", kept_in_words(&own.response)),
     }
 }
@@ -153,6 +159,10 @@ fn range(experiment: &Experiment) -> String {
     match &experiment.kind {
         Kind::Playback(playback) => return playback.about.clone(),
         Kind::FreeVibration(free) => return format!("released at {} mm", short(free.start_m * 1e3, 3)),
+        Kind::SteppedSine(SteppedSine { tracked: Some(TrackedResonance { lock, .. }), .. }) => {
+            let [low, high] = [lock.low_hz, lock.high_hz].map(|f| short(f.into(), 4));
+            return format!("resonance from {low} to {high}, at {}°", short(lock.phase_rad.to_degrees().into(), 4));
+        }
         Kind::SteppedSine(_) => {}
     }
     let listed = match list {

@@ -3,11 +3,13 @@
 use maud::{Markup, html};
 
 use super::data::PageData;
+use crate::campaign::Campaign;
 use crate::host_time;
 use crate::quantity::Quantity;
 use crate::report::figures::campaign::mean_responses;
 use crate::report::numbers::trimmed;
 use crate::report::peak::{Peak, points_of};
+use crate::report::resonance::{HEADS, TrackedCurve, cells};
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::results::steadiness_text;
 
@@ -132,7 +134,7 @@ fn largest_m<'a>(points: impl Iterator<Item = &'a ResultRow>) -> f64 {
 /// Set-ups and experiments with points that drove the base, in the order of the run.
 fn curves(data: &PageData) -> Vec<(String, String)> {
     let mut curves: Vec<(String, String)> = Vec::new();
-    for point in data.points.iter().filter(|point| !data.keeps_response(&point.experiment)) {
+    for point in data.points.iter().filter(|point| !data.has_own_base(&point.experiment)) {
         let curve = (point.set_up.clone(), point.experiment.clone());
         if !curves.contains(&curve) {
             curves.push(curve);
@@ -147,6 +149,21 @@ pub(super) fn label(data: &PageData, name: &str) -> String {
     match found {
         Some(label) if !label.is_empty() && label != name => format!("{label} ({name})"),
         _ => name.to_string(),
+    }
+}
+
+/// Table of tracked resonances, a row for each point.
+pub(super) fn resonances(campaign: &Campaign, curves: &[TrackedCurve]) -> Markup {
+    let is_word = |column: usize| HEADS[column].1.is_empty();
+    html! {
+        div.wide { table {
+            thead { tr { @for (column, (name, unit)) in HEADS.iter().enumerate() {
+                th.word[is_word(column)] { (name) @if !unit.is_empty() { small { (unit) } } }
+            } } }
+            tbody { @for row in cells(campaign, curves) {
+                tr { @for (column, cell) in row.iter().enumerate() { td.word[is_word(column)] { (cell) } } }
+            } }
+        } }
     }
 }
 

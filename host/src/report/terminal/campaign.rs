@@ -12,6 +12,7 @@ use crate::report::figures::force_surface::folds;
 use crate::report::force_surface::ForceSurface;
 use crate::report::numbers::{significant, trimmed};
 use crate::report::peak::{Peak, points_of};
+use crate::report::resonance::{HEADS, TrackedCurve, cells};
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::manifest::Manifest;
 use crate::run_folder::schema::results::steadiness_text;
@@ -20,16 +21,22 @@ fn ratio(value: Option<f64>) -> String {
     value.map_or("–".into(), |v| trimmed(v, 2))
 }
 
-/// The frequencies in a random order, the first twelve.
+/// The points in a random order, the first twelve.
 fn order_of(campaign: &Campaign, experiment: &Experiment) -> String {
     const SHOWN: usize = 12;
-    let frequencies_hz = experiment.frequencies_hz();
-    if campaign.plan.order_seed.is_none() || frequencies_hz.is_empty() || experiment.carries_over() {
+    let Some(sine) = experiment.stepped_sine() else { return String::new() };
+    if campaign.plan.order_seed.is_none() || experiment.carries_over() {
         return String::new();
     }
-    let first: Vec<String> = frequencies_hz.iter().take(SHOWN).map(|f| trimmed(*f, 4)).collect();
-    let more = if frequencies_hz.len() > SHOWN { ", …" } else { "" };
-    format!(" Hz: {}{more}", first.join(", "))
+    let (what, first): (_, Vec<String>) = match &sine.tracked {
+        Some(tracked) => (
+            "Amplitudes",
+            tracked.amplitudes.iter().take(SHOWN).map(|own| sine.amplitude_in_words(own.value)).collect(),
+        ),
+        None => ("Hz", sine.frequencies_hz.iter().take(SHOWN).map(|f| trimmed(*f, 4)).collect()),
+    };
+    let more = if sine.known_points() > SHOWN { ", …" } else { "" };
+    format!(" {what}: {}{more}", first.join(", "))
 }
 
 /// What a person does and what is run, step by step; empty for a campaign that is run as written and instructs nobody.
@@ -215,6 +222,18 @@ pub fn sheets(campaign: &Campaign, rows: &[ResultRow]) -> Vec<String> {
         )
     };
     surfaces.iter().map(line).chain(folds(campaign, &surfaces)).map(|line| shown_in_line(&line).into_owned()).collect()
+}
+
+/// What experiments that follow a resonance gave: a table, if there are any.
+#[must_use]
+pub fn resonances(campaign: &Campaign, rows: &[ResultRow], is_simulated: bool) -> Option<Table> {
+    let curves = TrackedCurve::of(campaign, rows, is_simulated);
+    let heads = HEADS.map(|(name, unit)| if unit.is_empty() { name.to_string() } else { format!("{name}\n({unit})") });
+    let mut table = table(&heads.each_ref().map(String::as_str));
+    cells(campaign, &curves).into_iter().for_each(|row| {
+        table.add_row(row);
+    });
+    (!curves.is_empty()).then_some(table)
 }
 
 /// One line: points, times, samples, losses.

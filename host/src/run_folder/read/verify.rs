@@ -300,6 +300,11 @@ fn results(
             let is_missing = |f: &&f64| times(have, **f) < times(experiment.frequencies_hz(), **f);
             let missing: Vec<String> =
                 experiment.frequencies_hz().iter().filter(is_missing).map(f64::to_string).collect();
+            let lacking = experiment.tracking().map_or(0, |_| experiment.points().saturating_sub(have.len()));
+            if lacking > 0 {
+                let (set_up, experiment) = &key;
+                found.push(Finding::Wrong(format!("results: {set_up:?}, {experiment:?} lacks {lacking} points")));
+            }
             if !missing.is_empty() {
                 let (set_up, experiment) = key;
                 let list = missing.join(", ");

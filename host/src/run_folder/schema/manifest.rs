@@ -358,6 +358,12 @@ impl Manifest {
         self.ending == Ending::Complete
     }
 
+    /// Whether its rig was simulated.
+    #[must_use]
+    pub fn is_simulated(&self) -> bool {
+        self.device.as_ref().is_some_and(|device| device.simulated)
+    }
+
     /// Whether the run has not ended in an orderly way: it goes on, or was killed.
     #[must_use]
     pub fn is_running(&self) -> bool {

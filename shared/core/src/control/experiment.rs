@@ -73,6 +73,8 @@ pub struct Driving {
     pub swinging: bool,
     /// The drive was at its limit in the last tick.
     pub saturated: bool,
+    /// Base amplitude that the response's loop demands now, m; `None` of other drives.
+    pub demanded_m: Option<f32>,
     /// Base amplitude that the response's loop demands next, m; 0 of other drives.
     pub base_foreseen_m: f32,
 }
@@ -159,13 +161,14 @@ impl ExperimentRunner {
                 on: own.is_driving(),
                 swinging: own.is_swinging(),
                 saturated: own.is_saturated(),
+                demanded_m: own.demanded_m(),
                 base_foreseen_m: own.base_foreseen_m(),
             },
             Self::Playback(own) => Driving {
                 on: own.is_driving(),
                 swinging: own.is_swinging(),
                 saturated: own.is_saturated(),
-                base_foreseen_m: 0.0,
+                ..Driving::default()
             },
             Self::FreeVibration(_) => Driving::default(),
         }

@@ -86,7 +86,7 @@ impl PhaseLock {
             low_hz,
             high_hz,
             gain_per_cycle: 1.0,
-            tolerance_rad: 0.03,
+            tolerance_rad: 2.0 * PI / 180.0,
             wait_s: 120.0,
         }
     }

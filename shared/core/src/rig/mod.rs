@@ -268,7 +268,7 @@ impl Rig {
             tick: self.tick,
             driving: drive.on,
             swinging: drive.swinging,
-            drive_m: self.largest_drive_m,
+            drive_m: drive.demanded_m.map_or(self.largest_drive_m, |now_m| now_m.min(self.largest_drive_m)),
             frequency_hz,
             running: self.activity.runner().is_some(),
             wall_rails,

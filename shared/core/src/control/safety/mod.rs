@@ -82,7 +82,8 @@ pub struct Signs {
     pub driving: bool,
     /// The drive is strong enough for both displacements to move visibly.
     pub swinging: bool,
-    /// Largest |demanded base displacement| since the start, m.
+    /// Largest |demanded base displacement| since the start, m; where a loop demands what the response needs, no more than it
+    /// demands now.
     pub drive_m: f32,
     /// Drive frequency, Hz; 0 if there is none.
     pub frequency_hz: f32,

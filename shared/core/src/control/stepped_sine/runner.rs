@@ -145,6 +145,12 @@ impl SteppedSineRunner {
         self.saturated
     }
 
+    /// Base amplitude that the response's loop demands now, m; `None` of other drives.
+    #[must_use]
+    pub fn demanded_m(&self) -> Option<f32> {
+        self.regulator.keeps_response().then(|| self.regulator.demand_m(0.0))
+    }
+
     /// Base amplitude that the response's loop demands next, m; 0 of other drives.
     #[must_use]
     pub fn base_foreseen_m(&self) -> f32 {

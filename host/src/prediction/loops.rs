@@ -1,10 +1,12 @@
-//! Predicts experiments that keep the response of the structure: the controller's own loop, on a base that moves as it demands.
+//! Predicts experiments that keep the structure's response or follow its resonance: the controller's own loops, on a base that moves
+//! as they demand.
 //!
 //! [`SteppedSineRunner`] runs tick by tick as on the board. Between two ticks the base follows the cubic of the virtual rig
 //! ([`BaseTrack`]), without a shaker, sensors or noise: x is what is kept, so how the base is moved hardly changes it. What a
 //! real drive is at, and the noise, the run shows.
 
 use damprig_core::control::outcome::{Outcome, TickInputs};
+use damprig_core::control::phase_lock::PhaseLock;
 use damprig_core::control::response_loop::{KeptQuantity, ResponseLoop};
 use damprig_core::control::stepped_sine::{DriveMode, SteppedSinePlan, SteppedSineRunner};
 use damprig_core::integrator::base::{BaseSegment, BaseTrack};
@@ -17,13 +19,13 @@ use rayon::prelude::*;
 
 use super::{MAX_STEPS, Response, Swing, USABLE, trim, wall_force, watch};
 use crate::campaign::transient::two_digits_down;
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, kept_in_words};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, SteppedSine};
 use crate::failure::Failure;
 use crate::input::Problem;
 
-/// The prediction for an experiment that keeps the response on a set-up.
+/// The prediction for an experiment that the controller's loops lead, on a set-up.
 #[derive(Clone, Debug, PartialEq)]
-pub struct HeldResponse {
+pub struct LoopPrediction {
     /// Position of the set-up in the campaign.
     pub set_up: usize,
     /// Position of the experiment in the campaign.
@@ -32,8 +34,10 @@ pub struct HeldResponse {
     pub swing: Swing,
     /// Largest |z|, m, and the drive frequency at which it occurs, Hz.
     pub base: (f64, f64),
-    /// Drive frequencies at which the response is not held when the wait is over, Hz.
-    pub missed_hz: Vec<f64>,
+    /// Points during which |x| and |z| are largest.
+    pub largest_at: [usize; 2],
+    /// Points at which the response is not held, or the resonance not found, when the wait is over.
+    pub missed: Vec<usize>,
     /// Whether the drive is at its limit at one of them.
     pub is_drive_short: bool,
     /// The predicted results of its points, as far as they were simulated.
@@ -44,8 +48,8 @@ pub struct HeldResponse {
 ///
 /// # Errors
 /// A parameter that cannot be simulated, with the set-up's name.
-pub fn predict(campaign: &Campaign) -> Result<Vec<HeldResponse>, Failure> {
-    let sheets = || campaign.experiments.iter().enumerate().filter(|(_, e)| e.response_controlled().is_some());
+pub fn predict(campaign: &Campaign) -> Result<Vec<LoopPrediction>, Failure> {
+    let sheets = || campaign.experiments.iter().enumerate().filter(|(_, e)| e.led_by_loops().is_some());
     // Repeats are the same without noise.
     let once: Vec<(usize, usize)> = (0..campaign.set_ups.len())
         .filter(|set_up| campaign.set_ups[*set_up].is_predicted)
@@ -58,16 +62,13 @@ pub fn predict(campaign: &Campaign) -> Result<Vec<HeldResponse>, Failure> {
     let detection = watch::detection(&campaign.rig.board.impacts);
     let drive_m = campaign.rig.board.calibration.drive.range().amplitude_m();
     once.into_par_iter()
-        .filter_map(|(set_up, experiment)| {
-            Some((set_up, experiment, campaign.experiments[experiment].response_controlled()?))
-        })
+        .filter_map(|(set_up, experiment)| Some((set_up, experiment, campaign.experiments[experiment].led_by_loops()?)))
         .map(|(set_up, experiment, sine)| {
             let own = &campaign.set_ups[set_up];
-            let order = sine.order(own.base_amplitude_m, 0..sine.frequencies_hz.len(), drive_m);
             let failed = |e: Invalid| Failure::Input(format!("set-up {:?}: {e}", own.name));
-            let mut run = Simulation::new(own, order, &detection).map_err(failed)?;
+            let mut run = Simulation::new(own, sine, drive_m, &detection).map_err(failed)?;
             run.go(most_ticks);
-            Ok(run.into_prediction(set_up, experiment))
+            Ok(run.into_prediction(sine, (set_up, experiment)))
         })
         .collect()
 }
@@ -81,7 +82,6 @@ const MIN_TICKS: u64 = 50_000;
 /// An experiment on a set-up, tick by tick.
 struct Simulation {
     runner: SteppedSineRunner,
-    held: Option<ResponseLoop>,
     watched: WatchedMotion,
     track: BaseTrack<f64>,
     parts: u8,
@@ -90,21 +90,24 @@ struct Simulation {
     is_finished: bool,
     swing: Swing,
     base: (f64, f64),
+    largest_at: [usize; 2],
     points: Vec<PointResult>,
 }
 
 impl Simulation {
-    fn new(
-        set_up: &CampaignSetUp,
-        mut order: damprig_core::control::stepped_sine::SteppedSine,
-        detection: &Detection,
-    ) -> Result<Self, Invalid> {
+    fn new(set_up: &CampaignSetUp, sine: &SteppedSine, drive_m: f32, detection: &Detection) -> Result<Self, Invalid> {
+        let mut order = sine.order(set_up.base_amplitude_m, 0..sine.known_points(), drive_m);
         // The base of a prediction follows the drive.
-        if let DriveMode::Response(own) = &mut order.drive {
-            own.base = None;
-        }
-        let held = if let DriveMode::Response(own) = &order.drive { Some(*own) } else { None };
-        let limit_m = held.map_or(0.0, |own| own.drive_limit_m);
+        let limit_m = match &mut order.drive {
+            DriveMode::Response(own) => {
+                own.base = None;
+                own.drive_limit_m
+            }
+            drive => {
+                *drive = DriveMode::Constant;
+                drive_m
+            }
+        };
         let range = damprig_core::io::DriveRange { low_m: -limit_m, high_m: limit_m };
         let runner = SteppedSineRunner::new(&SteppedSinePlan::new(order)?, &range);
         let (model, z_m) = (set_up.model(), set_up.base_amplitude_m);
@@ -114,7 +117,6 @@ impl Simulation {
         let watched = WatchedMotion::new(&model, tick_s / f64::from(parts), &initial, detection)?;
         Ok(Self {
             runner,
-            held,
             watched,
             track: BaseTrack::default(),
             parts,
@@ -123,6 +125,7 @@ impl Simulation {
             is_finished: false,
             swing: Swing::NOTHING,
             base: (0.0, 0.0),
+            largest_at: [0; 2],
             points: Vec::new(),
         })
     }
@@ -168,9 +171,11 @@ impl Simulation {
         let frequency_hz = f64::from(self.runner.frequency_hz());
         if peak_m > self.swing.max_x_m {
             (self.swing.max_x_m, self.swing.frequency_hz) = (peak_m, frequency_hz);
+            self.largest_at[0] = self.points.len();
         }
         if z_m.abs() > self.base.0 {
             self.base = (z_m.abs(), frequency_hz);
+            self.largest_at[1] = self.points.len();
         }
         let force_n = self.watched.watch.largest_force_n;
         self.swing.wall_force_n = wall_force::larger(self.swing.wall_force_n, force_n);
@@ -180,16 +185,35 @@ impl Simulation {
         Readings { x, z: mean(z_before_m, z_m), ..Readings::default() }
     }
 
-    fn into_prediction(self, set_up: usize, experiment: usize) -> HeldResponse {
-        let is_missed = |point: &&PointResult| {
-            let amplitudes = [point.x_amplitude_m, point.z_amplitude_m, point.phase_rad];
-            self.held.as_ref().is_some_and(|held| !is_within(held, point.frequency_hz, amplitudes))
+    fn into_prediction(self, sine: &SteppedSine, (set_up, experiment): (usize, usize)) -> LoopPrediction {
+        let Self { swing, base, largest_at, points, .. } = self;
+        let own = |point: &PointResult| [point.x_amplitude_m, point.z_amplitude_m, point.phase_rad];
+        let is_missed = |(_, point): &(usize, &PointResult)| {
+            !is_as_asked(sine, usize::from(point.index), point.frequency_hz, own(point))
         };
-        let missed_hz = self.points.iter().filter(is_missed).map(|point| f64::from(point.frequency_hz)).collect();
-        let is_drive_short = self.points.iter().filter(is_missed).any(|point| point.drive_saturated);
-        let Self { swing, base, points, .. } = self;
-        HeldResponse { set_up, experiment, swing, base, missed_hz, is_drive_short, points }
+        let missed: Vec<(usize, &PointResult)> = points.iter().enumerate().filter(is_missed).collect();
+        let is_drive_short = missed.iter().any(|(_, point)| point.drive_saturated);
+        let missed = missed.into_iter().map(|(place, _)| place).collect();
+        LoopPrediction { set_up, experiment, swing, base, largest_at, missed, is_drive_short, points }
     }
+}
+
+/// Whether the result of a point has the amplitude and the phase that its experiment keeps; the amplitude of a base counts as kept.
+/// `measured` as for [`is_within`].
+#[must_use]
+pub fn is_as_asked(sine: &SteppedSine, index: usize, frequency_hz: f32, measured: [f32; 3]) -> bool {
+    let own = sine.tracked.as_ref().and_then(|tracked| tracked.amplitudes.get(index));
+    let is_held = sine.response_loop().is_none_or(|held| {
+        let response = own.map_or(held.response, |own| held.response.with_amplitude(own.value as f32));
+        is_within(&ResponseLoop { response, ..*held }, frequency_hz, measured)
+    });
+    is_held && sine.tracked.as_ref().is_none_or(|tracked| is_locked(&tracked.lock, measured[2]))
+}
+
+/// Whether a phase of x relative to z, rad, is within the tolerance of the one that is kept.
+#[must_use]
+pub fn is_locked(lock: &PhaseLock, phase_rad: f32) -> bool {
+    (phase_rad - lock.phase_rad).abs() <= lock.tolerance_rad
 }
 
 /// Whether a result has the amplitude that the loop keeps, within its tolerance. `amplitudes`: of x and z (m), and the phase of x
@@ -205,7 +229,7 @@ pub fn is_within(held: &ResponseLoop, frequency_hz: f32, [x_m, z_m, phase_rad]: 
     (reached_m / held.response.amplitude_m(frequency_hz) - 1.0).abs() <= held.tolerance
 }
 
-impl HeldResponse {
+impl LoopPrediction {
     /// X/Z (cycle maxima) over frequency as of other stepped sines, of the experiment and each of its repeats.
     pub fn responses<'a>(&'a self, campaign: &'a Campaign) -> impl Iterator<Item = Response> + 'a {
         let own = &campaign.experiments[self.experiment];
@@ -232,23 +256,22 @@ impl HeldResponse {
 ///
 /// # Errors
 /// One message for all of them, each with the line of the amplitude.
-pub fn check(campaign: &Campaign, predicted: &[HeldResponse]) -> Result<Vec<String>, Failure> {
+pub fn check(campaign: &Campaign, predicted: &[LoopPrediction]) -> Result<Vec<String>, Failure> {
     let mut warnings = Vec::new();
     for own in predicted {
         let (set_up, experiment) = (&campaign.set_ups[own.set_up], &campaign.experiments[own.experiment]);
-        let Some((sine, kept)) = experiment.response_controlled().and_then(|sine| Some((sine, sine.kept.as_ref()?)))
-        else {
-            continue;
+        let Some(sine) = experiment.led_by_loops() else { continue };
+        let stated = |point: usize| {
+            let tracked = sine.tracked.as_ref().and_then(|tracked| tracked.amplitudes.get(point));
+            tracked.or_else(|| sine.largest_amplitude().map(|(_, own)| own))
         };
-        let words = sine.response_loop().map(|held| kept_in_words(&held.response)).unwrap_or_default();
         let moves = [
             ("structure", "|x|", own.swing.max_x_m, own.swing.frequency_hz, campaign.rig.structure_limit_m()),
             ("base", "|z|", own.base.0, own.base.1, campaign.rig.base_limit_m()),
         ];
-        for (what, name, largest_m, at_hz, limit_m) in moves {
-            if largest_m <= USABLE * limit_m {
-                continue;
-            }
+        for ((what, name, largest_m, at_hz, limit_m), at) in moves.into_iter().zip(own.largest_at) {
+            let Some(amplitude) = stated(at).filter(|_| largest_m > USABLE * limit_m) else { continue };
+            let words = sine.amplitude_in_words(amplitude.value);
             campaign.source.report(Problem {
                 title: format!(
                     "set-up {:?} would leave the displacement limit of the {what}: predicted largest {name} = {:.1} mm at {} Hz, limit ±{} mm",
@@ -257,22 +280,27 @@ pub fn check(campaign: &Campaign, predicted: &[HeldResponse]) -> Result<Vec<Stri
                     trim(at_hz),
                     trim(limit_m * 1e3),
                 ),
-                span: kept.amplitude.span.clone(),
+                span: amplitude.span.clone(),
                 allowed: format!("{words} is too much for this set-up at these frequencies"),
                 help: Some(format!(
-                    "write {} or less, or leave out the frequencies that need more",
-                    two_digits_down(kept.amplitude.value * USABLE * limit_m / largest_m)
+                    "write {} or less, or leave out what needs more",
+                    two_digits_down(amplitude.value * USABLE * limit_m / largest_m)
                 )),
             });
         }
-        if !own.missed_hz.is_empty() {
-            let at: Vec<String> = own.missed_hz.iter().map(|f| trim(*f)).collect();
+        if !own.missed.is_empty() {
+            let at: Vec<String> = own.missed.iter().map(|point| sine.point_in_words(*point)).collect();
             let why = if own.is_drive_short { "; the drive is at its limit there" } else { "" };
+            let (name, at) = (&experiment.name, at.join(", "));
+            let what = match (&sine.kept, &sine.tracked) {
+                (Some(kept), None) => {
+                    format!("{} is not predicted to be held at {at}", sine.amplitude_in_words(kept.amplitude.value))
+                }
+                _ => format!("{at} is not predicted to be found"),
+            };
             warnings.push(format!(
-                "set-up {:?}, experiment {:?}: {words} is not predicted to be held at {} Hz{why}. These points are measured when the wait is over",
-                set_up.name,
-                experiment.name,
-                at.join(", ")
+                "set-up {:?}, experiment {name:?}: {what}{why}. These points are measured when the wait is over",
+                set_up.name
             ));
         }
     }

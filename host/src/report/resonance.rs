@@ -1,0 +1,234 @@
+//! Resonances that a run has tracked: frequency and equivalent damping ratio over the amplitude (the backbone), measured, and predicted
+//! from the set-up's model by the controller's own loops.
+
+use std::f64::consts::{PI, TAU};
+
+use damprig_core::io::TICK_HZ;
+use damprig_core::measure::point::PointResult;
+
+use crate::campaign::{Campaign, SteppedSine, TrackedResonance};
+use crate::identify::response::equivalent;
+use crate::identify::sensors;
+use crate::prediction::loops::{self, LoopPrediction, is_as_asked, is_locked};
+use crate::report::numbers::significant;
+use crate::run_folder::ResultRow;
+
+/// A resonance over the amplitude, of an experiment on a set-up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackedCurve {
+    /// Position of the set-up in the campaign.
+    pub set_up: usize,
+    /// Name of the experiment.
+    pub experiment: String,
+    /// Its measured points, in their order.
+    pub measured: Vec<TrackedPoint>,
+    /// Those that the set-up's model gives, in their order; none where it is not predicted.
+    pub predicted: Vec<TrackedPoint>,
+}
+
+/// A point of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackedPoint {
+    /// The amplitude that was asked for, in words.
+    pub asked: String,
+    /// Amplitude of x at the drive frequency, m.
+    pub x_m: f64,
+    /// Amplitude of the base, m.
+    pub z_m: f64,
+    /// Mean frequency of the drive, Hz.
+    pub frequency_hz: f64,
+    /// Phase of x relative to z, rad.
+    pub phase_rad: f64,
+    /// Natural frequency of the linear structure that would respond so, Hz.
+    pub natural_frequency_hz: f64,
+    /// Damping ratio of that structure.
+    pub damping_ratio: f64,
+    /// Half-width of the frequency's 95 % interval, Hz: noise and steps of z, which turn its phase. Not a number where it is not known.
+    pub frequency_95_hz: f64,
+    /// Half-width of the damping ratio's 95 % interval: noise and steps of z, scatter, and what X/Z is still from its limit; without the
+    /// sensors' scales. Not a number where it is not known.
+    pub damping_ratio_95: f64,
+    /// Whether the resonance was found.
+    pub found: Found,
+}
+
+/// Whether a point is at its resonance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Found {
+    /// Phase and amplitude are as asked for.
+    Yes,
+    /// The phase is not, at an end of the range of frequencies.
+    AtEnd,
+    /// The phase is not.
+    NotLocked,
+    /// The amplitude of the response is not.
+    NotHeld,
+}
+
+impl Found {
+    /// In words.
+    #[must_use]
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Yes => "locked",
+            Self::AtEnd => "not locked: at an end of the range",
+            Self::NotLocked => "not locked",
+            Self::NotHeld => "response not held",
+        }
+    }
+}
+
+/// A mean frequency counts as that of the end of the range within this, relative.
+const AT_END: f64 = 1e-3;
+
+/// What a result says of a point.
+struct Told {
+    index: usize,
+    frequency_hz: f64,
+    x_m: f32,
+    z_m: f32,
+    phase_rad: f32,
+    /// 95 % uncertainty of the base's amplitude, and all of X/Z, relative.
+    of_base: f64,
+    of_ratio: f64,
+}
+
+/// Largest error of the amplitude that steps of a sensor cause, m: of the sine's amplitude A over the step q the part of order n is
+/// (2q/πn) J₁(2πnA/q) (Widrow and Kollár, Quantization Noise, 2008). |J₁(y)| is at most 0.58 and about √(2/πy); three orders.
+fn of_steps_m(amplitude_m: f64, step_m: f64) -> f64 {
+    let of = |n: f64| {
+        let argument = TAU * n * amplitude_m / step_m;
+        2.0 * step_m / (PI * n) * (2.0 / (PI * argument)).sqrt().min(0.58)
+    };
+    if step_m > 0.0 { of(1.0) + of(2.0) + of(3.0) } else { 0.0 }
+}
+
+impl Told {
+    fn of_row(row: &ResultRow, step_m: f64) -> Self {
+        let known = |value: f32| if value < f32::MAX { f64::from(value) } else { f64::NAN };
+        let z_m = f64::from(row.z_amplitude_m);
+        // The sensor of z is taken to have the noise of that of x.
+        let ticks = f64::from(row.cycles) * f64::from(TICK_HZ) / row.frequency_hz;
+        let of_noise = 2.0 * f64::from(row.x_noise_rms_m) * (2.0 / ticks).sqrt() / z_m;
+        let of_base = of_noise.hypot(of_steps_m(z_m, step_m) / z_m);
+        let of_scatter = known(row.interval).hypot(known(row.deviation_uncertainty));
+        Self {
+            index: row.point_index as usize,
+            frequency_hz: row.frequency_hz,
+            x_m: row.x_amplitude_m,
+            z_m: row.z_amplitude_m,
+            phase_rad: row.phase_rad,
+            of_base,
+            of_ratio: known(row.deviation).abs() + of_scatter.hypot(of_base),
+        }
+    }
+
+    fn of_result(result: &PointResult) -> Self {
+        Self {
+            index: usize::from(result.index),
+            frequency_hz: result.frequency_hz.into(),
+            x_m: result.x_amplitude_m,
+            z_m: result.z_amplitude_m,
+            phase_rad: result.phase_rad,
+            of_base: f64::NAN,
+            of_ratio: f64::NAN,
+        }
+    }
+
+    fn point(&self, sine: &SteppedSine, tracked: &TrackedResonance) -> TrackedPoint {
+        let lock = &tracked.lock;
+        let is_near = |end_hz: f32| (self.frequency_hz / f64::from(end_hz) - 1.0).abs() < AT_END;
+        let measured = [self.x_m, self.z_m, self.phase_rad];
+        let found = if !is_locked(lock, self.phase_rad) {
+            if is_near(lock.low_hz) || is_near(lock.high_hz) { Found::AtEnd } else { Found::NotLocked }
+        } else if is_as_asked(sine, self.index, self.frequency_hz as f32, measured) {
+            Found::Yes
+        } else {
+            Found::NotHeld
+        };
+        let (x_m, z_m, phase_rad) = (f64::from(self.x_m), f64::from(self.z_m), f64::from(self.phase_rad));
+        let (natural_frequency_hz, damping_ratio) = equivalent(self.frequency_hz, x_m / z_m, phase_rad);
+        let amplitude = tracked.amplitudes.get(self.index);
+        TrackedPoint {
+            asked: amplitude.map_or_else(String::new, |own| sine.amplitude_in_words(own.value)),
+            x_m,
+            z_m,
+            frequency_hz: self.frequency_hz,
+            phase_rad,
+            natural_frequency_hz,
+            damping_ratio,
+            frequency_95_hz: self.frequency_hz * damping_ratio * self.of_base,
+            damping_ratio_95: damping_ratio * self.of_ratio,
+            found,
+        }
+    }
+}
+
+impl TrackedCurve {
+    /// The tracked resonances of a run, set-up by set-up, each that has points. Predicts them from the set-ups' models. `is_simulated`: the
+    /// run's rig was.
+    #[must_use]
+    pub fn of(campaign: &Campaign, rows: &[ResultRow], is_simulated: bool) -> Vec<Self> {
+        let has_any = campaign.experiments.iter().any(|experiment| experiment.tracking().is_some());
+        // What cannot be simulated has no prediction.
+        let predicted = if has_any { loops::predict(campaign).unwrap_or_default() } else { Vec::new() };
+        let step_m = sensors::of(&campaign.rig, is_simulated).step_m;
+        let mut all = Vec::new();
+        for (place, set_up) in campaign.set_ups.iter().enumerate() {
+            for experiment in campaign.experiments.iter().filter(|e| e.set_ups.contains(&place)) {
+                let Some((sine, tracked)) = experiment.tracking() else { continue };
+                let is_own = |row: &&ResultRow| row.set_up == set_up.name && row.experiment == experiment.name;
+                let own = rows.iter().filter(is_own).map(|row| Told::of_row(row, step_m));
+                let measured: Vec<TrackedPoint> = own.map(|told| told.point(sine, tracked)).collect();
+                if measured.is_empty() {
+                    continue;
+                }
+                let is_series = |own: &&LoopPrediction| {
+                    own.set_up == place && campaign.experiments[own.experiment].series == experiment.series
+                };
+                let of_model = predicted.iter().find(is_series).map_or(&[][..], |own| &own.points);
+                let predicted = of_model.iter().map(|result| Told::of_result(result).point(sine, tracked)).collect();
+                all.push(Self { set_up: place, experiment: experiment.name.clone(), measured, predicted });
+            }
+        }
+        all
+    }
+}
+
+/// Columns of a table of the points: name and unit.
+pub const HEADS: [(&str, &str); 11] = [
+    ("set-up", ""),
+    ("experiment", ""),
+    ("at", ""),
+    ("frequency", "Hz"),
+    ("± 95 %", "Hz"),
+    ("phase", "°"),
+    ("X", "mm"),
+    ("Z", "mm"),
+    ("equivalent ζ", "%"),
+    ("± 95 %", "%"),
+    ("resonance", ""),
+];
+
+/// Its rows.
+#[must_use]
+pub fn cells(campaign: &Campaign, curves: &[TrackedCurve]) -> Vec<[String; HEADS.len()]> {
+    let row = |curve: &TrackedCurve, point: &TrackedPoint| {
+        let zeta = 100.0 * point.damping_ratio;
+        let half = |value: f64| if value.is_nan() { "–".into() } else { significant(value, 2) };
+        [
+            campaign.set_ups[curve.set_up].name.clone(),
+            curve.experiment.clone(),
+            point.asked.clone(),
+            format!("{:.4}", point.frequency_hz),
+            half(point.frequency_95_hz),
+            format!("{:.1}", point.phase_rad.to_degrees()),
+            significant(point.x_m * 1e3, 4),
+            significant(point.z_m * 1e3, 4),
+            significant(zeta, 4),
+            half(100.0 * point.damping_ratio_95),
+            point.found.text().to_string(),
+        ]
+    };
+    curves.iter().flat_map(|curve| curve.measured.iter().map(move |point| row(curve, point))).collect()
+}
