@@ -15,7 +15,7 @@ pub const LONG: [&str; 2] = ["closed-loop", "dampers"];
 
 /// Campaigns of two hours of rig time and more: never on the emulator. The others have their set-ups, and [`one_sheet`] a part of
 /// `hidden-branch`.
-pub const TOO_LONG: [&str; 3] = ["hybrid", "hidden-branch", "source-document"];
+pub const TOO_LONG: [&str; 4] = ["hybrid", "hidden-branch", "resonance", "source-document"];
 
 const TABLES: [&str; 4] = ["results.parquet", "samples.parquet", "impacts.parquet", "transients.parquet"];
 
@@ -42,6 +42,19 @@ fn campaigns() -> Vec<String> {
     let names = names.filter(|name| !TOO_LONG.contains(&name.as_str()));
     println!("skipped, because they take too long on the emulator: {}", TOO_LONG.join(", "));
     names.filter(|name| is_full || !LONG.contains(&name.as_str())).collect()
+}
+
+/// Two points of `resonance` on its hybrid: a resonance that the controller follows.
+fn two_resonances(folder: &Path) -> PathBuf {
+    let text = std::fs::read_to_string(campaign("resonance")).unwrap();
+    let lines = text.lines().map(|line| match line.split_once(" = ") {
+        Some(("x_amplitudes_m", _)) => "x_amplitudes_m = [0.005, 0.006]\nset_ups = [\"hybrid\"]",
+        Some(("steady", _)) => "",
+        _ => line,
+    });
+    let file = folder.join("two-resonances.toml");
+    std::fs::write(&file, lines.collect::<Vec<_>>().join("\n")).unwrap();
+    file
 }
 
 /// The first sheet of `hidden-branch` at two frequencies: a response that the controller keeps.
@@ -94,6 +107,7 @@ fn the_shipped_campaigns_give_the_same_tables_on_the_emulated_board() {
         campaigns().into_iter().map(|name| (name.clone(), campaign(&name))).collect();
     assert!(files.len() >= 4, "too few campaigns: {files:?}");
     files.push(("one-sheet".into(), one_sheet(folder.path())));
+    files.push(("two-resonances".into(), two_resonances(folder.path())));
     for (name, file) in &files {
         let (here, there) = (folder.path().join(name), folder.path().join(format!("{name}-emulated")));
         run(file, "virtual:f32", &here);

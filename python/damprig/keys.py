@@ -798,6 +798,67 @@ class CampaignExperimentResponseControlled(TypedDict, total=False):
     """parameters of the loop that keeps the amplitude"""
 
 
+class CampaignExperimentPhaseLock(TypedDict, total=False):
+    """The loop that follows a resonance by the phase of x."""
+
+    phase_deg: float
+    """kept phase of x relative to z; at −90° the structure is at resonance"""
+    gain_per_cycle: float
+    """rate of the loop, for each cycle of the drive"""
+    tolerance_deg: float
+    """deviation of the phase within which it counts as kept; three times it is a lost lock"""
+    wait_s: float
+    """longest time after settling until the phase is kept (s)"""
+
+
+class CampaignExperimentResonanceTracking(TypedDict, total=False):
+    """The resonance at one amplitude after another: the drive's frequency follows the phase of x, and frequency and damping over the amplitude are the result."""
+
+    kind: Literal["resonance_tracking"]
+    name: str
+    """its name in tables; `experiment 1` for the first when left out"""
+    set_ups: Sequence[str]
+    """names of the set-ups that it is run on; all when left out"""
+    repeats: int
+    """times that it is run on each set-up; each is an experiment with a number after its name"""
+    instruction: str
+    """what a person does before it; asked on a real rig, and noted in the journal"""
+    base_amplitudes_m: Sequence[float]
+    """amplitudes of the base, in the order in which they are measured (m)"""
+    x_amplitudes_m: Sequence[float]
+    """amplitudes of x at the drive frequency, in the order in which they are measured; a loop keeps them (m), in place of base_amplitudes_m"""
+    velocity_amplitudes_m_per_s: Sequence[float]
+    """amplitudes of the velocity of x, likewise (m/s), in place of base_amplitudes_m"""
+    relative_amplitudes_m: Sequence[float]
+    """amplitudes of x − z, likewise (m), in place of base_amplitudes_m"""
+    from_hz: float
+    """lowest frequency of the drive (Hz)"""
+    to_hz: float
+    """highest frequency of the drive (Hz)"""
+    start_hz: float
+    """frequency at which the search starts; the middle of the range when left out (Hz)"""
+    start: Literal["from_rest", "carry_over"]
+    """whether a point starts from rest or carries over the motion of the one before"""
+    settle_s: float
+    """time from the start of a point to its dwell (s)"""
+    dwell_s: float
+    """the time that is measured at each frequency (s)"""
+    ramp_s: float
+    """rise and fall of the drive, at most `settle_s` (s)"""
+    rest_level_m: float
+    """|x| below which the structure counts as at rest before the start (m)"""
+    steady: CampaignExperimentSteady
+    """when a point counts as steady, and how long it is measured again"""
+    drive: Literal["constant", "closed_loop"]
+    """constant drive, or the base amplitude in closed loop, which needs `[rig.shaker]`"""
+    closed_loop: CampaignExperimentClosedLoop
+    """parameters of the closed loop"""
+    response_loop: CampaignExperimentResponseLoop
+    """parameters of the loop that keeps the amplitude"""
+    phase_lock: CampaignExperimentPhaseLock
+    """the phase that is kept, and the loop that keeps it"""
+
+
 class CampaignExperimentPlayback(TypedDict, total=False):
     """The base follows a recorded motion, or noise from a seed."""
 
@@ -898,7 +959,7 @@ class CampaignExperimentFreeVibration(TypedDict, total=False):
     """cycles over which the decay is measured"""
 
 
-CampaignExperiment = Union[CampaignExperimentSteppedSine, CampaignExperimentResponseControlled, CampaignExperimentPlayback, CampaignExperimentImpulse, CampaignExperimentFreeVibration]
+CampaignExperiment = Union[CampaignExperimentSteppedSine, CampaignExperimentResponseControlled, CampaignExperimentResonanceTracking, CampaignExperimentPlayback, CampaignExperimentImpulse, CampaignExperimentFreeVibration]
 
 
 class Campaign(TypedDict, total=False):

@@ -226,7 +226,9 @@ impl Job<'_> {
             say!("{}", terminal::campaign::results(self.campaign, &self.predicted.responses, &rows));
             terminal::campaign::unresolved_peaks(self.campaign, &rows).iter().for_each(|line| say!("{line}"));
         }
-        terminal::campaign::resonances(self.campaign, &rows, manifest.is_simulated()).iter().for_each(|table| say!("{table}"));
+        terminal::campaign::resonances(self.campaign, &rows, manifest.is_simulated())
+            .iter()
+            .for_each(|table| say!("{table}"));
         terminal::transients::results(taken.transients()).iter().for_each(|table| say!("{table}"));
         say!("{}", compared::IN_A_LINE);
         say!("{}", terminal::campaign::summary(&manifest));

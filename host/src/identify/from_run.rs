@@ -2,10 +2,13 @@
 
 use std::path::Path;
 
+use damprig_core::io::TICK_HZ;
+
 use super::response::{DrivenBy, MIN, Point, Response};
 use super::{Sensors, sensors};
 use crate::failure::Failure;
 use crate::run_folder::RunFolder;
+use crate::run_folder::read::campaign_copy;
 use crate::run_folder::schema::results::steadiness_of;
 use crate::table::values::{numbers, texts};
 
@@ -147,6 +150,12 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Fai
 pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, Failure> {
     let run = RunFolder::open(path).map_err(Failure::input)?;
     let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
+    let sensors = sensors::of_run(&run);
+    let campaign = campaign_copy::campaign(run.path()).ok();
+    let is_tracked = |name: &str| {
+        let own = campaign.iter().flat_map(|campaign| &campaign.experiments).find(|experiment| experiment.name == name);
+        own.is_some_and(|experiment| experiment.tracking().is_some())
+    };
     let mut found: Vec<((String, String), Point, bool)> = Vec::new();
     for batch in run.results().map_err(|e| failed(&e))? {
         let names = |column: &str| texts(&batch, column).map_err(|e| failed(&e));
@@ -157,12 +166,23 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, Failure> {
         let is_settled = |n: usize| verdicts.get(n).map_or(steady[n] != 0.0, |text| steadiness_of(text).is_settled());
         let deviations = read("deviation").ok().zip(read("deviation_uncertainty").ok());
         let (f, x_over_z, x_m) = (read("frequency_hz")?, read("x_over_z")?, read("mean_cycle_max_m")?);
+        let amplitudes =
+            ["x_amplitude_m", "z_amplitude_m", "phase_rad", "x_noise_rms_m", "cycles"].map(|name| read(name).ok());
         for n in 0..f.len() {
             let deviation = deviations.as_ref().map(|(deviation, interval)| (deviation[n], 0.5 * interval[n]));
             let ratio = x_over_z[n] / (1.0 + deviation.map_or(0.0, |(deviation, _)| deviation));
             let uncertainty = deviation.map(|(_, uncertainty)| uncertainty);
             // The deviation is that of the amplitude: the phase of a motion that still settles is not known as well.
-            let point = Point { frequency_hz: f[n], ratio, phase_rad: None, uncertainty, x_m: x_m[n] };
+            let mut point = Point { frequency_hz: f[n], ratio, phase_rad: None, uncertainty, x_m: x_m[n] };
+            if let [Some(x), Some(z), Some(phase), Some(noise), Some(cycles)] = &amplitudes
+                && is_tracked(&experiments[n])
+            {
+                // A loop keeps its phase. Where the base is small, noise and steps of z count most.
+                let ticks = cycles[n] * f64::from(TICK_HZ) / f[n];
+                let of_base = 0.5 * sensors.amplitude_error_95_m(z[n], noise[n], ticks) / z[n];
+                let uncertainty = uncertainty.map(|uncertainty| uncertainty.hypot(of_base));
+                point = Point { ratio: x[n] / z[n], phase_rad: Some(phase[n]), uncertainty, x_m: x[n], ..point };
+            }
             found.push(((set_ups[n].clone(), experiments[n].clone()), point, is_settled(n)));
         }
     }
@@ -192,7 +212,7 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, Failure> {
         _ => vec![format!("{settled} of {all} points are steady or stationary, and used")],
     };
     let taken_from = format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id());
-    Ok(Response { taken_from, driven_by, points, sensors: sensors::of_run(&run), remarks })
+    Ok(Response { taken_from, driven_by, points, sensors, remarks })
 }
 
 /// Refuses a record with lost rows: their share of the swings is unknown.

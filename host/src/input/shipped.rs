@@ -19,6 +19,7 @@ pub static FILES: &[(&str, &str)] = files![
     "campaigns/dampers.toml",
     "campaigns/force.toml",
     "campaigns/hidden-branch.toml",
+    "campaigns/resonance.toml",
     "campaigns/hybrid.toml",
     "campaigns/noise.toml",
     "campaigns/records/synthetic.csv",

@@ -39,6 +39,7 @@ pub const PAGES: &[Page] = pages![
     "how-to/base-record.md",
     "how-to/random-order.md",
     "how-to/hidden-branch.md",
+    "how-to/resonance.md",
     "how-to/export-matlab.md",
     "how-to/best-clearance.md",
     "how-to/read-e-n.md",

@@ -1,14 +1,12 @@
 //! Resonances that a run has tracked: frequency and equivalent damping ratio over the amplitude (the backbone), measured, and predicted
 //! from the set-up's model by the controller's own loops.
 
-use std::f64::consts::{PI, TAU};
-
 use damprig_core::io::TICK_HZ;
 use damprig_core::measure::point::PointResult;
 
 use crate::campaign::{Campaign, SteppedSine, TrackedResonance};
 use crate::identify::response::equivalent;
-use crate::identify::sensors;
+use crate::identify::sensors::{self, Sensors};
 use crate::prediction::loops::{self, LoopPrediction, is_as_asked, is_locked};
 use crate::report::numbers::significant;
 use crate::run_folder::ResultRow;
@@ -93,24 +91,13 @@ struct Told {
     of_ratio: f64,
 }
 
-/// Largest error of the amplitude that steps of a sensor cause, m: of the sine's amplitude A over the step q the part of order n is
-/// (2q/πn) J₁(2πnA/q) (Widrow and Kollár, Quantization Noise, 2008). |J₁(y)| is at most 0.58 and about √(2/πy); three orders.
-fn of_steps_m(amplitude_m: f64, step_m: f64) -> f64 {
-    let of = |n: f64| {
-        let argument = TAU * n * amplitude_m / step_m;
-        2.0 * step_m / (PI * n) * (2.0 / (PI * argument)).sqrt().min(0.58)
-    };
-    if step_m > 0.0 { of(1.0) + of(2.0) + of(3.0) } else { 0.0 }
-}
-
 impl Told {
-    fn of_row(row: &ResultRow, step_m: f64) -> Self {
+    fn of_row(row: &ResultRow, sensors: &Sensors) -> Self {
         let known = |value: f32| if value < f32::MAX { f64::from(value) } else { f64::NAN };
         let z_m = f64::from(row.z_amplitude_m);
         // The sensor of z is taken to have the noise of that of x.
         let ticks = f64::from(row.cycles) * f64::from(TICK_HZ) / row.frequency_hz;
-        let of_noise = 2.0 * f64::from(row.x_noise_rms_m) * (2.0 / ticks).sqrt() / z_m;
-        let of_base = of_noise.hypot(of_steps_m(z_m, step_m) / z_m);
+        let of_base = sensors.amplitude_error_95_m(z_m, row.x_noise_rms_m.into(), ticks) / z_m;
         let of_scatter = known(row.interval).hypot(known(row.deviation_uncertainty));
         Self {
             index: row.point_index as usize,
@@ -172,13 +159,13 @@ impl TrackedCurve {
         let has_any = campaign.experiments.iter().any(|experiment| experiment.tracking().is_some());
         // What cannot be simulated has no prediction.
         let predicted = if has_any { loops::predict(campaign).unwrap_or_default() } else { Vec::new() };
-        let step_m = sensors::of(&campaign.rig, is_simulated).step_m;
+        let sensors = sensors::of(&campaign.rig, is_simulated);
         let mut all = Vec::new();
         for (place, set_up) in campaign.set_ups.iter().enumerate() {
             for experiment in campaign.experiments.iter().filter(|e| e.set_ups.contains(&place)) {
                 let Some((sine, tracked)) = experiment.tracking() else { continue };
                 let is_own = |row: &&ResultRow| row.set_up == set_up.name && row.experiment == experiment.name;
-                let own = rows.iter().filter(is_own).map(|row| Told::of_row(row, step_m));
+                let own = rows.iter().filter(is_own).map(|row| Told::of_row(row, &sensors));
                 let measured: Vec<TrackedPoint> = own.map(|told| told.point(sine, tracked)).collect();
                 if measured.is_empty() {
                     continue;

@@ -59,6 +59,7 @@ mod predicted;
 mod real_time;
 mod refusals;
 mod report;
+mod resonance_tracking;
 mod response_controlled;
 mod rest_check;
 mod resume;

@@ -48,7 +48,7 @@ fn drive(session: &mut Session) {
         dwell_s: 600.0,
         steady: SteadyLimits::default(),
         first_index: 0,
-        frequencies_hz: [2.0].into_iter().collect(),
+        points: [2.0].into_iter().collect(),
     };
     session.execute("take the experiment", Request::Configure(sine)).expect("an experiment");
     session.start().expect("it starts");

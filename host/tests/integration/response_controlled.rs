@@ -6,7 +6,7 @@ use std::sync::Arc;
 use damprig::campaign::Campaign;
 use damprig::continuation::Continuation;
 use damprig::input::Source;
-use damprig::prediction::held_response;
+use damprig::prediction::loops;
 use damprig::report::force_surface::{Fold, ForceSurface};
 use damprig::run_folder::RunFolder;
 use predicates::prelude::PredicateBooleanExt;
@@ -96,7 +96,7 @@ fn the_folds_of_both_shipped_set_ups_are_measured_with_data_sheet_sensors() {
 fn the_prediction_is_what_the_rig_measures() {
     let text = sheets("soft-walls", "0.0031").replace("data_sheet", "ideal");
     let campaign = Campaign::parse(Source::new("test.toml", text.clone())).unwrap();
-    let predicted = held_response::predict(&campaign).unwrap();
+    let predicted = loops::predict(&campaign).unwrap();
     let folder = folder_with(&text);
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let rows = RunFolder::open(&folder.path().join("out")).unwrap().result_rows().unwrap();

@@ -4,6 +4,8 @@
 //! odd and cubic, L·2.6·R·(r − r³) with r = x/R, as that of the simulated sensors: it changes the scale by up to 2.6 L, and the scale
 //! at r by (1 − r²) of that.
 
+use std::f64::consts::{PI, TAU};
+
 /// Linearity of a real sensor whose calibration is not known, of its range: that of usual triangulation lasers and load cells.
 pub const ASSUMED_LINEARITY: f64 = 1e-3;
 
@@ -42,6 +44,19 @@ pub const fn by_linearity(linearity: f64) -> f64 {
 }
 
 impl Sensors {
+    /// Half-width of the 95 % interval of a sine's amplitude over so many samples with this RMS noise, m, without the error of the scale:
+    /// noise and steps. The steps q make an error with parts (2q/πn) J₁(2πnA/q) (Widrow and Kollár, Quantization Noise, 2008); |J₁(y)|
+    /// is at most 0.58 and about √(2/πy). Three parts at their largest; noise of the size of a step makes it smaller.
+    #[must_use]
+    pub fn amplitude_error_95_m(&self, amplitude_m: f64, noise_rms_m: f64, samples: f64) -> f64 {
+        let part = |n: f64| {
+            let argument = TAU * n * amplitude_m / self.step_m;
+            2.0 * self.step_m / (PI * n) * (2.0 / (PI * argument)).sqrt().min(0.58)
+        };
+        let of_steps = if self.step_m > 0.0 { part(1.0) + part(2.0) + part(3.0) } else { 0.0 };
+        of_steps.hypot(2.0 * noise_rms_m * (2.0 / samples).sqrt())
+    }
+
     /// Sensors without errors.
     pub const EXACT: Self =
         Self { linearity: 0.0, scale: 0.0, scale_from: "exact", range_m: None, step_m: 0.0, skew_s: 0.0, delay_s: 0.0 };
@@ -82,5 +97,27 @@ impl Sensors {
             format!("standard uncertainty of the sensors' scale: {:.3} % ({})", 100.0 * self.scale, self.scale_from);
         let cubic = if self.has_cubic() { "" } else { "; their third-order error counts as 0" };
         format!("{scale}{cubic}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_error_of_a_stepped_sine_is_within_its_bound() {
+        let sensors = Sensors { step_m: 1.0, ..Sensors::EXACT };
+        let samples = 40_001;
+        let mut largest = 0.0_f64;
+        for n in 1..400 {
+            let amplitude = 0.05 * f64::from(n);
+            let read = |k: i32| (amplitude * (TAU * f64::from(k) / f64::from(samples)).sin()).round();
+            let sum: f64 = (0..samples).map(|k| read(k) * (TAU * f64::from(k) / f64::from(samples)).sin()).sum();
+            let error = (2.0 * sum / f64::from(samples) - amplitude).abs();
+            let bound = sensors.amplitude_error_95_m(amplitude, 0.0, 1e4);
+            assert!(error <= bound, "{amplitude}: {error}, {bound}");
+            largest = largest.max(error / bound);
+        }
+        assert!(largest > 0.5, "{largest}");
     }
 }

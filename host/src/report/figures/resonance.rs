@@ -13,8 +13,8 @@ const LEFT: f64 = 92.0;
 const RIGHT: f64 = BROAD - 24.0;
 const TALL: f64 = 210.0;
 const GAP: f64 = 70.0;
-/// Height of the legend's row for each curve.
-const ROW: f64 = 18.0;
+/// Height of a row of the legend.
+const ROW: f64 = 26.0;
 
 /// What the figure shows, for its caption.
 pub const CAPTION: &str = "The resonance over the amplitude of x at the drive frequency (backbone). Above: the frequency at which x has the phase that is kept. Below: \
@@ -28,7 +28,8 @@ pub fn draw(campaign: &Campaign, curves: &[TrackedCurve]) -> Picture {
         let all = curves.iter().flat_map(|curve| curve.measured.iter().chain(&curve.predicted));
         all.map(of).filter(|value| value.is_finite()).collect()
     };
-    let top = 22.0 + ROW * curves.len() as f64;
+    // The legend has up to three entries in a row.
+    let top = 22.0 + ROW * curves.len().div_ceil(3) as f64;
     let frame = |label: &'static str, of: fn(&TrackedPoint) -> f64, top: f64| Frame {
         x: Axis::around("Amplitude of x (mm)", Scale::Linear, shown(|point| point.x_m * 1e3).into_iter().chain([0.0])),
         y: Axis::around(label, Scale::Linear, shown(of)),

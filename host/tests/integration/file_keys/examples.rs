@@ -168,6 +168,47 @@ steady = { tolerance = 0.02 }
 response_loop = { gain_per_cycle = 1, tolerance = 0.02, wait_s = 10, drive_limit_m = 0.004 }
 
 [[experiment]]
+name = "resonance"
+kind = "resonance_tracking"
+x_amplitudes_m = [0.002, 0.004]
+from_hz = 2
+to_hz = 3
+start_hz = 2.4
+start = "from_rest"
+ramp_s = 0.1
+settle_s = 0.2
+dwell_s = 3
+rest_level_m = 1e-4
+steady = { tolerance = 0.02 }
+response_loop = { gain_per_cycle = 1, tolerance = 0.02, wait_s = 10, drive_limit_m = 0.004 }
+phase_lock = { phase_deg = -60, gain_per_cycle = 0.8, tolerance_deg = 3, wait_s = 60 }
+
+[[experiment]]
+kind = "resonance_tracking"
+base_amplitudes_m = [0.001]
+from_hz = 2
+to_hz = 3
+start = "carry_over"
+dwell_s = 3
+drive = "constant"
+
+[[experiment]]
+kind = "resonance_tracking"
+velocity_amplitudes_m_per_s = [0.05]
+from_hz = 2
+to_hz = 3
+start = "carry_over"
+dwell_s = 3
+
+[[experiment]]
+kind = "resonance_tracking"
+relative_amplitudes_m = [0.004]
+from_hz = 2
+to_hz = 3
+start = "carry_over"
+dwell_s = 3
+
+[[experiment]]
 kind = "response_controlled"
 velocity_amplitudes_m_per_s = [0.05]
 frequencies_hz = [2.5]
