@@ -237,10 +237,10 @@ impl PhaseTracker {
         self.frequency_hz = within(self.integral_hz + proportional);
     }
 
-    /// The phase has been within the tolerance for [`HELD_CYCLES`].
+    /// The phase has been within the tolerance for [`HELD_CYCLES`], and is not lost.
     #[must_use]
     pub fn is_locked(&self) -> bool {
-        self.held >= HELD_CYCLES
+        self.held >= HELD_CYCLES && !self.is_lost()
     }
 
     /// The phase is far from the kept one.

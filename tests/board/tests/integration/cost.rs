@@ -3,8 +3,9 @@
 use damprig_board::{Board, Config, Time};
 use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, SpringStage, Target};
+use damprig_core::control::phase_lock::PhaseLock;
 use damprig_core::control::response_loop::{KeptQuantity, ResponseLoop};
-use damprig_core::control::stepped_sine::{DriveMode, SteppedSine};
+use damprig_core::control::stepped_sine::{DriveMode, Points, SteppedSine};
 use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
 use damprig_core::twin::TwinConfig;
 use damprig_protocol::Request;
@@ -92,11 +93,13 @@ fn a_tick_and_the_memory_keep_their_budgets_with_everything_switched_on() {
     }));
     host.ask(Request::SetTwin(Some(TwinConfig::new(set_up()))));
     host.ask(Request::SetTelemetry { every_ticks: 1, signals: (0..16).collect(), impacts: true });
-    // Both loops at once: that of the response, and that of the base below it.
+    // All loops at once: that of the phase, that of the response, and that of the base below it.
+    let lock = PhaseLock { wait_s: 0.0, ..PhaseLock::new(2.4, 2.6) };
+    let points = Points::Resonance { lock, amplitudes: [0.02].into_iter().collect() };
     let base = ClosedLoop { tolerance: 0.5, wait_s: 0.0, ..ClosedLoop::default() };
     let response = ResponseLoop::new(KeptQuantity::Displacement { amplitude_m: 0.02 }, Some(base));
     let drive = DriveMode::Response(ResponseLoop { tolerance: 0.5, wait_s: 0.0, ..response });
-    host.ask(Request::Configure(SteppedSine { drive, settle_s: 1.0, dwell_s: 3.0, ..sine(2e-3, 2.5) }));
+    host.ask(Request::Configure(SteppedSine { drive, points, settle_s: 1.0, dwell_s: 3.0, ..sine(2e-3, 2.5) }));
     host.board.forget_costs();
     for command in [SpringCommand::Home, SpringCommand::TouchOff, SpringCommand::Set(Target::Force { force_n: 0.5 })] {
         host.ask(Request::Spring(command));

@@ -430,7 +430,8 @@ impl SteppedSineRunner {
 mod tests {
     use super::*;
     use crate::control::base_loop::ClosedLoop;
-    use crate::control::stepped_sine::{DriveMode, SteppedSine};
+    use crate::control::phase_lock::PhaseLock;
+    use crate::control::stepped_sine::{DriveMode, Points, SteppedSine};
     use crate::io::{DriveScale, Readings};
     use crate::measure::steadiness::SteadyLimits;
 
@@ -458,5 +459,55 @@ mod tests {
                 assert_eq!(runner.waves[0], (then, then.sin_cos()), "tick {tick}");
             }
         }
+    }
+
+    /// x lags z by a quarter of a cycle at every frequency, but for two seconds in the first dwell.
+    #[test]
+    fn a_lost_phase_begins_the_dwell_again() {
+        let lock = PhaseLock::new(2.0, 3.0);
+        let plan = SteppedSinePlan::new(SteppedSine {
+            start: Start::CarryOver,
+            amplitude_m: 1e-3,
+            drive: DriveMode::Constant,
+            ramp_s: 0.1,
+            settle_s: 1.0,
+            dwell_s: 8.0,
+            steady: SteadyLimits::default(),
+            points: Points::Resonance { lock, amplitudes: [1e-3].into_iter().collect() },
+            first_index: 0,
+        })
+        .unwrap();
+        let mut runner = SteppedSineRunner::new(&plan, &DriveScale::default().range());
+        let (mut stages, mut lost_until) = (heapless::Vec::<ExperimentStage, 8>::new(), None);
+        for tick in 0..60_000 {
+            let is_lost = lost_until.is_some_and(|until| (until - 2000..until).contains(&tick));
+            let lag = if is_lost { 0x2aaa_aaab_u32 } else { 0x4000_0000 };
+            let then = runner.phase.0.wrapping_sub(DELAY_TICKS * runner.increment);
+            let of = |phase: u32| Phase(phase).sin_cos().0;
+            let readings = Readings {
+                x: crate::io::Reading::still(5e-3 * of(then.wrapping_sub(lag))),
+                z: crate::io::Reading::still(1e-3 * of(then)),
+                ..Readings::default()
+            };
+            let now = TickInputs { tick, readings: &readings, impacts: 0, clipped: SensorSet::default() };
+            let (_, outcome) = runner.tick(&now);
+            if let Outcome::Finished(result) = outcome {
+                assert!(lost_until.is_some_and(|until| result.start_tick > until), "{result:?}");
+                // The readings are two ticks older than the reference of the result for both.
+                assert!((result.phase_rad + core::f32::consts::FRAC_PI_2).abs() < 1e-3, "{result:?}");
+                assert_eq!(
+                    stages[..],
+                    [ExperimentStage::Settle, ExperimentStage::Dwell, ExperimentStage::Settle, ExperimentStage::Dwell]
+                );
+                return;
+            }
+            if stages.last() != Some(&runner.stage()) {
+                stages.push(runner.stage()).unwrap();
+                if runner.stage() == ExperimentStage::Dwell {
+                    lost_until.get_or_insert(tick + 4000);
+                }
+            }
+        }
+        panic!("no result: {stages:?}");
     }
 }
