@@ -155,19 +155,23 @@ mod tests {
     }
 
     #[test]
-    fn a_stepped_sine_of_the_most_frequencies_fits() {
+    fn a_stepped_sine_of_the_most_points_with_every_loop_fits() {
         use damprig_core::control::base_loop::ClosedLoop;
-        use damprig_core::control::stepped_sine::{DriveMode, MAX_POINTS, Start, SteppedSine};
+        use damprig_core::control::phase_lock::PhaseLock;
+        use damprig_core::control::response_loop::{KeptQuantity, ResponseLoop};
+        use damprig_core::control::stepped_sine::{DriveMode, MAX_POINTS, Points, Start, SteppedSine};
+        let amplitudes = core::iter::repeat_n(2e-3, MAX_POINTS).collect();
+        let response = KeptQuantity::Displacement { amplitude_m: 2e-3 };
         let sine = SteppedSine {
             start: Start::FromRest { level_m: 5e-4 },
             amplitude_m: 1e-3,
-            drive: DriveMode::ClosedLoop(ClosedLoop::default()),
+            drive: DriveMode::Response(ResponseLoop::new(response, Some(ClosedLoop::default()))),
             ramp_s: 0.0,
             settle_s: 1.0,
             dwell_s: 4.0,
             steady: Default::default(),
             first_index: u16::MAX,
-            points: core::iter::repeat_n(2.5, MAX_POINTS).collect(),
+            points: Points::Resonance { lock: PhaseLock::new(2.0, 3.0), amplitudes },
         };
         let request = NumberedRequest { seq: u16::MAX, at_tick: Some(u32::MAX), request: Request::Configure(sine) };
         assert!(encode(&ToDevice::Request(request), &mut [0; LONGEST]).is_some());
