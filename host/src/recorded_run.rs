@@ -16,6 +16,7 @@ use crate::report::force_surface::ForceSurface;
 use crate::report::page::page;
 use crate::report::plot::{Breadth, Picture};
 use crate::report::resonance::TrackedCurve;
+use crate::report::resonance_table;
 use crate::run_folder::checksum;
 use crate::run_folder::journal::{Begin, CopiedFile, Ended, Entry, Journal, Withdrawn};
 use crate::run_folder::read::folder::id_of;
@@ -191,7 +192,8 @@ impl<'a> RecordedRun<'a> {
         });
         let tracked = TrackedCurve::of(self.campaign, &rows, manifest.is_simulated());
         let drawn = drawn.and_then(|()| match tracked.is_empty() {
-            false => write(resonance::draw(self.campaign, &tracked), "resonance"),
+            false => resonance_table::write(self.campaign, &tracked, &path.join("resonance.csv"))
+                .and_then(|()| write(resonance::draw(self.campaign, &tracked), "resonance")),
             true => Ok(()),
         });
         let drawn = drawn.and_then(|()| match figures::transients(self.campaign, path, taken.transients())? {

@@ -285,7 +285,7 @@ tables! {
     "The resonance at one amplitude after another: the drive's frequency follows the phase of x, and frequency and damping over the amplitude are the result."
     resonance_tracking("experiment", "resonance_tracking") {
         AMPLITUDES: Required, [
-            numbers("base_amplitudes_m", "amplitudes of the base, in the order in which they are measured").usual(1e-5, 0.02),
+            numbers("base_amplitudes_m", "amplitudes of the base, in the order in which they are measured; a shaker keeps them with drive = \"closed_loop\"").usual(1e-5, 0.02),
             numbers("x_amplitudes_m", "amplitudes of x at the drive frequency, in the order in which they are measured; a loop keeps them").usual(1e-5, 0.1),
             numbers("velocity_amplitudes_m_per_s", "amplitudes of the velocity of x, likewise").usual(1e-4, 5.0),
             numbers("relative_amplitudes_m", "amplitudes of x − z, likewise").usual(1e-5, 0.1),
@@ -293,7 +293,7 @@ tables! {
         FROM: Required, [number("from_hz", Above(0.0, HIGHEST_HZ), "lowest frequency of the drive").usual(0.1, 25.0).note(TICK)];
         TO: Required, [number("to_hz", Above(0.0, HIGHEST_HZ), "highest frequency of the drive").usual(0.1, 25.0).note(TICK)];
         START_FREQUENCY: Optional, [
-            number("start_hz", Above(0.0, HIGHEST_HZ), "frequency at which the search starts; the middle of the range when left out"),
+            number("start_hz", Above(0.0, HIGHEST_HZ), "frequency at which the first point starts, and each from rest; the middle of the range when left out"),
         ];
         START: Required, [stepped_sine::START.keys[0]];
         SETTLE: stepped_sine::SETTLE.need, [stepped_sine::SETTLE.keys[0]];
@@ -310,16 +310,16 @@ tables! {
     "The loop that follows a resonance by the phase of x."
     phase_lock("experiment.phase_lock") {
         PHASE: Default(Number(-90.0)), [
-            number("phase_deg", Between(-150.0, -30.0), "kept phase of x relative to z; at −90° the structure is at resonance"),
+            number("phase_deg", Between(-150.0, -30.0), "kept phase of x relative to z; at −90° the structure is at resonance, fn·√(1 + (Z/X)²) of a linear one"),
         ];
         GAIN: Default(From(|| default_lock().gain_per_cycle.into())), [
             number("gain_per_cycle", Above(0.0, phase_lock_limits::MAX_GAIN_PER_CYCLE as f64), "rate of the loop, for each cycle of the drive"),
         ];
         TOLERANCE: Default(Number(2.0)), [
-            number("tolerance_deg", Between(0.1, 10.0), "deviation of the phase within which it counts as kept; three times it is a lost lock"),
+            number("tolerance_deg", Between(0.1, 10.0), "deviation of the phase within which it counts as kept; the lock is lost beyond three times it"),
         ];
         WAIT: Default(From(|| default_lock().wait_s.into())), [
-            number("wait_s", Between(0.0, 3600.0), "longest time after settling until the phase is kept"),
+            number("wait_s", Between(0.0, 3600.0), "longest time after settling until the phase is kept; the longest wait of the loops in use counts"),
         ];
     }
 

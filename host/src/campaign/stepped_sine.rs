@@ -296,7 +296,7 @@ fn read_times(section: &Section, lowest_hz: impl FnOnce() -> Option<f64>) -> Opt
         && dwell.value * lowest < f64::from(MIN_CYCLES)
     {
         let allowed = format!("must hold {MIN_CYCLES} periods of the lowest frequency, {lowest} Hz");
-        let help = Some(format!("write dwell_s = {} or more", f64::from(MIN_CYCLES) / lowest));
+        let help = Some(format!("write dwell_s = {} or more", (1e3 * f64::from(MIN_CYCLES) / lowest).ceil() / 1e3));
         section.refuse("dwell_s", &dwell.span, allowed, help);
     }
     let ramp = section.placed(&keys::RAMP);

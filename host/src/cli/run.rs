@@ -124,7 +124,8 @@ settings do not act (damaged, of another layout), nothing moves without --accept
 
 The run folder has campaign.toml, manifest.json, journal.jsonl, results.parquet, samples.parquet,
 figure.svg, figure.png and report.html; with a stepped sine whose x is recorded also motions.svg
-and motions.png; with responses that are kept force-surface.svg and force-surface.png; with a tracked resonance resonance.svg and resonance.png; with playbacks, impulses or free vibrations also transients.parquet,
+and motions.png; with responses that are kept force-surface.svg and force-surface.png; with a tracked resonance resonance.csv,
+resonance.svg and resonance.png; with playbacks, impulses or free vibrations also transients.parquet,
 transients.svg and transients.png. Until the run is complete, samples.parts/
 stands in for samples.parquet.
 

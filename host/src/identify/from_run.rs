@@ -202,8 +202,9 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, Failure> {
     let points: Vec<Point> = usable.map(|f| Point { ratio: f.1.ratio / stiffness_n_per_m, ..f.1 }).collect();
     let (all, settled) = (own().count(), points.len());
     if settled < MIN {
+        let more = if settled < all { "settle longer" } else { "measure more points" };
         return Err(failed(&format!(
-            "{settled} of {all} points of {set_up:?} are steady or stationary; at least {MIN} are needed\n  settle longer, or \
+            "{settled} of {all} points of {set_up:?} are steady or stationary; at least {MIN} are needed\n  {more}, or \
              measure a free vibration for `damprig identify decay`"
         )));
     }

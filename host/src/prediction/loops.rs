@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use super::{MAX_STEPS, Response, Swing, USABLE, trim, wall_force, watch};
 use crate::campaign::transient::two_digits_down;
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, SteppedSine};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, SteppedSine, TrackedResonance};
 use crate::failure::Failure;
 use crate::input::Problem;
 
@@ -290,13 +290,25 @@ pub fn check(campaign: &Campaign, predicted: &[LoopPrediction]) -> Result<Vec<St
         }
         if !own.missed.is_empty() {
             let at: Vec<String> = own.missed.iter().map(|point| sine.point_in_words(*point)).collect();
+            let amplitudes: Vec<String> = sine
+                .tracked
+                .iter()
+                .flat_map(|tracked| own.missed.iter().filter_map(|point| tracked.amplitudes.get(*point)))
+                .map(|amplitude| sine.amplitude_in_words(amplitude.value))
+                .collect();
             let why = if own.is_drive_short { "; the drive is at its limit there" } else { "" };
             let (name, at) = (&experiment.name, at.join(", "));
             let what = match (&sine.kept, &sine.tracked) {
                 (Some(kept), None) => {
                     format!("{} is not predicted to be held at {at}", sine.amplitude_in_words(kept.amplitude.value))
                 }
-                _ => format!("{at} is not predicted to be found"),
+                (_, Some(TrackedResonance { lock, .. })) => format!(
+                    "no resonance is predicted to be found from {} to {} Hz at {}",
+                    lock.low_hz,
+                    lock.high_hz,
+                    amplitudes.join(", ")
+                ),
+                _ => format!("{at} is not predicted to be held"),
             };
             warnings.push(format!(
                 "set-up {:?}, experiment {name:?}: {what}{why}. These points are measured when the wait is over",

@@ -21,6 +21,7 @@ pub mod parameters;
 pub mod peak;
 pub mod plot;
 pub mod resonance;
+pub mod resonance_table;
 pub mod restitution_table;
 pub mod spectrum_table;
 pub mod study_files;

@@ -41,7 +41,8 @@ pub struct TrackedPoint {
     pub natural_frequency_hz: f64,
     /// Damping ratio of that structure.
     pub damping_ratio: f64,
-    /// Half-width of the frequency's 95 % interval, Hz: noise and steps of z, which turn its phase. Not a number where it is not known.
+    /// Half-width of the 95 % interval of both frequencies, Hz: noise and steps of z, which turn its phase, and twice what the phase is from
+    /// the kept one. Not a number where it is not known.
     pub frequency_95_hz: f64,
     /// Half-width of the damping ratio's 95 % interval: noise and steps of z, scatter, and what X/Z is still from its limit; without the
     /// sensors' scales. Not a number where it is not known.
@@ -53,8 +54,10 @@ pub struct TrackedPoint {
 /// Whether a point is at its resonance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Found {
-    /// Phase and amplitude are as asked for.
+    /// Phase and amplitude are as asked for, and the motion is steady or stationary.
     Yes,
+    /// As asked for, but the motion is not steady.
+    Unsteady,
     /// The phase is not, at an end of the range of frequencies.
     AtEnd,
     /// The phase is not.
@@ -69,6 +72,7 @@ impl Found {
     pub fn text(self) -> &'static str {
         match self {
             Self::Yes => "locked",
+            Self::Unsteady => "locked, not steady",
             Self::AtEnd => "not locked: at an end of the range",
             Self::NotLocked => "not locked",
             Self::NotHeld => "response not held",
@@ -89,6 +93,7 @@ struct Told {
     /// 95 % uncertainty of the base's amplitude, and all of X/Z, relative.
     of_base: f64,
     of_ratio: f64,
+    is_settled: bool,
 }
 
 impl Told {
@@ -107,6 +112,7 @@ impl Told {
             phase_rad: row.phase_rad,
             of_base,
             of_ratio: known(row.deviation).abs() + of_scatter.hypot(of_base),
+            is_settled: row.steadiness.is_settled(),
         }
     }
 
@@ -119,6 +125,7 @@ impl Told {
             phase_rad: result.phase_rad,
             of_base: f64::NAN,
             of_ratio: f64::NAN,
+            is_settled: true,
         }
     }
 
@@ -129,13 +136,17 @@ impl Told {
         let found = if !is_locked(lock, self.phase_rad) {
             if is_near(lock.low_hz) || is_near(lock.high_hz) { Found::AtEnd } else { Found::NotLocked }
         } else if is_as_asked(sine, self.index, self.frequency_hz as f32, measured) {
-            Found::Yes
+            if self.is_settled { Found::Yes } else { Found::Unsteady }
         } else {
             Found::NotHeld
         };
         let (x_m, z_m, phase_rad) = (f64::from(self.x_m), f64::from(self.z_m), f64::from(self.phase_rad));
         let (natural_frequency_hz, damping_ratio) = equivalent(self.frequency_hz, x_m / z_m, phase_rad);
         let amplitude = tracked.amplitudes.get(self.index);
+        // Beside its resonance a point's phase and amplitude act otherwise on both.
+        let is_locked = matches!(found, Found::Yes | Found::Unsteady | Found::NotHeld);
+        let of_phase = 2.0 * (phase_rad - f64::from(lock.phase_rad)).abs();
+        let half = |value: f64, share: f64| if is_locked { value * share } else { f64::NAN };
         TrackedPoint {
             asked: amplitude.map_or_else(String::new, |own| sine.amplitude_in_words(own.value)),
             x_m,
@@ -144,8 +155,8 @@ impl Told {
             phase_rad,
             natural_frequency_hz,
             damping_ratio,
-            frequency_95_hz: self.frequency_hz * damping_ratio * self.of_base,
-            damping_ratio_95: damping_ratio * self.of_ratio,
+            frequency_95_hz: half(self.frequency_hz * damping_ratio, self.of_base + of_phase),
+            damping_ratio_95: half(damping_ratio, self.of_ratio),
             found,
         }
     }
@@ -174,7 +185,12 @@ impl TrackedCurve {
                     own.set_up == place && campaign.experiments[own.experiment].series == experiment.series
                 };
                 let of_model = predicted.iter().find(is_series).map_or(&[][..], |own| &own.points);
-                let predicted = of_model.iter().map(|result| Told::of_result(result).point(sine, tracked)).collect();
+                let mut predicted: Vec<TrackedPoint> =
+                    of_model.iter().map(|result| Told::of_result(result).point(sine, tracked)).collect();
+                if !experiment.carries_over() {
+                    // The order of points from rest says nothing.
+                    predicted.sort_by(|a, b| a.x_m.total_cmp(&b.x_m));
+                }
                 all.push(Self { set_up: place, experiment: experiment.name.clone(), measured, predicted });
             }
         }
@@ -183,15 +199,16 @@ impl TrackedCurve {
 }
 
 /// Columns of a table of the points: name and unit.
-pub const HEADS: [(&str, &str); 11] = [
+pub const HEADS: [(&str, &str); 12] = [
     ("set-up", ""),
     ("experiment", ""),
     ("at", ""),
-    ("frequency", "Hz"),
-    ("± 95 %", "Hz"),
+    ("drive", "Hz"),
     ("phase", "°"),
     ("X", "mm"),
     ("Z", "mm"),
+    ("equivalent fn", "Hz"),
+    ("± 95 %", "Hz"),
     ("equivalent ζ", "%"),
     ("± 95 %", "%"),
     ("resonance", ""),
@@ -208,10 +225,11 @@ pub fn cells(campaign: &Campaign, curves: &[TrackedCurve]) -> Vec<[String; HEADS
             curve.experiment.clone(),
             point.asked.clone(),
             format!("{:.4}", point.frequency_hz),
-            half(point.frequency_95_hz),
             format!("{:.1}", point.phase_rad.to_degrees()),
             significant(point.x_m * 1e3, 4),
             significant(point.z_m * 1e3, 4),
+            format!("{:.4}", point.natural_frequency_hz),
+            half(point.frequency_95_hz),
             significant(zeta, 4),
             half(100.0 * point.damping_ratio_95),
             point.found.text().to_string(),

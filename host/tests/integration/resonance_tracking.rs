@@ -61,6 +61,9 @@ fn the_backbone_of_every_damper_is_that_of_its_model_with_data_sheet_sensors() {
     assert!(page.contains("The resonance over the amplitude of x") && page.contains("equivalent ζ"));
     assert!(!page.contains("than the set Z"), "Z is a result here");
     assert!(folder.path().join("out/resonance.png").is_file());
+    let table = std::fs::read_to_string(folder.path().join("out/resonance.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1 + 2 * 16, "measured and predicted: {table}");
+    assert!(table.starts_with("set_up,experiment,from,asked,resonance,frequency_hz"), "{table}");
     damprig(&folder).args(["runs", "verify", "out"]).assert().success();
 }
 
@@ -138,7 +141,7 @@ fn what_would_leave_a_limit_is_refused_and_what_will_not_be_found_is_told() {
     let text = campaign(r#""impact""#, "x_amplitudes_m = [0.006]").replace("to_hz = 2.8", "to_hz = 2.3");
     let folder = folder_with(&text.replace("start_hz = 2.5", "start_hz = 2.25"));
     let told = damprig(&folder).args(["run", "test.toml", "--dry-run"]).assert().success();
-    told.stderr(contains("the resonance at x 6 mm is not predicted to be found"));
+    told.stderr(contains("no resonance is predicted to be found from 2.2 to 2.3 Hz at x 6 mm"));
     let ran = damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "out"]).assert().success();
     ran.stdout(contains("not locked: at an end of the range"));
 }

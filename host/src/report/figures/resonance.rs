@@ -17,9 +17,9 @@ const GAP: f64 = 70.0;
 const ROW: f64 = 26.0;
 
 /// What the figure shows, for its caption.
-pub const CAPTION: &str = "The resonance over the amplitude of x at the drive frequency (backbone). Above: the frequency at which x has the phase that is kept. Below: \
-    the damping ratio of the linear structure that would respond so; bars: 95 % interval, without the sensors' scales. Lines: predicted from the \
-    set-up's model. Hollow: the phase or the amplitude is not as asked for.";
+pub const CAPTION: &str = "The resonance over the amplitude of x at the drive frequency (backbone). Above: the frequency of the drive at which x has the phase that is kept. \
+    Below: the damping ratio of the linear structure that would respond so. Bars: 95 % intervals, without the sensors' scales. Lines: predicted from the \
+    set-up's model, on a base that moves as demanded. Hollow: the phase or the amplitude is not as asked for, or the motion not steady.";
 
 /// Draws them in one picture.
 #[must_use]
@@ -30,21 +30,31 @@ pub fn draw(campaign: &Campaign, curves: &[TrackedCurve]) -> Picture {
     };
     // The legend has up to three entries in a row.
     let top = 22.0 + ROW * curves.len().div_ceil(3) as f64;
-    let frame = |label: &'static str, of: fn(&TrackedPoint) -> f64, top: f64| Frame {
-        x: Axis::around("Amplitude of x (mm)", Scale::Linear, shown(|point| point.x_m * 1e3).into_iter().chain([0.0])),
-        y: Axis::around(label, Scale::Linear, shown(of)),
+    let frame = |y: Axis, top: f64| Frame {
+        x: Axis::around("Amplitude of x (mm)", Scale::Linear, shown(|point| point.x_m * 1e3)),
+        y,
         bounds: (LEFT, top, RIGHT, top + TALL),
     };
-    let upper = frame("Frequency (Hz)", |point| point.frequency_hz, top);
-    let lower = frame("Equivalent damping ratio", |point| point.damping_ratio, top + TALL + GAP);
+    let of_bars = |low: fn(&TrackedPoint) -> f64, high: fn(&TrackedPoint) -> f64| [shown(low), shown(high)].concat();
+    let mut frequencies = shown(|point| point.frequency_hz);
+    frequencies.extend(of_bars(
+        |point| point.frequency_hz - point.frequency_95_hz,
+        |point| point.frequency_hz + point.frequency_95_hz,
+    ));
+    let mut ratios = shown(|point| point.damping_ratio);
+    ratios.extend(of_bars(
+        |point| point.damping_ratio - point.damping_ratio_95,
+        |point| point.damping_ratio + point.damping_ratio_95,
+    ));
+    ratios.retain(|ratio| *ratio > 0.0);
+    let upper = frame(Axis::around("Drive frequency (Hz)", Scale::Linear, frequencies), top);
+    let lower = frame(Axis::around("Equivalent damping ratio", Scale::Log, ratios), top + TALL + GAP);
     let (mut above, mut below) = (Traces::new(&upper), Traces::new(&lower));
     let mut entries = Vec::new();
     for curve in curves {
         let own = colour(curve.set_up);
         let of_model = |of: fn(&TrackedPoint) -> f64| -> Vec<(f64, f64)> {
-            let mut line: Vec<(f64, f64)> = curve.predicted.iter().map(|point| (point.x_m * 1e3, of(point))).collect();
-            line.sort_by(|a, b| a.0.total_cmp(&b.0));
-            line
+            curve.predicted.iter().map(|point| (point.x_m * 1e3, of(point))).collect()
         };
         above.history(&of_model(|point| point.frequency_hz), own.stroke(1.2));
         below.history(&of_model(|point| point.damping_ratio), own.stroke(1.2));
@@ -54,8 +64,10 @@ pub fn draw(campaign: &Campaign, curves: &[TrackedCurve]) -> Picture {
                 (&mut above, point.frequency_hz, point.frequency_95_hz),
                 (&mut below, point.damping_ratio, point.damping_ratio_95),
             ] {
-                if half.is_finite() {
-                    traces.line([(mm, value - half), (mm, value + half)], own.stroke(1.5));
+                if half.is_finite() && value > 0.0 {
+                    // On the logarithmic axis a bar ends above 0.
+                    let low = (value - half).max(0.02 * value);
+                    traces.line([(mm, low), (mm, value + half)], own.stroke(1.5));
                 }
             }
             mark(&mut above, (mm, point.frequency_hz), point.found, curve.set_up);

@@ -66,7 +66,7 @@ pub(super) fn short(value: f64, decimals: usize) -> String {
 /// Peak of X/Z (cycle maxima), a row for each experiment on each set-up.
 pub(super) fn peaks(data: &PageData) -> Markup {
     html! {
-        @if !data.points.is_empty() {
+        @if !curves(data).is_empty() {
             div.wide { table {
                 thead { tr {
                     th.word { "Set-up" } th.word { "Experiment" }

@@ -127,7 +127,7 @@ impl Regulator {
                     return (drive, None);
                 }
                 own.end_cycle(amplitude_m);
-                (drive, ran_away(own, amplitude_m))
+                (drive, ran_away(own, own.largest_target_m()))
             }
             Self::Response(own, base) => {
                 let reading = (is_x_read && is_z_read).then_some((x.mean_m, z.mean_m));
