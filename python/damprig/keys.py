@@ -802,13 +802,13 @@ class CampaignExperimentPhaseLock(TypedDict, total=False):
     """The loop that follows a resonance by the phase of x."""
 
     phase_deg: float
-    """kept phase of x relative to z; at −90° the structure is at resonance"""
+    """kept phase of x relative to z; at −90° the structure is at resonance, fn·√(1 + (Z/X)²) of a linear one"""
     gain_per_cycle: float
     """rate of the loop, for each cycle of the drive"""
     tolerance_deg: float
-    """deviation of the phase within which it counts as kept; three times it is a lost lock"""
+    """deviation of the phase within which it counts as kept; the lock is lost beyond three times it"""
     wait_s: float
-    """longest time after settling until the phase is kept (s)"""
+    """longest time after settling until the phase is kept; the longest wait of the loops in use counts (s)"""
 
 
 class CampaignExperimentResonanceTracking(TypedDict, total=False):
@@ -824,7 +824,7 @@ class CampaignExperimentResonanceTracking(TypedDict, total=False):
     instruction: str
     """what a person does before it; asked on a real rig, and noted in the journal"""
     base_amplitudes_m: Sequence[float]
-    """amplitudes of the base, in the order in which they are measured (m)"""
+    """amplitudes of the base, in the order in which they are measured; a shaker keeps them with drive = 'closed_loop' (m)"""
     x_amplitudes_m: Sequence[float]
     """amplitudes of x at the drive frequency, in the order in which they are measured; a loop keeps them (m), in place of base_amplitudes_m"""
     velocity_amplitudes_m_per_s: Sequence[float]
@@ -836,7 +836,7 @@ class CampaignExperimentResonanceTracking(TypedDict, total=False):
     to_hz: float
     """highest frequency of the drive (Hz)"""
     start_hz: float
-    """frequency at which the search starts; the middle of the range when left out (Hz)"""
+    """frequency at which the first point starts, and each from rest; the middle of the range when left out (Hz)"""
     start: Literal["from_rest", "carry_over"]
     """whether a point starts from rest or carries over the motion of the one before"""
     settle_s: float

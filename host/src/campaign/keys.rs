@@ -313,7 +313,7 @@ tables! {
             number("phase_deg", Between(-150.0, -30.0), "kept phase of x relative to z; at −90° the structure is at resonance, fn·√(1 + (Z/X)²) of a linear one"),
         ];
         GAIN: Default(From(|| default_lock().gain_per_cycle.into())), [
-            number("gain_per_cycle", Above(0.0, phase_lock_limits::MAX_GAIN_PER_CYCLE as f64), "rate of the loop, for each cycle of the drive"),
+            number("gain_per_cycle", Between(0.1, phase_lock_limits::MAX_GAIN_PER_CYCLE as f64), "rate of the loop, for each cycle of the drive"),
         ];
         TOLERANCE: Default(Number(2.0)), [
             number("tolerance_deg", Between(0.1, 10.0), "deviation of the phase within which it counts as kept; the lock is lost beyond three times it"),

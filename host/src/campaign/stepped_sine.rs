@@ -59,6 +59,14 @@ pub struct SteppedSine {
     pub steady: SteadyLimits,
 }
 
+impl TrackedResonance {
+    /// Whether a phase of x relative to z, rad, is within the tolerance of the one that is kept.
+    #[must_use]
+    pub fn is_locked(&self, phase_rad: f64) -> bool {
+        (phase_rad - f64::from(self.lock.phase_rad)).abs() <= f64::from(self.lock.tolerance_rad)
+    }
+}
+
 /// An amplitude of a response that is kept, as written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KeptAmplitude {
@@ -233,7 +241,13 @@ pub(super) fn read_tracking(section: &Section, rig: Option<&RigSettings>) -> Opt
     let (drive, drive_limit) = match quantity(key, 1.0) {
         None => {
             refuse_other(section, resonance_tracking::RESPONSE_LOOP.name(), "belongs to amplitudes of the response");
-            read_drive(section, rig)?
+            let read = read_drive(section, rig)?;
+            if read.0 == DriveMode::Constant && rig.is_some_and(|rig| rig.shaker.is_some()) {
+                let allowed = "must keep the base on a shaker: a base that yields to the structure turns its phase";
+                section.reject("drive", allowed, Some("write drive = \"closed_loop\"".into()));
+                return None;
+            }
+            read
         }
         Some(_) => {
             for name in [keys::DRIVE.name(), keys::CLOSED_LOOP.name()] {

@@ -152,9 +152,9 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, Failure> {
     let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let sensors = sensors::of_run(&run);
     let campaign = campaign_copy::campaign(run.path()).ok();
-    let is_tracked = |name: &str| {
+    let tracked = |name: &str| {
         let own = campaign.iter().flat_map(|campaign| &campaign.experiments).find(|experiment| experiment.name == name);
-        own.is_some_and(|experiment| experiment.tracking().is_some())
+        own.and_then(|experiment| Some(experiment.tracking()?.1))
     };
     let mut found: Vec<((String, String), Point, bool)> = Vec::new();
     for batch in run.results().map_err(|e| failed(&e))? {
@@ -174,16 +174,19 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, Failure> {
             let uncertainty = deviation.map(|(_, uncertainty)| uncertainty);
             // The deviation is that of the amplitude: the phase of a motion that still settles is not known as well.
             let mut point = Point { frequency_hz: f[n], ratio, phase_rad: None, uncertainty, x_m: x_m[n] };
+            let mut is_usable = is_settled(n);
             if let [Some(x), Some(z), Some(phase), Some(noise), Some(cycles)] = &amplitudes
-                && is_tracked(&experiments[n])
+                && let Some(tracked) = tracked(&experiments[n])
             {
+                is_usable &= tracked.is_locked(phase[n]);
                 // A loop keeps its phase. Where the base is small, noise and steps of z count most.
                 let ticks = cycles[n] * f64::from(TICK_HZ) / f[n];
                 let of_base = 0.5 * sensors.amplitude_error_95_m(z[n], noise[n], ticks) / z[n];
                 let uncertainty = uncertainty.map(|uncertainty| uncertainty.hypot(of_base));
-                point = Point { ratio: x[n] / z[n], phase_rad: Some(phase[n]), uncertainty, x_m: x[n], ..point };
+                let ratio = x[n] / z[n] / (1.0 + deviation.map_or(0.0, |(deviation, _)| deviation));
+                point = Point { ratio, phase_rad: Some(phase[n]), uncertainty, x_m: x[n], ..point };
             }
-            found.push(((set_ups[n].clone(), experiments[n].clone()), point, is_settled(n)));
+            found.push(((set_ups[n].clone(), experiments[n].clone()), point, is_usable));
         }
     }
     let pairs: Vec<(String, String)> = found.iter().map(|f| f.0.clone()).collect();

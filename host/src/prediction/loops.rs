@@ -5,8 +5,7 @@
 //! ([`BaseTrack`]), without a shaker, sensors or noise: x is what is kept, so how the base is moved hardly changes it. What a
 //! real drive is at, and the noise, the run shows.
 
-use damprig_core::control::outcome::{Outcome, TickInputs};
-use damprig_core::control::phase_lock::PhaseLock;
+use damprig_core::control::outcome::{ExperimentStage, Outcome, TickInputs};
 use damprig_core::control::response_loop::{KeptQuantity, ResponseLoop};
 use damprig_core::control::stepped_sine::{DriveMode, SteppedSinePlan, SteppedSineRunner};
 use damprig_core::integrator::base::{BaseSegment, BaseTrack};
@@ -91,6 +90,8 @@ struct Simulation {
     swing: Swing,
     base: (f64, f64),
     largest_at: [usize; 2],
+    /// Of a tracked resonance.
+    amplitudes: Vec<f64>,
     points: Vec<PointResult>,
 }
 
@@ -126,6 +127,7 @@ impl Simulation {
             swing: Swing::NOTHING,
             base: (0.0, 0.0),
             largest_at: [0; 2],
+            amplitudes: sine.tracked.iter().flat_map(|own| &own.amplitudes).map(|own| own.value).collect(),
             points: Vec::new(),
         })
     }
@@ -171,11 +173,11 @@ impl Simulation {
         let frequency_hz = f64::from(self.runner.frequency_hz());
         if peak_m > self.swing.max_x_m {
             (self.swing.max_x_m, self.swing.frequency_hz) = (peak_m, frequency_hz);
-            self.largest_at[0] = self.points.len();
+            self.largest_at[0] = self.moves_by();
         }
         if z_m.abs() > self.base.0 {
             self.base = (z_m.abs(), frequency_hz);
-            self.largest_at[1] = self.points.len();
+            self.largest_at[1] = self.moves_by();
         }
         let force_n = self.watched.watch.largest_force_n;
         self.swing.wall_force_n = wall_force::larger(self.swing.wall_force_n, force_n);
@@ -183,6 +185,16 @@ impl Simulation {
         let peak_m = peak_m as f32;
         let x = Reading { peak_m, inside_peak_m: peak_m, ..mean(x_before_m, x_m) };
         Readings { x, z: mean(z_before_m, z_m), ..Readings::default() }
+    }
+
+    /// The point whose amplitude moves the structure: after a step down the motion is still that of the point before.
+    fn moves_by(&self) -> usize {
+        let now = self.points.len();
+        let is_settling = self.runner.stage() == ExperimentStage::Settle;
+        match (now.checked_sub(1).and_then(|before| self.amplitudes.get(before)), self.amplitudes.get(now)) {
+            (Some(before), Some(own)) if is_settling && own < before => now - 1,
+            _ => now,
+        }
     }
 
     fn into_prediction(self, sine: &SteppedSine, (set_up, experiment): (usize, usize)) -> LoopPrediction {
@@ -198,22 +210,21 @@ impl Simulation {
     }
 }
 
-/// Whether the result of a point has the amplitude and the phase that its experiment keeps; the amplitude of a base counts as kept.
-/// `measured` as for [`is_within`].
+/// Whether the result of a point has the amplitude and the phase that its experiment keeps; `measured` as for [`is_within`].
 #[must_use]
 pub fn is_as_asked(sine: &SteppedSine, index: usize, frequency_hz: f32, measured: [f32; 3]) -> bool {
     let own = sine.tracked.as_ref().and_then(|tracked| tracked.amplitudes.get(index));
-    let is_held = sine.response_loop().is_none_or(|held| {
-        let response = own.map_or(held.response, |own| held.response.with_amplitude(own.value as f32));
-        is_within(&ResponseLoop { response, ..*held }, frequency_hz, measured)
-    });
-    is_held && sine.tracked.as_ref().is_none_or(|tracked| is_locked(&tracked.lock, measured[2]))
-}
-
-/// Whether a phase of x relative to z, rad, is within the tolerance of the one that is kept.
-#[must_use]
-pub fn is_locked(lock: &PhaseLock, phase_rad: f32) -> bool {
-    (phase_rad - lock.phase_rad).abs() <= lock.tolerance_rad
+    let is_held = match &sine.drive {
+        DriveMode::Constant => true,
+        DriveMode::ClosedLoop(base) => {
+            own.is_none_or(|own| (f64::from(measured[1]) / own.value - 1.0).abs() <= f64::from(base.tolerance))
+        }
+        DriveMode::Response(held) => {
+            let response = own.map_or(held.response, |own| held.response.with_amplitude(own.value as f32));
+            is_within(&ResponseLoop { response, ..*held }, frequency_hz, measured)
+        }
+    };
+    is_held && sine.tracked.as_ref().is_none_or(|tracked| tracked.is_locked(measured[2].into()))
 }
 
 /// Whether a result has the amplitude that the loop keeps, within its tolerance. `amplitudes`: of x and z (m), and the phase of x

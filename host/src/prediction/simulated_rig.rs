@@ -33,13 +33,6 @@ pub fn check(campaign: &Campaign) -> Result<Vec<String>, Failure> {
                 Kind::SteppedSine(sine) => {
                     if let (Some(shaker), DriveMode::Constant) = (&campaign.rig.shaker, &sine.drive) {
                         warnings.extend(unloaded(campaign, shaker, set_up, sine));
-                        if sine.tracked.is_some() {
-                            let (set_up, name) = (&set_up.name, &experiment.name);
-                            warnings.push(format!(
-                                "set-up {set_up:?}, experiment {name:?}: at resonance the structure holds the base of a shaker back, so that Z is \
-                                 less than demanded; drive = \"closed_loop\" keeps it"
-                            ));
-                        }
                     }
                     let highest_hz = sine.drive_range_hz().into_iter().fold(0.0, f64::max) as f32;
                     let own = sine.smallest_amplitude().map(|(key, own)| {

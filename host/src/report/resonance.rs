@@ -7,7 +7,7 @@ use damprig_core::measure::point::PointResult;
 use crate::campaign::{Campaign, SteppedSine, TrackedResonance};
 use crate::identify::response::equivalent;
 use crate::identify::sensors::{self, Sensors};
-use crate::prediction::loops::{self, LoopPrediction, is_as_asked, is_locked};
+use crate::prediction::loops::{self, LoopPrediction, is_as_asked};
 use crate::report::numbers::significant;
 use crate::run_folder::ResultRow;
 
@@ -62,7 +62,7 @@ pub enum Found {
     AtEnd,
     /// The phase is not.
     NotLocked,
-    /// The amplitude of the response is not.
+    /// The amplitude is not.
     NotHeld,
 }
 
@@ -75,7 +75,7 @@ impl Found {
             Self::Unsteady => "locked, not steady",
             Self::AtEnd => "not locked: at an end of the range",
             Self::NotLocked => "not locked",
-            Self::NotHeld => "response not held",
+            Self::NotHeld => "amplitude not held",
         }
     }
 }
@@ -133,7 +133,7 @@ impl Told {
         let lock = &tracked.lock;
         let is_near = |end_hz: f32| (self.frequency_hz / f64::from(end_hz) - 1.0).abs() < AT_END;
         let measured = [self.x_m, self.z_m, self.phase_rad];
-        let found = if !is_locked(lock, self.phase_rad) {
+        let found = if !tracked.is_locked(self.phase_rad.into()) {
             if is_near(lock.low_hz) || is_near(lock.high_hz) { Found::AtEnd } else { Found::NotLocked }
         } else if is_as_asked(sine, self.index, self.frequency_hz as f32, measured) {
             if self.is_settled { Found::Yes } else { Found::Unsteady }

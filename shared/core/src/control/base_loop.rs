@@ -139,8 +139,6 @@ pub struct BaseLoop {
     /// Lowest and highest z of the cycle, m.
     travel: Option<(f32, f32)>,
     half_travel: f32,
-    /// Largest demanded amplitude of the cycles so far, m.
-    largest_target: f32,
     held: u32,
     /// Whether the drive was at its limit in the last tick.
     saturated: bool,
@@ -198,7 +196,6 @@ impl BaseLoop {
 
     /// Closes a cycle of the phase that the samples belong to.
     pub fn end_cycle(&mut self, target_m: f32) {
-        self.largest_target = self.largest_target.max(target_m);
         self.lock_in.end_cycle(0.0);
         // The nominal length: with z in phase with the sine, one tick more or less at the cycle's end adds nothing.
         let samples = self.ticks_per_cycle;
@@ -213,12 +210,6 @@ impl BaseLoop {
     #[must_use]
     pub fn is_held(&self) -> bool {
         self.held >= HELD_CYCLES
-    }
-
-    /// Largest demanded amplitude of the cycles since the loop began, m: after a step down a structure that still rings moves the base.
-    #[must_use]
-    pub fn largest_target_m(&self) -> f32 {
-        self.largest_target
     }
 
     /// Half of the last cycle's travel, m, if it is [`RUNAWAY`] times the target or more.

@@ -19,7 +19,9 @@
 //! Near resonance the phase follows the frequency as ψ̇ = δ − σ e, so the deviation obeys s² + (σ + g f) s + (g f/2)² = 0: both
 //! roots are near −g f/2 where σ is much smaller. At a larger σ, and beside the resonance, the slower one is about
 //! −k σ/(σ² + δ² + g f σ + k), k = (g f/2)². The amplitude approaches its limit with the structure's own σ. A delay of half a
-//! window and half a part, 0.53 cycles, allows the proportional term alone g up to π/2/0.53 = 3.
+//! window and half a part, 0.53 cycles, allows the proportional term alone g up to π/2/0.53 = 3. It must be the base whose
+//! amplitude is given, and its phase: the drive of a shaker that yields to the structure is not enough. There z answers a
+//! detuning at once and the loop hunts.
 //!
 //! *The response's amplitude is kept*: |a| is constant, so λ is too, and u tells it at once. The detuning from the frequency with
 //! the phase θ is (Ω/2) |u/a| e, divided by the sine of −θ. It is integrated,
@@ -45,6 +47,9 @@ use core::f32::consts::{PI, TAU};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
+/// Least g: single precision moves the frequency in steps.
+pub const MIN_GAIN_PER_CYCLE: f32 = 0.1;
+
 /// Largest g.
 pub const MAX_GAIN_PER_CYCLE: f32 = 1.5;
 
@@ -68,7 +73,7 @@ pub struct PhaseLock {
     pub low_hz: f32,
     /// Highest frequency, Hz; above the lowest.
     pub high_hz: f32,
-    /// g: the rate of the loop, for each cycle; greater than 0, at most [`MAX_GAIN_PER_CYCLE`].
+    /// g: the rate of the loop, for each cycle; from [`MIN_GAIN_PER_CYCLE`] to [`MAX_GAIN_PER_CYCLE`].
     pub gain_per_cycle: f32,
     /// Deviation of the phase within which it counts as kept, rad; 0.001 to 0.2.
     pub tolerance_rad: f32,
@@ -104,8 +109,8 @@ impl PhaseLock {
         let is_within = (self.low_hz..=self.high_hz).contains(&self.start_hz);
         require(is_within, "lock.start_hz", f64::from(self.start_hz), "from low_hz to high_hz")?;
         let gain = f64::from(self.gain_per_cycle);
-        positive("lock.gain_per_cycle", gain)?;
-        require(self.gain_per_cycle <= MAX_GAIN_PER_CYCLE, "lock.gain_per_cycle", gain, "at most 1.5")?;
+        let is_gain = (MIN_GAIN_PER_CYCLE..=MAX_GAIN_PER_CYCLE).contains(&self.gain_per_cycle);
+        require(is_gain, "lock.gain_per_cycle", gain, "from 0.1 to 1.5")?;
         let tolerance = f64::from(self.tolerance_rad);
         require((0.001..=0.2).contains(&self.tolerance_rad), "lock.tolerance_rad", tolerance, "from 0.001 to 0.2")?;
         let wait = f64::from(self.wait_s);
@@ -322,6 +327,17 @@ mod tests {
         let is_missing = |tick: u32| tick > 100_000 && tick % 7 < 2;
         let (tracker, largest) = locked(&lock, 0.4, 2.5, false, is_missing);
         assert!(largest < 1e-3 && (tracker.frequency_hz() - 2.5).abs() < 1e-3, "{largest} {tracker:?}");
+    }
+
+    /// From before it is locked: what it last read is not followed further.
+    #[test]
+    fn without_any_reading_the_frequency_stays_where_it_was() {
+        let lock = PhaseLock { start_hz: 2.3, ..PhaseLock::new(1.5, 4.0) };
+        let (tracker, _) = locked(&lock, 0.4, 2.5, false, |tick| tick > 1_500);
+        // In 1.5 s less than two cycles of means are filled and one corrected.
+        assert!(!tracker.is_locked() && tracker.frequency_hz() < 2.8, "{tracker:?}");
+        let (until_then, _) = locked(&lock, 0.4, 2.5, false, |tick| tick > 1_500 && tick < 100_000);
+        assert!(until_then.is_locked(), "it goes on when readings return: {until_then:?}");
     }
 
     #[test]

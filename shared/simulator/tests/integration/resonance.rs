@@ -124,6 +124,21 @@ fn a_plain_sine_at_the_found_frequency_has_the_phase_and_the_amplitude() {
     }
 }
 
+/// The bare structure rings on at the larger amplitude and moves the base.
+#[test]
+fn a_step_down_of_the_amplitude_is_no_fault() {
+    let on_response = response(Some(ClosedLoop::default()));
+    for (set_up, drive, amplitudes) in [
+        (bare(), on_shaker(), [4e-4, 2e-4]),
+        (hybrid(), on_shaker(), [2e-3, 4e-4]),
+        (bare(), on_response, [0.04, 0.01]),
+        (hybrid(), on_response, [0.02, 0.005]),
+    ] {
+        let outcome = run(&plant(set_up), &SteppedSine { amplitude_m: 2e-4, ..tracked(lock(), drive, &amplitudes) });
+        assert_eq!((outcome.fault, outcome.points.len()), (None, 2), "{amplitudes:?}: {outcome:?}");
+    }
+}
+
 #[test]
 fn other_phases_are_kept_too() {
     for degrees in [-135.0_f32, -45.0] {

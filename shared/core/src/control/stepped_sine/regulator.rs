@@ -16,6 +16,8 @@ pub(super) struct DrivePhase {
     pub then: u32,
     pub increment_then: u32,
     pub wave_then: (f32, f32),
+    /// Largest amplitude that the base was asked for in the last cycles, m.
+    pub recent_m: f32,
 }
 
 /// Sets the drive's amplitude.
@@ -127,7 +129,7 @@ impl Regulator {
                     return (drive, None);
                 }
                 own.end_cycle(amplitude_m);
-                (drive, ran_away(own, own.largest_target_m()))
+                (drive, ran_away(own, at.recent_m))
             }
             Self::Response(own, base) => {
                 let reading = (is_x_read && is_z_read).then_some((x.mean_m, z.mean_m));
@@ -146,9 +148,14 @@ impl Regulator {
         }
     }
 
-    /// The amplitude that the base is asked for, m; `amplitude_m` is the least.
+    /// The largest amplitude that the base was asked for in the last cycles, m; `amplitude_m` is the least.
     pub fn demand_m(&self, amplitude_m: f32) -> f32 {
         let Self::Response(own, _) = self else { return amplitude_m };
-        amplitude_m.max(own.demanded_m())
+        amplitude_m.max(own.largest_demand_m())
+    }
+
+    /// The amplitude that the response's loop demands now, m; `None` of other drives.
+    pub fn demanded_m(&self) -> Option<f32> {
+        if let Self::Response(own, _) = self { Some(own.demanded_m()) } else { None }
     }
 }

@@ -15,6 +15,9 @@ use crate::sine::Phase;
 
 const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
 
+/// Cycles after a change of the base's amplitude in which it may still move by the one before.
+const CYCLES_OF_CHANGE: u32 = 3;
+
 /// A stepped sine in progress, with its plan.
 #[derive(Clone, Debug)]
 pub struct SteppedSineRunner {
@@ -39,6 +42,9 @@ pub struct SteppedSineRunner {
     range: DriveRange,
     /// Base amplitude that this point demands without a loop of the response, m.
     amplitude_m: f32,
+    /// That of the point before, m, and the cycles since it changed.
+    amplitude_before_m: f32,
+    cycles_since: u32,
     regulator: Regulator,
     /// The loop that finds the resonance.
     tracker: Option<PhaseTracker>,
@@ -78,6 +84,8 @@ impl SteppedSineRunner {
             held: false,
             range: *drive,
             amplitude_m: plan.sine.amplitude_m,
+            amplitude_before_m: plan.sine.amplitude_m,
+            cycles_since: u32::MAX,
             regulator: Regulator::new(&plan.sine.drive),
             tracker: None,
             follow: BaseFollow::default(),
@@ -148,7 +156,7 @@ impl SteppedSineRunner {
     /// Base amplitude that the response's loop demands now, m; `None` of other drives.
     #[must_use]
     pub fn demanded_m(&self) -> Option<f32> {
-        self.regulator.keeps_response().then(|| self.regulator.demand_m(0.0))
+        self.regulator.demanded_m()
     }
 
     /// Base amplitude that the response's loop demands next, m; 0 of other drives.
@@ -219,7 +227,11 @@ impl SteppedSineRunner {
             self.tracker = points.lock().map(|lock| PhaseTracker::new(lock, TICK_HZ));
         }
         let own = points.amplitude(self.index);
-        self.amplitude_m = own.filter(|_| !self.regulator.keeps_response()).unwrap_or(*amplitude_m);
+        let demanded_m = own.filter(|_| !self.regulator.keeps_response()).unwrap_or(*amplitude_m);
+        if demanded_m != self.amplitude_m {
+            (self.amplitude_before_m, self.cycles_since) = (self.amplitude_m, 0);
+        }
+        self.amplitude_m = demanded_m;
         // The resonance is where it was in the point before.
         self.frequency_hz = self.tracker.as_mut().map_or_else(
             || points.frequency_hz(self.index),
@@ -294,7 +306,9 @@ impl SteppedSineRunner {
         self.waves[DELAY_TICKS as usize - 1] = (self.phase, wave);
         self.saturated = false;
         let Some(now) = now else { return (ramp * self.regulator.open(self.amplitude_m, wave), None) };
-        let at = DrivePhase { wave, then: then.0, increment_then: next.0.wrapping_sub(then.0), wave_then };
+        let before_m = if self.has_just_changed() { self.amplitude_before_m } else { 0.0 };
+        let recent_m = self.amplitude_m.max(before_m);
+        let at = DrivePhase { wave, then: then.0, increment_then: next.0.wrapping_sub(then.0), wave_then, recent_m };
         self.track(now, &at);
         let (drive, fault) = self.regulator.tick(ramp, self.amplitude_m, now, &at);
         self.saturated = self.regulator.is_saturated();
@@ -316,16 +330,22 @@ impl SteppedSineRunner {
         }
     }
 
+    /// The base still moves by the amplitude of the point before.
+    fn has_just_changed(&self) -> bool {
+        self.cycles_since < CYCLES_OF_CHANGE
+    }
+
     /// Checks that the base follows the drive.
     fn follow(&mut self, now: &TickInputs, drive: f32, wave: (f32, f32)) -> Option<Fault> {
         let z = &now.readings.z;
         self.follow.push(z.mean_m, drive, wave);
-        if !self.driving || self.gain < 1.0 || z.rail != Rail::Clear {
+        if !self.driving || self.gain < 1.0 || z.rail != Rail::Clear || self.has_just_changed() {
             self.follow.disturb();
         }
         if self.phase.0.checked_add(self.increment).is_some() {
             return None;
         }
+        self.cycles_since = self.cycles_since.saturating_add(1);
         let followed = self.follow.end_cycle()?;
         let demand_m = self.regulator.demand_m(self.amplitude_m);
         let (cause, value, limit) = followed.fault(demand_m)?;
