@@ -187,7 +187,7 @@ impl<'a> RecordedRun<'a> {
         };
         let surfaces = ForceSurface::of(self.campaign, &rows);
         let drawn = drawn.and_then(|()| match surfaces.is_empty() {
-            false => write(force_surface::draw(self.campaign, &surfaces), "force-surface"),
+            false => write(force_surface::draw(self.campaign, &surfaces, &[]), "force-surface"),
             true => Ok(()),
         });
         let tracked = TrackedCurve::of(self.campaign, &rows, manifest.is_simulated());

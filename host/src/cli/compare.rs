@@ -14,10 +14,12 @@ use crate::campaign::Campaign;
 use crate::compare::{Comparison, Options, compare};
 use crate::failure::{Failure, Outcome};
 use crate::report::exports::comparison::write_csv;
-use crate::report::page::comparison::comparison_page;
+use crate::report::figures::force_surface;
+use crate::report::force_surface::ForceSurface;
+use crate::report::page::comparison::{Sheets, comparison_page};
 use crate::report::terminal;
 use crate::run_folder::RunFolder;
-use crate::run_folder::read::campaign_copy::new_campaign;
+use crate::run_folder::read::campaign_copy::{self, new_campaign};
 use crate::run_folder::read::folder::find;
 use crate::storage::create_folder;
 use crate::storage::out_file::{to_failure, write_new};
@@ -88,8 +90,10 @@ pub fn run(args: &Args) -> Outcome {
     args.json.print(&comparison)?;
     say!("Run {} ({}), set-ups of {}", comparison.run, comparison.state, comparison.set_ups_from);
     say!("{}", terminal::comparison::text(&comparison));
+    let sheets = sheets(&run, &comparison)?;
+    sheets.iter().flat_map(|sheets| &sheets.folds).for_each(|line| say!("{line}"));
     if let Some(out) = &args.out {
-        write(&comparison, out, args.force)?;
+        write(&comparison, sheets, out, args.force)?;
         say!("Page, table and JSON: {}", out.display());
     }
     if comparison.unreadable.is_empty() {
@@ -141,9 +145,22 @@ fn compared(
     comparison.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
-fn write(comparison: &Comparison, out: &Path, force: ForceArg) -> Outcome {
+/// The sheets of the run before the motions of its model; none without a response that was kept.
+fn sheets(run: &RunFolder, comparison: &Comparison) -> Result<Option<Sheets>, Failure> {
+    if comparison.continued.is_empty() {
+        return Ok(None);
+    }
+    let campaign = campaign_copy::campaign(run.path())?;
+    let surfaces = ForceSurface::of(&campaign, &run.result_rows()?);
+    Ok((!surfaces.is_empty()).then(|| Sheets {
+        picture: force_surface::draw(&campaign, &surfaces, &comparison.continued),
+        folds: force_surface::folds_compared(&campaign, &surfaces, &comparison.continued),
+    }))
+}
+
+fn write(comparison: &Comparison, sheets: Option<Sheets>, out: &Path, force: ForceArg) -> Outcome {
     create_folder(out)?;
-    let page = comparison_page(comparison);
+    let page = comparison_page(comparison, sheets);
     let mut table = Vec::new();
     write_csv(comparison, &mut table).map_err(Failure::failed)?;
     let json = serde_json::to_vec_pretty(comparison)?;

@@ -5,6 +5,7 @@ use std::ops::Range;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+use super::continued::Continued;
 use super::motion::SimulatedMotion;
 use crate::quantity::Quantity;
 
@@ -36,6 +37,9 @@ pub struct Comparison {
     pub unreadable: Vec<String>,
     /// Each experiment on each set-up, in the order of the campaign.
     pub experiments: Vec<ComparedExperiment>,
+    /// Periodic motions of the model behind the sheets of experiments that keep the response.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub continued: Vec<Continued>,
 }
 
 /// An experiment on a set-up.

@@ -7,6 +7,7 @@
 
 mod base;
 mod comparison;
+mod continued;
 mod ensemble;
 pub mod metric;
 mod motion;
@@ -36,6 +37,7 @@ pub use comparison::{
     COVERAGE_FACTOR, ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, History, Predicted, Residual,
     Uncertain, Verdict,
 };
+pub use continued::Continued;
 use ensemble::Models;
 use metric::{WallKind, Walls};
 use motion::TICK_S;
@@ -126,6 +128,11 @@ pub fn compare(run: &RunFolder, mut set_ups_from: Option<Campaign>, options: &Op
             }
         }
     }
+    let has_points = |own: &CampaignSetUp, experiment: &str| {
+        compared.state.rows().iter().any(|row| row.set_up == own.name && row.experiment == experiment)
+    };
+    let model_of = |own: &CampaignSetUp| ensemble::model_of(own, model).ok();
+    let continued = continued::behind_sheets(&campaign, has_points, model_of, || !compared.is_stopped());
     let set_ups_from = set_ups_from.as_ref().map(|other| other.source.name().to_string());
     Ok(Comparison {
         run: run.id(),
@@ -139,6 +146,7 @@ pub fn compare(run: &RunFolder, mut set_ups_from: Option<Campaign>, options: &Op
         missing,
         unreadable,
         experiments,
+        continued,
     })
 }
 

@@ -6,7 +6,9 @@
 mod file;
 mod found;
 mod keys;
+mod of_set_up;
 
 pub use file::Continuation;
 pub use found::{Found, FoundBranch, FoundCurve, FoundGap, FoundOrbit, FoundSpecial};
 pub use keys::TABLES;
+pub use of_set_up::over_frequency;

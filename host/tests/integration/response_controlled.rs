@@ -80,7 +80,7 @@ fn the_folds_of_both_shipped_set_ups_are_measured_with_data_sheet_sensors() {
         let continued = continued(&folder, friction);
         println!("{name}: measured {measured:?}, continued {continued:?}");
         assert_eq!((measured.len(), continued.len()), (2, 2), "{name}: {measured:?} {continued:?}");
-        for (fold, (at_hz, max_x_mm)) in measured.iter().zip(continued) {
+        for (fold, &(at_hz, max_x_mm)) in measured.iter().zip(&continued) {
             // A fifth of the coarse step of 0.03 Hz: within a cell Z² is taken as linear, and x is held within 1 %.
             assert!((fold.frequency_hz / at_hz - 1.0).abs() < 2e-3, "{name}: {fold:?}, continued {at_hz} Hz");
             assert!((fold.amplitude - max_x_mm).abs() < HALF_STEP_MM, "{name}: {fold:?}, continued {max_x_mm} mm");
@@ -89,6 +89,16 @@ fn the_folds_of_both_shipped_set_ups_are_measured_with_data_sheet_sensors() {
         let page = std::fs::read_to_string(folder.path().join("out/report.html")).unwrap();
         assert!(page.contains("at Z = 1 mm the response turns back at"), "{name}");
         assert!(folder.path().join("out/force-surface.png").is_file());
+        // `compare` has the model's motions behind the sheets, with the same folds.
+        let compared = damprig(&folder).args(["compare", "out", "--out", "compared"]).assert().success();
+        let line = format!("{name}, sheets: folds at Z = 1 mm, measured:");
+        let folds: Vec<String> =
+            continued.iter().map(|(f, _)| format!("{} Hz", format!("{f:.4}").trim_end_matches('0'))).collect();
+        let text = String::from_utf8(compared.get_output().stdout.clone()).unwrap();
+        let own = text.lines().find(|own| own.starts_with(&line)).expect("a line of folds");
+        assert!(folds.iter().all(|fold| own.contains(fold.as_str())), "{own}: {folds:?}");
+        let page = std::fs::read_to_string(folder.path().join("compared/comparison.html")).unwrap();
+        assert!(page.contains("Responses that were kept"), "{name}");
     }
 }
 

@@ -3,10 +3,11 @@
 
 use super::campaign::shortened;
 use crate::campaign::Campaign;
+use crate::compare::Continued;
 use crate::report::force_surface::ForceSurface;
 use crate::report::numbers::{significant, trimmed};
 use crate::report::plot::axis::{Axis, Frame, Scale};
-use crate::report::plot::palette::{GREY, INK, MARKED, viridis};
+use crate::report::plot::palette::{GREY, INK, MARKED, colour, viridis};
 use crate::report::plot::svg::{Bounds, Colour, Font, Svg};
 use crate::report::plot::traces::{Traces, circle};
 use crate::report::plot::{LABEL, Picture, SMALL};
@@ -25,14 +26,24 @@ const NAME_HEIGHT: f64 = 11.0;
 /// Cuts, as multiples of the base amplitude that the set-up states.
 const CUTS: [f64; 9] = [0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0];
 
+/// Of the model's motions.
+const CONTINUED_TINT: Colour = colour(1);
+
 /// What the figure shows, for its caption.
 pub const CAPTION: &str = "Left: the base amplitude Z that keeps the response at an amplitude, over frequency. Right: the same points as \
     amplitude over frequency, with lines of constant Z: the response curve at that Z, unstable parts included. The dark line is the Z that the set-up \
     states; rings: it turns back in frequency there, and a sweep at that Z jumps. Missing points: not measured, or not held.";
 
-/// Draws the surfaces from top to bottom.
+/// What the continued motions behind it are, for its caption.
+pub const CONTINUED: &str = "Behind the cuts: the model's periodic motions at the Z that the set-up states (max |x|; unstable ones dashed), as damprig \
+    continue follows them.";
+
+/// Dashes of unstable motions.
+const UNSTABLE: &str = "5 4";
+
+/// Draws the surfaces from top to bottom, with the model's periodic motions behind the cuts where there are any.
 #[must_use]
-pub fn draw(campaign: &Campaign, surfaces: &[ForceSurface]) -> Picture {
+pub fn draw(campaign: &Campaign, surfaces: &[ForceSurface], continued: &[Continued]) -> Picture {
     let height = TOP + surfaces.len().max(1) as f64 * (HIGH + GAP) - GAP + 64.0;
     let mut picture = Picture::new(WIDTH, height);
     for (surface, place) in surfaces.iter().zip(0u32..) {
@@ -42,7 +53,10 @@ pub fn draw(campaign: &Campaign, surfaces: &[ForceSurface]) -> Picture {
         picture.text(&title, (LEFT, top - 12.0), Font::new(LABEL + 0.8, INK).above());
         sheets(&mut picture, surface, (LEFT, top, LEFT + PANEL, top + HIGH));
         let bounds = (LEFT + ACROSS, top, LEFT + ACROSS + PANEL, top + HIGH);
-        cuts(&mut picture, surface, set_up.base_amplitude_m, bounds);
+        let is_own = |own: &&Continued| own.set_up == set_up.name && own.experiment == surface.experiment;
+        // Their max |x| is no amplitude of another quantity.
+        let behind = continued.iter().find(is_own).filter(|_| surface.kept.name == "x");
+        cuts(&mut picture, surface, set_up.base_amplitude_m, bounds, behind);
     }
     picture
 }
@@ -86,15 +100,27 @@ fn sheets(picture: &mut Picture, surface: &ForceSurface, bounds: Bounds) {
 }
 
 /// Kept amplitude over frequency at constant Z.
-fn cuts(picture: &mut Picture, surface: &ForceSurface, stated_m: f64, bounds: Bounds) {
+fn cuts(picture: &mut Picture, surface: &ForceSurface, stated_m: f64, bounds: Bounds, behind: Option<&Continued>) {
     let label = format!("Amplitude of {} ({})", surface.kept.name, surface.kept.unit);
+    let orbits = behind.iter().flat_map(|own| &own.branches).flat_map(|branch| &branch.orbits);
+    let of_model = orbits.map(|orbit| orbit.max_abs_x_m * 1e3);
     let frame = Frame {
         x: Axis::around("Frequency (Hz)", Scale::Linear, surface.frequencies_hz.iter().copied()),
-        y: Axis::around(label, Scale::Linear, surface.amplitudes.iter().copied()),
+        y: Axis::around(label, Scale::Linear, surface.amplitudes.iter().copied().chain(of_model)),
         bounds,
     };
     let mut inside = Svg::default();
     let mut traces = Traces::new(&frame);
+    for branch in behind.iter().flat_map(|own| &own.branches) {
+        for part in branch.orbits.chunk_by(|a, b| a.is_stable == b.is_stable) {
+            let style = CONTINUED_TINT.stroke(4.0);
+            let style = if part[0].is_stable { style } else { style.dashed(UNSTABLE) };
+            traces.history(
+                &part.iter().map(|orbit| (orbit.parameter, orbit.max_abs_x_m * 1e3)).collect::<Vec<_>>(),
+                style,
+            );
+        }
+    }
     points(surface).for_each(|(row, f, _)| traces.dot((f, surface.amplitudes[row]), 1.6, tint(surface, row)));
     let mut names = Svg::default();
     for share in CUTS {
@@ -163,6 +189,27 @@ pub fn folds(campaign: &Campaign, surfaces: &[ForceSurface]) -> Vec<String> {
                 each.join(", ")
             )
         })
+    };
+    surfaces.iter().filter_map(line).collect()
+}
+
+/// The folds measured at the stated base amplitude and those of the model's motions, a line for each surface.
+#[must_use]
+pub fn folds_compared(campaign: &Campaign, surfaces: &[ForceSurface], continued: &[Continued]) -> Vec<String> {
+    let listed = |folds: Vec<f64>| {
+        let all: Vec<String> = folds.into_iter().map(|f| format!("{} Hz", trimmed(f, 4))).collect();
+        if all.is_empty() { "none".to_string() } else { all.join(", ") }
+    };
+    let line = |surface: &ForceSurface| {
+        let set_up = &campaign.set_ups[surface.set_up];
+        let own = continued.iter().find(|own| own.set_up == set_up.name && own.experiment == surface.experiment)?;
+        let z = trimmed(own.base_amplitude_m * 1e3, 3);
+        let measured = listed(surface.folds(own.base_amplitude_m).iter().map(|fold| fold.frequency_hz).collect());
+        let of_model = match &own.without {
+            Some(why) => format!("no periodic motion of the model was found ({why})"),
+            None => format!("of the model: {}", listed(own.folds().map(|(f, _)| f).collect())),
+        };
+        Some(format!("{}, {}: folds at Z = {z} mm, measured: {measured}; {of_model}", set_up.name, surface.experiment))
     };
     surfaces.iter().filter_map(line).collect()
 }

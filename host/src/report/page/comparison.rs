@@ -7,11 +7,22 @@ use super::{BOTH, document, drawn, drawn_in_both};
 use crate::compare::{ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, Predicted, Verdict};
 use crate::quantity::Quantity;
 use crate::report::figures::comparison::{phase_plane, response, time_history};
+use crate::report::figures::force_surface;
 use crate::report::numbers::{normalised_error, significant, trimmed, with_uncertainty};
+use crate::report::plot::Picture;
+
+/// Sheets of a run before the periodic motions of its model.
+#[derive(Debug)]
+pub struct Sheets {
+    /// Their figure.
+    pub picture: Picture,
+    /// Measured and continued folds, in words.
+    pub folds: Vec<String>,
+}
 
 /// The page's HTML text.
 #[must_use]
-pub fn comparison_page(comparison: &Comparison) -> String {
+pub fn comparison_page(comparison: &Comparison, sheets: Option<Sheets>) -> String {
     let (all, agreeing) = comparison.counts();
     let content = html! {
         header {
@@ -25,6 +36,13 @@ pub fn comparison_page(comparison: &Comparison) -> String {
         @for what in comparison.missing.iter().chain(&comparison.unreadable) { p.note.bad { (what) } }
         (contents(comparison))
         (differences(comparison))
+        @if let Some(Sheets { picture, folds }) = sheets {
+            section {
+                h2 { "Responses that were kept" }
+                (drawn(Ok(picture), &format!("{} {}", force_surface::CAPTION, force_surface::CONTINUED)))
+                @for line in &folds { p { (line) } }
+            }
+        }
         @for (n, experiment) in comparison.experiments.iter().enumerate() { (section(n, experiment)) }
         section {
             h2 { "How it is compared" }

@@ -191,7 +191,7 @@ fn responses(data: &PageData) -> Markup {
     let tracked = TrackedCurve::of(campaign, &data.points, data.manifest.is_simulated());
     html! {
         @if !surfaces.is_empty() {
-            (drawn(Ok(force_surface::draw(campaign, &surfaces)), force_surface::CAPTION))
+            (drawn(Ok(force_surface::draw(campaign, &surfaces, &[])), force_surface::CAPTION))
             @for line in force_surface::folds(campaign, &surfaces) { p { (line) } }
         }
         @if !tracked.is_empty() {
