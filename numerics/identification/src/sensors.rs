@@ -46,14 +46,15 @@ pub const fn by_linearity(linearity: f64) -> f64 {
 impl Sensors {
     /// Half-width of the 95 % interval of a sine's amplitude over so many samples with this RMS noise, m, without the error of the scale:
     /// noise and steps. The steps q make an error with parts (2q/πn) J₁(2πnA/q) (Widrow and Kollár, Quantization Noise, 2008); |J₁(y)|
-    /// is at most 0.58 and about √(2/πy). Three parts at their largest; noise of the size of a step makes it smaller.
+    /// is at most 0.58 and about √(2/πy). The first seven at their largest cover the sum of all; noise of the size of a step makes it
+    /// smaller.
     #[must_use]
     pub fn amplitude_error_95_m(&self, amplitude_m: f64, noise_rms_m: f64, samples: f64) -> f64 {
         let part = |n: f64| {
             let argument = TAU * n * amplitude_m / self.step_m;
             2.0 * self.step_m / (PI * n) * (2.0 / (PI * argument)).sqrt().min(0.58)
         };
-        let of_steps = if self.step_m > 0.0 { part(1.0) + part(2.0) + part(3.0) } else { 0.0 };
+        let of_steps = if self.step_m > 0.0 { (1..=7).map(|n| part(f64::from(n))).sum() } else { 0.0_f64 };
         of_steps.hypot(2.0 * noise_rms_m * (2.0 / samples).sqrt())
     }
 
