@@ -44,31 +44,29 @@ fn campaigns() -> Vec<String> {
     names.filter(|name| is_full || !LONG.contains(&name.as_str())).collect()
 }
 
+/// A text of a campaign with other lines in place of those of these keys, as a file of this name.
+fn changed(text: &str, lines: &[(&str, &str)], folder: &Path, name: &str) -> (String, PathBuf) {
+    let own =
+        |line: &'_ str| line.split_once(" = ").and_then(|(key, _)| lines.iter().find(|(changed, _)| *changed == key));
+    let text: Vec<&str> = text.lines().map(|line| own(line).map_or(line, |(_, other)| *other)).collect();
+    let file = folder.join(format!("{name}.toml"));
+    std::fs::write(&file, text.join("\n")).unwrap();
+    (name.into(), file)
+}
+
 /// Two points of `resonance` on its hybrid: a resonance that the controller follows.
-fn two_resonances(folder: &Path) -> PathBuf {
+fn two_resonances(folder: &Path) -> (String, PathBuf) {
     let text = std::fs::read_to_string(campaign("resonance")).unwrap();
-    let lines = text.lines().map(|line| match line.split_once(" = ") {
-        Some(("x_amplitudes_m", _)) => "x_amplitudes_m = [0.005, 0.006]\nset_ups = [\"hybrid\"]",
-        Some(("steady", _)) => "",
-        _ => line,
-    });
-    let file = folder.join("two-resonances.toml");
-    std::fs::write(&file, lines.collect::<Vec<_>>().join("\n")).unwrap();
-    file
+    let amplitudes = "x_amplitudes_m = [0.005, 0.006]\nset_ups = [\"hybrid\"]";
+    changed(&text, &[("x_amplitudes_m", amplitudes), ("steady", "")], folder, "two-resonances")
 }
 
 /// The first sheet of `hidden-branch` at two frequencies: a response that the controller keeps.
-fn one_sheet(folder: &Path) -> PathBuf {
+fn one_sheet(folder: &Path) -> (String, PathBuf) {
     let text = std::fs::read_to_string(campaign("hidden-branch")).unwrap();
     let (sheets, _) = text.split_once("[[experiment]]\nname = \"up\"").expect("sweeps after the sheets");
-    let lines = sheets.lines().map(|line| match line.split_once(" = ") {
-        Some(("x_amplitudes_m", _)) => "x_amplitudes_m = [0.0031]",
-        Some(("frequencies_hz", _)) => "frequencies_hz = [3.1, 3.12]",
-        _ => line,
-    });
-    let file = folder.join("one-sheet.toml");
-    std::fs::write(&file, lines.collect::<Vec<_>>().join("\n")).unwrap();
-    file
+    let lines = [("x_amplitudes_m", "x_amplitudes_m = [0.0031]"), ("frequencies_hz", "frequencies_hz = [3.1, 3.12]")];
+    changed(sheets, &lines, folder, "one-sheet")
 }
 
 /// The values of a column, with floating-point numbers as their bits.
@@ -106,8 +104,7 @@ fn the_shipped_campaigns_give_the_same_tables_on_the_emulated_board() {
     let mut files: Vec<(String, PathBuf)> =
         campaigns().into_iter().map(|name| (name.clone(), campaign(&name))).collect();
     assert!(files.len() >= 4, "too few campaigns: {files:?}");
-    files.push(("one-sheet".into(), one_sheet(folder.path())));
-    files.push(("two-resonances".into(), two_resonances(folder.path())));
+    files.extend([one_sheet(folder.path()), two_resonances(folder.path())]);
     for (name, file) in &files {
         let (here, there) = (folder.path().join(name), folder.path().join(format!("{name}-emulated")));
         run(file, "virtual:f32", &here);

@@ -56,6 +56,10 @@ const INSTRUCTION_KEY: Key =
 /// Most times that an experiment is repeated.
 const MAX_REPEATS: f64 = 100.0;
 
+/// Least gain of the phase lock: a decimal of the controller's.
+const MIN_LOCK_GAIN: f64 = 0.1;
+const _: () = assert!(phase_lock_limits::MIN_GAIN_PER_CYCLE == MIN_LOCK_GAIN as f32);
+
 /// The word of `kind` of every kind of experiment.
 const KINDS: &[&str] =
     &["stepped_sine", "playback", "impulse", "free_vibration", "response_controlled", "resonance_tracking"];
@@ -313,7 +317,7 @@ tables! {
             number("phase_deg", Between(-150.0, -30.0), "kept phase of x relative to z; at −90° the structure is at resonance, fn·√(1 + (Z/X)²) of a linear one"),
         ];
         GAIN: Default(From(|| default_lock().gain_per_cycle.into())), [
-            number("gain_per_cycle", Between(0.1, phase_lock_limits::MAX_GAIN_PER_CYCLE as f64), "rate of the loop, for each cycle of the drive"),
+            number("gain_per_cycle", Between(MIN_LOCK_GAIN, phase_lock_limits::MAX_GAIN_PER_CYCLE as f64), "rate of the loop, for each cycle of the drive"),
         ];
         TOLERANCE: Default(Number(2.0)), [
             number("tolerance_deg", Between(0.1, 10.0), "deviation of the phase within which it counts as kept; the lock is lost beyond three times it"),

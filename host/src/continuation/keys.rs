@@ -5,6 +5,12 @@ use crate::input::key::Need::{Default, Optional, Required};
 use crate::input::key::Range::{Above, Any, Whole};
 use crate::input::key::{Kind, Quantity, Table, key, number, tables, word};
 
+/// Most drive periods that a simulation may take to repeat, unless the file states another number.
+pub(super) const MAX_PERIODS: u64 = 6000;
+
+/// Most new starts by simulation beyond grazings, unless the file states another number.
+pub(super) const MAX_RESTARTS: usize = 6;
+
 tables! {
     "All tables of a continuation file."
 
@@ -18,11 +24,11 @@ tables! {
         BRANCHES: Default(Word("main")), [
             word("branches", &["main", "all"], "whether branches are followed that branch off at a period doubling or where the symmetry breaks"),
         ];
-        RESTARTS: Default(Number(6.0)), [
+        RESTARTS: Default(Number(MAX_RESTARTS as f64)), [
             number("restarts", Whole(0.0, 100.0), "most new starts by simulation beyond grazings"),
         ];
         STEP: Default(Number(0.01)), [number("longest_step", Above(0.0, 0.2), "longest step, as a share of the range")];
-        SETTLE: Default(Number(6000.0)), [
+        SETTLE: Default(Number(MAX_PERIODS as f64)), [
             number("settle_periods", Whole(200.0, 1e6), "most drive periods that a simulation may take to repeat"),
         ];
         SECOND: Optional, [key("second", Kind::Table, "a second parameter: curves of the special points in both")];

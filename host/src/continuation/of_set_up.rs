@@ -7,13 +7,8 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Initial, SetUp};
 
 use super::found::Found;
+use super::keys::{MAX_PERIODS, MAX_RESTARTS};
 use crate::simulation::parameters::PARAMETERS;
-
-/// Most drive periods that a simulation may take to repeat: the default of `settle_periods`.
-const MOST_PERIODS: u64 = 6000;
-
-/// Most new starts by simulation beyond grazings: the default of `restarts`.
-const MOST_RESTARTS: usize = 6;
 
 /// Follows the motions at a base amplitude (m) over a range of frequencies (Hz), from the first of its ends and its middle at which
 /// the motion repeats.
@@ -41,9 +36,9 @@ pub fn over_frequency(
             start_at,
             initial,
             phase_rad: 0.0,
-            most_periods: MOST_PERIODS,
+            most_periods: MAX_PERIODS,
             switch: false,
-            most_restarts: MOST_RESTARTS,
+            most_restarts: MAX_RESTARTS,
             steps: Steps::default(),
         };
         match system.explore(&task) {

@@ -48,12 +48,12 @@ pub struct LoopPrediction {
 /// # Errors
 /// A parameter that cannot be simulated, with the set-up's name.
 pub fn predict(campaign: &Campaign) -> Result<Vec<LoopPrediction>, Failure> {
-    let sheets = || campaign.experiments.iter().enumerate().filter(|(_, e)| e.led_by_loops().is_some());
+    let led = || campaign.experiments.iter().enumerate().filter(|(_, e)| e.led_by_loops().is_some());
     // Repeats are the same without noise.
     let once: Vec<(usize, usize)> = (0..campaign.set_ups.len())
         .filter(|set_up| campaign.set_ups[*set_up].is_predicted)
         .flat_map(|set_up| {
-            let own = sheets().filter(move |(_, e)| e.repeat == 0 && e.set_ups.contains(&set_up));
+            let own = led().filter(move |(_, e)| e.repeat == 0 && e.set_ups.contains(&set_up));
             own.map(move |(experiment, _)| (set_up, experiment))
         })
         .collect();

@@ -31,7 +31,7 @@ pub fn write(campaign: &Campaign, curves: &[TrackedCurve], path: &Path) -> Resul
         }
     }
     let number = |name: &str, unit: &str, meaning: &str| Column::new(name, unit, meaning);
-    let half = "half-width of the 95 % interval";
+    let end = |name: &str, unit: &str| number(name, unit, "end of the 95 % interval");
     let table = TableBuilder::new(&rows)
         .column(number("set_up", "", "set-up"), |row| row.set_up.to_string())
         .column(number("experiment", "", "experiment"), |row| row.experiment.to_string())
@@ -45,9 +45,13 @@ pub fn write(campaign: &Campaign, curves: &[TrackedCurve], path: &Path) -> Resul
         .column(number("natural_frequency_hz", "Hz", "equivalent natural frequency"), |row| {
             row.point.natural_frequency_hz
         })
-        .column(number("frequency_95_hz", "Hz", half), |row| row.point.frequency_95_hz)
+        .column(end("natural_frequency_low_hz", "Hz"), |row| row.point.natural_frequency_hz - row.point.frequency_95_hz)
+        .column(end("natural_frequency_high_hz", "Hz"), |row| {
+            row.point.natural_frequency_hz + row.point.frequency_95_hz
+        })
         .column(number("damping_ratio", "1", "equivalent damping ratio"), |row| row.point.damping_ratio)
-        .column(number("damping_ratio_95", "1", half), |row| row.point.damping_ratio_95)
+        .column(end("damping_ratio_low", "1"), |row| row.point.damping_ratio - row.point.damping_ratio_95)
+        .column(end("damping_ratio_high", "1"), |row| row.point.damping_ratio + row.point.damping_ratio_95)
         .finish(of_file("a row for each point of a tracked resonance"))?;
     let failed = |e: &dyn std::fmt::Display| Failure::cannot("write", path, e.to_string());
     let mut bytes = Vec::new();
