@@ -105,9 +105,21 @@ class Rig:
 
     def _point(self):
         ratio = self.cycle_high / self.z_m
-        return {"set_up": self.set_up, "experiment": "sweep", "frequency_hz": self.frequency_hz, "x_over_z": ratio,
-                "x_over_z_lock_in": ratio * 0.99, "x_m": self.cycle_high, "z_m": self.z_m,
+        return {"set_up": self.set_up, "experiment": "sweep", "index": self.place % len(self.frequencies),
+                "frequency_hz": self.frequency_hz, "x_over_z": ratio, "x_over_z_lock_in": ratio * 0.99,
+                "x_amplitude_m": self.cycle_high, "z_amplitude_m": self.z_m, "phase_rad": self._phase(),
                 "steadiness": "steady" if abs(self.frequency_hz - 2.5) > 0.08 else "not steady"}
+
+    def _phase(self):
+        ratio = self.frequency_hz / NATURAL_HZ
+        return -math.atan2(2 * DAMPING * ratio, 1 - ratio**2)
+
+    def spectrum(self):
+        """Lines at the drive frequency and its third harmonic over a floor."""
+        step, lines = 1 / 8.192, 256
+        drive = self.frequency_hz / step
+        amplitudes = [max(2e-6, self.cycle_high * (math.exp(-((i - drive) ** 2)) + 0.02 * math.exp(-((i - 3 * drive) ** 2)))) for i in range(lines)]
+        return {"t_s": self.t_s, "step_hz": step, "amplitude_m": [float(f"{a:.3g}") for a in amplitudes]}
 
     def slow(self):
         """The controller's numbers now, as one row."""
@@ -127,13 +139,14 @@ class Rig:
             "rig_s": self.t_s, "age_s": 0.0, "left": self.left(), "speed": None, "replay": None,
             "numbers": {
                 "tick": self.tick, "frequency_hz": self.frequency_hz, "x_over_z_lock_in": self.cycle_high / self.z_m,
-                "x_amplitude_m": self.cycle_high, "x_phase_rad": -math.atan2(2 * DAMPING * self.frequency_hz / NATURAL_HZ,
-                1 - (self.frequency_hz / NATURAL_HZ) ** 2), "z_amplitude_m": self.z_m, "z_phase_rad": 0.02,
+                "x_amplitude_m": self.cycle_high, "x_phase_rad": self._phase(), "z_amplitude_m": self.z_m, "z_phase_rad": 0.02,
                 "impacts_in_cycle": self.last_cycle, "impacts": self.impacts_seen, "twin_residual_m": self.slow()["twin_residual_m"],
                 "twin_predicted": self.impacts_seen, "twin_detected": self.impacts_seen, "twin_missing": 0, "twin_alarm": False,
                 "spring_force_n": self.force, "spring_target_n": self.slow()["spring_target_n"], "spring_position_m": 0.0042,
                 "spring_stage": "moving to the target" if self.force < 0.95 * self.target else "at target",
-                "wall_low_n": self.pulse[0], "wall_high_n": self.pulse[1], "x_mean_m": None, "z_mean_m": None, "safety": "clear"},
+                "wall_low_n": self.pulse[0], "wall_high_n": self.pulse[1], "x_mean_m": None, "z_mean_m": None, "safety": "clear",
+                "x_largest_m": self.cycle_high, "z_largest_m": self.z_m, "x_over_z_spread": 0.004, "stage": "measuring", "dwells": 1,
+                "stage_left_s": round(self.dwell_s - self.since_point * STEP_S, 3)},
             "limits": {"x_m": 0.08, "z_m": 0.01, "wall_force_n": 450.0, "clearance_m": self.clearance_m},
             "link": {"name": "virtual:realtime", "state": "connected", "rows": self.tick, "lost_rows": 0, "dropped_rows": 0,
                      "bad_frames": 0, "interruptions": 0, "viewers": 1, "skipped_frames": 0},

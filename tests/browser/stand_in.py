@@ -39,7 +39,7 @@ class Server:
         self.sockets = set()
         self.history = {"t_s": [], "values": {name: [] for name, _ in SIGNALS}}
         self.slow = {"t_s": [], "values": {name: [] for name in self.rig.slow()}}
-        self.kept = {"points": [], "impacts": [], "section": [], "transients": [],
+        self.kept = {"points": [], "impacts": [], "section": [], "spectra": [], "transients": [],
                      "log": [{"at": "14:03:07", "level": "info", "text": "Set-up bare: the sweep begins."}]}
         self.started = threading.Event()
 
@@ -173,7 +173,9 @@ class Server:
             for target, source in [(kept["t_s"], new["t_s"])] + [(kept["values"][n], new["values"][n]) for n in kept["values"]]:
                 target.extend(source)
                 del target[:-HISTORY_ROWS]
-        for name in ("points", "impacts", "section"):
+        is_due = ticks and int(self.rig.t_s * 2) != int((self.rig.t_s - ticks / 1000) * 2)
+        fresh["spectra"] = [self.rig.spectrum()] if is_due else []
+        for name in ("points", "impacts", "section", "spectra"):
             self.kept[name].extend(fresh[name])
             del self.kept[name][:-2000]
         log = [{"at": "14:04:12", "level": "info", "text": f"{p['set_up']}: {p['frequency_hz']} Hz, X/Z {p['x_over_z']:.2f} (cycle maxima)."}

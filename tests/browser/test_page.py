@@ -50,7 +50,7 @@ def test_curves_move_and_points_appear_one_by_one(live, open_page):
     for number in range(1, 4):
         live.frame(points=[{"set_up": "bare", "experiment": "step", "frequency_hz": 2 + number / 10, "x_over_z": 3.0 * number,
                             "steadiness": "steady"}])
-        expect(page.locator("#response-legend")).to_contain_text(f"bare · step{number} points")
+        expect(page.locator("#response-legend")).to_contain_text(f"bare · step{number} point")
     # A point that comes again replaces the earlier one.
     live.frame(points=[{"set_up": "bare", "experiment": "step", "frequency_hz": 2.3, "x_over_z": 8.0, "steadiness": "not steady"}])
     live.frame(log=[{"at": "15:00:00", "level": "info", "text": "after the points"}])
@@ -297,3 +297,121 @@ def test_a_folder_and_a_bare_rig_need_no_campaign(still, open_page):
     expect(page.locator("#progress")).to_be_hidden()
     expect(page.locator("#where")).to_have_text("rig · board nucleo-g474re")
     assert page.evaluate("seen.shift") < 0.001, page.evaluate("seen.shifts")
+
+
+SHEET = {"set_up": "hybrid", "experiment": "sheets at 3 mm", "draws": "sheet", "predicted": [[2.2, 4e-4], [2.5, 1e-4], [2.8, 5e-4]]}
+BACKBONE = {"set_up": "hybrid", "experiment": "backbone", "draws": "backbone", "is_in_order": True, "predicted": [[1e-3, 2.6], [6e-3, 2.5]]}
+
+
+def test_kept_responses_and_backbones_grow_in_panels_of_their_own(still, open_page):
+    still.about = {"curves": [SHEET, BACKBONE], "points": []}
+    page = ready(open_page(still.address))
+    expect(page.locator("#panel-response")).to_be_hidden()
+    for panel, experiment in (("sheets", SHEET["experiment"]), ("backbone", BACKBONE["experiment"])):
+        expect(page.locator(f"#{panel}-legend")).to_contain_text("hybrid predicted".replace(" ", ""))
+        before = picture(page, f"plot-{panel}")
+        for index in range(3):
+            still.frame(points=[{"set_up": "hybrid", "experiment": experiment, "index": index, "frequency_hz": 2.5, "x_over_z": 7.5,
+                                 "x_amplitude_m": 3e-3 + 1e-3 * index, "z_amplitude_m": 4e-4, "phase_rad": -1.57, "steadiness": "steady"}])
+        # Three points at one frequency: none replaces another.
+        expect(page.locator(f"#{panel}-legend")).to_contain_text("3 points")
+        await_change(page, f"plot-{panel}", before)
+    page.locator("#plot-backbone .u-over").hover(position={"x": 100, "y": 60})
+    expect(page.locator("#backbone-note")).to_contain_text("2.5 Hz at X 3.000 mm, phase −90.0°, steady")
+    # A response that comes later opens its panel behind the others.
+    still.frame(points=[{"set_up": "bare", "experiment": "sweep", "frequency_hz": 2.5, "x_over_z": 9, "steadiness": "steady"}])
+    expect(page.locator("#panel-response")).to_be_visible()
+
+
+def test_the_margin_the_countdown_and_the_steadiness_are_numbers(still, open_page):
+    page = ready(open_page(still.address))
+    numbers = still.rig.state()["numbers"]
+
+    def show(limit_m=0.08, **changed):
+        still.state = {"numbers": numbers | changed, "limits": {"x_m": limit_m, "z_m": 0.01, "wall_force_n": 450.0, "clearance_m": None}}
+        still.frame()
+
+    show(x_largest_m=0.0312, stage="measuring", stage_left_s=2.34, dwells=1, x_over_z_spread=0.0123)
+    for name, text in (("n-margin", "48.8"), ("l-left", "Measuring (s left)"), ("n-left", "2.3"), ("n-spread", "1.23")):
+        expect(page.locator(f"#{name}")).to_have_text(text)
+    expect(page.locator("#n-margin")).to_have_attribute("data-tone", "quiet")
+    show(x_largest_m=0.0755, dwells=2)
+    expect(page.locator("#n-margin")).to_have_attribute("data-tone", "bad")
+    expect(page.locator("#l-left")).to_have_text("Dwell 2 (s left)")
+    show(limit_m=None, stage="settling", stage_left_s=0, x_over_z_spread=None)
+    for name, text in (("n-margin", "–"), ("l-left", "Settling (s left)"), ("n-left", "–"), ("n-spread", "–")):
+        expect(page.locator(f"#{name}")).to_have_text(text)
+
+
+def test_limits_are_drawn_wherever_the_axis_ends(still, open_page):
+    page = ready(open_page(still.address))
+    # Pixels in the colour of the limit, in the uppermost part of the plot of x.
+    red = """() => {
+      const canvas = document.querySelector('#plot-x canvas');
+      const copy = new OffscreenCanvas(canvas.width - 100, 30).getContext('2d', { willReadFrequently: true });
+      copy.drawImage(canvas, -80, 0);
+      const { data } = copy.getImageData(0, 0, canvas.width - 100, 30);
+      let count = 0;
+      for (let i = 0; i < data.length; i += 4) if (data[i] > 150 && data[i + 1] < 90 && data[i + 2] < 90) count += 1;
+      return count;
+    }"""
+    for limit_m in (80.0, 0.08, None):
+        before = picture(page, "plot-x")
+        still.state = {"limits": {"x_m": limit_m, "z_m": None, "wall_force_n": None, "clearance_m": None}}
+        still.frame(100)
+        await_change(page, "plot-x", before)
+        page.wait_for_timeout(200)
+        assert (page.evaluate(red) > 50) == (limit_m is not None), limit_m
+
+
+def test_the_spectrum_and_its_waterfall_grow(still, open_page):
+    page = ready(open_page(still.address))
+    expect(page.locator("#spectrum-note")).to_have_text("0.12 Hz a line, of 8.19 s; colours: 4 decades")
+    for plot in ("plot-spectrum", "plot-waterfall"):
+        before = picture(page, plot)
+        still.frame(1000)
+        await_change(page, plot, before)
+    page.locator("#plot-spectrum .u-over").hover(position={"x": 60, "y": 20})
+    expect(page.locator("#spectrum-note")).to_have_text(re.compile(r"^[\d.]+ Hz: [\d.e-]+ mm$"))
+    still.frame(spectra=[None, {"t_s": 1, "step_hz": 0, "amplitude_m": [1, 2]}, {"t_s": 1, "step_hz": 1, "amplitude_m": [1, "x"]}])
+    expect(page.locator("#ignored")).to_have_text("3")
+
+
+def test_pictures_and_the_log_are_saved(still, open_page):
+    page = ready(open_page(still.address))
+    panels = page.locator(".panel:visible:has(.plot)")
+    assert panels.count() >= 7
+    for i in range(panels.count()):
+        with page.expect_download() as download:
+            panels.nth(i).locator(".save").click()
+        file = download.value.path()
+        assert file.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" and file.stat().st_size > 4000
+        assert re.fullmatch(r"hybrid-[a-z-]+-3-s\.png", download.value.suggested_filename), download.value.suggested_filename
+    still.frame(log=[{"at": "14:10:00", "level": "warning", "text": "A warning."}, {"at": "14:10:01", "level": "action", "text": "Held."}])
+    expect(page.locator("#log")).to_contain_text("Held.")
+    page.get_by_label("Entries of the log").select_option("trouble")
+    expect(page.locator("#log li:visible")).to_have_text(["14:10:00Warning: A warning."])
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save log").click()
+    assert download.value.path().read_text().splitlines()[-2:] == ["14:10:00\twarning\tA warning.", "14:10:01\taction\tHeld."]
+
+
+def test_large_numbers_fill_a_second_screen(still, open_page):
+    still.state = {"numbers": still.rig.state()["numbers"] | {"x_phase_rad": -3.1, "x_amplitude_m": 0.12345, "x_over_z_lock_in": 123.4}}
+    page = open_page(still.address, viewport={"width": 1920, "height": 1080})
+    page.goto(still.address + "?large")
+    expect(page.locator("#n-frequency")).to_be_visible()
+    expect(page.locator(".panels")).to_be_hidden()
+    for name in ("frequency", "ratio", "x", "z", "phase", "margin", "left", "spread"):
+        number = page.locator(f"#n-{name}")
+        expect(number).to_be_in_viewport(ratio=1)
+        # Letters of 5 % of the width are 25 mm high on a screen of half a metre. None is cut off.
+        assert number.evaluate("e => parseFloat(getComputedStyle(e).fontSize)") > 0.05 * 1920
+        assert number.evaluate("e => e.scrollWidth <= e.clientWidth"), name
+    page.keyboard.press("l")
+    expect(page.locator(".panels")).to_be_visible()
+    assert page.url == still.address
+    page.get_by_role("button", name="Large", exact=True).click()
+    expect(page.locator(".panels")).to_be_hidden()
+    page.reload()
+    expect(page.locator(".panels")).to_be_hidden()

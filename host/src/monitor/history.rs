@@ -46,12 +46,32 @@ impl History {
     /// Mean of a column over the rows since a time, s; none without a value.
     #[must_use]
     pub fn mean_since(&self, column: usize, from_s: f64) -> Option<f32> {
+        let (sum, count) =
+            self.since(column, from_s).fold((0.0, 0u32), |(sum, count), value| (sum + f64::from(value), count + 1));
+        (count > 0).then(|| (sum / f64::from(count)) as f32)
+    }
+
+    /// Largest absolute value of a column over the rows since a time, s; none without a value.
+    #[must_use]
+    pub fn largest_since(&self, column: usize, from_s: f64) -> Option<f32> {
+        self.since(column, from_s).map(f32::abs).reduce(f32::max)
+    }
+
+    /// The known values of a column in the rows since a time, s.
+    fn since(&self, column: usize, from_s: f64) -> impl Iterator<Item = f32> {
         let start = self.t_s.partition_point(|t_s| *t_s < from_s);
-        let values = self.values[start * self.width..].iter().skip(column).step_by(self.width);
-        let (sum, count) = values
-            .filter(|value| value.is_finite())
-            .fold((0.0, 0u32), |(sum, count), value| (sum + f64::from(*value), count + 1));
-        (count > 0 && column < self.width).then(|| (sum / f64::from(count)) as f32)
+        let own = if column < self.width { &self.values[start * self.width..] } else { &[] };
+        own.iter().skip(column).step_by(self.width).copied().filter(|value| value.is_finite())
+    }
+
+    /// The newest values of a column without a gap, oldest first, and the time from row to row, s.
+    #[must_use]
+    pub fn unbroken(&self, column: usize) -> (Vec<f32>, f64) {
+        let values: Vec<f32> = self.values.iter().skip(column).step_by(self.width).copied().collect();
+        let from = values.iter().rposition(|value| !value.is_finite()).map_or(0, |gap| gap + 1);
+        let count = self.rows().saturating_sub(from);
+        let step_s = if count > 1 { (self.t_s[self.rows() - 1] - self.t_s[from]) / (count - 1) as f64 } else { 0.0 };
+        (values[from..].to_vec(), step_s)
     }
 
     /// Removes all rows.
@@ -188,6 +208,21 @@ mod tests {
         history.push_gap(2.0);
         assert_eq!((history.mean_since(0, 1.0), history.mean_since(1, 0.0)), (Some(1.0), Some(7.0)));
         assert_eq!((history.mean_since(0, 2.0), history.mean_since(2, 0.0)), (None, None));
+        history.push(2.5, &[-9.0, 0.0]);
+        assert_eq!((history.largest_since(0, 1.0), history.largest_since(1, 0.0)), (Some(9.0), Some(7.0)));
+        assert_eq!((history.largest_since(0, 3.0), history.largest_since(2, 0.0)), (None, None));
+    }
+
+    #[test]
+    fn the_newest_values_without_a_gap_have_an_even_spacing() {
+        let mut history = sine(1000);
+        history.push_gap(1.0);
+        (0..500u16).for_each(|i| history.push(1.5 + f64::from(i) * 2e-3, &[f32::from(i), 0.0]));
+        let (values, step_s) = history.unbroken(0);
+        assert_eq!((values.len(), values[499]), (500, 499.0));
+        assert!((step_s - 2e-3).abs() < 1e-12);
+        history.push_gap(3.0);
+        assert_eq!(history.unbroken(0), (Vec::new(), 0.0));
     }
 
     #[test]

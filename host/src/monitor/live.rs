@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use damprig_core::control::fault::FaultCause;
 use damprig_core::control::friction_spring::SpringStage;
+use damprig_core::control::outcome::ExperimentStage;
 use damprig_core::control::safety::SafeStage;
 use damprig_core::io::{Sensor, SensorSet};
 
@@ -15,10 +16,13 @@ use super::message::{
     Activity, Frame, Impact, Level, Limits, LinkState, Log, News, Numbers, Point, Snapshot, Source, SourceKind, State,
     Transient,
 };
+use super::running_ratio::RunningRatio;
 use super::section::Section;
+use super::spectrum::Spectrum;
 use super::unsent::Unsent;
 use super::words;
 use crate::host_time;
+use crate::report::numbers::duration;
 
 /// Rows kept for new viewers: 20 s at 1 kHz.
 const MAX_ROWS: usize = 20_000;
@@ -36,7 +40,11 @@ const SNAPSHOT_VALUES: usize = 1200;
 const MAX_POINTS: usize = 20_000;
 const MAX_IMPACTS: usize = 2000;
 const MAX_SECTION: usize = 1000;
-const MAX_LOG: usize = 200;
+const MAX_LOG: usize = 1000;
+
+/// Spectra that are kept, and the time from one to the next.
+const MAX_SPECTRA: usize = 60;
+const SPECTRUM_EVERY: Duration = Duration::from_millis(500);
 
 /// Time over which the pace of rig time is measured.
 const PACE_OVER: Duration = Duration::from_secs(2);
@@ -46,6 +54,9 @@ const SLOW_REPLAY: f64 = 2.0;
 
 /// Time over which x and z are averaged while nothing is driven.
 const MEAN_OVER: Duration = Duration::from_secs(1);
+
+/// Time over which the largest |x| and |z| are taken, s.
+const LARGEST_OVER_S: f64 = 5.0;
 
 /// The controller's numbers that are shown over time.
 const SLOW: [&str; 9] = [
@@ -99,6 +110,10 @@ pub(super) struct Live {
     slow_clock: SlowClock,
     section_of: Section,
     section: Unsent<(f32, f32, f32)>,
+    ratio: RunningRatio,
+    spectra: Unsent<Spectrum>,
+    /// When the last spectrum was computed.
+    spectrum_at: Option<Instant>,
     points: Unsent<Point>,
     transients: Unsent<Transient>,
     impacts: Unsent<Impact>,
@@ -143,6 +158,9 @@ impl Live {
             slow_clock: SlowClock::default(),
             section_of: Section::default(),
             section: Unsent::new(MAX_SECTION),
+            ratio: RunningRatio::default(),
+            spectra: Unsent::new(MAX_SPECTRA),
+            spectrum_at: None,
             points: Unsent::new(MAX_POINTS),
             transients: Unsent::new(MAX_POINTS),
             impacts: Unsent::new(MAX_IMPACTS),
@@ -230,6 +248,8 @@ impl Live {
         self.slow_clock = SlowClock::default();
         self.section_of = Section::new(&self.row_names);
         self.section.clear();
+        self.ratio.clear();
+        self.spectra.clear();
         self.impacts.clear();
         self.pace.clear();
         // They are of another time.
@@ -281,12 +301,13 @@ impl Live {
             twin_alarm: value("twin_alarm") == Some(1.0),
             spring_stage: index("spring_stage").and_then(|i| SpringStage::ALL.get(i)).map(|stage| stage.text()),
             safety: index("safety").and_then(|i| SafeStage::ALL.get(i)).map(|stage| stage.text()),
+            stage: index("stage").and_then(|i| ExperimentStage::ALL.get(i.wrapping_sub(1))).map(|stage| stage.text()),
             ..Numbers::default()
         };
         for signal in table {
             let own = value(&signal.name);
             match signal.name.as_str() {
-                "twin_alarm" | "spring_stage" | "safety" => {}
+                "twin_alarm" | "spring_stage" | "safety" | "stage" => {}
                 "x" | "z" if is_driven || is_at_work => {}
                 name @ ("x" | "z") => numbers.add(format!("{name}_mean_m"), self.mean(name).or(own)),
                 name if OF_A_CYCLE.contains(&name) => numbers.add(signal.key(), own.filter(|_| is_driven)),
@@ -294,6 +315,15 @@ impl Live {
                 "twin_residual" => numbers.add(signal.key(), own.filter(|residual| *residual > 0.0)),
                 _ => numbers.add(signal.key(), own),
             }
+        }
+        match (value("frequency"), numbers.get("x_over_z_lock_in")) {
+            (Some(drive_hz), Some(ratio)) if is_driven => self.ratio.push(rig_s, drive_hz, ratio),
+            _ => self.ratio.clear(),
+        }
+        numbers.add("x_over_z_lock_in", self.ratio.median());
+        numbers.add("x_over_z_spread", self.ratio.spread());
+        for (key, name) in [("x_largest_m", "x"), ("z_largest_m", "z")] {
+            numbers.add(key, self.largest(name));
         }
         self.state.numbers = numbers;
         self.heard_at = Some(Instant::now());
@@ -313,16 +343,53 @@ impl Live {
         self.recent.mean_since(column, self.recent.last_s()? - MEAN_OVER.as_secs_f64())
     }
 
+    /// Largest absolute value of a recorded signal over the last seconds, while rows arrive.
+    fn largest(&self, name: &str) -> Option<f32> {
+        let column = self.row_names.iter().position(|known| known == name)?;
+        self.rows_at.filter(|at| at.elapsed() < MEAN_OVER)?;
+        self.recent.largest_since(column, self.recent.last_s()? - LARGEST_OVER_S)
+    }
+
+    /// Adds a spectrum of the newest x, when it is time for one and rows have come.
+    fn add_spectrum(&mut self) {
+        let (Some(column), Some(last_s)) = (self.row_names.iter().position(|known| known == "x"), self.recent.last_s())
+        else {
+            return;
+        };
+        let has_news = self.spectra.iter().last().is_none_or(|last| last.t_s < last_s);
+        if !has_news || self.spectrum_at.is_some_and(|at| at.elapsed() < SPECTRUM_EVERY) {
+            return;
+        }
+        let drive_hz = self.state.numbers.get("frequency_hz").map_or(0.0, f64::from);
+        let (x_m, step_s) = self.recent.unbroken(column);
+        self.spectrum_at = Some(Instant::now());
+        Spectrum::of(&x_m, last_s, step_s, drive_hz).into_iter().for_each(|spectrum| self.spectra.push(spectrum));
+    }
+
     /// Removes the numbers of sensors without a signal, and raises the alarms.
     fn forget_lost(&mut self) {
         for sensor in Sensor::ALL.into_iter().filter(|sensor| self.lost.contains(*sensor)) {
             let own: &[&str] = match sensor {
-                Sensor::X => {
-                    &["x_amplitude_m", "x_mean_m", "x_over_z_lock_in", "x_peak_m", "x_phase_rad", "x_velocity_m_per_s"]
-                }
-                Sensor::Z => {
-                    &["base_amplitude_m", "x_over_z_lock_in", "x_phase_rad", "z_amplitude_m", "z_mean_m", "z_phase_rad"]
-                }
+                Sensor::X => &[
+                    "x_amplitude_m",
+                    "x_largest_m",
+                    "x_mean_m",
+                    "x_over_z_lock_in",
+                    "x_over_z_spread",
+                    "x_peak_m",
+                    "x_phase_rad",
+                    "x_velocity_m_per_s",
+                ],
+                Sensor::Z => &[
+                    "base_amplitude_m",
+                    "x_over_z_lock_in",
+                    "x_over_z_spread",
+                    "x_phase_rad",
+                    "z_amplitude_m",
+                    "z_largest_m",
+                    "z_mean_m",
+                    "z_phase_rad",
+                ],
                 Sensor::SpringForce => &["spring_force_n"],
                 Sensor::WallLow => &["wall_low_n"],
                 Sensor::WallHigh => &["wall_high_n"],
@@ -342,9 +409,8 @@ impl Live {
     }
 
     fn point(&mut self, point: Point) {
-        let is_same = |p: &Point| {
-            p.set_up == point.set_up && p.experiment == point.experiment && p.frequency_hz == point.frequency_hz
-        };
+        let is_same =
+            |p: &Point| p.set_up == point.set_up && p.experiment == point.experiment && p.index == point.index;
         // A point that is measured again replaces the earlier result.
         let earlier = self.points.iter().position(is_same);
         match earlier {
@@ -355,7 +421,15 @@ impl Live {
     }
 
     fn note(&mut self, level: Level, text: String) {
-        let at = host_time::now().strftime("%H:%M:%S").to_string();
+        let at = match self.state.replay {
+            Some(replay) => duration(replay.t_s),
+            None => host_time::now().strftime("%H:%M:%S").to_string(),
+        };
+        // What was wrong is kept longest.
+        let oldest = self.log.iter().position(|line| line.level == Level::Info);
+        if let Some(oldest) = oldest.filter(|_| self.log.iter().count() == MAX_LOG) {
+            self.log.remove(oldest);
+        }
         self.log.push(Log { at, level, text });
     }
 
@@ -373,12 +447,14 @@ impl Live {
     /// What is new since the last frame.
     pub(super) fn frame(&mut self) -> Frame {
         self.measure_pace();
+        self.add_spectrum();
         self.changed = false;
         let news = News {
             points: self.points.take_new(),
             transients: self.transients.take_new(),
             impacts: self.impacts.take_new(),
             section: self.section.take_new(),
+            spectra: self.spectra.take_new(),
             log: self.log.take_new(),
             rows: self.unsent.columns(&self.row_names, self.most_rows(FRAME_ROWS), TAIL),
             slow: self.slow_unsent.columns(&slow_names(), FRAME_ROWS, TAIL),
@@ -405,6 +481,7 @@ impl Live {
                 transients: self.transients.everything(),
                 impacts: self.impacts.everything(),
                 section: self.section.everything(),
+                spectra: self.spectra.everything(),
                 log: self.log.everything(),
                 rows: self.recent.columns(&self.row_names, self.most_rows(SNAPSHOT_ROWS), TAIL),
                 slow: self.slow.columns(&slow_names(), SNAPSHOT_VALUES, TAIL),

@@ -12,6 +12,7 @@ use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::rig::signals::SIGNALS;
 use serde::Serialize;
 
+use super::spectrum::Spectrum;
 use crate::run_folder::schema::samples::column_name;
 use crate::runner::TimeLeft;
 
@@ -80,14 +81,30 @@ impl SignalName {
     }
 }
 
-/// The frequency response of one experiment on one set-up as predicted.
+/// What the points of an experiment are drawn as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CurveKind {
+    /// X/Z over the drive frequency (Hz), of a stepped sine at a given base amplitude.
+    Response,
+    /// Z (m) over the drive frequency (Hz), of one that keeps the response.
+    Sheet,
+    /// Drive frequency (Hz) over the amplitude of x (m), of one that follows the resonance.
+    Backbone,
+}
+
+/// The points of one experiment on one set-up as predicted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Curve {
     /// Name of the set-up.
     pub set_up: String,
     /// Name of the experiment.
     pub experiment: String,
-    /// Frequency (Hz) and X/Z of each predicted point.
+    /// What its points are drawn as.
+    pub draws: CurveKind,
+    /// Its points are joined in their order, as in a sweep; otherwise by their abscissa.
+    pub is_in_order: bool,
+    /// Abscissa and ordinate of each predicted point, in the order in which they are joined.
     pub predicted: Vec<(f64, f64)>,
 }
 
@@ -98,6 +115,8 @@ pub struct Point {
     pub set_up: String,
     /// Name of the experiment.
     pub experiment: String,
+    /// Its place in the experiment.
+    pub index: u32,
     /// Drive frequency, Hz.
     pub frequency_hz: f64,
     /// X/Z (cycle maxima): mean cycle maximum of |x| over the lock-in amplitude of z.
@@ -106,8 +125,12 @@ pub struct Point {
     pub x_over_z_lock_in: Option<f64>,
     /// Mean cycle maximum of |x|, m.
     pub mean_cycle_max_m: Option<f64>,
+    /// Lock-in amplitude of x, m.
+    pub x_amplitude_m: Option<f64>,
     /// Lock-in amplitude of z, m.
     pub z_amplitude_m: Option<f64>,
+    /// Phase of x relative to z, −π to π, rad.
+    pub phase_rad: Option<f64>,
     /// `steady`, `stationary` or `not steady`.
     pub steadiness: String,
 }
@@ -164,7 +187,7 @@ pub enum Level {
 /// A line of the log.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Log {
-    /// Host time of day.
+    /// Host time of day; in a replay the time of the run.
     pub at: String,
     /// How serious it is.
     pub level: Level,
@@ -221,8 +244,11 @@ pub enum Activity {
 pub struct Numbers {
     /// The device's tick.
     pub tick: Option<u32>,
-    /// The known values by their keys: those of the device's signals ([`SignalName::key`]), and `x_mean_m` and `z_mean_m`, the means over
-    /// the last second while nothing is driven, which a sensor is aligned with.
+    /// The known values by their keys: those of the device's signals ([`SignalName::key`]), and the monitor's own:
+    /// * `x_mean_m` and `z_mean_m`, the means over the last second while nothing is driven, which a sensor is aligned with;
+    /// * `x_largest_m` and `z_largest_m`, the largest |x| and |z| of the last five seconds;
+    /// * `x_over_z_spread`, the largest less the smallest X/Z of the last five cycles over their median, which
+    ///   `x_over_z_lock_in` is here.
     #[serde(flatten)]
     pub values: BTreeMap<String, f32>,
     /// Whether impacts are missing.
@@ -231,6 +257,8 @@ pub struct Numbers {
     pub spring_stage: Option<&'static str>,
     /// Stage of the interlocks, in words.
     pub safety: Option<&'static str>,
+    /// Stage of the present point, in words.
+    pub stage: Option<&'static str>,
 }
 
 impl Numbers {
@@ -380,6 +408,9 @@ pub struct News {
     /// Poincaré points: x (m), velocity (m/s) and drive frequency (Hz) at each rising zero of the drive.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub section: Vec<(f32, f32, f32)>,
+    /// Spectra of x.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub spectra: Vec<Spectrum>,
     /// Lines of the log.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub log: Vec<Log>,

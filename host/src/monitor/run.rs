@@ -3,12 +3,14 @@
 use damprig_core::control::friction_spring::SpringEvent;
 use damprig_core::io::{SensorSet, TICK_HZ};
 use damprig_core::measure::impacts::ImpactRecord;
+use damprig_core::measure::point::PointResult;
 
 use super::action::{Action, Injection};
 use super::control::{Actions, Asked};
 use super::feed::{Feed, Update, Watched};
 use super::message::{
-    Activity, Curve, FaultText, Impact, Level, Limits, LinkState, Point, SignalName, Source, SourceKind, Transient,
+    Activity, Curve, CurveKind, FaultText, Impact, Level, Limits, LinkState, Point, SignalName, Source, SourceKind,
+    Transient,
 };
 use super::words;
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
@@ -358,6 +360,7 @@ impl Watcher for MonitoredRun<'_> {
 
     fn point(&mut self, row: &ResultRow) {
         self.feed.send(Update::Point(point(row)));
+        self.feed.log(Level::Info, words::measured(row));
         self.terminal.point(row);
     }
 
@@ -408,11 +411,14 @@ pub(super) fn point(row: &ResultRow) -> Point {
     Point {
         set_up: row.set_up.clone(),
         experiment: row.experiment.clone(),
+        index: row.point_index,
         frequency_hz: row.frequency_hz,
         x_over_z: known(row.x_over_z()),
         x_over_z_lock_in: known(row.x_over_z_lock_in()),
         mean_cycle_max_m: known(row.mean_cycle_max_m.into()),
+        x_amplitude_m: known(row.x_amplitude_m.into()),
         z_amplitude_m: known(row.z_amplitude_m.into()),
+        phase_rad: known(row.phase_rad.into()),
         steadiness: steadiness_text(row.steadiness).to_string(),
     }
 }
@@ -422,16 +428,44 @@ pub(super) fn transient(row: &TransientRow) -> Transient {
     Transient { set_up: row.set_up.clone(), experiment: row.experiment.clone(), text: in_words(row) }
 }
 
-/// The predicted responses of a campaign. Those of a sweep keep its order, unless points around its peak follow.
+/// The curves of a campaign's stepped sines on their set-ups, as far as they are predicted. The points of a sweep are joined in its
+/// order, unless points around its peak follow.
 pub(super) fn curves(campaign: &Campaign, predicted: &Predicted) -> Vec<Curve> {
-    let curve = |response: &crate::prediction::Response| {
-        let experiment = &campaign.experiments[response.experiment];
-        let mut predicted = response.points.clone();
-        if !experiment.carries_over() || experiment.peak_points() > 0 {
-            predicted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut curves = Vec::new();
+    for (set_up, own) in campaign.set_ups.iter().enumerate() {
+        for (place, experiment) in campaign.experiments.iter().enumerate() {
+            if experiment.stepped_sine().is_none() || !experiment.set_ups.contains(&set_up) {
+                continue;
+            }
+            let is_tracked = experiment.tracking().is_some();
+            let draws = match experiment.response_controlled() {
+                _ if is_tracked => CurveKind::Backbone,
+                Some(_) => CurveKind::Sheet,
+                None => CurveKind::Response,
+            };
+            let is_in_order = is_tracked || experiment.carries_over() && experiment.peak_points() == 0;
+            let mut predicted = if draws == CurveKind::Response {
+                let response = predicted.responses.iter().find(|it| (it.set_up, it.experiment) == (set_up, place));
+                response.map_or_else(Vec::new, |response| response.points.clone())
+            } else {
+                let is_series = |it: &Experiment| it.series == experiment.series;
+                let held = predicted.held.iter();
+                let found =
+                    held.filter(|it| it.set_up == set_up).find(|it| is_series(&campaign.experiments[it.experiment]));
+                found.map_or_else(Vec::new, |held| held.points.iter().map(|it| place_of(it, draws)).collect())
+            };
+            if !is_in_order {
+                predicted.sort_by(|a, b| a.0.total_cmp(&b.0));
+            }
+            let (set_up, experiment) = (own.name.clone(), experiment.name.clone());
+            curves.push(Curve { set_up, experiment, draws, is_in_order, predicted });
         }
-        let set_up = campaign.set_ups[response.set_up].name.clone();
-        Curve { set_up, experiment: experiment.name.clone(), predicted }
-    };
-    predicted.responses.iter().map(curve).collect()
+    }
+    curves
+}
+
+/// Where a predicted point of the controller's loops is drawn.
+fn place_of(point: &PointResult, draws: CurveKind) -> (f64, f64) {
+    let [hz, x_m, z_m] = [point.frequency_hz, point.x_amplitude_m, point.z_amplitude_m].map(f64::from);
+    if draws == CurveKind::Backbone { (x_m, hz) } else { (hz, z_m) }
 }

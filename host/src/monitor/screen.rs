@@ -12,7 +12,7 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, Gauge, GraphType, Paragraph,
 use super::message::{Activity, Level, Numbers};
 use super::terminal::Picture;
 use crate::input::shown_in_line;
-use crate::report::numbers::duration;
+use crate::report::numbers::{duration, phase_in_degrees};
 
 /// Columns and lines below which curves cannot be read and only text is shown.
 const MIN_SIZE: (u16, u16) = (60, 21);
@@ -27,10 +27,10 @@ pub(super) fn draw(frame: &mut Frame, picture: &Picture) {
     let [head, trouble_area, numbers, curves, progress, log, keys] = Layout::vertical([
         Constraint::Length(2),
         Constraint::Length(if has_trouble { 2 } else { 0 }),
-        Constraint::Length(5),
+        Constraint::Length(6),
         Constraint::Min(6),
         Constraint::Length(1),
-        Constraint::Length(4),
+        Constraint::Length(3),
         Constraint::Length(1),
     ])
     .areas(area);
@@ -62,7 +62,7 @@ fn text_alone(frame: &mut Frame, picture: &Picture) {
     lines.push(Line::from(shown_in_line(&state.headline).into_owned()));
     lines.extend(age(picture).map(Line::from));
     lines.push(Line::from(format!("X/Z (lock-in) {}", decimals(numbers.get("x_over_z_lock_in"), 1.0, 2))));
-    lines.push(Line::from(format!("f (Hz) {}", decimals(numbers.get("frequency_hz"), 1.0, 3))));
+    lines.push(Line::from(format!("f (Hz) {}", decimals(numbers.get("frequency_hz").filter(|hz| *hz > 0.0), 1.0, 3))));
     lines.extend(displacements(numbers).map(|(name, value)| Line::from(format!("{name} {value}"))));
     lines.extend(share_done(picture).map(|(_, label)| Line::from(label)));
     frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: true }), frame.area());
@@ -159,17 +159,18 @@ fn decimals(value: Option<f32>, factor: f32, digits: usize) -> String {
 fn values(frame: &mut Frame, area: Rect, picture: &Picture) {
     let numbers = &picture.snapshot.state.numbers;
     let link = &picture.snapshot.state.link;
-    let degrees = 180.0 / std::f32::consts::PI;
+    let limit_m = picture.snapshot.state.limits.x_m;
+    let margin_m = limit_m.zip(numbers.get("x_largest_m")).map(|(limit_m, largest_m)| limit_m as f32 - largest_m);
     let [x, z] = displacements(numbers);
     let cells = [
         [
-            ("f (Hz)", decimals(numbers.get("frequency_hz"), 1.0, 3)),
+            ("f (Hz)", decimals(numbers.get("frequency_hz").filter(|hz| *hz > 0.0), 1.0, 3)),
             ("X/Z (lock-in)", decimals(numbers.get("x_over_z_lock_in"), 1.0, 2)),
             x,
             z,
         ],
         [
-            ("phase (°)", decimals(numbers.get("x_phase_rad"), degrees, 0)),
+            ("phase (°)", decimals(numbers.get("x_phase_rad").map(phase_in_degrees), 1.0, 1)),
             ("impacts/cycle", decimals(numbers.get("impacts_in_cycle"), 1.0, 0)),
             ("wall −d (N)", decimals(numbers.get("wall_low_n"), 1.0, 0)),
             ("wall +d (N)", decimals(numbers.get("wall_high_n"), 1.0, 0)),
@@ -177,8 +178,14 @@ fn values(frame: &mut Frame, area: Rect, picture: &Picture) {
         [
             ("spring (N)", decimals(numbers.get("spring_force_n"), 1.0, 2)),
             ("target (N)", decimals(numbers.get("spring_target_n"), 1.0, 2)),
-            ("twin (µm)", decimals(numbers.get("twin_residual_m"), 1e6, 1)),
+            ("twin (mm)", decimals(numbers.get("twin_residual_m"), 1e3, 3)),
             ("lost rows", link.lost_rows.to_string()),
+        ],
+        [
+            ("left (s)", decimals(numbers.get("stage_left_s").filter(|left_s| *left_s > 0.0), 1.0, 1)),
+            ("dwells", decimals(numbers.get("dwells"), 1.0, 0)),
+            ("X/Z moves (%)", decimals(numbers.get("x_over_z_spread"), 100.0, 2)),
+            ("x margin (mm)", decimals(margin_m, 1e3, 1)),
         ],
     ];
     let age = age(picture);
@@ -186,7 +193,7 @@ fn values(frame: &mut Frame, area: Rect, picture: &Picture) {
     let block = Block::bordered().title(age.unwrap_or_default());
     let inner = block.inner(area);
     frame.render_widget(block.style(if is_old { Color::DarkGray } else { Color::Reset }), area);
-    let rows = Layout::vertical([Constraint::Length(1); 3]).split(inner);
+    let rows = Layout::vertical([Constraint::Length(1); 4]).split(inner);
     for (row, cells) in rows.iter().zip(cells) {
         let columns = Layout::horizontal([Constraint::Fill(1); 4]).split(*row);
         for (column, (name, text)) in columns.iter().zip(cells) {
@@ -197,32 +204,45 @@ fn values(frame: &mut Frame, area: Rect, picture: &Picture) {
 }
 
 fn histories(frame: &mut Frame, area: Rect, picture: &Picture) {
-    let rows = Layout::vertical([Constraint::Fill(2), Constraint::Fill(1), Constraint::Fill(1)]).split(area);
-    let most_x = picture.x_m.iter().fold(0.0f32, |most, x| most.max(x.abs()));
-    let title = format!("x, ±{:.2} mm", most_x * 1e3);
-    let block = Block::bordered().title(title);
-    let inner = block.inner(rows[0]);
-    frame.render_widget(block, rows[0]);
-    let data: Vec<u64> = newest(&picture.x_m, inner.width).map(|x| level(x + most_x, 2.0 * most_x)).collect();
-    frame.render_widget(Sparkline::default().data(data).max(1000).style(Color::Cyan), inner);
     let numbers = &picture.snapshot.state.numbers;
     let has_spring =
         numbers.get("spring_target_n").is_some_and(|force| force > 0.0) || picture.spring_n.iter().any(|n| *n > 0.1);
     let second = if has_spring {
         ("spring force", &picture.spring_n, "N", 1.0)
     } else {
-        ("twin residual", &picture.residual_m, "µm", 1e6)
+        ("twin residual", &picture.residual_m, "mm", 1e3)
     };
-    for (row, (name, list, unit, factor)) in
-        rows[1..].iter().zip([("X/Z (lock-in)", &picture.x_over_z_lock_in, "", 1.0), second])
-    {
+    let mut small = vec![("X/Z (lock-in)", &picture.x_over_z_lock_in, "", 1.0), second];
+    small.retain(|(_, list, ..)| !list.is_empty());
+    let heights = std::iter::once(Constraint::Fill(2)).chain(small.iter().map(|_| Constraint::Fill(1)));
+    let rows = Layout::vertical(heights).split(area);
+    displacement(frame, rows[0], picture);
+    for (row, (name, list, unit, factor)) in rows[1..].iter().zip(small) {
         let most = list.iter().copied().fold(0.0f32, f32::max);
-        let block = Block::bordered().title(format!("{name}, up to {:.2} {unit}", most * factor));
+        let block = Block::bordered().title(format!("{name}, up to {:.3} {unit}", most * factor));
         let inner = block.inner(*row);
         frame.render_widget(block, *row);
         let data: Vec<u64> = newest(list, inner.width).map(|value| level(value, most)).collect();
         frame.render_widget(Sparkline::default().data(data).max(1000).style(Color::Green), inner);
     }
+}
+
+/// The newest x around zero, one value for each dot of the terminal.
+fn displacement(frame: &mut Frame, area: Rect, picture: &Picture) {
+    let most_mm = picture.x_m.iter().fold(0.0f32, |most, x| most.max(x.abs())) * 1e3;
+    let dots = 2 * area.width;
+    let data: Vec<(f64, f64)> =
+        newest(&picture.x_m, dots).enumerate().map(|(i, x_m)| (i as f64, f64::from(x_m) * 1e3)).collect();
+    let reach = f64::from(most_mm).max(1e-3);
+    let zero = [(0.0, 0.0), (f64::from(dots), 0.0)];
+    let line =
+        |data, colour| Dataset::default().data(data).marker(Marker::Braille).graph_type(GraphType::Line).style(colour);
+    let labels = [-reach, 0.0, reach].map(|mm| if mm == 0.0 { "0".to_string() } else { format!("{mm:.2}") });
+    let chart = Chart::new(vec![line(&zero, Color::DarkGray), line(&data, Color::Cyan)])
+        .block(Block::bordered().title(format!("x, ±{most_mm:.2} mm")))
+        .x_axis(Axis::default().bounds([0.0, f64::from(dots)]))
+        .y_axis(Axis::default().bounds([-reach, reach]).labels(labels));
+    frame.render_widget(chart, area);
 }
 
 /// The newest values that fit, one a column.

@@ -5,6 +5,9 @@ use damprig_core::control::friction_spring::SpringEvent;
 use damprig_core::control::safety::SafeStage;
 
 use super::action::Injection;
+use crate::report::numbers::{phase_in_degrees, significant};
+use crate::run_folder::ResultRow;
+use crate::run_folder::schema::results::steadiness_text;
 use crate::runner::fault_text::cause_text;
 
 /// A text as a sentence: with a capital and a full stop.
@@ -25,6 +28,17 @@ pub fn spring(event: &SpringEvent) -> String {
         SpringEvent::OnTarget { force_n } => format!("The spring is on target: {force_n:.2} N."),
         SpringEvent::Fault(fault) => sentence(&cause_text(fault.cause, fault.value, fault.limit)),
     }
+}
+
+/// A measured point in words.
+pub(super) fn measured(row: &ResultRow) -> String {
+    let hz = significant(row.frequency_hz, 5);
+    let [x, z] = [row.x_amplitude_m, row.z_amplitude_m].map(|amplitude_m| significant(f64::from(amplitude_m) * 1e3, 4));
+    let (ratio, phase) = (significant(row.x_over_z_lock_in(), 4), phase_in_degrees(row.phase_rad));
+    let (set_up, experiment, steadiness) = (&row.set_up, &row.experiment, steadiness_text(row.steadiness));
+    format!(
+        "Set-up {set_up}, experiment {experiment}: {hz} Hz, X/Z {ratio}, phase {phase:.1}° (X {x} mm, Z {z} mm; lock-in), {steadiness}."
+    )
 }
 
 /// A fault of a rig as it is now: its drive, the cause, value and limit if it has them.

@@ -105,7 +105,7 @@ const MAX_TRIES: u64 = 30;
 pub const USABLE: f64 = 0.98;
 
 /// The predictions for all experiments of a campaign.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Predicted {
     /// Of the set-ups in stepped sines that drive the base.
     pub swings: Vec<Prediction>,

@@ -45,6 +45,13 @@ pub fn millimetres(metres: f64) -> String {
     format!("{} mm", significant(metres * 1e3, 6))
 }
 
+/// A phase of −π to π in degrees, −270 to 90: that of x to z does not jump as it passes −180.
+#[must_use]
+pub fn phase_in_degrees(radians: f32) -> f32 {
+    let degrees = radians.to_degrees();
+    if degrees > 90.0 { degrees - 360.0 } else { degrees }
+}
+
 /// A value with its uncertainty to two significant digits: `12.34 ± 0.56`.
 #[must_use]
 pub fn with_uncertainty(value: f64, uncertainty: f64) -> String {

@@ -61,11 +61,14 @@ fn point(frequency_hz: f64) -> Update {
     Update::Point(Point {
         set_up: "bare".into(),
         experiment: "sweep".into(),
+        index: (frequency_hz * 10.0) as u32,
         frequency_hz,
         x_over_z: Some(3.5),
         x_over_z_lock_in: None,
         mean_cycle_max_m: None,
+        x_amplitude_m: None,
         z_amplitude_m: None,
+        phase_rad: None,
         steadiness: "steady".into(),
     })
 }
@@ -290,6 +293,40 @@ fn a_sensor_without_a_signal_has_no_number_and_an_alarm() {
     feed.send(values(8.0));
     let state = numbers(&mut viewer, "back");
     assert!(state["numbers"]["x_mean_m"].is_number() && state["alarms"] == json!([]), "{state}");
+}
+
+#[test]
+fn the_numbers_have_the_stage_the_margin_and_an_x_over_z_that_can_be_read() {
+    let monitor = monitor(None, Handles::default());
+    let (feed, mut viewer) = (monitor.feed(), Viewer::join(&monitor));
+    let table = ["frequency", "x", "z", "z_amplitude", "x_over_z_lock_in", "stage", "stage_left", "dwells"];
+    feed.send(watched_table("rig", &["x", "z"], &table));
+    feed.send(Update::Activity(Activity::Running, "Running.".into()));
+    // x is the number of its row; a cycle of 0.4 s is told four times, and that at 3 s is a spike.
+    feed.send(rows(1, 6000));
+    for tenth in 0..60u8 {
+        let ratio = if (30..34).contains(&tenth) { 900.0 } else { 4.0 + 0.02 * f32::from(tenth / 4 % 2) };
+        let values = vec![2.5, 0.0, 0.0, 1e-3, ratio, 3.0, 2.25, 1.0];
+        feed.send(Update::Values { rig_s: 0.1 * f64::from(tenth), tick: 100 * u32::from(tenth), values });
+        if tenth == 33 {
+            settle(&feed, &mut viewer, "spike");
+            let all = Viewer::join(&monitor).next().unwrap();
+            let shown = all["state"]["numbers"]["x_over_z_lock_in"].as_f64().unwrap();
+            assert!((shown - 4.01).abs() < 0.011, "{shown}");
+        }
+    }
+    settle(&feed, &mut viewer, "told");
+    let numbers = &Viewer::join(&monitor).next().unwrap()["state"]["numbers"];
+    assert_eq!(
+        (&numbers["stage"], &numbers["stage_left_s"], &numbers["dwells"]),
+        (&json!("measuring"), &json!(2.25), &json!(1.0))
+    );
+    assert!((numbers["x_over_z_spread"].as_f64().unwrap() - 0.005).abs() < 1e-4, "{numbers}");
+    assert_eq!((&numbers["x_largest_m"], &numbers["z_largest_m"]), (&json!(6000.0), &json!(0.0)));
+    // The spectra of 6 s.
+    let all = Viewer::join(&monitor).next().unwrap();
+    let spectrum = &all["spectra"][0];
+    assert!(spectrum["t_s"] == 6.0 && spectrum["amplitude_m"].as_array().unwrap().len() == 256, "{spectrum}");
 }
 
 #[test]

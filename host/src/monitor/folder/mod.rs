@@ -112,27 +112,30 @@ fn describe(run: &RunFolder, kind: SourceKind) -> (Watched, Option<String>) {
     let manifest = run.manifest();
     let device = manifest.device.as_ref();
     let signals: Vec<SignalName> = manifest.signals.iter().map(signal).collect();
-    let predicted = campaign_copy::campaign(run.path()).and_then(|mut campaign| {
-        if let Some(settings) = device.and_then(|device| device.settings.as_ref()) {
+    let settings = device.and_then(|device| device.settings.as_ref());
+    let known = campaign_copy::campaign(run.path()).and_then(|mut campaign| {
+        if let Some(settings) = settings {
             campaign.on_board(&settings.settings, device.is_some_and(|device| device.simulated))?;
         }
-        let predicted = Predicted::of(&campaign)?;
         let limits = Limits {
             x_m: Some(campaign.rig.structure_limit_m()),
             z_m: Some(campaign.rig.base_limit_m()),
             wall_force_n: Some(f64::from(campaign.rig.acting.wall_force_n)).filter(|limit| *limit > 0.0),
             clearance_m: None,
         };
-        Ok((curves(&campaign, &predicted), limits))
+        Ok((campaign, limits))
     });
-    let (warning, predicted) = match predicted {
-        Ok(predicted) => (None, Some(predicted)),
-        Err(refusal) => {
-            let first = refusal.to_string().lines().next().unwrap_or_default().to_string();
-            (Some(format!("Without a prediction: the copy of the campaign cannot be used: {first}")), None)
-        }
+    let (curves, limits, refusal) = match known {
+        Ok((campaign, limits)) => match Predicted::of(&campaign) {
+            Ok(predicted) => (curves(&campaign, &predicted), limits, None),
+            Err(refusal) => (curves(&campaign, &Predicted::default()), limits, Some(refusal)),
+        },
+        Err(refusal) => (Vec::new(), Limits::default(), Some(refusal)),
     };
-    let (curves, limits) = predicted.unwrap_or_default();
+    let warning = refusal.map(|refusal| {
+        let first = refusal.to_string().lines().next().unwrap_or_default().to_string();
+        format!("Without a prediction: the copy of the campaign cannot be used: {first}")
+    });
     let watched = Watched {
         source: Source {
             kind,

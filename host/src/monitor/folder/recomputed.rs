@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use damprig_core::measure::running::{DriveReference, RunningLockIn};
 
 use crate::monitor::message::SignalName;
+use crate::monitor::running_ratio::OTHER_POINT;
 
 /// Computes them, row by row. The cycles begin at any phase of the drive, which the phase of x relative to z does not depend on.
 #[derive(Debug)]
@@ -34,12 +35,14 @@ impl Recomputed {
         let Some((x, z)) = self.at else { return };
         let step = frequency_hz * (t_s - self.last_s);
         self.last_s = t_s;
-        // Another frequency, or a gap, begins a new cycle.
-        if frequency_hz != self.frequency_hz || !(0.0..0.5).contains(&step) {
+        // Another point, or a gap, begins a new cycle. The frequency of a resonance that is followed moves by less.
+        let is_same = (frequency_hz / self.frequency_hz - 1.0).abs() <= OTHER_POINT;
+        if !is_same || !(0.0..0.5).contains(&step) {
             self.lock_in.push(0.0, 0.0, None);
             (self.frequency_hz, self.phase) = (frequency_hz, 0.0);
             return;
         }
+        self.frequency_hz = frequency_hz;
         self.phase += step;
         let cycle_ended = self.phase >= 1.0;
         self.phase = self.phase.fract();

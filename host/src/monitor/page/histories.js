@@ -14,21 +14,23 @@ export class Histories {
     this.onChange = onChange;
     this.span = 5;
     this.zoom = null;
-    // A copy of the samples while the plots are paused.
+    // A copy of the samples while the plots are paused, and the state then.
     this.held = null;
     this.view = [0, this.span];
     this.ranges = { x: [-1, 1], z: [-1, 1] };
-    this.calm = { x: calmRange(1e-6), z: calmRange(1e-6) };
+    // Largest |x| and |z| shown, in mm.
+    this.largest = { x: NaN, z: NaN };
+    this.calm = { x: calmRange(1e-3), z: calmRange(1e-3) };
     const onSelect = (from, to) => this.#zoomTo(from, to);
     const common = { x: () => this.view, onSelect };
     this.plots = {
       x: new Plot($("plot-x"), {
         ...common, xLabel: "", yLabel: "x (mm)", y: () => this.ranges.x, hasXLabels: false,
-        series: [{ colour: "curve-0" }], behind: (pen) => this.#limits(pen, "x_m"), before: (pen) => this.#marks(pen),
+        series: [{ colour: "curve-0" }], before: (pen) => this.#overlay(pen, "x"),
       }),
       z: new Plot($("plot-z"), {
         ...common, xLabel: "Time (s)", yLabel: "z (mm)", y: () => this.ranges.z,
-        series: [{ colour: "curve-6" }], behind: (pen) => this.#limits(pen, "z_m"),
+        series: [{ colour: "curve-6" }], before: (pen) => this.#overlay(pen, "z"),
       }),
     };
     this.#listen();
@@ -52,6 +54,7 @@ export class Histories {
       const values = series[i];
       for (let n = 0; n < values.length; n += 1) if (values[n] !== null) values[n] *= 1e3;
       const [low, high] = spread([values]);
+      this.largest[name] = low <= high ? Math.max(-low, high) : NaN;
       if (this.zoom !== null) this.ranges[name] = around([low, high]);
       else this.ranges[name] = low <= high ? this.calm[name](low, high) : this.ranges[name];
       this.plots[name].draw([t, values]);
@@ -87,15 +90,15 @@ export class Histories {
     for (let i = 0; i < impacts.length; i += step) pen.edge(impacts[i].t_s, impacts[i].side, "curve-5");
   }
 
-  #limits(pen, key) {
-    const limit = this.model.state?.limits[key] ?? null;
-    if (limit === null) return;
-    for (const side of [-1e3, 1e3]) pen.level(side * limit, "bad", { dash: [6, 4], width: 1.2 });
+  #overlay(pen, name) {
+    if (name === "x") this.#marks(pen);
+    const limit = this.model.state?.limits[`${name}_m`] ?? null;
+    if (limit !== null) pen.limits(limit * 1e3, this.largest[name], "mm", name === "x" ? 1 : 2);
   }
 
   pause(isPaused) {
     if (isPaused === this.isPaused) return;
-    this.held = isPaused ? { rows: this.model.rows.copy(), impacts: [...this.model.impacts] } : null;
+    this.held = isPaused ? { rows: this.model.rows.copy(), impacts: [...this.model.impacts], state: this.model.state } : null;
     if (!isPaused) this.zoom = null;
     this.#changed();
   }

@@ -2,11 +2,14 @@
 
 import { Connection, takeToken } from "./connection.js";
 import { Controls } from "./controls.js";
+import { Curves, KINDS } from "./curves.js";
 import { Histories } from "./histories.js";
+import { Large } from "./large.js";
 import { Model } from "./model.js";
 import { PhasePlane } from "./phase.js";
-import { Response } from "./response.js";
+import * as save from "./save.js";
 import { Impacts, Spring, Twin } from "./slow_plots.js";
+import { SpectrumPanel } from "./spectrum.js";
 import * as status from "./status.js";
 import * as theme from "./theme.js";
 
@@ -23,8 +26,9 @@ theme.start($("theme"));
 const histories = new Histories(model, () => drawAll());
 const panels = [
   { id: "panel-histories", view: histories },
-  { id: "panel-response", view: new Response(model) },
+  ...Object.entries(KINDS).map(([draws, { id }]) => ({ id: `panel-${id}`, view: new Curves(model, draws), hasData: Curves.hasData(draws) })),
   { id: "panel-phase", view: new PhasePlane(model) },
+  { id: "panel-spectrum", view: new SpectrumPanel(model), hasData: SpectrumPanel.hasData },
   { id: "panel-impacts", view: new Impacts(model), hasData: Impacts.hasData },
   { id: "panel-twin", view: new Twin(model), hasData: Twin.hasData },
   { id: "panel-spring", view: new Spring(model), hasData: Spring.hasData },
@@ -146,6 +150,10 @@ const connection = new Connection(takeToken(), {
   },
 });
 const controls = new Controls(model, connection);
+const large = new Large($("large"), drawAll);
+save.addButtons(model, () => histories.held?.state ?? model.state);
+$("log-save").addEventListener("click", () => model.state !== null && save.log(model));
+$("log-only").addEventListener("change", drawAll);
 
 const help = $("help");
 $("help-open").addEventListener("click", () => help.showModal());
@@ -163,6 +171,8 @@ document.addEventListener("keydown", (event) => {
   } else if (event.key === "s" || event.key === "S") {
     event.preventDefault();
     controls.focusStop();
+  } else if (event.key === "l" || event.key === "L") {
+    large.toggle();
   } else if (["1", "2", "3", "4"].includes(event.key)) {
     histories.choose([2, 5, 20, 60][Number(event.key) - 1]);
   }

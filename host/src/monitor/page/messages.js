@@ -40,19 +40,26 @@ export function pointOf(raw) {
   return {
     set_up: text(raw.set_up, 120),
     experiment: text(raw.experiment, 120),
+    // Its place in the experiment: a point that is measured again replaces the earlier one.
+    key: number(raw.index) ?? raw.frequency_hz,
     frequency_hz: raw.frequency_hz,
+    x_m: number(raw.x_amplitude_m),
+    z_m: number(raw.z_amplitude_m),
+    phase_rad: number(raw.phase_rad),
     x_over_z: number(raw.x_over_z),
     x_over_z_lock_in: number(raw.x_over_z_lock_in),
     steadiness: text(raw.steadiness, 20),
   };
 }
 
+const DRAWS = ["response", "sheet", "backbone"];
+
 export function curveOf(raw) {
   if (!isObject(raw)) return null;
   const isPair = (pair) => Array.isArray(pair) && number(pair[0]) !== null && number(pair[1]) !== null;
   const predicted = list(raw.predicted).slice(0, 4000).filter(isPair);
-  predicted.sort((a, b) => a[0] - b[0]);
-  return { set_up: text(raw.set_up, 120), experiment: text(raw.experiment, 120), predicted };
+  const draws = DRAWS.includes(raw.draws) ? raw.draws : DRAWS[0];
+  return { set_up: text(raw.set_up, 120), experiment: text(raw.experiment, 120), draws, is_in_order: raw.is_in_order === true, predicted };
 }
 
 export function impactOf(raw) {
@@ -63,6 +70,13 @@ export function impactOf(raw) {
 export function sectionOf(raw) {
   // x, velocity, drive frequency.
   return Array.isArray(raw) && number(raw[0]) !== null && number(raw[1]) !== null ? [raw[0], raw[1], number(raw[2])] : null;
+}
+
+// A spectrum with its amplitudes in mm.
+export function spectrumOf(raw) {
+  if (!isObject(raw) || number(raw.t_s) === null || !(number(raw.step_hz) > 0)) return null;
+  const lines = list(raw.amplitude_m).slice(0, 1024);
+  return lines.length > 1 && lines.every((m) => number(m) !== null) ? { t_s: raw.t_s, step_hz: raw.step_hz, mm: lines.map((m) => m * 1e3) } : null;
 }
 
 export function logOf(raw) {
@@ -120,6 +134,7 @@ export function stateOf(raw) {
     number: numbersOf(numbers),
     twin_alarm: numbers.twin_alarm === true,
     spring_stage: text(numbers.spring_stage, 80),
+    stage: text(numbers.stage, 80),
     limits: pick(["x_m", "z_m", "wall_force_n", "clearance_m"], limits),
     link: { ...pick(COUNTERS, link), name: text(link.name, 200), state: text(link.state, 80) },
     fault: isObject(raw.fault) ? { what: text(raw.fault.what) || "Fault.", advice: text(raw.fault.advice) } : null,

@@ -5,7 +5,7 @@ import { Ring, append } from "./ring.js";
 
 const ROWS = 1 << 16;
 const SLOW = 1 << 12;
-const MAX = { points: 20000, transients: 200, impacts: 4000, section: 2000, log: 200, curves: 64, perCurve: 5000 };
+const MAX = { points: 20000, transients: 200, impacts: 4000, section: 2000, spectra: 60, log: 1000, curves: 256, perCurve: 5000 };
 
 export class Model {
   constructor() {
@@ -27,6 +27,7 @@ export class Model {
     this.slow.clear();
     this.impacts = [];
     this.section = [];
+    this.spectra = [];
   }
 
   ignore = () => {
@@ -60,7 +61,7 @@ export class Model {
     };
     this.curves = [];
     for (const curve of check.entries(message.curves, MAX.curves, check.curveOf, this.ignore)) {
-      this.#curve(curve.set_up, curve.experiment).predicted = curve.predicted;
+      this.#curve(curve.set_up, curve.experiment, curve);
     }
     this.log = [];
     this.transients = [];
@@ -78,17 +79,18 @@ export class Model {
     const points = read("points", check.pointOf);
     for (const point of points) {
       const curve = this.#curve(point.set_up, point.experiment);
-      if (curve !== undefined && curve.points.size < MAX.perCurve) curve.points.set(point.frequency_hz, point);
+      if (curve !== undefined && curve.points.size < MAX.perCurve) curve.points.set(point.key, point);
     }
     this.changes.points += points.length;
-    for (const [name, one] of [["impacts", check.impactOf], ["section", check.sectionOf]]) {
+    for (const [name, one] of [["impacts", check.impactOf], ["section", check.sectionOf], ["spectra", check.spectrumOf]]) {
       this[name].push(...read(name, one));
       this[name].splice(0, this[name].length - MAX[name]);
     }
     for (const [name, one] of [["log", check.logOf], ["transients", check.transientOf]]) {
       const fresh = read(name, one);
       this[name].push(...fresh);
-      this[name].splice(0, this[name].length - MAX[name]);
+      // What was wrong is kept longest.
+      while (this[name].length > MAX[name]) this[name].splice(Math.max(0, this[name].findIndex((e) => e.level === "info")), 1);
       this.changes[name] += fresh.length;
     }
     const state = check.stateOf(message.state);
@@ -97,14 +99,14 @@ export class Model {
   }
 
   // The curve of a set-up and an experiment, made when it is new. Set-ups keep their order, which gives their colour.
-  #curve(setUp, experiment) {
+  #curve(setUp, experiment, { draws, is_in_order, predicted } = { draws: "response", is_in_order: false, predicted: [] }) {
     let curve = this.curves.find((c) => c.set_up === setUp && c.experiment === experiment);
     if (curve === undefined) {
       if (this.curves.length >= MAX.curves) return undefined;
       const known = [...new Set(this.curves.map((c) => c.set_up))];
       const index = known.includes(setUp) ? known.indexOf(setUp) : known.length;
-      const nth = this.curves.filter((c) => c.set_up === setUp).length;
-      curve = { set_up: setUp, experiment, index, nth, points: new Map(), predicted: [] };
+      const nth = this.curves.filter((c) => c.set_up === setUp && c.draws === draws).length;
+      curve = { set_up: setUp, experiment, draws, is_in_order, index, nth, points: new Map(), predicted };
       this.curves.push(curve);
     }
     return curve;

@@ -23,7 +23,7 @@ export class PhasePlane {
     this.orbit = [];
     this.section = [];
     this.ranges = { x: [-1, 1], y: [-1, 1] };
-    this.calm = { x: calmRange(1e-6), y: calmRange(1e-6) };
+    this.calm = { x: calmRange(1e-3), y: calmRange(1e-5) };
     this.plot = new Plot($("plot-phase"), {
       xLabel: "x (mm)", yLabel: "v (m/s)", x: () => this.ranges.x, y: () => this.ranges.y, before: (pen) => this.#paint(pen),
     });
@@ -53,7 +53,7 @@ export class PhasePlane {
     if (this.orbit.length === 0) return "";
     const how = isMeasured ? "v measured" : `v from differences of x over ${Math.round(span_s * 1e3)} ms`;
     const points = this.section.length;
-    return points > 0 ? `${how} · ${points} Poincaré points` : how;
+    return points > 0 ? `${how} · ${points} Poincaré points, one a cycle of the drive` : how;
   }
 
   #paint(pen) {

@@ -2,6 +2,7 @@
 
 import { linearLabels, linearTicks, logLabels, logTicks } from "./axis.js";
 import { colour, fontFamily, onTheme } from "./theme.js";
+import { fixed, significant } from "./text.js";
 
 const TOP = 8;
 const RIGHT = 12;
@@ -10,7 +11,7 @@ const BOTTOM = 46;
 
 // `spec`: xLabel, yLabel; x() and y() give the ranges [from, to]; isLog of the ordinate; series [{colour, width, dash}];
 // behind(pen) and before(pen) draw below and above the series; onSelect(from, to) for a dragged part; onHover(x | null, y);
-// hasXLabels false leaves out the labels of the abscissa.
+// hasXLabels false leaves out the labels of the abscissa; yTicks are the places that the ordinate may have ticks at.
 export class Plot {
   constructor(host, spec) {
     this.host = host;
@@ -49,7 +50,8 @@ export class Plot {
     const gap = isX ? 90 : 26;
     const across = (u) => (isX ? u.width - LEFT - RIGHT : u.height - TOP - BOTTOM);
     const divisions = (u) => Math.max(2, Math.min(7, Math.floor(across(u) / (isX ? 48 : gap))));
-    const ticks = (u, from, to) => (isLog ? logTicks(from, to).major : linearTicks(from, to, divisions(u)));
+    const own = isX ? undefined : spec.yTicks;
+    const ticks = (u, from, to) => (own ? own.filter((value) => value >= from && value <= to) : isLog ? logTicks(from, to).major : linearTicks(from, to, divisions(u)));
     return {
       scale: isX ? "x" : "y",
       side: isX ? 2 : 3,
@@ -211,6 +213,27 @@ export class Pen {
     this.ctx.moveTo(left, y);
     this.ctx.lineTo(left + width, y);
     this.ctx.stroke();
+  }
+
+  // The two lines of a symmetric limit, at the edge of the plot where they lie beyond it, and in words what is left to it. `largest` is
+  // the largest value shown; the words are in this row of text from above.
+  limits(limit, largest, unit, decimals, row = 1) {
+    const { min, max } = this.u.scales.y;
+    const { left, top, width, height } = this.u.bbox;
+    const isBeyond = limit > max;
+    for (const side of [-1, 1]) {
+      const value = Math.min(max - (max - min) / height, Math.max(min + (2 * (max - min)) / height, side * limit));
+      this.level(value, "bad", { dash: isBeyond ? [2, 6] : [6, 4], width: isBeyond ? 2 : 1.2 });
+    }
+    const margin = limit - largest;
+    const left_over = Number.isFinite(margin) ? `, margin ${fixed(margin, decimals)} ${unit} (${fixed((100 * margin) / limit, 0)} %)` : "";
+    const words = `${isBeyond ? "▲ " : ""}limit ±${significant(limit, 4)} ${unit}${left_over}`;
+    const [x, y] = [left + width - 6 * this.scale, top + (4 + 16 * row) * this.scale];
+    this.#style("sheet", { alpha: 0.85 });
+    this.ctx.font = `${12 * this.scale}px ${fontFamily()}`;
+    const wide = this.ctx.measureText(words).width;
+    this.ctx.fillRect(x - wide - 3 * this.scale, y - 15 * this.scale, wide + 6 * this.scale, 16 * this.scale);
+    this.text(words, x, y, margin < 0.1 * limit ? "bad" : "grey", "right");
   }
 
   // A vertical line over the plot.

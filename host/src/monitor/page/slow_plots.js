@@ -38,7 +38,7 @@ export class Impacts {
     this.plot = new Plot($("plot-impacts"), {
       xLabel: "Time (s)", yLabel: "Wall force (N)", x: () => this.view, y: () => this.range,
       series: [{ colour: "grey", width: 1 }, { colour: "grey", width: 1 }],
-      behind: (pen) => this.#limits(pen), before: (pen) => this.#stems(pen),
+      behind: (pen) => pen.level(0, "ink", { alpha: 0.7 }), before: (pen) => this.#stems(pen),
     });
   }
 
@@ -50,25 +50,25 @@ export class Impacts {
 
   draw() {
     const { model } = this;
-    const [from, to] = lastMinute(model);
-    // The last 10 s: impacts come several a second.
-    this.view = [to - (to - from) / 6, to];
+    // The last 10 s, at the times of the samples: impacts come several a second.
+    const to = model.rows.length > 0 ? model.rows.last : lastMinute(model)[1];
+    this.view = [to - (SPAN_S / 6) * Math.max(1, model.state.speed ?? 1), to];
     const isFast = !Number.isNaN(model.rows.columns.wall_high[model.rows.length - 1] ?? NaN);
-    const ring = isFast ? model.rows : model.slow;
-    const names = isFast ? ["wall_low", "wall_high"] : ["wall_low_n", "wall_high_n"];
+    const ring = isFast || model.rows.length > 0 ? model.rows : model.slow;
+    const names = ring === model.rows ? ["wall_low", "wall_high"] : ["wall_low_n", "wall_high_n"];
     const { t, series } = extremes(ring, names, ...this.view, this.plot.columns);
     series[0] = scaled(series[0], -1);
     const peaks = this.#shown().map((impact) => impact.peak_n ?? 0);
     const [low, high] = spread(series);
     const limit = model.state?.limits.wall_force_n ?? null;
-    const reach = Math.max(0, ...peaks, high, -low);
-    // The limit is part of the picture once the forces come near it.
-    const top = this.top(limit !== null && reach > 0.25 * limit ? Math.max(reach, limit) : reach)[1];
+    this.largest = Math.max(0, ...peaks, high, -low);
+    // The limit is at its place once the forces come near it.
+    const top = this.top(limit !== null && this.largest > 0.25 * limit ? Math.max(this.largest, limit) : this.largest)[1];
     this.range = [-top, top];
     this.plot.draw([t, ...series]);
     put($("impacts-note"), this.#last());
-    const total = `${count(model.state.number("impacts"))} impacts since the start`;
-    put($("impacts-count"), limit === null ? `${total}.` : `${total}; limit of the wall force ${fixed(limit, 0)} N.`);
+    const total = model.state.number("impacts");
+    put($("impacts-count"), total === null ? "" : `${count(total)} impacts in this experiment.`);
   }
 
   #shown() {
@@ -81,13 +81,6 @@ export class Impacts {
     return `last: ${last.side > 0 ? "+d" : "−d"}, ${fixed(last.peak_n, 0)} N`;
   }
 
-  #limits(pen) {
-    pen.level(0, "ink", { alpha: 0.7 });
-    const limit = this.model.state?.limits.wall_force_n ?? null;
-    if (limit === null) return;
-    for (const side of [-1, 1]) pen.level(side * limit, "bad", { dash: [6, 4], width: 1.2 });
-  }
-
   #stems(pen) {
     for (const { t_s, side, peak_n } of this.#shown()) {
       if (peak_n === null) pen.edge(t_s, side, "curve-5");
@@ -96,6 +89,8 @@ export class Impacts {
         pen.dot(t_s, side * peak_n, 2.6, "curve-5");
       }
     }
+    const limit = this.model.state?.limits.wall_force_n ?? null;
+    if (limit !== null) pen.limits(limit, this.largest, "N", 0, 2);
     const { left, top, height } = pen.u.bbox;
     pen.text("wall at +d", left + 6 * pen.scale, top + 18 * pen.scale, "grey");
     pen.text("wall at −d", left + 6 * pen.scale, top + height - 5 * pen.scale, "grey");

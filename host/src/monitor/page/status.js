@@ -73,7 +73,7 @@ export function strip(model, connection, now) {
     set(tone === "bad" ? "bad" : "warn", word, state.headline, `Alarm: ${state.alarms[0]}${more}`);
     announce(`Alarm. ${state.alarms[0]}`);
   } else {
-    const about = state.experiment === "" ? "" : `Experiment ${state.experiment}`;
+    const about = state.experiment === "" || state.headline.includes(`experiment ${state.experiment}`) ? "" : `Experiment ${state.experiment}`;
     set(tone, word, state.headline, state.injected.length > 0 ? `Practice: ${state.injected.join(", ")}.` : about);
     announce("");
   }
@@ -139,6 +139,21 @@ export function numbers({ state }) {
   put($("n-phase"), fixed(degrees(n("x_phase_rad")), 1));
   put($("n-impacts"), fixed(n("impacts_in_cycle"), 0));
   put($("n-residual"), millimetres(n("twin_residual_m"), 3));
+  const [limit, largest] = [state.limits.x_m, n("x_largest_m")];
+  const margin = limit === null || largest === null ? null : limit - largest;
+  put($("n-margin"), millimetres(margin, 1));
+  $("n-margin").dataset.tone = margin === null || margin > 0.1 * limit ? "quiet" : "bad";
+  point(state, n);
+}
+
+// The stage of the present point with what is left of it, and how much X/Z moves.
+function point({ activity, stage }, n) {
+  const dwells = n("dwells");
+  const words = activity === "held" ? "held" : stage === "measuring" && dwells > 1 ? `dwell ${dwells}` : stage || "point";
+  put($("l-left"), `${words.charAt(0).toUpperCase()}${words.slice(1)} (s left)`);
+  put($("n-left"), n("stage_left_s") > 0 ? fixed(n("stage_left_s"), 1) : "–");
+  const spread = n("x_over_z_spread");
+  put($("n-spread"), spread === null ? "–" : fixed(100 * spread, spread < 0.1 ? 2 : 0));
 }
 
 let linkRows = null;
@@ -173,6 +188,8 @@ export function link(model) {
   });
 }
 
+// Saving the log saves all of it.
+const SHOWN_ENTRIES = 300;
 const drawn = { log: -1, transients: -1, alarms: null };
 
 export function log(model) {
@@ -185,9 +202,11 @@ export function log(model) {
     $("alarms").replaceChildren(...(items.length > 0 ? items : [item([["span", "No alarm."]], "info")]));
     put($("log-note"), words.length === 0 ? "" : words.length === 1 ? "1 alarm" : `${words.length} alarms`);
   }
-  if (drawn.log !== model.changes.log) {
-    drawn.log = model.changes.log;
-    const entries = [...model.log].reverse();
+  const only = $("log-only").value;
+  if (drawn.log !== model.changes.log || drawn.only !== only) {
+    [drawn.log, drawn.only] = [model.changes.log, only];
+    const isShown = ({ level }) => only === "" || level === only || (only === "trouble" && (level === "warning" || level === "fault"));
+    const entries = model.log.filter(isShown).slice(-SHOWN_ENTRIES).reverse();
     $("log").replaceChildren(...entries.map((e) => item([["time", e.at], ["span", e.text]], e.level)));
   }
   if (drawn.transients !== model.changes.transients) {

@@ -13,15 +13,39 @@ function stored() {
   }
 }
 
+// Runs something with the page in its light colours: a picture for paper.
+export async function inLight(run) {
+  const { dataset } = document.documentElement;
+  const own = dataset.theme;
+  const show = async (theme) => {
+    if (theme === undefined) delete dataset.theme;
+    else dataset.theme = theme;
+    read();
+    // The plots are drawn before the next picture of the page.
+    await new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
+  };
+  if (!isDark()) return run();
+  await show("light");
+  try {
+    return await run();
+  } finally {
+    await show(own);
+  }
+}
+
 const isDark = () => (document.documentElement.dataset.theme ?? (system.matches ? "dark" : "light")) === "dark";
 
-function changed(button) {
+function read() {
   const style = getComputedStyle(document.documentElement);
   const names = ["paper", "sheet", "ink", "grey", "line", "grid", "good", "bad", "warn"];
   for (let i = 0; i < 12; i += 1) names.push(`curve-${i}`);
   colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
-  button.textContent = isDark() ? "Light" : "Dark";
   for (const listener of listeners) listener();
+}
+
+function changed(button) {
+  read();
+  button.textContent = isDark() ? "Light" : "Dark";
 }
 
 // A colour of look.css by its name without dashes: "ink", "curve-3".

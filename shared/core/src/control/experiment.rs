@@ -4,7 +4,7 @@
 //! [`Experiment`] is a checked plan and [`ExperimentRunner`] is an experiment in progress. This module only dispatches
 //! to the kinds.
 
-use super::outcome::{ExperimentStage, Outcome, TickInputs};
+use super::outcome::{ExperimentStage, Outcome, StageProgress, TickInputs};
 use super::stepped_sine::{self, DriveMode};
 use super::transient::free_vibration;
 use super::transient::playback::{self, RecordId};
@@ -124,6 +124,15 @@ impl ExperimentRunner {
     #[must_use]
     pub fn stage(&self) -> ExperimentStage {
         ask!(self, own => own.stage())
+    }
+
+    /// How far it is in its present point.
+    #[must_use]
+    pub fn progress(&self) -> StageProgress {
+        match self {
+            Self::SteppedSine(own) => own.progress(),
+            Self::Playback(_) | Self::FreeVibration(_) => StageProgress::default(),
+        }
     }
 
     /// The present drive frequency, Hz; 0 if there is none.

@@ -20,6 +20,32 @@ pub enum ExperimentStage {
     Hold,
 }
 
+impl ExperimentStage {
+    /// Every stage, at the index of its number.
+    pub const ALL: [Self; 4] = [Self::Rest, Self::Settle, Self::Dwell, Self::Hold];
+
+    /// The stage in words.
+    #[must_use]
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Rest => "coming to rest",
+            Self::Settle => "settling",
+            Self::Dwell => "measuring",
+            Self::Hold => "waiting for a person",
+        }
+    }
+}
+
+/// How far an experiment is in its present point.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StageProgress {
+    /// Time that the stage still takes at least, s; 0 while it waits for something or is held, and of experiments other than
+    /// stepped sines.
+    pub left_s: f32,
+    /// Dwells of the present point that have begun, without those that a hold has ended.
+    pub dwells: u16,
+}
+
 /// Outcome of one tick of an experiment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {

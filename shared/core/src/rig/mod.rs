@@ -18,7 +18,7 @@ pub mod signals;
 use crate::control::experiment::{Driving, Experiment, ExperimentRunner};
 use crate::control::fault::Fault;
 use crate::control::friction_spring::SpringEvent;
-use crate::control::outcome::{Outcome, TickInputs};
+use crate::control::outcome::{Outcome, StageProgress, TickInputs};
 use crate::control::safety::{Allowed, ExperimentLimits, SafeStage, Safety, Signs};
 use crate::control::transient::playback::RecordId;
 use crate::io::{Actuators, DriveRange, DriveScale, Motor, Readings, Sensor, Sensors};
@@ -342,6 +342,10 @@ impl Rig {
         let twin = dampers.twin_signals();
         let [low, high] = dampers.meter.highest_n();
         let number = |flag: bool| if flag { 1.0 } else { 0.0 };
+        let (stage, progress) = match (self.state(), self.activity.runner()) {
+            (State::Running(stage), Some(runner)) => (1.0 + f32::from(stage as u8), runner.progress()),
+            _ => (0.0, StageProgress::default()),
+        };
         let motion = dampers.motion();
         self.signals = Signals {
             x: readings.x.mean_m,
@@ -373,6 +377,9 @@ impl Rig {
             x_velocity: dampers.x_velocity_m_per_s,
             particle_offset: twin.particle_offset_m,
             particle_velocity: twin.particle_velocity_m_per_s,
+            stage,
+            stage_left: progress.left_s,
+            dwells: f32::from(progress.dwells),
         };
     }
 

@@ -86,6 +86,14 @@ signals! {
     /// Velocity of the particle relative to the structure, y′ − x′, in the tick before as estimated by the twin; 0
     /// without a twin.
     particle_velocity: "m/s",
+    /// Stage of the experiment's present point: 1 coming to rest, 2 settling, 3 measuring (dwell), 4 waiting for a person;
+    /// 0 without an experiment.
+    stage: "",
+    /// Time that this stage still takes at least; 0 while it waits for something or is held.
+    stage_left: "s",
+    /// Dwells of the present point that have begun: more than 1 if the first was not steady, or the loops lost their
+    /// targets.
+    dwells: "",
 }
 
 /// Number of signals, from the start of the table, that a rig sends by default: the motion.

@@ -5,7 +5,7 @@ use super::{FADE_S, Start, SteppedSine, SteppedSinePlan};
 use crate::control::base_follow::BaseFollow;
 use crate::control::base_loop::DELAY_TICKS;
 use crate::control::fault::{Fault, FaultCause};
-use crate::control::outcome::{ExperimentStage, Outcome, TickInputs};
+use crate::control::outcome::{ExperimentStage, Outcome, StageProgress, TickInputs};
 use crate::control::phase_lock::{PhaseTracker, Sample};
 use crate::control::rest::{RestWait, Waited};
 use crate::io::{DriveRange, Rail, Readings, SensorSet, TICK_HZ};
@@ -58,8 +58,9 @@ pub struct SteppedSineRunner {
     cycles: u32,
     cycle_ended: bool,
     start_tick: u32,
-    /// Tick of the point's first dwell, once it has begun.
+    /// Tick of the point's first dwell, once it has begun, and the dwells that have begun.
     first_dwell: Option<u32>,
+    dwells: u16,
     impacts_before: u32,
     put_back: Option<u16>,
 }
@@ -97,6 +98,7 @@ impl SteppedSineRunner {
             cycle_ended: false,
             start_tick: 0,
             first_dwell: None,
+            dwells: 0,
             impacts_before: 0,
             put_back: None,
         };
@@ -114,6 +116,22 @@ impl SteppedSineRunner {
     #[must_use]
     pub fn stage(&self) -> ExperimentStage {
         self.stage
+    }
+
+    /// How far it is in the present point.
+    #[must_use]
+    pub fn progress(&self) -> StageProgress {
+        let left_s = match self.stage {
+            _ if self.held => 0.0,
+            ExperimentStage::Settle => self.plan.settle_ticks.saturating_sub(self.driven_ticks) as f32 / TICK_HZ,
+            ExperimentStage::Dwell => {
+                let cycles =
+                    self.cycles.saturating_sub(self.meter.cycles()) as f32 - self.phase.0 as f32 / 4_294_967_296.0;
+                cycles.max(0.0) / self.frequency_hz
+            }
+            ExperimentStage::Rest | ExperimentStage::Hold => 0.0,
+        };
+        StageProgress { left_s, dwells: self.dwells }
     }
 
     /// The present drive frequency, Hz; 0 while resting.
@@ -182,6 +200,7 @@ impl SteppedSineRunner {
         self.held = held;
         if held && self.stage == ExperimentStage::Dwell {
             self.stage = ExperimentStage::Settle;
+            self.dwells = self.dwells.saturating_sub(1);
         }
     }
 
@@ -244,7 +263,7 @@ impl SteppedSineRunner {
         self.regulator.begin_point(drive, self.frequency_hz, own);
         self.stage = ExperimentStage::Settle;
         self.driven_ticks = 0;
-        self.first_dwell = None;
+        (self.first_dwell, self.dwells) = (None, 0);
         self.driving = true;
     }
 
@@ -273,6 +292,7 @@ impl SteppedSineRunner {
         self.start_tick = now.tick;
         self.impacts_before = now.impacts;
         self.first_dwell.get_or_insert(now.tick);
+        self.dwells = self.dwells.saturating_add(1);
         self.meter = PointMeter::new(self.cycles, self.over());
         (self.was_saturated, self.clipped) = (false, SensorSet::default());
     }
@@ -481,6 +501,46 @@ mod tests {
         }
     }
 
+    #[test]
+    fn the_time_that_is_told_is_left_in_settling_and_in_the_dwell() {
+        let plan = SteppedSinePlan::new(SteppedSine {
+            start: Start::CarryOver,
+            amplitude_m: 1e-3,
+            drive: DriveMode::Constant,
+            ramp_s: 0.1,
+            settle_s: 1.0,
+            dwell_s: 4.0,
+            steady: SteadyLimits::default(),
+            points: [2.3].into_iter().collect(),
+            first_index: 0,
+        })
+        .unwrap();
+        let mut runner = SteppedSineRunner::new(&plan, &DriveScale::default().range());
+        let mut told = heapless::Vec::<_, 8192>::new();
+        for tick in 0.. {
+            told.push((runner.stage(), runner.progress())).unwrap();
+            // The base follows the drive.
+            let z = 1e-3 * Phase(runner.phase.0.wrapping_sub(DELAY_TICKS * runner.increment)).sin_cos().0;
+            let readings = Readings { z: crate::io::Reading::still(z), ..Readings::default() };
+            let (_, outcome) =
+                runner.tick(&TickInputs { tick, readings: &readings, impacts: 0, clipped: SensorSet::default() });
+            if let Outcome::Finished(_) = outcome {
+                break;
+            }
+        }
+        let end = told.len() as f32 / TICK_HZ;
+        let dwells_from = told.iter().position(|(stage, _)| *stage == ExperimentStage::Dwell).unwrap();
+        for (tick, (stage, progress)) in told.iter().enumerate() {
+            let now = tick as f32 / TICK_HZ;
+            let is_measuring = *stage == ExperimentStage::Dwell;
+            assert_eq!(progress.dwells, u16::from(is_measuring), "{tick}");
+            // A tick early or late by the time of the telling; settling is prolonged to the start of a cycle.
+            let late = if is_measuring { end - now } else { dwells_from as f32 / TICK_HZ - now } - progress.left_s;
+            let most = if is_measuring { 1.5e-3 } else { 1.0 / 2.3 + 1.5e-3 };
+            assert!((-1.5e-3..most).contains(&late), "{tick}: {late}");
+        }
+    }
+
     /// x lags z by a quarter of a cycle at every frequency, but for two seconds in the first dwell.
     #[test]
     fn a_lost_phase_begins_the_dwell_again() {
@@ -515,6 +575,7 @@ mod tests {
                 assert!(lost_until.is_some_and(|until| result.start_tick > until), "{result:?}");
                 // The readings are two ticks older than the reference of the result for both.
                 assert!((result.phase_rad + core::f32::consts::FRAC_PI_2).abs() < 1e-3, "{result:?}");
+                assert_eq!(runner.progress().dwells, 2);
                 assert_eq!(
                     stages[..],
                     [ExperimentStage::Settle, ExperimentStage::Dwell, ExperimentStage::Settle, ExperimentStage::Dwell]
