@@ -10,6 +10,7 @@
 //! [`SteppedSine`] is the host's request and [`SteppedSinePlan`] the checked plan. A plan is made outside the control
 //! tick, which has no time to check a hundred frequencies. The [`SteppedSineRunner`] runs it.
 
+mod drive;
 mod regulator;
 mod runner;
 

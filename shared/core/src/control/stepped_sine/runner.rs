@@ -1,58 +1,28 @@
-//! Runs a checked stepped sine, one tick at a time.
+//! The stages of a checked stepped sine, point by point.
 
-use super::regulator::{DrivePhase, Regulator};
-use super::{FADE_S, Start, SteppedSine, SteppedSinePlan};
-use crate::control::base_follow::BaseFollow;
-use crate::control::base_loop::DELAY_TICKS;
+use super::drive::Drive;
+use super::{Start, SteppedSinePlan};
 use crate::control::fault::{Fault, FaultCause};
 use crate::control::outcome::{ExperimentStage, Outcome, StageProgress, TickInputs};
-use crate::control::phase_lock::{PhaseTracker, Sample};
 use crate::control::rest::{RestWait, Waited};
-use crate::io::{DriveRange, Rail, Readings, SensorSet, TICK_HZ};
+use crate::io::{DriveRange, SensorSet, TICK_HZ};
 use crate::measure::point::{Place, PointMeter};
 use crate::measure::running::DriveReference;
-use crate::sine::Phase;
-
-const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
-
-/// Cycles after a change of the base's amplitude in which it may still move by the one before.
-const CYCLES_OF_CHANGE: u32 = 3;
 
 /// A stepped sine in progress, with its plan.
 #[derive(Clone, Debug)]
 pub struct SteppedSineRunner {
     plan: SteppedSinePlan,
+    drive: Drive,
     index: usize,
     stage: ExperimentStage,
     rest: RestWait,
-    /// Ticks since the present frequency began.
+    /// Ticks since the present point began to settle.
     driven_ticks: u32,
-    phase: Phase,
-    /// The drive's phase in the last ticks with its sine and cosine, oldest first.
-    waves: [(Phase, (f32, f32)); DELAY_TICKS as usize],
-    increment: u32,
-    frequency_hz: f32,
-    /// Position on the ramp, 0 to 1.
-    gain: f32,
-    fall: f32,
-    driving: bool,
     /// The present point goes on until a person releases it.
     held: bool,
-    /// The range that the drive can deliver.
-    range: DriveRange,
-    /// Base amplitude that this point demands without a loop of the response, m.
-    amplitude_m: f32,
-    /// That of the point before, m, and the cycles since it changed.
-    amplitude_before_m: f32,
-    cycles_since: u32,
-    regulator: Regulator,
-    /// The loop that finds the resonance.
-    tracker: Option<PhaseTracker>,
-    follow: BaseFollow,
-    /// The drive was at its limit in the last tick, and at any time since the dwell began.
-    saturated: bool,
+    /// The drive was at its limit, and these sensors were clipped, since the dwell began.
     was_saturated: bool,
-    /// Sensors that were clipped since the dwell began.
     clipped: SensorSet,
     meter: PointMeter,
     cycles: u32,
@@ -71,26 +41,12 @@ impl SteppedSineRunner {
     pub fn new(plan: &SteppedSinePlan, drive: &DriveRange) -> Self {
         let mut runner = Self {
             plan: plan.clone(),
+            drive: Drive::new(plan, drive),
             index: 0,
             stage: ExperimentStage::Rest,
             rest: RestWait::default(),
             driven_ticks: 0,
-            phase: Phase::default(),
-            waves: Default::default(),
-            increment: 0,
-            frequency_hz: 0.0,
-            gain: 0.0,
-            fall: FADE_PER_TICK,
-            driving: false,
             held: false,
-            range: *drive,
-            amplitude_m: plan.sine.amplitude_m,
-            amplitude_before_m: plan.sine.amplitude_m,
-            cycles_since: u32::MAX,
-            regulator: Regulator::new(&plan.sine.drive),
-            tracker: None,
-            follow: BaseFollow::default(),
-            saturated: false,
             was_saturated: false,
             clipped: SensorSet::default(),
             meter: PointMeter::default(),
@@ -125,9 +81,8 @@ impl SteppedSineRunner {
             _ if self.held => 0.0,
             ExperimentStage::Settle => self.plan.settle_ticks.saturating_sub(self.driven_ticks) as f32 / TICK_HZ,
             ExperimentStage::Dwell => {
-                let cycles =
-                    self.cycles.saturating_sub(self.meter.cycles()) as f32 - self.phase.0 as f32 / 4_294_967_296.0;
-                cycles.max(0.0) / self.frequency_hz
+                let cycles = self.cycles.saturating_sub(self.meter.cycles()) as f32 - self.drive.share_of_cycle();
+                cycles.max(0.0) / self.drive.frequency_hz()
             }
             ExperimentStage::Rest | ExperimentStage::Hold => 0.0,
         };
@@ -137,14 +92,14 @@ impl SteppedSineRunner {
     /// The present drive frequency, Hz; 0 while resting.
     #[must_use]
     pub fn frequency_hz(&self) -> f32 {
-        if self.stage == ExperimentStage::Rest { 0.0 } else { self.frequency_hz }
+        if self.stage == ExperimentStage::Rest { 0.0 } else { self.drive.frequency_hz() }
     }
 
     /// The drive's reference in the last tick; `None` while resting.
     #[must_use]
     pub fn reference(&self) -> Option<DriveReference> {
-        let (_, wave) = self.waves[DELAY_TICKS as usize - 1];
-        (self.stage != ExperimentStage::Rest).then_some(DriveReference { wave, cycle_ended: self.cycle_ended })
+        let reference = DriveReference { wave: self.drive.last_wave(), cycle_ended: self.cycle_ended };
+        (self.stage != ExperimentStage::Rest).then_some(reference)
     }
 
     /// A cycle of the drive ended in the last tick.
@@ -156,31 +111,31 @@ impl SteppedSineRunner {
     /// The drive is strong enough for the base to move visibly: it is on, and more than half up its ramp.
     #[must_use]
     pub fn is_swinging(&self) -> bool {
-        self.driving && self.gain > 0.5
+        self.drive.is_swinging()
     }
 
     /// The drive is on.
     #[must_use]
     pub fn is_driving(&self) -> bool {
-        self.driving
+        self.drive.is_on()
     }
 
     /// The drive was at its limit in the last tick.
     #[must_use]
     pub fn is_saturated(&self) -> bool {
-        self.saturated
+        self.drive.is_saturated()
     }
 
     /// Base amplitude that the response's loop demands now, m; `None` of other drives.
     #[must_use]
     pub fn demanded_m(&self) -> Option<f32> {
-        self.regulator.demanded_m()
+        self.drive.regulator.demanded_m()
     }
 
     /// Base amplitude that the response's loop demands next, m; 0 of other drives.
     #[must_use]
     pub fn base_foreseen_m(&self) -> f32 {
-        self.regulator.base_foreseen_m()
+        self.drive.regulator.base_foreseen_m()
     }
 
     /// Index of the point in the whole experiment.
@@ -213,163 +168,61 @@ impl SteppedSineRunner {
     /// Starts the final fade-out of the drive. It ends a hold.
     pub fn release_drive(&mut self) {
         self.held = false;
-        self.driving = false;
-        self.fall = FADE_PER_TICK;
+        self.drive.release();
     }
 
     /// The drive has faded out.
     #[must_use]
     pub fn is_silent(&self) -> bool {
-        self.gain == 0.0 && !self.driving
+        self.drive.is_silent()
     }
 
     fn begin_point(&mut self) {
         match self.plan.sine.start {
             Start::FromRest { .. } => {
                 self.stage = ExperimentStage::Rest;
-                self.end_driving();
+                self.drive.end(self.plan.fall);
                 self.rest = RestWait::default();
             }
             Start::CarryOver => self.begin_settling(),
         }
     }
 
-    fn end_driving(&mut self) {
-        self.driving = false;
-        self.fall = self.plan.fall;
-    }
-
     fn begin_settling(&mut self) {
-        let SteppedSine { points, drive, amplitude_m, .. } = &self.plan.sine;
-        if self.gain == 0.0 {
-            self.regulator = Regulator::new(drive);
-            self.tracker = points.lock().map(|lock| PhaseTracker::new(lock, TICK_HZ));
-        }
-        let own = points.amplitude(self.index);
-        let demanded_m = own.filter(|_| !self.regulator.keeps_response()).unwrap_or(*amplitude_m);
-        if demanded_m != self.amplitude_m {
-            (self.amplitude_before_m, self.cycles_since) = (self.amplitude_m, 0);
-        }
-        self.amplitude_m = demanded_m;
-        // The resonance is where it was in the point before.
-        self.frequency_hz = self.tracker.as_mut().map_or_else(
-            || points.frequency_hz(self.index),
-            |tracker| {
-                tracker.begin_point();
-                tracker.frequency_hz()
-            },
-        );
-        self.increment = Phase::increment(self.frequency_hz, TICK_HZ);
-        self.regulator.begin_point(drive, self.frequency_hz, own);
+        self.drive.begin_point(&self.plan.sine, self.index);
         self.stage = ExperimentStage::Settle;
         self.driven_ticks = 0;
         (self.first_dwell, self.dwells) = (None, 0);
-        self.driving = true;
     }
 
     /// Whether, in a dwell, an amplitude or the phase has left its tolerance and there is time to restart the dwell.
     fn has_slipped(&self) -> bool {
-        let is_kept = self.regulator.is_held() && !self.tracker.as_ref().is_some_and(PhaseTracker::is_lost);
-        !is_kept && self.driven_ticks <= self.plan.held_by_ticks
+        !self.drive.is_kept() && self.driven_ticks <= self.plan.held_by_ticks
     }
 
     /// The point has settled: the measurement may begin at the next cycle.
     fn is_settled(&self) -> bool {
-        let is_kept = self.regulator.is_held() && self.tracker.as_ref().is_none_or(PhaseTracker::is_locked);
         !self.held
             && self.driven_ticks > self.plan.settle_ticks
-            && (is_kept || self.driven_ticks > self.plan.held_by_ticks)
-    }
-
-    /// Fraction of the last tick, at whose end a cycle ended, that belongs to the present cycle.
-    fn over(&self) -> f32 {
-        self.phase.0 as f32 / self.increment as f32
+            && (self.drive.is_locked() || self.driven_ticks > self.plan.held_by_ticks)
     }
 
     fn begin_dwelling(&mut self, now: &TickInputs) {
         self.stage = ExperimentStage::Dwell;
-        self.cycles = (self.plan.sine.dwell_s * self.frequency_hz) as u32;
+        self.cycles = (self.plan.sine.dwell_s * self.drive.frequency_hz()) as u32;
         self.start_tick = now.tick;
         self.impacts_before = now.impacts;
         self.first_dwell.get_or_insert(now.tick);
         self.dwells = self.dwells.saturating_add(1);
-        self.meter = PointMeter::new(self.cycles, self.over());
+        self.meter = PointMeter::new(self.cycles, self.drive.over());
         (self.was_saturated, self.clipped) = (false, SensorSet::default());
     }
 
     /// The drive for this tick, m, without measuring. Used for the fade after a stop.
     pub fn fade(&mut self) -> f32 {
-        let drive = self.drive_m(None).0;
-        self.cycle_ended = self.phase.advance(self.increment);
+        let (drive, _) = self.drive.tick(&self.plan, None);
+        self.cycle_ended = self.drive.advance();
         drive
-    }
-
-    /// The drive at the present phase, m, limited to what can be delivered, and a fault of the base. The drive fades
-    /// after its release; then, and without readings of z, the loop is open.
-    fn drive_m(&mut self, now: Option<&TickInputs>) -> (f32, Option<Fault>) {
-        let step = if self.driving { self.plan.rise } else { -self.fall };
-        self.gain = (self.gain + step).clamp(0.0, 1.0);
-        let wave = self.phase.sin_cos();
-        let (demand, fault) = self.demand_m(now.filter(|_| self.driving), wave);
-        let (drive, is_cut) = self.range.limit(demand);
-        self.saturated |= is_cut;
-        self.was_saturated |= self.saturated;
-        (drive, fault.or_else(|| self.follow(now?, drive, wave)))
-    }
-
-    /// The demand, m, and a fault of the closed loop.
-    fn demand_m(&mut self, now: Option<&TickInputs>, wave: (f32, f32)) -> (f32, Option<Fault>) {
-        // A smooth ramp: its slope is zero at both ends.
-        let ramp = self.gain * self.gain * (3.0 - 2.0 * self.gain);
-        let [(then, wave_then), (next, _)] = self.waves;
-        self.waves.rotate_left(1);
-        self.waves[DELAY_TICKS as usize - 1] = (self.phase, wave);
-        self.saturated = false;
-        let Some(now) = now else { return (ramp * self.regulator.open(self.amplitude_m, wave), None) };
-        let before_m = if self.has_just_changed() { self.amplitude_before_m } else { 0.0 };
-        let recent_m = self.amplitude_m.max(before_m);
-        let at = DrivePhase { wave, then: then.0, increment_then: next.0.wrapping_sub(then.0), wave_then, recent_m };
-        self.track(now, &at);
-        let (drive, fault) = self.regulator.tick(ramp, self.amplitude_m, now, &at);
-        self.saturated = self.regulator.is_saturated();
-        (drive, fault)
-    }
-
-    /// Sets the frequency that the phase of x asks for.
-    fn track(&mut self, now: &TickInputs, at: &DrivePhase) {
-        let Some(tracker) = &mut self.tracker else { return };
-        let Readings { x, z, .. } = now.readings;
-        let is_read = x.rail == Rail::Clear && z.rail == Rail::Clear;
-        let reading = is_read.then_some((x.mean_m, z.mean_m));
-        let sample = Sample { reading, phase: at.then, increment: at.increment_then, wave: at.wave_then };
-        let is_full = self.gain >= 1.0;
-        if let Some(frequency_hz) = tracker.tick(&sample, is_full, self.regulator.keeps_response()) {
-            self.frequency_hz = frequency_hz;
-            self.increment = Phase::increment(frequency_hz, TICK_HZ);
-            self.regulator.tune(&self.plan.sine.drive, frequency_hz);
-        }
-    }
-
-    /// The base still moves by the amplitude of the point before.
-    fn has_just_changed(&self) -> bool {
-        self.cycles_since < CYCLES_OF_CHANGE
-    }
-
-    /// Checks that the base follows the drive.
-    fn follow(&mut self, now: &TickInputs, drive: f32, wave: (f32, f32)) -> Option<Fault> {
-        let z = &now.readings.z;
-        self.follow.push(z.mean_m, drive, wave);
-        if !self.driving || self.gain < 1.0 || z.rail != Rail::Clear || self.has_just_changed() {
-            self.follow.disturb();
-        }
-        if self.phase.0.checked_add(self.increment).is_some() {
-            return None;
-        }
-        self.cycles_since = self.cycles_since.saturating_add(1);
-        let followed = self.follow.end_cycle()?;
-        let demand_m = self.regulator.demand_m(self.amplitude_m);
-        let (cause, value, limit) = followed.fault(demand_m)?;
-        Some(Fault { cause, tick: now.tick, value, limit })
     }
 
     /// Runs one tick. Takes this tick's readings; returns the demanded base displacement (m) and the outcome of the
@@ -383,20 +236,21 @@ impl SteppedSineRunner {
         }
         let unrest = if self.stage == ExperimentStage::Rest { self.rest(now) } else { None };
         // A dwell begins at the start of a cycle, and so does a drive from rest.
-        if self.stage == ExperimentStage::Settle && self.phase.0 < self.increment && self.is_settled() {
+        if self.stage == ExperimentStage::Settle && self.drive.begins_cycle() && self.is_settled() {
             self.begin_dwelling(now);
         }
-        let (drive, runaway) = self.drive_m(Some(now));
+        let (drive, runaway) = self.drive.tick(&self.plan, Some(now));
+        self.was_saturated |= self.drive.is_saturated();
         let fault = runaway.or(unrest);
         // After the last point only the fade-out of the drive continues.
         let measuring = self.stage == ExperimentStage::Dwell && self.index < self.plan.sine.points.len();
         if measuring {
-            self.meter.push(now.readings, drive, self.phase.sin_cos());
+            self.meter.push(now.readings, drive, self.drive.last_wave());
             self.clipped.extend(now.clipped);
         }
-        self.cycle_ended = self.phase.advance(self.increment);
+        self.cycle_ended = self.drive.advance();
         if self.cycle_ended && measuring {
-            self.meter.end_cycle(self.over());
+            self.meter.end_cycle(self.drive.over());
             if self.has_slipped() {
                 self.stage = ExperimentStage::Settle;
             }
@@ -408,7 +262,7 @@ impl SteppedSineRunner {
     }
 
     fn rest(&mut self, now: &TickInputs) -> Option<Fault> {
-        if self.gain > 0.0 {
+        if !self.drive.is_silent() {
             // The drive is still fading out: the rest has not begun.
             return None;
         }
@@ -421,9 +275,7 @@ impl SteppedSineRunner {
             Waited::NotYet => {}
             Waited::Begun => self.put_back = Some(self.place()),
             Waited::Quiet => {
-                self.phase = Phase::default();
-                // As at the start of an experiment: a point from rest does not depend on the point before it.
-                self.waves = [(self.phase, self.phase.sin_cos()); DELAY_TICKS as usize];
+                self.drive.restart();
                 self.begin_settling();
                 self.driven_ticks = 1;
             }
@@ -438,7 +290,7 @@ impl SteppedSineRunner {
     fn end_dwell(&mut self, now: &TickInputs) -> Outcome {
         let place = Place {
             index: self.place(),
-            frequency_hz: if self.tracker.is_some() { self.meter.frequency_hz() } else { self.frequency_hz },
+            frequency_hz: if self.drive.is_tracking() { self.meter.frequency_hz() } else { self.drive.frequency_hz() },
             start_tick: self.start_tick,
             end_tick: now.tick + 1,
             drive_saturated: self.was_saturated,
@@ -450,14 +302,14 @@ impl SteppedSineRunner {
         let with_another =
             place.end_tick.wrapping_sub(self.first_dwell.unwrap_or(now.tick)).saturating_add(dwell_ticks);
         // Whole cycles in ticks are rounded: a cycle more than the longest time is allowed. A dwell has at least six.
-        let longest = self.plan.longest_dwell_ticks.saturating_add(u32::MAX / self.increment.max(1));
+        let longest = self.plan.longest_dwell_ticks.saturating_add(self.drive.cycle_ticks());
         if !result.steadiness.is_settled() && with_another <= longest {
             self.stage = ExperimentStage::Settle;
             return Outcome::Running;
         }
         self.index += 1;
         if self.index == self.plan.sine.points.len() {
-            self.end_driving();
+            self.drive.end(self.plan.fall);
             Outcome::Finished(result)
         } else {
             self.begin_point();
@@ -469,11 +321,12 @@ impl SteppedSineRunner {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::base_loop::ClosedLoop;
+    use crate::control::base_loop::{ClosedLoop, DELAY_TICKS};
     use crate::control::phase_lock::PhaseLock;
     use crate::control::stepped_sine::{DriveMode, Points, SteppedSine};
     use crate::io::{DriveScale, Readings};
     use crate::measure::steadiness::SteadyLimits;
+    use crate::sine::Phase;
 
     #[test]
     fn the_stored_wave_of_the_drive_is_older_by_the_delay_of_a_reading() {
@@ -495,8 +348,8 @@ mod tests {
             runner.tick(&TickInputs { tick, readings: &readings, impacts: 0, clipped: SensorSet::default() });
             if tick >= DELAY_TICKS {
                 // The phase is already that of the next tick.
-                let then = Phase(runner.phase.0.wrapping_sub(DELAY_TICKS * runner.increment));
-                assert_eq!(runner.waves[0], (then, then.sin_cos()), "tick {tick}");
+                let then = runner.drive.phase_of_reading();
+                assert_eq!(runner.drive.oldest_wave(), (then, then.sin_cos()), "tick {tick}");
             }
         }
     }
@@ -520,7 +373,7 @@ mod tests {
         for tick in 0.. {
             told.push((runner.stage(), runner.progress())).unwrap();
             // The base follows the drive.
-            let z = 1e-3 * Phase(runner.phase.0.wrapping_sub(DELAY_TICKS * runner.increment)).sin_cos().0;
+            let z = 1e-3 * runner.drive.phase_of_reading().sin_cos().0;
             let readings = Readings { z: crate::io::Reading::still(z), ..Readings::default() };
             let (_, outcome) =
                 runner.tick(&TickInputs { tick, readings: &readings, impacts: 0, clipped: SensorSet::default() });
@@ -562,7 +415,7 @@ mod tests {
         for tick in 0..60_000 {
             let is_lost = lost_until.is_some_and(|until| (until - 2000..until).contains(&tick));
             let lag = if is_lost { 0x2aaa_aaab_u32 } else { 0x4000_0000 };
-            let then = runner.phase.0.wrapping_sub(DELAY_TICKS * runner.increment);
+            let then = runner.drive.phase_of_reading().0;
             let of = |phase: u32| Phase(phase).sin_cos().0;
             let readings = Readings {
                 x: crate::io::Reading::still(5e-3 * of(then.wrapping_sub(lag))),
