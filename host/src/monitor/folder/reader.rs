@@ -192,6 +192,7 @@ impl Reader {
         let (segments, ticks) = (numbers(batch, "segment")?, numbers(batch, "tick")?);
         let frequencies_hz = numbers(batch, "point_frequency_hz")?;
         let columns: Vec<Vec<f64>> = self.columns.iter().map(|name| numbers(batch, name)).collect::<Result<_, _>>()?;
+        let drive = self.columns.iter().position(|name| name == "frequency_hz");
         let (mut t_s, mut values) = (Vec::new(), Vec::new());
         let mut rest = None;
         for row in 0..batch.num_rows() {
@@ -224,7 +225,10 @@ impl Reader {
                 t_s.push(time_s);
                 values.extend(columns.iter().map(|column| column[row] as f32));
                 let own = &values[values.len() - self.columns.len()..];
-                self.recomputed.push(time_s, frequencies_hz[row], own);
+                // A followed resonance has no frequency of its point; its drive's is recorded.
+                let own_hz = frequencies_hz[row];
+                let drive_hz = if own_hz > 0.0 { own_hz } else { drive.map_or(0.0, |column| columns[column][row]) };
+                self.recomputed.push(time_s, drive_hz, own);
             }
         }
         self.tell_rows(&mut t_s, &mut values);

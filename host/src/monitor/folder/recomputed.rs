@@ -61,3 +61,27 @@ impl Recomputed {
         [frequency_hz, a, b, c, d]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_resonance_that_is_followed_has_amplitudes_and_another_point_begins_anew() {
+        let mut recomputed = Recomputed::new(&["x", "z"].map(SignalName::of));
+        let (mut cycles, mut frequency_hz) = (0.0, 2.5);
+        for row in 0..400 {
+            let angle = TAU * cycles;
+            let own = [(-3e-3 * angle.cos()) as f32, (1e-3 * angle.sin()) as f32];
+            recomputed.push(0.01 * f64::from(row), frequency_hz, &own);
+            frequency_hz += 1e-5;
+            cycles += 0.01 * frequency_hz;
+        }
+        let [hz, x_m, phase_rad, z_m, ratio] = recomputed.values();
+        // 40 rows in a cycle, the last of which is a row longer or shorter: within 1/40.
+        assert!((hz - 2.504).abs() < 1e-3 && (x_m / 3e-3 - 1.0).abs() < 0.025 && (z_m / 1e-3 - 1.0).abs() < 0.025);
+        assert!((ratio - 3.0).abs() < 0.15 && (f64::from(phase_rad) + TAU / 4.0).abs() < 0.05, "{ratio} {phase_rad}");
+        recomputed.push(4.0, 2.6, &[0.0, 0.0]);
+        assert!(recomputed.values()[1..].iter().all(|value| value.is_nan()));
+    }
+}
