@@ -151,7 +151,7 @@ class Server:
         return {"kind": "answer", "id": action["id"], "ok": ok, "text": text}
 
     def snapshot(self):
-        curves = [{"set_up": name, "experiment": "sweep",
+        curves = [{"set_up": name, "about": f"Z = 1.2 mm, set-up {name}", "experiment": "sweep",
                    "predicted": [[2 + i / 200, transmissibility(2 + i / 200, d)] for i in range(201)]}
                   for name, d in zip(self.rig.set_ups, (0.02, 0.035, 0.05))]
         return {

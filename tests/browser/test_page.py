@@ -27,6 +27,7 @@ def test_a_late_viewer_sees_the_history(still, open_page):
     expect(page.locator("#name")).to_have_text("hybrid")
     expect(page.locator("#badge")).to_have_text("Running")
     expect(page.locator("#headline")).to_have_text("Set-up bare, 2.25 Hz")
+    expect(page.locator("#advice")).to_have_text("Z = 1.2 mm, set-up bare")
     expect(page.locator("#n-frequency")).to_have_text("2.250")
     expect(page.locator("#response-legend")).to_contain_text("bare5 points")
     expect(page.locator("#points")).to_have_text("5 of 63 points · 232 s to 464 s left")

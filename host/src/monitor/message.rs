@@ -98,6 +98,8 @@ pub enum CurveKind {
 pub struct Curve {
     /// Name of the set-up.
     pub set_up: String,
+    /// The set-up's parameters in words.
+    pub about: String,
     /// Name of the experiment.
     pub experiment: String,
     /// What its points are drawn as.

@@ -458,7 +458,7 @@ pub(super) fn curves(campaign: &Campaign, predicted: &Predicted) -> Vec<Curve> {
                 predicted.sort_by(|a, b| a.0.total_cmp(&b.0));
             }
             let (set_up, experiment) = (own.name.clone(), experiment.name.clone());
-            curves.push(Curve { set_up, experiment, draws, is_in_order, predicted });
+            curves.push(Curve { set_up, about: describe::set_up(own), experiment, draws, is_in_order, predicted });
         }
     }
     curves

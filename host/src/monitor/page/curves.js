@@ -168,6 +168,7 @@ export class Curves {
   #legend() {
     const items = this.curves.map(({ curve, tone, dash }) => {
       const item = document.createElement("li");
+      item.title = curve.about;
       const name = document.createElement("span");
       name.textContent = this.#name(curve);
       const number = document.createElement("small");

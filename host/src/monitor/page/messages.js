@@ -59,7 +59,10 @@ export function curveOf(raw) {
   const isPair = (pair) => Array.isArray(pair) && number(pair[0]) !== null && number(pair[1]) !== null;
   const predicted = list(raw.predicted).slice(0, 4000).filter(isPair);
   const draws = DRAWS.includes(raw.draws) ? raw.draws : DRAWS[0];
-  return { set_up: text(raw.set_up, 120), experiment: text(raw.experiment, 120), draws, is_in_order: raw.is_in_order === true, predicted };
+  return {
+    set_up: text(raw.set_up, 120), about: text(raw.about, 200), experiment: text(raw.experiment, 120),
+    draws, is_in_order: raw.is_in_order === true, predicted,
+  };
 }
 
 export function impactOf(raw) {

@@ -99,14 +99,14 @@ export class Model {
   }
 
   // The curve of a set-up and an experiment, made when it is new. Set-ups keep their order, which gives their colour.
-  #curve(setUp, experiment, { draws, is_in_order, predicted } = { draws: "response", is_in_order: false, predicted: [] }) {
+  #curve(setUp, experiment, { about, draws, is_in_order, predicted } = { about: "", draws: "response", is_in_order: false, predicted: [] }) {
     let curve = this.curves.find((c) => c.set_up === setUp && c.experiment === experiment);
     if (curve === undefined) {
       if (this.curves.length >= MAX.curves) return undefined;
       const known = [...new Set(this.curves.map((c) => c.set_up))];
       const index = known.includes(setUp) ? known.indexOf(setUp) : known.length;
       const nth = this.curves.filter((c) => c.set_up === setUp && c.draws === draws).length;
-      curve = { set_up: setUp, experiment, draws, is_in_order, index, nth, points: new Map(), predicted };
+      curve = { set_up: setUp, about, experiment, draws, is_in_order, index, nth, points: new Map(), predicted };
       this.curves.push(curve);
     }
     return curve;

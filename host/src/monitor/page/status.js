@@ -73,7 +73,8 @@ export function strip(model, connection, now) {
     set(tone === "bad" ? "bad" : "warn", word, state.headline, `Alarm: ${state.alarms[0]}${more}`);
     announce(`Alarm. ${state.alarms[0]}`);
   } else {
-    const about = state.experiment === "" || state.headline.includes(`experiment ${state.experiment}`) ? "" : `Experiment ${state.experiment}`;
+    const known = model.curves.find((curve) => curve.set_up === state.set_up);
+    const about = known?.about || (state.experiment === "" ? "" : `Experiment ${state.experiment}`);
     set(tone, word, state.headline, state.injected.length > 0 ? `Practice: ${state.injected.join(", ")}.` : about);
     announce("");
   }
