@@ -25,7 +25,7 @@
 //! ```
 //! The second term of u damps every deviation at the rate g f. The ratio u/a is the measured j (2/Ω) λ: it schedules
 //! the integrator over the resonance, so that the deviation ends at the rate g f/8 beside the resonance too, where the
-//! base acts on the response with another phase. It is limited to [`MAX_RATIO`].
+//! base acts on the response with another phase. It is limited to `MAX_RATIO`.
 //!
 //! # Amplitudes
 //! a is a mean over the last whole cycle, renewed [`PARTS`] times a cycle ([`CycleWindow`]): harmonics of x and its mean do
@@ -48,7 +48,7 @@
 //! rates; a measurement in progress starts again.
 //!
 //! # Start and limits
-//! When the loop starts or its amplitude changes, its target moves over [`RISE_CYCLES`]. The demanded amplitude stays within its limit; at the limit the
+//! When the loop starts or its amplitude changes, its target moves over `RISE_CYCLES`. The demanded amplitude stays within its limit; at the limit the
 //! integrator keeps the value that belongs to it. In a tick without a reading the mean is taken for it, and the part of
 //! the cycle that has such a tick corrects nothing; after a fault the drive fades. The base amplitude that is demanded next is
 //! known before the base has it ([`ResponseControl::base_foreseen_m`]): the interlocks stop the rig before its limit.
