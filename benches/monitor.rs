@@ -5,7 +5,8 @@ use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
 use damprig::monitor::feed::{Update, Watched};
-use damprig::monitor::message::{Limits, SignalName, Source, SourceKind};
+use damprig::monitor::message::{Limits, Source, SourceKind};
+use damprig::monitor::numbers::SignalName;
 use damprig::monitor::{Handles, Monitor, Permissions, Serving};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};

@@ -145,7 +145,7 @@ class Rig:
                 "spring_force_n": self.force, "spring_target_n": self.slow()["spring_target_n"], "spring_position_m": 0.0042,
                 "spring_stage": "moving to the target" if self.force < 0.95 * self.target else "at target",
                 "wall_low_n": self.pulse[0], "wall_high_n": self.pulse[1], "x_mean_m": None, "z_mean_m": None, "safety": "clear",
-                "x_largest_m": self.cycle_high, "z_largest_m": self.z_m, "x_over_z_spread": 0.004, "stage": "measuring", "dwells": 1,
+                "max_abs_x_m": self.cycle_high, "x_over_z_spread": 0.004, "stage": "measuring", "dwells": 1,
                 "stage_left_s": round(self.dwell_s - self.since_point * STEP_S, 3)},
             "limits": {"x_m": 0.08, "z_m": 0.01, "wall_force_n": 450.0, "clearance_m": self.clearance_m},
             "link": {"name": "virtual:realtime", "state": "connected", "rows": self.tick, "lost_rows": 0, "dropped_rows": 0,

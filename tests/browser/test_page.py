@@ -332,11 +332,11 @@ def test_the_margin_the_countdown_and_the_steadiness_are_numbers(still, open_pag
         still.state = {"numbers": numbers | changed, "limits": {"x_m": limit_m, "z_m": 0.01, "wall_force_n": 450.0, "clearance_m": None}}
         still.frame()
 
-    show(x_largest_m=0.0312, stage="measuring", stage_left_s=2.34, dwells=1, x_over_z_spread=0.0123)
+    show(max_abs_x_m=0.0312, stage="measuring", stage_left_s=2.34, dwells=1, x_over_z_spread=0.0123)
     for name, text in (("n-margin", "48.8"), ("l-left", "Measuring (s left)"), ("n-left", "2.3"), ("n-spread", "1.23")):
         expect(page.locator(f"#{name}")).to_have_text(text)
     expect(page.locator("#n-margin")).to_have_attribute("data-tone", "quiet")
-    show(x_largest_m=0.0755, dwells=2)
+    show(max_abs_x_m=0.0755, dwells=2)
     expect(page.locator("#n-margin")).to_have_attribute("data-tone", "bad")
     expect(page.locator("#l-left")).to_have_text("Dwell 2 (s left)")
     show(limit_m=None, stage="settling", stage_left_s=0, x_over_z_spread=None)

@@ -9,9 +9,10 @@ use damprig_core::io::SensorSet;
 use tokio::sync::{broadcast, oneshot};
 
 use super::message::{
-    Activity, Curve, FaultText, Impact, Level, Limits, LinkState, Point, ReplayState, SharedFrame, SignalName,
-    Snapshot, Source, Transient,
+    Activity, Curve, FaultText, Impact, Level, Limits, LinkState, Point, ReplayState, SharedFrame, Snapshot, Source,
+    Transient,
 };
+use super::numbers::SignalName;
 use crate::runner::TimeLeft;
 
 /// Most updates that wait for the monitor before rows are skipped.

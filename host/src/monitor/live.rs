@@ -3,24 +3,19 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use damprig_core::control::fault::FaultCause;
-use damprig_core::control::friction_spring::SpringStage;
-use damprig_core::control::outcome::ExperimentStage;
-use damprig_core::control::safety::SafeStage;
-use damprig_core::io::{Sensor, SensorSet};
+use damprig_core::io::SensorSet;
 
 use super::Permissions;
 use super::feed::{Update, Watched};
 use super::history::History;
 use super::message::{
-    Activity, Frame, Impact, Level, Limits, LinkState, Log, News, Numbers, Point, Snapshot, Source, SourceKind, State,
-    Transient,
+    Activity, Frame, Impact, Level, Limits, LinkState, Log, News, Point, Snapshot, Source, SourceKind, State, Transient,
 };
+use super::numbers::Numbers;
 use super::running_ratio::RunningRatio;
 use super::section::Section;
-use super::spectrum::Spectrum;
+use super::spectrum::Spectra;
 use super::unsent::Unsent;
-use super::words;
 use crate::host_time;
 use crate::report::numbers::duration;
 
@@ -42,10 +37,6 @@ const MAX_IMPACTS: usize = 2000;
 const MAX_SECTION: usize = 1000;
 const MAX_LOG: usize = 1000;
 
-/// Spectra that are kept, and the time from one to the next.
-const MAX_SPECTRA: usize = 60;
-const SPECTRUM_EVERY: Duration = Duration::from_millis(500);
-
 /// Time over which the pace of rig time is measured.
 const PACE_OVER: Duration = Duration::from_secs(2);
 
@@ -55,7 +46,7 @@ const SLOW_REPLAY: f64 = 2.0;
 /// Time over which x and z are averaged while nothing is driven.
 const MEAN_OVER: Duration = Duration::from_secs(1);
 
-/// Time over which the largest |x| and |z| are taken, s.
+/// Time over which the largest |x| is taken, s.
 const LARGEST_OVER_S: f64 = 5.0;
 
 /// The controller's numbers that are shown over time.
@@ -70,10 +61,6 @@ const SLOW: [&str; 9] = [
     "wall_low_n",
     "wall_high_n",
 ];
-
-/// Signals of a cycle of the drive.
-const OF_A_CYCLE: [&str; 6] =
-    ["x_over_z_lock_in", "x_amplitude", "x_phase", "z_amplitude", "z_phase", "impacts_in_cycle"];
 
 /// Time axis of the controller's numbers: rig time, and host time while rig time stands (the spring is being set, or a run is
 /// paused).
@@ -111,9 +98,7 @@ pub(super) struct Live {
     section_of: Section,
     section: Unsent<(f32, f32, f32)>,
     ratio: RunningRatio,
-    spectra: Unsent<Spectrum>,
-    /// When the last spectrum was computed.
-    spectrum_at: Option<Instant>,
+    spectra: Spectra,
     points: Unsent<Point>,
     transients: Unsent<Transient>,
     impacts: Unsent<Impact>,
@@ -159,8 +144,7 @@ impl Live {
             section_of: Section::default(),
             section: Unsent::new(MAX_SECTION),
             ratio: RunningRatio::default(),
-            spectra: Unsent::new(MAX_SPECTRA),
-            spectrum_at: None,
+            spectra: Spectra::default(),
             points: Unsent::new(MAX_POINTS),
             transients: Unsent::new(MAX_POINTS),
             impacts: Unsent::new(MAX_IMPACTS),
@@ -249,7 +233,7 @@ impl Live {
         self.section_of = Section::new(&self.row_names);
         self.section.clear();
         self.ratio.clear();
-        self.spectra.clear();
+        self.spectra.list.clear();
         self.impacts.clear();
         self.pace.clear();
         // They are of another time.
@@ -287,44 +271,17 @@ impl Live {
     }
 
     fn values(&mut self, rig_s: f64, tick: u32, values: &[f32]) {
-        let table = &self.watched.table;
-        let value = |name: &str| {
-            let at = table.iter().position(|known| known.name == name)?;
-            values.get(at).copied().filter(|value| value.is_finite())
-        };
-        // Without a drive, and in the first cycle, the controller's amplitudes are 0: nothing is measured.
-        let is_driven = value("frequency").is_some_and(|hz| hz > 0.0) && value("z_amplitude") != Some(0.0);
         let is_at_work = matches!(self.state.activity, Activity::Running | Activity::Held);
-        let index = |name: &str| value(name).map(|index| index as usize);
-        let mut numbers = Numbers {
-            tick: Some(tick),
-            twin_alarm: value("twin_alarm") == Some(1.0),
-            spring_stage: index("spring_stage").and_then(|i| SpringStage::ALL.get(i)).map(|stage| stage.text()),
-            safety: index("safety").and_then(|i| SafeStage::ALL.get(i)).map(|stage| stage.text()),
-            stage: index("stage").and_then(|i| ExperimentStage::ALL.get(i.wrapping_sub(1))).map(|stage| stage.text()),
-            ..Numbers::default()
-        };
-        for signal in table {
-            let own = value(&signal.name);
-            match signal.name.as_str() {
-                "twin_alarm" | "spring_stage" | "safety" | "stage" => {}
-                "x" | "z" if is_driven || is_at_work => {}
-                name @ ("x" | "z") => numbers.add(format!("{name}_mean_m"), self.mean(name).or(own)),
-                name if OF_A_CYCLE.contains(&name) => numbers.add(signal.key(), own.filter(|_| is_driven)),
-                // Exactly 0 without a twin.
-                "twin_residual" => numbers.add(signal.key(), own.filter(|residual| *residual > 0.0)),
-                _ => numbers.add(signal.key(), own),
-            }
-        }
-        match (value("frequency"), numbers.get("x_over_z_lock_in")) {
-            (Some(drive_hz), Some(ratio)) if is_driven => self.ratio.push(rig_s, drive_hz, ratio),
+        let mut numbers = Numbers::of(&self.watched.table, values, is_at_work, |name| self.mean(name));
+        numbers.tick = Some(tick);
+        match (numbers.get("frequency_hz"), numbers.get("x_over_z_lock_in")) {
+            (Some(drive_hz), Some(ratio)) => self.ratio.push(rig_s, drive_hz, ratio),
             _ => self.ratio.clear(),
         }
+        numbers.forget(&["x_over_z_lock_in"]);
         numbers.add("x_over_z_lock_in", self.ratio.median());
         numbers.add("x_over_z_spread", self.ratio.spread());
-        for (key, name) in [("x_largest_m", "x"), ("z_largest_m", "z")] {
-            numbers.add(key, self.largest(name));
-        }
+        numbers.add("max_abs_x_m", self.max_abs_x_m());
         self.state.numbers = numbers;
         self.heard_at = Some(Instant::now());
         self.forget_lost();
@@ -338,65 +295,28 @@ impl Live {
 
     /// Mean of a recorded signal over the last second, while rows arrive.
     fn mean(&self, name: &str) -> Option<f32> {
-        let column = self.row_names.iter().position(|known| known == name)?;
-        self.rows_at.filter(|at| at.elapsed() < MEAN_OVER)?;
-        self.recent.mean_since(column, self.recent.last_s()? - MEAN_OVER.as_secs_f64())
+        self.recent.mean_since(self.arriving(name)?, self.recent.last_s()? - MEAN_OVER.as_secs_f64())
     }
 
-    /// Largest absolute value of a recorded signal over the last seconds, while rows arrive.
-    fn largest(&self, name: &str) -> Option<f32> {
-        let column = self.row_names.iter().position(|known| known == name)?;
-        self.rows_at.filter(|at| at.elapsed() < MEAN_OVER)?;
-        self.recent.largest_since(column, self.recent.last_s()? - LARGEST_OVER_S)
+    /// Largest |x| of the last seconds, m, while rows arrive.
+    fn max_abs_x_m(&self) -> Option<f32> {
+        self.recent.largest_since(self.arriving("x")?, self.recent.last_s()? - LARGEST_OVER_S)
     }
 
-    /// Adds a spectrum of the newest x, when it is time for one and rows have come.
-    fn add_spectrum(&mut self) {
-        let (Some(column), Some(last_s)) = (self.row_names.iter().position(|known| known == "x"), self.recent.last_s())
-        else {
-            return;
-        };
-        let has_news = self.spectra.iter().last().is_none_or(|last| last.t_s < last_s);
-        if !has_news || self.spectrum_at.is_some_and(|at| at.elapsed() < SPECTRUM_EVERY) {
-            return;
-        }
-        let drive_hz = self.state.numbers.get("frequency_hz").map_or(0.0, f64::from);
-        let (x_m, step_s) = self.recent.unbroken(column);
-        self.spectrum_at = Some(Instant::now());
-        Spectrum::of(&x_m, last_s, step_s, drive_hz).into_iter().for_each(|spectrum| self.spectra.push(spectrum));
+    /// Column of a recorded signal, while rows arrive.
+    fn arriving(&self, name: &str) -> Option<usize> {
+        self.rows_at.filter(|at| at.elapsed() < MEAN_OVER)?;
+        self.column(name)
+    }
+
+    fn column(&self, name: &str) -> Option<usize> {
+        self.row_names.iter().position(|known| known == name)
     }
 
     /// Removes the numbers of sensors without a signal, and raises the alarms.
     fn forget_lost(&mut self) {
-        for sensor in Sensor::ALL.into_iter().filter(|sensor| self.lost.contains(*sensor)) {
-            let own: &[&str] = match sensor {
-                Sensor::X => &[
-                    "x_amplitude_m",
-                    "x_largest_m",
-                    "x_mean_m",
-                    "x_over_z_lock_in",
-                    "x_over_z_spread",
-                    "x_peak_m",
-                    "x_phase_rad",
-                    "x_velocity_m_per_s",
-                ],
-                Sensor::Z => &[
-                    "base_amplitude_m",
-                    "x_over_z_lock_in",
-                    "x_over_z_spread",
-                    "x_phase_rad",
-                    "z_amplitude_m",
-                    "z_largest_m",
-                    "z_mean_m",
-                    "z_phase_rad",
-                ],
-                Sensor::SpringForce => &["spring_force_n"],
-                Sensor::WallLow => &["wall_low_n"],
-                Sensor::WallHigh => &["wall_high_n"],
-            };
-            self.state.numbers.forget(own);
-        }
-        self.state.alarms = alarms(&self.state.numbers, self.lost);
+        self.state.numbers.forget_sensors(self.lost);
+        self.state.alarms = self.state.numbers.alarms(self.lost);
     }
 
     /// The present state, with the age of the newest sample.
@@ -447,14 +367,17 @@ impl Live {
     /// What is new since the last frame.
     pub(super) fn frame(&mut self) -> Frame {
         self.measure_pace();
-        self.add_spectrum();
+        if let Some(column) = self.column("x") {
+            let drive_hz = self.state.numbers.get("frequency_hz").map_or(0.0, f64::from);
+            self.spectra.follow(&self.recent, column, drive_hz);
+        }
         self.changed = false;
         let news = News {
             points: self.points.take_new(),
             transients: self.transients.take_new(),
             impacts: self.impacts.take_new(),
             section: self.section.take_new(),
-            spectra: self.spectra.take_new(),
+            spectra: self.spectra.list.take_new(),
             log: self.log.take_new(),
             rows: self.unsent.columns(&self.row_names, self.most_rows(FRAME_ROWS), TAIL),
             slow: self.slow_unsent.columns(&slow_names(), FRAME_ROWS, TAIL),
@@ -481,7 +404,7 @@ impl Live {
                 transients: self.transients.everything(),
                 impacts: self.impacts.everything(),
                 section: self.section.everything(),
-                spectra: self.spectra.everything(),
+                spectra: self.spectra.list.everything(),
                 log: self.log.everything(),
                 rows: self.recent.columns(&self.row_names, self.most_rows(SNAPSHOT_ROWS), TAIL),
                 slow: self.slow.columns(&slow_names(), SNAPSHOT_VALUES, TAIL),
@@ -513,20 +436,4 @@ impl Live {
 
 fn slow_names() -> Vec<String> {
     SLOW.map(String::from).into()
-}
-
-/// Alarms that follow from the controller's numbers and the sensors without a signal.
-fn alarms(numbers: &Numbers, lost: SensorSet) -> Vec<String> {
-    let count = |key: &str| numbers.get(key).unwrap_or(0.0) as u64;
-    let lost = Sensor::ALL.into_iter().filter(|sensor| lost.contains(*sensor));
-    let mut alarms: Vec<String> = lost.map(|sensor| words::sentence(FaultCause::SensorAtRail(sensor).text())).collect();
-    if numbers.twin_alarm {
-        alarms.push(format!(
-            "Impacts are missing: the twin predicted {}, {} were measured, {} are missing. Check the walls' force sensors.",
-            count("twin_predicted"),
-            count("twin_detected"),
-            count("twin_missing")
-        ));
-    }
-    alarms
 }

@@ -9,11 +9,10 @@ use std::sync::OnceLock;
 use axum::extract::ws::Utf8Bytes;
 use damprig_core::io::TICK_HZ;
 use damprig_core::measure::impacts::ImpactRecord;
-use damprig_core::rig::signals::SIGNALS;
 use serde::Serialize;
 
+use super::numbers::{Numbers, SignalName};
 use super::spectrum::Spectrum;
-use crate::run_folder::schema::samples::column_name;
 use crate::runner::TimeLeft;
 
 /// A message to a viewer.
@@ -55,30 +54,6 @@ pub struct Source {
     pub board: String,
     /// The run folder.
     pub folder: Option<String>,
-}
-
-/// A telemetry signal: a column of [`Rows`].
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct SignalName {
-    /// Its name on the device.
-    pub name: String,
-    /// Its unit; empty without one.
-    pub unit: String,
-}
-
-impl SignalName {
-    /// Of a signal of this version's devices; without a unit for another name.
-    #[must_use]
-    pub fn of(name: &str) -> Self {
-        let unit = SIGNALS.iter().find(|(known, _)| *known == name).map_or("", |(_, unit)| unit);
-        Self { name: name.into(), unit: unit.into() }
-    }
-
-    /// Its name with its unit: `x_amplitude_m`.
-    #[must_use]
-    pub fn key(&self) -> String {
-        column_name(&self.name, &self.unit)
-    }
 }
 
 /// What the points of an experiment are drawn as.
@@ -239,46 +214,6 @@ pub enum Activity {
     Over,
     /// A run that is over is replayed.
     Replay,
-}
-
-/// What the controller computes in real time, as in its last report. What needs a drive, or a sensor that is lost, is unknown without.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Numbers {
-    /// The device's tick.
-    pub tick: Option<u32>,
-    /// The known values by their keys: those of the device's signals ([`SignalName::key`]), and the monitor's own:
-    /// * `x_mean_m` and `z_mean_m`, the means over the last second while nothing is driven, which a sensor is aligned with;
-    /// * `x_largest_m` and `z_largest_m`, the largest |x| and |z| of the last five seconds;
-    /// * `x_over_z_spread`, the largest less the smallest X/Z of the last five cycles over their median, which
-    ///   `x_over_z_lock_in` is here.
-    #[serde(flatten)]
-    pub values: BTreeMap<String, f32>,
-    /// Whether impacts are missing.
-    pub twin_alarm: bool,
-    /// Stage of the friction damper's spring, in words.
-    pub spring_stage: Option<&'static str>,
-    /// Stage of the interlocks, in words.
-    pub safety: Option<&'static str>,
-    /// Stage of the present point, in words.
-    pub stage: Option<&'static str>,
-}
-
-impl Numbers {
-    /// A value, if it is known.
-    #[must_use]
-    pub fn get(&self, key: &str) -> Option<f32> {
-        self.values.get(key).copied()
-    }
-
-    /// Adds a value, if it is known.
-    pub fn add(&mut self, key: impl Into<String>, value: Option<f32>) {
-        self.values.extend(value.map(|value| (key.into(), value)));
-    }
-
-    /// Removes values.
-    pub fn forget(&mut self, keys: &[&str]) {
-        self.values.retain(|key, _| !keys.contains(&key.as_str()));
-    }
 }
 
 /// Limits that are in force, and the particle's clearance.

@@ -15,6 +15,7 @@ mod history;
 mod hub;
 mod live;
 pub mod message;
+pub mod numbers;
 mod page;
 mod places;
 pub mod rig;

@@ -9,9 +9,9 @@ use super::action::{Action, Injection};
 use super::control::{Actions, Asked};
 use super::feed::{Feed, Update, Watched};
 use super::message::{
-    Activity, Curve, CurveKind, FaultText, Impact, Level, Limits, LinkState, Point, SignalName, Source, SourceKind,
-    Transient,
+    Activity, Curve, CurveKind, FaultText, Impact, Level, Limits, LinkState, Point, Source, SourceKind, Transient,
 };
+use super::numbers::SignalName;
 use super::words;
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::client::session::Session;

@@ -9,7 +9,8 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Axis, Block, Chart, Dataset, Gauge, GraphType, Paragraph, Sparkline, Wrap};
 
-use super::message::{Activity, Level, Numbers};
+use super::message::{Activity, Level};
+use super::numbers::Numbers;
 use super::terminal::Picture;
 use crate::input::shown_in_line;
 use crate::report::numbers::{duration, phase_in_degrees};
@@ -160,7 +161,7 @@ fn values(frame: &mut Frame, area: Rect, picture: &Picture) {
     let numbers = &picture.snapshot.state.numbers;
     let link = &picture.snapshot.state.link;
     let limit_m = picture.snapshot.state.limits.x_m;
-    let margin_m = limit_m.zip(numbers.get("x_largest_m")).map(|(limit_m, largest_m)| limit_m as f32 - largest_m);
+    let margin_m = limit_m.zip(numbers.get("max_abs_x_m")).map(|(limit_m, largest_m)| limit_m as f32 - largest_m);
     let [x, z] = displacements(numbers);
     let cells = [
         [

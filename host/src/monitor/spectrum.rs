@@ -1,8 +1,12 @@
 //! The amplitude spectrum of the newest x: what moves beside the drive.
 
 use std::f64::consts::TAU;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
+
+use super::history::History;
+use super::unsent::Unsent;
 
 /// Lines of a spectrum, at most.
 const MAX_LINES: usize = 256;
@@ -18,6 +22,38 @@ const MIN_SAMPLES: usize = 128;
 
 /// Smallest amplitude that is told, m: below every sensor's resolution.
 const LEAST_M: f64 = 1e-9;
+
+/// Spectra that are kept, and the time from one to the next.
+const MAX_SPECTRA: usize = 60;
+const EVERY: Duration = Duration::from_millis(500);
+
+/// The last spectra.
+#[derive(Debug)]
+pub(super) struct Spectra {
+    pub(super) list: Unsent<Spectrum>,
+    /// When the last one was computed.
+    computed_at: Option<Instant>,
+}
+
+impl Default for Spectra {
+    fn default() -> Self {
+        Self { list: Unsent::new(MAX_SPECTRA), computed_at: None }
+    }
+}
+
+impl Spectra {
+    /// Adds one of the newest values of a column, when it is time and rows have come.
+    pub(super) fn follow(&mut self, recent: &History, column: usize, drive_hz: f64) {
+        let Some(last_s) = recent.last_s() else { return };
+        let has_news = self.list.iter().last().is_none_or(|last| last.t_s < last_s);
+        if !has_news || self.computed_at.is_some_and(|at| at.elapsed() < EVERY) {
+            return;
+        }
+        self.computed_at = Some(Instant::now());
+        let (x_m, step_s) = recent.unbroken(column);
+        Spectrum::of(&x_m, last_s, step_s, drive_hz).into_iter().for_each(|spectrum| self.list.push(spectrum));
+    }
+}
 
 /// An amplitude spectrum, with a Hann window. A sine between two lines is up to 15 % higher than both.
 #[derive(Clone, Debug, PartialEq, Serialize)]

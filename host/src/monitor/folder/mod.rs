@@ -13,7 +13,8 @@ use damprig_core::io::TICK_HZ;
 
 use super::control::Actions;
 use super::feed::{Feed, Update, Watched};
-use super::message::{Activity, Level, Limits, SignalName, Source, SourceKind};
+use super::message::{Activity, Level, Limits, Source, SourceKind};
+use super::numbers::SignalName;
 use super::run::curves;
 use crate::failure::Failure;
 use crate::prediction::Predicted;

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use damprig_core::measure::running::{DriveReference, RunningLockIn};
 
-use crate::monitor::message::SignalName;
+use crate::monitor::numbers::SignalName;
 use crate::monitor::running_ratio::OTHER_POINT;
 
 /// Computes them, row by row. The cycles begin at any phase of the drive, which the phase of x relative to z does not depend on.

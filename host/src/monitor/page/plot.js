@@ -226,8 +226,8 @@ export class Pen {
       this.level(value, "bad", { dash: isBeyond ? [2, 6] : [6, 4], width: isBeyond ? 2 : 1.2 });
     }
     const margin = limit - largest;
-    const left_over = Number.isFinite(margin) ? `, margin ${fixed(margin, decimals)} ${unit} (${fixed((100 * margin) / limit, 0)} %)` : "";
-    const words = `${isBeyond ? "▲ " : ""}limit ±${significant(limit, 4)} ${unit}${left_over}`;
+    const leftOver = Number.isFinite(margin) ? `, margin ${fixed(margin, decimals)} ${unit} (${fixed((100 * margin) / limit, 0)} %)` : "";
+    const words = `${isBeyond ? "▲ " : ""}limit ±${significant(limit, 4)} ${unit}${leftOver}`;
     const [x, y] = [left + width - 6 * this.scale, top + (4 + 16 * row) * this.scale];
     this.#style("sheet", { alpha: 0.85 });
     this.ctx.font = `${12 * this.scale}px ${fontFamily()}`;

@@ -140,7 +140,7 @@ export function numbers({ state }) {
   put($("n-phase"), fixed(degrees(n("x_phase_rad")), 1));
   put($("n-impacts"), fixed(n("impacts_in_cycle"), 0));
   put($("n-residual"), millimetres(n("twin_residual_m"), 3));
-  const [limit, largest] = [state.limits.x_m, n("x_largest_m")];
+  const [limit, largest] = [state.limits.x_m, n("max_abs_x_m")];
   const margin = limit === null || largest === null ? null : limit - largest;
   put($("n-margin"), millimetres(margin, 1));
   $("n-margin").dataset.tone = margin === null || margin > 0.1 * limit ? "quiet" : "bad";

@@ -328,20 +328,24 @@ mod tests {
     use crate::measure::steadiness::SteadyLimits;
     use crate::sine::Phase;
 
-    #[test]
-    fn the_stored_wave_of_the_drive_is_older_by_the_delay_of_a_reading() {
-        let plan = SteppedSinePlan::new(SteppedSine {
+    fn plan(drive: DriveMode, points: Points, dwell_s: f32) -> SteppedSinePlan {
+        SteppedSinePlan::new(SteppedSine {
             start: Start::CarryOver,
             amplitude_m: 1e-3,
-            drive: DriveMode::ClosedLoop(ClosedLoop::default()),
+            drive,
             ramp_s: 0.1,
             settle_s: 1.0,
-            dwell_s: 4.0,
+            dwell_s,
             steady: SteadyLimits::default(),
-            points: [2.5].into_iter().collect(),
+            points,
             first_index: 0,
         })
-        .unwrap();
+        .unwrap()
+    }
+
+    #[test]
+    fn the_stored_wave_of_the_drive_is_older_by_the_delay_of_a_reading() {
+        let plan = plan(DriveMode::ClosedLoop(ClosedLoop::default()), [2.5].into_iter().collect(), 4.0);
         let (mut runner, readings) =
             (SteppedSineRunner::new(&plan, &DriveScale::default().range()), Readings::default());
         for tick in 0..1000 {
@@ -356,18 +360,7 @@ mod tests {
 
     #[test]
     fn the_time_that_is_told_is_left_in_settling_and_in_the_dwell() {
-        let plan = SteppedSinePlan::new(SteppedSine {
-            start: Start::CarryOver,
-            amplitude_m: 1e-3,
-            drive: DriveMode::Constant,
-            ramp_s: 0.1,
-            settle_s: 1.0,
-            dwell_s: 4.0,
-            steady: SteadyLimits::default(),
-            points: [2.3].into_iter().collect(),
-            first_index: 0,
-        })
-        .unwrap();
+        let plan = plan(DriveMode::Constant, [2.3].into_iter().collect(), 4.0);
         let mut runner = SteppedSineRunner::new(&plan, &DriveScale::default().range());
         let mut told = heapless::Vec::<_, 8192>::new();
         for tick in 0.. {
@@ -398,18 +391,7 @@ mod tests {
     #[test]
     fn a_lost_phase_begins_the_dwell_again() {
         let lock = PhaseLock::new(2.0, 3.0);
-        let plan = SteppedSinePlan::new(SteppedSine {
-            start: Start::CarryOver,
-            amplitude_m: 1e-3,
-            drive: DriveMode::Constant,
-            ramp_s: 0.1,
-            settle_s: 1.0,
-            dwell_s: 8.0,
-            steady: SteadyLimits::default(),
-            points: Points::Resonance { lock, amplitudes: [1e-3].into_iter().collect() },
-            first_index: 0,
-        })
-        .unwrap();
+        let plan = plan(DriveMode::Constant, Points::Resonance { lock, amplitudes: [1e-3].into_iter().collect() }, 8.0);
         let mut runner = SteppedSineRunner::new(&plan, &DriveScale::default().range());
         let (mut stages, mut lost_until) = (heapless::Vec::<ExperimentStage, 8>::new(), None);
         for tick in 0..60_000 {
