@@ -9,7 +9,7 @@ use crate::client::session::Session;
 use crate::failure::Failure;
 use crate::host_time;
 use crate::prediction::Predicted;
-use crate::report::figures::campaign::{self as figures, PlottedPoint};
+use crate::report::figures::campaign as figures;
 use crate::report::figures::peak_motion::draw as draw_motions;
 use crate::report::figures::{force_surface, resonance};
 use crate::report::force_surface::ForceSurface;
@@ -180,8 +180,7 @@ impl<'a> RecordedRun<'a> {
         let write = |picture: Picture, stem: &str| picture.of_source(&source).write(path, stem);
         let has_sines = self.campaign.experiments.iter().any(|e| e.base_driven().is_some());
         let drawn = if has_sines {
-            let points: Vec<PlottedPoint> = rows.iter().map(PlottedPoint::from).collect();
-            write(figures::response(self.campaign, &points, None, Breadth::Broad), "figure")
+            write(figures::response(self.campaign, &rows, None, Breadth::Broad), "figure")
         } else {
             Ok(())
         };

@@ -13,8 +13,8 @@ use damprig_core::control::outcome::{ExperimentStage, TickInputs};
 use damprig_core::control::transient::playback::{PlaybackPlan, PlaybackRunner};
 use damprig_core::io::{DriveRange, Readings, SensorSet, TICK_HZ};
 use damprig_core::sine::Phase;
+use damprig_motion::read_run::TICK_S;
 
-use super::motion::TICK_S;
 use crate::campaign::Playback;
 
 /// Ticks from a drive to the end of the tick in which an ideal base has followed it.

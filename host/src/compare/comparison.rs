@@ -5,8 +5,9 @@ use std::ops::Range;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+use damprig_motion::read_run::SimulatedMotion;
+
 use super::continued::Continued;
-use super::motion::SimulatedMotion;
 use crate::quantity::Quantity;
 
 /// Coverage factor of the expanded uncertainties: 95 % of a normal distribution.

@@ -11,8 +11,8 @@ use damprig_core::measure::point::{Place, PointMeter};
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::measure::transient::{TransientMeter, TransientResult};
 use damprig_core::sine::Phase;
+use damprig_motion::read_run::{SimulatedMotion, TICK_S, TickReading, WallPulse};
 
-use super::motion::{SimulatedMotion, TICK_S, TickReading, WallPulse};
 use crate::campaign::FreeVibration;
 use crate::prediction::contact_s;
 use crate::quantity::Quantity;

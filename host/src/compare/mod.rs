@@ -10,7 +10,6 @@ mod comparison;
 mod continued;
 mod ensemble;
 pub mod metric;
-mod motion;
 mod point;
 mod prediction;
 mod recorded;
@@ -22,13 +21,15 @@ mod uncertainty;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use damprig_core::measure::impacts::{ImpactConfig, ImpactRecord};
+use damprig_core::measure::impacts::ImpactRecord;
+use damprig_motion::read_run::TICK_S;
+use damprig_motion::watch::Detection;
 
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::failure::Failure;
 use crate::host_time::plain;
 use crate::identify::sensors::{self, Sensors};
-use crate::prediction::contact_s;
+use crate::prediction::{contact_s, watch};
 use crate::run_folder::RunFolder;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::segment_id::SegmentId;
@@ -40,7 +41,7 @@ pub use comparison::{
 pub use continued::Continued;
 use ensemble::Models;
 use metric::{WallKind, Walls};
-use motion::TICK_S;
+
 use recorded::AllRecorded;
 
 /// What to compare with, and how to report progress.
@@ -62,7 +63,7 @@ struct Compared<'a> {
     is_every_tick: bool,
     is_simulated: bool,
     sensors: Sensors,
-    detection: ImpactConfig,
+    detection: Detection,
     options: &'a Options<'a>,
 }
 
@@ -99,7 +100,7 @@ pub fn compare(run: &RunFolder, mut set_ups_from: Option<Campaign>, options: &Op
         is_every_tick: manifest.every_ticks() == Some(1),
         is_simulated,
         sensors,
-        detection: campaign.rig.board.impacts,
+        detection: watch::detection(&campaign.rig.board.impacts),
         options,
     };
     let mut experiments = Vec::new();

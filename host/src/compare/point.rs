@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use damprig_core::control::stepped_sine::DriveMode;
 use damprig_core::io::TICK_HZ;
+use damprig_motion::read_run::{SimulatedMotion, TICK_S};
 
 use super::base::{self, BaseMotion, SineDrive, Step};
 use super::ensemble::Models;
 use super::metric::{self, PointWindow};
-use super::motion::{SimulatedMotion, TICK_S};
 use super::prediction::{Answer, Prediction, Question, Window, metrics};
 use super::recorded::Recorded;
 use super::spring::SpringForce;

@@ -2,13 +2,14 @@
 
 use std::ops::Range;
 
-use damprig_core::measure::impacts::ImpactConfig;
 use rayon::prelude::*;
+
+use damprig_motion::read_run::{SimulatedMotion, TICK_S, simulate};
+use damprig_motion::watch::Detection;
 
 use super::base::BaseMotion;
 use super::ensemble::{self, Member, Models};
 use super::metric::Values;
-use super::motion::{SimulatedMotion, TICK_S, simulate};
 use super::spring::SpringForce;
 use super::{COVERAGE_FACTOR, ComparedMetric, Predicted, Uncertain, Verdict};
 use crate::identify::sensors::rectangular;
@@ -59,7 +60,7 @@ pub(super) struct Question<'a, M> {
     pub(super) base: &'a BaseMotion,
     /// The force of the friction damper's spring.
     pub(super) spring: &'a SpringForce,
-    pub(super) detection: &'a ImpactConfig,
+    pub(super) detection: &'a Detection,
     /// The measured parts of the motion.
     pub(super) windows: Vec<Window>,
     /// The values of a motion in the window of this place.
@@ -140,7 +141,7 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
     /// sensor acts longer on the contacts of a soft wall.
     fn near_threshold(&self, motion: &SimulatedMotion, window: &Window) -> f64 {
         let near = if self.models.set_up.model().has_soft_walls() { 0.4 } else { 0.2 };
-        let threshold_n = f64::from(self.detection.threshold_n);
+        let threshold_n = self.detection.threshold_n;
         let is_near = |peak_n: f64| (peak_n / threshold_n - 1.0).abs() < near;
         let own = || motion.pulses.iter().filter(|pulse| window.ticks.contains(&pulse.tick) && is_near(pulse.peak_n));
         let counted = own().filter(|pulse| pulse.is_counted).count();

@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use damprig_core::io::TICK_HZ;
 use damprig_core::measure::noise::NoiseMeter;
+use damprig_motion::read_run::{SimulatedMotion, TICK_S, simulate};
 
 use super::base::{self, BaseMotion};
 use super::ensemble::Models;
 use super::metric;
-use super::motion::{SimulatedMotion, TICK_S, simulate};
 use super::prediction::{Answer, Question, Window, metrics};
 use super::recorded::Recorded;
 use super::spring::SpringForce;

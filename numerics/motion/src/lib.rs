@@ -2,10 +2,11 @@
 //!
 //! A [`Viewer`] takes output from a run (states, a time history, a figure). It sees the exact driver's arcs and the sampled
 //! driver's flights in the same way. Its memory does not grow with the run unless its description says so.
-//! Pieces are seen through a pointer, so that the runs ([`stop`], [`sampled_run`], [`watch`]) and the meters ([`statistics`], [`cycle_maxima`]) are
+//! Pieces are seen through a pointer, so that the runs ([`stop`], [`sampled_run`], [`read_run`], [`watch`]) and the meters ([`statistics`], [`cycle_maxima`]) are
 //! compiled once, in this crate.
 
 pub mod cycle_maxima;
+pub mod read_run;
 pub mod sampled_run;
 pub mod statistics;
 pub mod stop;

@@ -3,8 +3,6 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use damprig_core::measure::steadiness::Steadiness;
-
 use super::frequency_response::{Ordinate, ResponseCurve, ResponseNotes, ResponsePoint, draw};
 use super::time_histories::{self, HistoryCurve, HistoryPanel};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, Start};
@@ -21,39 +19,6 @@ use crate::run_folder::schema::impacts::Impacts;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::transients::TransientRow;
 use crate::table::values::{numbers, texts};
-
-/// A measured point, as figures show it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PlottedPoint {
-    /// Name of the set-up.
-    pub set_up: String,
-    /// Name of the experiment.
-    pub experiment: String,
-    /// Drive frequency, Hz.
-    pub frequency_hz: f64,
-    /// X/Z (cycle maxima).
-    pub x_over_z: f64,
-    /// Half-width of the 95 % interval of X/Z as a mean over cycles, relative; NaN or 0 if it was not recorded.
-    pub interval: f64,
-    /// Phase of x relative to z, rad.
-    pub phase_rad: f64,
-    /// Whether X/Z is within its tolerance of its limit.
-    pub steadiness: Steadiness,
-}
-
-impl From<&ResultRow> for PlottedPoint {
-    fn from(row: &ResultRow) -> Self {
-        Self {
-            set_up: row.set_up.clone(),
-            experiment: row.experiment.clone(),
-            frequency_hz: row.frequency_hz,
-            x_over_z: row.x_over_z(),
-            interval: f64::from(row.interval),
-            phase_rad: f64::from(row.phase_rad),
-            steadiness: row.steadiness,
-        }
-    }
-}
 
 const X_OVER_Z: &str = "Vibration amplitude ratio X/Z (cycle maxima)";
 const ABOUT_X_OVER_Z: &str = "X: mean of the cycle maxima of |x|; Z: lock-in amplitude of the base";
@@ -76,18 +41,18 @@ pub fn groups(campaign: &Campaign) -> Vec<Option<String>> {
 
 /// X/Z (cycle maxima) over frequency, a curve for each experiment on each set-up; of one group ([`groups`]) or of all.
 #[must_use]
-pub fn response(campaign: &Campaign, points: &[PlottedPoint], group: Option<&str>, breadth: Breadth) -> Picture {
+pub fn response(campaign: &Campaign, points: &[ResultRow], group: Option<&str>, breadth: Breadth) -> Picture {
     let quantity = Ordinate { label: X_OVER_Z, rings_peaks: true, scale: Scale::Log };
     curves(campaign, (points, group), (&quantity, ABOUT_X_OVER_Z), breadth, x_over_z)
 }
 
 /// X/Z of a point, and the half-width of its interval.
-fn x_over_z(point: &PlottedPoint) -> (f64, f64) {
-    (point.x_over_z, point.interval * point.x_over_z)
+fn x_over_z(point: &ResultRow) -> (f64, f64) {
+    (point.x_over_z(), f64::from(point.interval) * point.x_over_z())
 }
 
 /// A run in a figure of several: its name, its campaign, its points.
-pub type PlottedRun<'a> = (&'a str, &'a Campaign, Vec<PlottedPoint>);
+pub type PlottedRun<'a> = (&'a str, &'a Campaign, &'a [ResultRow]);
 
 /// X/Z (cycle maxima) over frequency of several runs: one figure without a name, or one for each set-up, by its name, if that would be too
 /// many curves; none without a point.
@@ -120,7 +85,7 @@ fn curves_of_runs(runs: &[PlottedRun], set_up: Option<&str>) -> Vec<ResponseCurv
     // A set-up has the same colour in every run, and its curves have different dashes.
     let mut set_ups: Vec<(&str, usize)> = Vec::new();
     for (name, campaign, points) in runs {
-        let points: Vec<PlottedPoint> =
+        let points: Vec<ResultRow> =
             points.iter().filter(|point| set_up.is_none_or(|set_up| point.set_up == set_up)).cloned().collect();
         for curve in response_curves(campaign, (&points, None), x_over_z) {
             let of = &campaign.set_ups[curve.look.set_up].name;
@@ -140,12 +105,12 @@ fn curves_of_runs(runs: &[PlottedRun], set_up: Option<&str>) -> Vec<ResponseCurv
 
 /// Phase of x relative to z over frequency, as [`response`].
 #[must_use]
-pub fn phase(campaign: &Campaign, points: &[PlottedPoint], group: Option<&str>, breadth: Breadth) -> Picture {
+pub fn phase(campaign: &Campaign, points: &[ResultRow], group: Option<&str>, breadth: Breadth) -> Picture {
     // Above resonance x lags by 180°, where the phase must not wrap.
     let unbroken = |degrees: f64| if degrees > 90.0 { degrees - 360.0 } else { degrees };
     let quantity = Ordinate { label: "Phase of x relative to z (°)", rings_peaks: false, scale: Scale::Linear };
     let about = "Phase: lock-in at the drive frequency over the dwell";
-    let value = |p: &PlottedPoint| (unbroken(p.phase_rad.to_degrees()), f64::NAN);
+    let value = |p: &ResultRow| (unbroken(f64::from(p.phase_rad).to_degrees()), f64::NAN);
     curves(campaign, (points, group), (&quantity, about), breadth, value)
 }
 
@@ -163,17 +128,16 @@ pub fn wall_force(campaign: &Campaign, taken: &JournalState, group: Option<&str>
             forces_n.insert((&row.set_up, &row.experiment, row.frequency_hz.to_bits()), force_n);
         }
     }
-    let points: Vec<PlottedPoint> = taken.rows().iter().map(PlottedPoint::from).collect();
-    let force = |p: &PlottedPoint| forces_n.get(&(&p.set_up, &p.experiment, p.frequency_hz.to_bits())).copied();
+    let force = |p: &ResultRow| forces_n.get(&(&p.set_up, &p.experiment, p.frequency_hz.to_bits())).copied();
     let is_own =
-        |p: &PlottedPoint| group.is_none_or(|group| experiments_of(campaign, group).any(|e| e.name == p.experiment));
-    let points: Vec<PlottedPoint> = points.into_iter().filter(|p| force(p).is_some() && is_own(p)).collect();
+        |p: &ResultRow| group.is_none_or(|group| experiments_of(campaign, group).any(|e| e.name == p.experiment));
+    let points: Vec<ResultRow> = taken.rows().iter().filter(|p| force(p).is_some() && is_own(p)).cloned().collect();
     if points.is_empty() {
         return None;
     }
     let quantity = Ordinate { label: "Largest force on a wall (N)", rings_peaks: false, scale: Scale::Log };
     let about = "Largest peak of a wall's force in the dwell, as the board measured it";
-    let value = |p: &PlottedPoint| (force(p).unwrap_or(f64::NAN), f64::NAN);
+    let value = |p: &ResultRow| (force(p).unwrap_or(f64::NAN), f64::NAN);
     Some(curves(campaign, (&points, group), (&quantity, about), breadth, value))
 }
 
@@ -217,8 +181,8 @@ fn experiments_of<'a>(campaign: &'a Campaign, series: &'a str) -> impl Iterator<
 /// The curves of a quantity that have points; `value` gives it with the half-width of its interval.
 fn response_curves(
     campaign: &Campaign,
-    (points, group): (&[PlottedPoint], Option<&str>),
-    value: impl Fn(&PlottedPoint) -> (f64, f64),
+    (points, group): (&[ResultRow], Option<&str>),
+    value: impl Fn(&ResultRow) -> (f64, f64),
 ) -> Vec<ResponseCurve> {
     let curve = |(place, (set_up, experiment)): (usize, (&CampaignSetUp, &Experiment))| ResponseCurve {
         place,
@@ -234,7 +198,7 @@ fn response_curves(
 
 /// Frequency (Hz) and X/Z (cycle maxima) of an experiment on a set-up, by their names; of its repeats the means. Empty for unknown names.
 #[must_use]
-pub fn mean_responses(campaign: &Campaign, points: &[PlottedPoint], set_up: &str, experiment: &str) -> Vec<(f64, f64)> {
+pub fn mean_responses(campaign: &Campaign, points: &[ResultRow], set_up: &str, experiment: &str) -> Vec<(f64, f64)> {
     let set_up = campaign.set_ups.iter().find(|own| own.name == set_up);
     let experiment = campaign.experiments.iter().find(|own| own.name == experiment);
     let (Some(set_up), Some(experiment)) = (set_up, experiment) else { return Vec::new() };
@@ -245,7 +209,7 @@ pub fn mean_responses(campaign: &Campaign, points: &[PlottedPoint], set_up: &str
 /// Frequency of the highest X/Z of an experiment on a set-up, Hz, if its peak is not resolved.
 fn unresolved_peak_hz(
     campaign: &Campaign,
-    points: &[PlottedPoint],
+    points: &[ResultRow],
     (set_up, experiment): (&CampaignSetUp, &Experiment),
 ) -> Option<f64> {
     let points = mean_responses(campaign, points, &set_up.name, &experiment.name);
@@ -256,9 +220,9 @@ fn unresolved_peak_hz(
 /// The points of an experiment on a set-up; of its repeats the mean at each frequency, settled if all are.
 fn means(
     campaign: &Campaign,
-    points: &[PlottedPoint],
+    points: &[ResultRow],
     (set_up, experiment): (&CampaignSetUp, &Experiment),
-    value: &impl Fn(&PlottedPoint) -> (f64, f64),
+    value: &impl Fn(&ResultRow) -> (f64, f64),
 ) -> Vec<ResponsePoint> {
     let names: Vec<&str> = experiments_of(campaign, &experiment.series).map(|e| e.name.as_str()).collect();
     let own = points.iter().filter(|p| p.set_up == set_up.name && names.contains(&p.experiment.as_str()));
@@ -303,10 +267,10 @@ fn common_natural_hz<'a>(campaigns: impl Iterator<Item = &'a Campaign>) -> Optio
 
 fn curves(
     campaign: &Campaign,
-    (points, group): (&[PlottedPoint], Option<&str>),
+    (points, group): (&[ResultRow], Option<&str>),
     (quantity, about): (&Ordinate, &str),
     breadth: Breadth,
-    value: impl Fn(&PlottedPoint) -> (f64, f64),
+    value: impl Fn(&ResultRow) -> (f64, f64),
 ) -> Picture {
     let curves = response_curves(campaign, (points, group), value);
     let common = common_natural_hz(std::iter::once(campaign));

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use super::gaps::{self, SampleGaps};
 use crate::campaign::Campaign;
-use crate::report::figures::campaign::PlottedPoint;
 use crate::run_folder::journal::{self, Entry};
 use crate::run_folder::read::campaign_copy;
 use crate::run_folder::schema::device::BoardSettings;
@@ -78,11 +77,6 @@ impl PageData {
     pub(super) fn all_unreadable(&self) -> Vec<String> {
         let campaign = self.campaign.as_ref().err();
         campaign.into_iter().chain(&self.unreadable).chain(&self.gaps.unreadable).cloned().collect()
-    }
-
-    /// The points for the figures.
-    pub(super) fn plotted_points(&self) -> Vec<PlottedPoint> {
-        self.points.iter().map(PlottedPoint::from).collect()
     }
 
     /// Whether the base of an experiment, by its name, moves by other amplitudes than that of the set-up.

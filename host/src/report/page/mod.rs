@@ -57,7 +57,7 @@ pub fn page_of_runs(runs: &[RunFolder]) -> Page {
     let all: Vec<PageData> = runs.iter().map(PageData::of).collect();
     let plotted: Vec<_> = all
         .iter()
-        .filter_map(|data| Some((data.id.as_str(), data.campaign.as_ref().ok()?, data.plotted_points())))
+        .filter_map(|data| Some((data.id.as_str(), data.campaign.as_ref().ok()?, data.points.as_slice())))
         .collect();
     let caption =
         "Amplitude ratio X/Z (cycle maxima) over frequency of all runs. Hollow markers: not steady within the dwell.";
@@ -186,7 +186,7 @@ fn responses(data: &PageData) -> Markup {
     if data.points.is_empty() {
         return html! { @if data.taken.transients().is_empty() { p { "No point was measured." } } };
     }
-    let points = data.plotted_points();
+    let points = &data.points;
     let surfaces = ForceSurface::of(campaign, &data.points);
     let tracked = TrackedCurve::of(campaign, &data.points, data.manifest.is_simulated());
     html! {
@@ -202,11 +202,11 @@ fn responses(data: &PageData) -> Markup {
             @let group = group.as_deref();
             @if let Some(series) = group { h3 { (series) } }
             (drawn_in_both(
-                BOTH.map(|breadth| response(campaign, &points, group, breadth)),
+                BOTH.map(|breadth| response(campaign, points, group, breadth)),
                 "Amplitude ratio X/Z (cycle maxima) over frequency. Hollow markers: not steady within the dwell. Bars: 95 % interval of X/Z \
                  as a mean over cycles, without the sensors' scale.",
             ))
-            (drawn_in_both(BOTH.map(|breadth| phase(campaign, &points, group, breadth)), "Phase of x relative to z over frequency."))
+            (drawn_in_both(BOTH.map(|breadth| phase(campaign, points, group, breadth)), "Phase of x relative to z over frequency."))
             @if let [Some(broad), Some(narrow)] = BOTH.map(|breadth| wall_force(campaign, &data.taken, group, breadth)) {
                 (drawn_in_both([broad, narrow], "Largest force on a wall over frequency, of the points with impacts."))
             }

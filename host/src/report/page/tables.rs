@@ -108,9 +108,8 @@ pub(super) fn peak_notes(data: &PageData) -> Vec<String> {
 /// What the dampers make of the peak of X/Z, a line for each experiment with its repeats.
 pub(super) fn headlines(data: &PageData) -> Markup {
     let Ok(campaign) = &data.campaign else { return html! {} };
-    let plotted = data.plotted_points();
     html! {
-        @for line in Peak::headlines(campaign, |set_up, experiment| mean_responses(campaign, &plotted, set_up, experiment)) { p.headline { (line) } }
+        @for line in Peak::headlines(campaign, |set_up, experiment| mean_responses(campaign, &data.points, set_up, experiment)) { p.headline { (line) } }
     }
 }
 

@@ -10,53 +10,52 @@ use damprig_core::integrator::polynomial::{Polynomial, value};
 use damprig_core::integrator::sampled::{Flight, Impact, Joined, Observer, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Invalid, Reading, SUBSAMPLES, TICK_HZ};
-use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::model::{Initial, SetUp};
-use damprig_motion::watch::MotionWatch;
 
-use crate::prediction::watch;
+use super::watch::{Detection, MotionWatch};
 
 /// Length of a tick, s.
-pub(super) const TICK_S: f64 = 1.0 / TICK_HZ as f64;
+pub const TICK_S: f64 = 1.0 / TICK_HZ as f64;
 
-/// What the sensors read in a tick, m.
+/// What the sensors read in a tick, m: the part of [`Readings`](damprig_core::io::Readings) that a motion of hours is kept for, 16 bytes
+/// in place of 56.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct TickReading {
+pub struct TickReading {
     /// Mean of x.
-    pub(super) x_m: f32,
+    pub x_m: f32,
     /// Largest |x| of the sub-samples.
-    pub(super) max_abs_x_m: f32,
+    pub max_abs_x_m: f32,
     /// Mean of z.
-    pub(super) z_m: f32,
+    pub z_m: f32,
     /// Largest |z| of the sub-samples.
-    pub(super) max_abs_z_m: f32,
+    pub max_abs_z_m: f32,
 }
 
 /// A pulse on a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct WallPulse {
+pub struct WallPulse {
     /// Tick in which it began, from 0.
-    pub(super) tick: usize,
+    pub tick: usize,
     /// +1 where y − x = +d.
-    pub(super) side: i8,
+    pub side: i8,
     /// Its peak, N.
-    pub(super) peak_n: f64,
+    pub peak_n: f64,
     /// Whether the board would count it.
-    pub(super) is_counted: bool,
+    pub is_counted: bool,
 }
 
-/// A simulated motion.
+/// A simulated motion, as the sensors read it.
 #[derive(Clone, Debug, Default)]
-pub(super) struct SimulatedMotion {
+pub struct SimulatedMotion {
     /// A reading for each tick.
-    pub(super) readings: Vec<TickReading>,
+    pub readings: Vec<TickReading>,
     /// All pulses, in order of time.
-    pub(super) pulses: Vec<WallPulse>,
+    pub pulses: Vec<WallPulse>,
 }
 
 impl SimulatedMotion {
     /// The same motion with readings of x that are off by `by_m`.
-    pub(super) fn read_beside(&self, by_m: f64) -> Self {
+    pub fn read_beside(&self, by_m: f64) -> Self {
         let mut beside = self.clone();
         for reading in &mut beside.readings {
             reading.x_m += by_m as f32;
@@ -70,18 +69,18 @@ impl SimulatedMotion {
 ///
 /// # Errors
 /// A set-up that cannot be simulated.
-pub(super) fn simulate(
+pub fn simulate(
     set_up: &SetUp,
     initial: &Initial,
     base_m: &[f64],
     shares: &[f64],
-    detection: &ImpactConfig,
+    detection: &Detection,
 ) -> Result<SimulatedMotion, Invalid> {
     let parts = Sampled::<f64>::steps_per_sample(set_up, TICK_S)?;
     let step_s = TICK_S / f64::from(parts);
     let mut motion = Joined::<f64>::joined(set_up, Units::metres(step_s), initial)?;
     let mut observer = Sampler {
-        watch: MotionWatch::new(&watch::detection(detection), set_up.structure.mass_kg, step_s).with_pulses(),
+        watch: MotionWatch::new(detection, set_up.structure.mass_kg, step_s).with_pulses(),
         x_m: [0.0; SUBSAMPLES],
         taken: 0,
         part: 0.0,
