@@ -147,6 +147,7 @@ impl Motion {
     /// Handles the event that ends the present phase, and starts the next one.
     pub(crate) fn handle<O: Observer>(&mut self, event: Event, observer: &mut O) -> Result<(), Refused> {
         self.leave();
+        self.handled = Some(event);
         let mut zero = self.stuck();
         match event {
             Event::Stops(joint) => {

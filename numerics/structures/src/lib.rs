@@ -30,6 +30,7 @@ mod complementarity;
 mod contacts;
 mod course;
 mod cubic;
+mod derivatives;
 mod describe;
 mod events;
 mod flight;
@@ -47,6 +48,7 @@ mod sum;
 mod system;
 
 pub use course::Course;
+pub use derivatives::{Derivatives, Derived, DerivedImpact, Drive, Largest, MotionCase, NoDerivatives, Varied};
 pub use describe::{Beam, Damping, MAX_MODES, Storey, Support};
 pub use motion::Motion;
 pub use observe::{Impact, Observer, Piece};

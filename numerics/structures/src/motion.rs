@@ -71,6 +71,8 @@ pub struct Motion {
     pub(crate) unresolved: u32,
     /// Speed of the fastest impact, m/s.
     pub(crate) fastest_m_per_s: f64,
+    /// The event that ended the last step, if any.
+    pub(crate) handled: Option<Event>,
 }
 
 /// A guard during a phase.
@@ -141,10 +143,11 @@ impl Motion {
             is_unguarded: false,
             unresolved: 0,
             fastest_m_per_s: 0.0,
+            handled: None,
             mount,
         };
         motion.base_cubic = Cubic::constant(motion.mount.share * motion.wave.offset) + Cubic::of_powers(base);
-        motion.put(start);
+        (motion.q, motion.v) = motion.mount.bodies_in(start, motion.base());
         motion.begin()?;
         Ok(motion)
     }
@@ -165,8 +168,7 @@ impl Motion {
     /// The present state.
     #[must_use]
     pub fn state(&self) -> State {
-        let (mut q, mut v) = (self.q.clone(), self.v.clone());
-        self.settle(&mut q, &mut v);
+        let (q, v) = self.bodies();
         let mount = &self.mount;
         let (z, rate) = self.base();
         let body = |i: usize, influence: f64| Body { y_m: q[i] + influence * z, u_m_per_s: v[i] + influence * rate };
@@ -179,6 +181,13 @@ impl Motion {
                 .collect(),
             particles: (mount.permanent..q.len()).zip(&mount.cavities).map(|(i, of)| body(i, of.influence)).collect(),
         }
+    }
+
+    /// Displacements and velocities of all bodies relative to the base.
+    pub(crate) fn bodies(&self) -> (Vec<f64>, Vec<f64>) {
+        let (mut q, mut v) = (self.q.clone(), self.v.clone());
+        self.settle(&mut q, &mut v);
+        (q, v)
     }
 
     /// z and z′, m and m/s; 0 where a force drives.
@@ -217,20 +226,6 @@ impl Motion {
             } else {
                 return Ok(());
             }
-        }
-    }
-
-    /// Takes the bodies' state from `state`.
-    fn put(&mut self, state: &State) {
-        let (z, rate) = self.base();
-        let mount = &self.mount;
-        self.q[..mount.modes].copy_from_slice(&state.modal);
-        self.v[..mount.modes].copy_from_slice(&state.modal_rate);
-        let tuned = state.tuned_masses.iter().zip(&mount.tuned_influence).map(|(body, of)| (body, *of));
-        let particles = state.particles.iter().zip(&mount.cavities).map(|(body, of)| (body, of.influence));
-        for (i, (body, influence)) in (mount.modes..).zip(tuned.chain(particles)) {
-            self.q[i] = body.y_m - influence * z;
-            self.v[i] = body.u_m_per_s - influence * rate;
         }
     }
 
@@ -399,7 +394,7 @@ impl Motion {
     }
 
     /// An instant at which the excitation's closed form changes.
-    fn pass_break(&mut self) -> Result<(), Refused> {
+    pub(crate) fn pass_break(&mut self) -> Result<(), Refused> {
         self.leave();
         let before = self.base().1;
         self.next_break_s = self.excitation.next_break_s(self.time.seconds());

@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 use crate::bodies::{Bodies, Link};
 use crate::contacts::Event;
 use crate::linear::C64;
-use crate::{Refused, SetUp};
+use crate::{Refused, SetUp, State};
 
 /// A wall of a cavity.
 #[derive(Clone, Copy, Debug)]
@@ -208,6 +208,18 @@ impl Mount {
             .map(|place| Place { shape: shape(place), influence: influence(place) })
             .collect();
         Ok(Self { modes, permanent, bodies, cavities, joints, compliance, force, share, places, tuned_influence })
+    }
+
+    /// Displacements and velocities of all bodies relative to the base in `state`, while the base has z and z′.
+    pub fn bodies_in(&self, state: &State, (z, rate): (f64, f64)) -> (Vec<f64>, Vec<f64>) {
+        let (mut q, mut v) = (state.modal.clone(), state.modal_rate.clone());
+        let tuned = state.tuned_masses.iter().zip(&self.tuned_influence).map(|(body, of)| (body, *of));
+        let particles = state.particles.iter().zip(&self.cavities).map(|(body, of)| (body, of.influence));
+        for (body, influence) in tuned.chain(particles) {
+            q.push(body.y_m - influence * z);
+            v.push(body.u_m_per_s - influence * rate);
+        }
+        (q, v)
     }
 
     /// The joint of a particle.

@@ -65,6 +65,7 @@ impl Motion {
     /// Advances by one step, at most to `limit_s`, and handles the event at its end, if any.
     pub(crate) fn advance<O: Observer>(&mut self, limit_s: f64, observer: &mut O) -> Result<(), Refused> {
         let rest_s = self.time.until(limit_s);
+        self.handled = None;
         loop {
             if self.events_at_once >= MAX_EVENTS_AT_ONCE {
                 self.level = self.level.max(self.blind_level);

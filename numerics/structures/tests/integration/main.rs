@@ -1,6 +1,7 @@
 //! Checks of the engine for structures of several degrees of freedom.
 
 mod closed_forms;
+mod derivatives;
 mod laws;
 mod one_degree;
 mod one_mode;

@@ -23,17 +23,17 @@ const ALLOWED: f64 = 1e-9;
 
 /// A random set-up with its excitation and its start.
 #[derive(Clone, Debug)]
-struct Case {
-    set_up: SetUp,
-    excitation: Excitation,
-    start: State,
+pub struct Case {
+    pub set_up: SetUp,
+    pub excitation: Excitation,
+    pub start: State,
     /// Period of the excitation, or of the first mode in a free vibration, s.
-    cycle_s: f64,
+    pub cycle_s: f64,
     /// Size of the displacements at the start, m.
-    scale_m: f64,
+    pub scale_m: f64,
 }
 
-struct Draw(Rng);
+pub struct Draw(pub Rng);
 
 impl Draw {
     fn between(&mut self, low: f64, high: f64) -> f64 {
@@ -130,7 +130,7 @@ impl Draw {
     }
 
     /// A motion near a resonance of one of the lower modes, or a free vibration.
-    fn case(&mut self, number: usize) -> Case {
+    pub fn case(&mut self, number: usize) -> Case {
         let mut structure = self.structure();
         let places = structure.influence.len();
         // Two places that move in opposite directions, each with a particle.
@@ -357,7 +357,7 @@ fn motions_of_random_set_ups_agree_with_the_second_method() {
 const CUBICS: u32 = 2000;
 
 /// The cubic with the values and slopes of a sine at both ends of an interval of length h, as powers of the time in it.
-fn cubic(excitation: &Excitation, from_s: f64, h: f64) -> [f64; 4] {
+pub fn cubic(excitation: &Excitation, from_s: f64, h: f64) -> [f64; 4] {
     let Excitation::Sine { amplitude_m, angular_frequency_rad_per_s: turning, phase_rad } = *excitation else {
         panic!("a sine");
     };

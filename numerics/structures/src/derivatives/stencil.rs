@@ -1,0 +1,15 @@
+//! Derivatives of coefficients from their values at six values of a quantity.
+
+use std::ops::{Add, Mul, Sub};
+
+/// The derivative per relative change of a quantity of what is `at` [`super::Varied::AT`] times its value: the central difference of sixth order.
+pub(super) fn relative<T>(at: [T; 6]) -> T
+where
+    for<'a> &'a T: Sub<&'a T, Output = T>,
+    T: Mul<f64, Output = T> + Sub<Output = T> + Add<Output = T>,
+{
+    const STEP: f64 = 1e-3;
+    let [far_low, low, near_low, near, high, far] = &at;
+    let (first, second, third) = (near - near_low, high - low, far - far_low);
+    (first * 45.0 - second * 9.0 + third) * (1.0 / (60.0 * STEP))
+}
