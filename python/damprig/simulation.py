@@ -179,19 +179,22 @@ def analyse(case: str | os.PathLike[str] | Case | dict[str, Any]) -> dict[str, A
     multipliers, and ``sensitivities``: exact relative changes of the largest ``|x|``, the RMS of x and the speed of the fastest impact per relative change
     of each quantity, through every impact, stick and slip. Every other quantity keeps its value in SI units, but stiffness and dashpot of
     the structure follow from M, fn and ζ. ``holds_within`` is the relative change at which, to first order, an event appears or vanishes.
-    ``driven`` is ``None`` without a sine.
+    ``driven`` is ``None`` without a sine, on a record and with several places; ``energy`` is missing on a record and with several places.
     Without them ``no_orbit`` or ``no_sensitivities`` says why. A motion that is not periodic has ``lyapunov``: the mean of ln(growth) of a small
     disturbance in a drive period, with its standard error.
+
+    Where there is no periodic motion with sensitivities, ``sensitivities`` beside ``driven`` are those of the run (under a sine of its last 20 drive
+    periods) by every number in the case; its other keys stay as they are.
 
     Parameters
     ----------
     case : path or dict
-        A case file (TOML or JSON), or a dict with the keys of one (docs/KEYS.md), with a structure of one degree of freedom.
+        A case file (TOML or JSON), or a dict with the keys of one (docs/KEYS.md).
 
     Raises
     ------
     InputError
-        The case is wrong, or has spheres, several places or a recorded base motion.
+        The case is wrong, or has spheres.
     """
     unusual, analysis = _damprig.analyse(case)
     for warning in unusual:

@@ -4,7 +4,7 @@ use damprig::failure::Failure;
 use damprig::input::Source;
 use damprig::simulation::{
     AccumulationRecord, Case, ImpactRecord, RunOptions, SetValues, SimulationResult, Viewer,
-    analysis::Analysis,
+    analysis::{Analysis, WrittenCase},
     cost,
     motion::{ContactRecord, Piece},
     simulate as run,
@@ -127,16 +127,11 @@ pub fn analyse(py: Python<'_>, case: &Bound<'_, PyAny>) -> PyResult<(Vec<String>
     work(py, || {
         let (case, source) = read(given, &SetValues::default())?;
         let text = (source.name(), source.text());
-        case.refuse_other_engines(text, &SetValues::default(), "analyse", false)?;
+        case.refuse_other_engines(text, &SetValues::default(), "analyse", true)?;
         let mut watch = Watch(Interrupt::new());
-        let analysis = Analysis::with_sensitivities(&case, &mut watch);
+        let written = WrittenCase { name: source.name(), text: source.text(), values: &SetValues::default() };
+        let analysis = Analysis::complete(&case, &written, &mut watch);
         watch.0.check()?;
-        let analysis = analysis.ok_or_else(|| {
-            Failure::Input(format!(
-                "{}: a recorded base motion has no analysis; take a base of kind \"sine\"",
-                source.name()
-            ))
-        })?;
         let text = serde_json::to_string(&analysis)?;
         Ok((source.warnings(), text))
     })

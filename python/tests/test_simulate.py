@@ -279,10 +279,15 @@ def test_an_analysis_is_that_of_the_command(command, spid, tmp_path):
     assert largest["key"] == "base.frequency_hz" and largest["max_abs_x"] < -5
 
 
-def test_what_has_no_analysis_is_refused(project, spid):
-    with pytest.raises(damprig.InputError, match="recorded base motion"):
-        damprig.analyse(project / "host/cases/record.toml")
-    storeys = [{"mass_kg": 1.0, "stiffness_n_per_m": 100.0, "damping_n_s_per_m": 0.1}] * 2
-    frame = {"storey": storeys, "base": spid["base"], "run": spid["run"]}
-    with pytest.raises(damprig.InputError, match="analyse is not available for `storey`"):
-        damprig.analyse(frame)
+def test_a_run_on_a_record_has_sensitivities_to_its_keys(project, command):
+    file = project / "host/cases/record.toml"
+    found = damprig.analyse(file)
+    assert found == json.loads(command("simulate", str(file), "--analyse", "--json"))["analysis"]
+    assert "energy" not in found and found["driven"] is None
+    assert found["sensitivities"]["run"]["from_s"] == 0
+    assert {of["key"] for of in found["sensitivities"]["of"]} >= {"particle.clearance_m", "friction_damper.force_n"}
+
+
+def test_what_has_no_analysis_is_refused(project):
+    with pytest.raises(damprig.InputError, match="analyse is not available for `many_particles`"):
+        damprig.analyse(project / "host/cases/many-particles.toml")

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
+use damprig_core::integrator::exact::Observer;
 
 use super::arguments::{ForceArg, JsonArg, SetArg, not_negative, positive};
 use super::ctrl_c::CtrlC;
@@ -16,7 +17,7 @@ use crate::report::case_files::{Answer, Simulated};
 use crate::report::figures::simulated_motion::{self, COLUMNS, envelope, usual_envelopes};
 use crate::report::numbers::significant;
 use crate::report::terminal;
-use crate::simulation::analysis::Analysis;
+use crate::simulation::analysis::{Analysis, WrittenCase};
 use crate::simulation::envelope::Envelope;
 use crate::simulation::time_history::{TablePath, TimeHistory};
 use crate::simulation::{Case, RunOptions, SetValues, cost, simulate};
@@ -138,7 +139,7 @@ fn simulate_one(
     if args.analyse {
         let source = Source::read(path)?;
         let text = (source.name(), source.text());
-        case.refuse_other_engines(text, values, "--analyse", false)?;
+        case.refuse_other_engines(text, values, "--analyse", true)?;
     }
     super::output_paths::check(path, case, args.out.as_ref(), args.plot.as_deref(), args.force)?;
     let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| case.usual_rate_hz()));
@@ -170,10 +171,8 @@ fn simulate_one(
         .plot
         .as_ref()
         .map_or(Ok(()), |path| simulated_motion::of_case(case, whole.as_ref(), last.as_ref())?.save(path));
-    let analysis = if args.analyse && result.stopped_at_s.is_none() { Analysis::of(case) } else { None };
-    if args.analyse && case.record.is_some() {
-        warn!("warning: --analyse does not support recorded base motions");
-    }
+    let analysis =
+        if args.analyse && result.stopped_at_s.is_none() { Some(analysis(path, case, values, ctrl_c)?) } else { None };
     if args.json.is_given() {
         if result.summary.impact_count > result.impacts.len() as u64 {
             let (kept, all) = (result.impacts.len(), result.summary.impact_count);
@@ -203,6 +202,28 @@ fn simulate_one(
         ))),
         None => Ok(()),
     }
+}
+
+/// Shows how far the sensitivities of a run are, and ends them at Ctrl-C.
+struct Watch<'a>(SimulationBar, &'a CtrlC);
+
+impl Observer for Watch<'_> {
+    const ARCS: bool = false;
+
+    fn goes_on(&mut self, time_s: f64) -> bool {
+        self.0.reach(time_s);
+        !self.1.is_pressed()
+    }
+}
+
+/// The analysis of a case in a file, with some of its values set.
+fn analysis(path: &Path, case: &Case, values: &SetValues, ctrl_c: &CtrlC) -> Result<Analysis, Failure> {
+    let source = Source::read(path)?;
+    let written = WrittenCase { name: source.name(), text: source.text(), values };
+    let mut watch = Watch(SimulationBar::new("analysis", case.run.duration_s), ctrl_c);
+    let analysis = Analysis::complete(case, &written, &mut watch);
+    watch.0.end();
+    Ok(analysis)
 }
 
 /// The windows to draw: the requested one, or the whole run and its last cycles.

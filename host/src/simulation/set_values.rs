@@ -57,6 +57,14 @@ impl SetValues {
         Ok(Self { origin: origin.into(), lines })
     }
 
+    /// The same with a number in place of what is set for its key.
+    #[must_use]
+    pub fn with(&self, key: &str, value: f64) -> Self {
+        let is_other = |line: &&str| line.split_once(" = ").is_none_or(|(own, _)| own != key);
+        let others: String = self.lines.lines().filter(is_other).map(|line| format!("{line}\n")).collect();
+        Self { origin: self.origin.clone(), lines: format!("{others}{key} = {value:?}\n") }
+    }
+
     /// Whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -173,6 +181,18 @@ pub fn fixed_parameters(case: &str, changed: &[&str]) -> String {
         }
     }
     serde_json::Value::from(fixed).to_string()
+}
+
+/// The keys of numbers of a case as written, with their tables and values; `values` replace some.
+#[must_use]
+pub fn numbers_of(case: &str, values: &SetValues) -> Vec<(String, f64)> {
+    let mut set = serde_json::Map::new();
+    flatten(toml::from_str(&values.lines).unwrap_or_default(), String::new(), &mut set);
+    let changed: Vec<&str> = set.keys().map(String::as_str).collect();
+    let mut all: serde_json::Map<String, serde_json::Value> =
+        serde_json::from_str(&fixed_parameters(case, &changed)).unwrap_or_default();
+    all.extend(set);
+    all.into_iter().filter_map(|(key, value)| Some((key, value.as_f64()?))).collect()
 }
 
 /// A path without the numbers of tables in lists.

@@ -67,7 +67,7 @@ fn run(case: &Case) -> SimulationResult {
 fn check(case: &Case) -> (ForcedResponse, String) {
     let (result, analysis) = (run(case), Analysis::of(case).expect("in closed form"));
     let text = format!("{}\n{}", terminal::simulation::summary(case, &result), terminal::analysis::text(&analysis));
-    let energy = analysis.energy;
+    let energy = analysis.energy.expect("in closed form");
     let dissipated = energy.structure_damping_j
         + energy.impacts_j
         + energy.internal_friction_j

@@ -456,9 +456,4 @@ fn what_a_structure_with_several_places_does_not_have_is_refused_with_a_reason()
         &simulate,
         &["particle.place", "several places", "leave it out"],
     );
-    refused(
-        &[("case.toml", &frame(PARTICLE))],
-        &["simulate", "case.toml", "--analyse"],
-        &["--analyse is not available for `storey`", "one degree of freedom"],
-    );
 }

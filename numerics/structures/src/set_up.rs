@@ -259,7 +259,13 @@ impl State {
     /// The state of a set-up of one degree of freedom at t = 0, as one of [`SetUp::from`] that set-up under `excitation`.
     #[must_use]
     pub fn of_one_degree(one: &OneDegree, initial: &Initial, excitation: &Excitation) -> Self {
-        let at_rest = SetUp::from(one).at_rest(base_at_start(excitation));
+        Self::on_base(one, initial, base_at_start(excitation))
+    }
+
+    /// The same while the base is at z and has z′, m and m/s.
+    #[must_use]
+    pub fn on_base(one: &OneDegree, initial: &Initial, base: (f64, f64)) -> Self {
+        let at_rest = SetUp::from(one).at_rest(base);
         let root = one.structure.mass_kg.sqrt();
         let body = Body { y_m: initial.y_m, u_m_per_s: initial.u_m_per_s };
         Self {

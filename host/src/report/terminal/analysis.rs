@@ -1,11 +1,26 @@
 //! Text of `damprig simulate --analyse`: energy balance, steady state, orbit and stability.
 
+use damprig_core::analysis::energy::Balance;
+
 use crate::report::numbers::{millimetres, significant};
 use crate::simulation::analysis::{Analysis, ForcedResponse, Lyapunov, MotionKind, Sensitivities};
 
 /// The lines below the summary of a simulation.
 pub fn text(analysis: &Analysis) -> String {
-    let e = &analysis.energy;
+    let mut lines: Vec<(&str, String)> = analysis.walls.clone().map(|text| ("walls", text)).into_iter().collect();
+    lines.extend(analysis.energy.as_ref().map(energy).unwrap_or_default());
+    let driven = analysis.driven.as_ref();
+    lines.extend(driven.map(steady).unwrap_or_default());
+    lines.extend(analysis.no_sensitivities.clone().map(|why| ("sensitivities of the run", why)));
+    let mut text = String::from("Analysis");
+    for (name, value) in lines {
+        text.push_str(&format!("\n  {name:<24} {value}"));
+    }
+    let found = driven.and_then(|driven| driven.sensitivities.as_ref()).or(analysis.sensitivities.as_ref());
+    found.map_or(text.clone(), |found| text + "\n\n" + &sensitivities(found))
+}
+
+fn energy(e: &Balance) -> Vec<(&'static str, String)> {
     let joule = |value: f64| format!("{} J", significant(value, 5));
     let by_mechanism = [
         ("  by dashpot", e.structure_damping_j),
@@ -14,24 +29,15 @@ pub fn text(analysis: &Analysis) -> String {
         ("  by friction damper", e.friction_damper_j),
         ("  by soft wall or TMD", e.link_damping_j),
     ];
-    let mut lines: Vec<(&str, String)> = analysis.walls.clone().map(|text| ("walls", text)).into_iter().collect();
-    lines.extend([
+    let mut lines = vec![
         ("energy input", joule(e.input_j)),
         ("change of stored energy", format!("{} (end minus start)", joule(e.stored_change_j))),
         ("energy dissipated", joule(by_mechanism.iter().map(|(_, energy_j)| energy_j).sum())),
-    ]);
+    ];
     let dissipated = by_mechanism.iter().filter(|(_, energy_j)| *energy_j != 0.0);
     lines.extend(dissipated.map(|(name, energy_j)| (*name, joule(*energy_j))));
     lines.push(("energy residual", format!("{} J (rounding)", significant(e.residual_j, 2))));
-    if let Some(driven) = &analysis.driven {
-        lines.extend(steady(driven));
-    }
-    let mut text = String::from("Analysis");
-    for (name, value) in lines {
-        text.push_str(&format!("\n  {name:<24} {value}"));
-    }
-    let found = analysis.driven.as_ref().and_then(|driven| driven.sensitivities.as_ref());
-    found.map_or(text.clone(), |found| text + "\n\n" + &sensitivities(found))
+    lines
 }
 
 /// Width of the longest bar.
@@ -39,9 +45,17 @@ const BAR: f64 = 20.0;
 
 /// A table of relative changes, with a bar for that of the largest |x|.
 fn sensitivities(found: &Sensitivities) -> String {
-    let mut text = String::from(
-        "Sensitivities of the periodic motion: by how many per cent a result rises for 1 % more of a quantity. Each quantity changes\nalone in SI units (ratios of the case do not follow), but stiffness and dashpot of the structure keep fn and ζ.\n",
-    );
+    let rises = "by how many per cent a result rises for 1 % more of a quantity.";
+    let mut text = match &found.run {
+        None => format!(
+            "Sensitivities of the periodic motion: {rises} Each quantity changes\nalone in SI units (ratios of the case do not follow), but stiffness and dashpot of the structure keep fn and ζ.\n"
+        ),
+        Some(run) => format!(
+            "Sensitivities of the run from {} s to {} s: {rises}\nEach key of the case changes alone; what the case derives from it follows.\n",
+            significant(run.from_s, 6),
+            significant(run.to_s, 6)
+        ),
+    };
     let has_impacts = found.of.iter().any(|of| of.impact_speed.is_some());
     let speed = if has_impacts { "   impact speed" } else { "" };
     text += &format!("  {:<38}   largest |x|       RMS of x{speed}   an event changes at about", "");
@@ -54,10 +68,23 @@ fn sensitivities(found: &Sensitivities) -> String {
             _ => "beyond ± 100 %".to_string(),
         };
         let bar = "█".repeat((BAR * of.max_abs_x.abs() / most).round() as usize);
-        let (key, x, rms) = (of.key, number(of.max_abs_x), number(of.rms_x));
+        let (key, x, rms) = (&of.key, number(of.max_abs_x), number(of.rms_x));
         text += format!("\n  {key:<38}{x} {rms} {speed}   {within:<21} {bar}").trim_end();
     }
-    text += "\n  Beyond that change, or past a fold or doubling of the orbit (`damprig continue`), the motion is another one.";
+    text += match &found.run {
+        None => {
+            "\n  Beyond that change, or past a fold or doubling of the orbit (`damprig continue`), the motion is another one."
+        }
+        Some(_) => {
+            "\n  Beyond that change events come in another order, are lost or gained; small ones hardly change a result."
+        }
+    };
+    if let Some(run) = found.run.as_ref().filter(|run| !run.left_out.is_empty()) {
+        text += &format!(
+            "\n  Left out, as the case is refused with 0.3 % more or less of them: {}.",
+            run.left_out.join(", ")
+        );
+    }
     let ties = [(found.is_tie, "|x| is largest at two places"), (found.is_speed_tie, "Two impacts are the fastest")];
     for (_, what) in ties.iter().filter(|(is_tie, _)| *is_tie) {
         text += &format!("\n  {what}, which follow the quantities differently: its changes are those of one of them.");

@@ -6,13 +6,15 @@
 mod lyapunov;
 mod periodic_orbit;
 mod repetition;
+mod run_sensitivities;
 mod sensitivities;
 mod steady_state;
 
 pub use lyapunov::Lyapunov;
 pub use periodic_orbit::{Multiplier, OrbitError, PeriodicOrbit, Stability};
+pub use run_sensitivities::WrittenCase;
 pub(crate) use sensitivities::MORE;
-pub use sensitivities::{Sensitivities, Sensitivity};
+pub use sensitivities::{RunPart, Sensitivities, Sensitivity};
 pub use steady_state::{Analysis, ForcedResponse, MotionKind, OrbitSummary, SectionState, TwoImpactOrbit};
 
 use damprig_continuation::ReturnMap;

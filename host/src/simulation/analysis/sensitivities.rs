@@ -23,12 +23,11 @@ const LEFT_OUT: [Parameter; 6] = [
     Parameter::LinkDampingRatio,
 ];
 
-/// Relative changes of the results of a periodic motion per relative change of a quantity, d ln(result)/d ln(quantity). Every other quantity keeps
-/// its value in SI units, but stiffness and dashpot of the structure follow from M, fn and ζ.
+/// Relative changes of the results of a motion per relative change of a quantity, d ln(result)/d ln(quantity).
 #[derive(Clone, Debug, Serialize)]
 pub struct Sensitivity {
     /// Key of the quantity in a case, with its table.
-    pub key: &'static str,
+    pub key: String,
     /// Its value, in the unit of the key.
     pub value: f64,
     /// Of the largest |x|.
@@ -42,9 +41,24 @@ pub struct Sensitivity {
     pub holds_within: Option<f64>,
 }
 
-/// The sensitivities of the results of a periodic motion.
+/// The part of a run whose results they are.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RunPart {
+    /// Its start, s.
+    pub from_s: f64,
+    /// Its end, s.
+    pub to_s: f64,
+    /// Keys of numbers with which the case is refused where they are 0.3 % larger or smaller, as counts.
+    pub left_out: Vec<String>,
+}
+
+/// The sensitivities of the results of a periodic motion, whose quantities keep their values in SI units but for stiffness and dashpot of the
+/// structure, which follow from M, fn and ζ; or of a run, whose case keeps its other keys.
 #[derive(Clone, Debug, Serialize)]
 pub struct Sensitivities {
+    /// The part of the run that they are of; `None` of a periodic motion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub run: Option<RunPart>,
     /// Of each quantity by which there are derivatives and that is not 0, the most important for the largest |x| first.
     pub of: Vec<Sensitivity>,
     /// Whether |x| is largest at two places with other derivatives: that of the largest |x| is of one of them.
@@ -74,13 +88,13 @@ impl Sensitivities {
         let parameters: Vec<Parameter> = quantities.iter().map(|(_, parameter, _)| *parameter).collect();
         let found = orbit.derivatives(&map, &parameters).map_err(|why| why.to_string())?;
         let (x, fastest) = (&found.largest_abs_x_m, found.fastest_impact_m_per_s.as_ref());
-        let mut of: Vec<Sensitivity> = quantities
+        let of: Vec<Sensitivity> = quantities
             .iter()
             .enumerate()
             .map(|(p, (key, _, value))| {
                 let relative = |of: &Derived| of.by_parameters[p] * value / of.value;
                 Sensitivity {
-                    key,
+                    key: (*key).to_string(),
                     value: *value,
                     max_abs_x: relative(&x.of),
                     rms_x: relative(&found.rms_x_m),
@@ -89,7 +103,14 @@ impl Sensitivities {
                 }
             })
             .collect();
+        let ties = [x.is_tie, fastest.is_some_and(|fastest| fastest.is_tie)];
+        Ok(Self::sorted(of, None, ties))
+    }
+
+    /// The most important for the largest |x| first; `ties`: of the largest |x| and of the fastest impact.
+    pub(super) fn sorted(mut of: Vec<Sensitivity>, run: Option<RunPart>, ties: [bool; 2]) -> Self {
         of.sort_by(|a, b| b.max_abs_x.abs().total_cmp(&a.max_abs_x.abs()));
-        Ok(Self { of, is_tie: x.is_tie, is_speed_tie: fastest.is_some_and(|fastest| fastest.is_tie) })
+        let [is_tie, is_speed_tie] = ties;
+        Self { run, of, is_tie, is_speed_tie }
     }
 }

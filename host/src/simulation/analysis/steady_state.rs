@@ -14,6 +14,7 @@ use super::lyapunov::Lyapunov;
 use super::periodic_orbit::{PeriodicOrbit, Stability};
 use super::repetition::Repetition;
 use super::return_map;
+use super::run_sensitivities::WrittenCase;
 use super::sensitivities::Sensitivities;
 use crate::simulation::Case;
 use crate::simulation::motion::ExactObserver;
@@ -38,10 +39,17 @@ pub struct Analysis {
     /// What acts in place of walls with Hertz contact; `None` without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub walls: Option<String>,
-    /// Energy balance of the whole run.
-    pub energy: Balance,
+    /// Energy balance of the whole run; `None` on a recorded base or with several places, whose engines have none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub energy: Option<Balance>,
     /// Response to a sinusoidal excitation; `None` for others.
     pub driven: Option<ForcedResponse>,
+    /// How the results of the run follow the keys of the case, where the response has no sensitivities; only of [`Analysis::complete`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensitivities: Option<Sensitivities>,
+    /// Why they are not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_sensitivities: Option<String>,
 }
 
 /// The last periods of a run under a sine.
@@ -236,8 +244,28 @@ impl Analysis {
         Self::with_sensitivities(case, &mut ())
     }
 
+    /// Analyses any case but spheres, which is `written`; where a periodic motion has no sensitivities, or is not there, those of the run. `watch` sees
+    /// the transient of a motion in closed form, and how far the sensitivities are; a run that it ends has no driven motion.
+    pub fn complete(case: &Case, written: &WrittenCase, watch: &mut impl Observer) -> Self {
+        let found = if case.multi_degree.is_some() { None } else { Self::with_sensitivities(case, watch) };
+        let mut analysis = found.unwrap_or(Self {
+            walls: case.hertz_as_hard(),
+            energy: None,
+            driven: None,
+            sensitivities: None,
+            no_sensitivities: None,
+        });
+        if analysis.driven.as_ref().is_none_or(|driven| driven.sensitivities.is_none()) {
+            match Sensitivities::of_run(case, written, &mut |t_s| watch.goes_on(t_s)) {
+                Ok(found) => analysis.sensitivities = Some(found),
+                Err(why) => analysis.no_sensitivities = Some(why),
+            }
+        }
+        analysis
+    }
+
     /// The same while `watch` sees the transient. A run that it ends has no driven motion.
-    pub fn with_sensitivities(case: &Case, watch: &mut impl Observer) -> Option<Self> {
+    fn with_sensitivities(case: &Case, watch: &mut impl Observer) -> Option<Self> {
         let mut analysis = Self::watched(case, watch)?;
         if let Some(driven) = &mut analysis.driven {
             let case = case.without_hertz();
@@ -268,7 +296,13 @@ impl Analysis {
                 None
             }
         };
-        Some(Self { walls: case.hertz_as_hard(), energy: meter.balance(), driven })
+        Some(Self {
+            walls: case.hertz_as_hard(),
+            energy: Some(meter.balance()),
+            driven,
+            sensitivities: None,
+            no_sensitivities: None,
+        })
     }
 }
 

@@ -109,7 +109,7 @@ impl<'a> CaseMotion<'a> {
 }
 
 /// A segment over `step_s` as coefficients of the powers of time, m/sᵏ.
-pub(super) fn powers(segment: BaseSegment<f64>, step_s: f64) -> [f64; 4] {
+pub(in crate::simulation) fn powers(segment: BaseSegment<f64>, step_s: f64) -> [f64; 4] {
     let [c0, c1, c2, c3] = segment.0;
     [c0, c1 / step_s, c2 / (step_s * step_s), c3 / (step_s * step_s * step_s)]
 }

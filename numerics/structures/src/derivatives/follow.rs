@@ -14,6 +14,10 @@ use super::stencil::relative;
 use super::{Derivatives, MotionCase, NoDerivatives, Varied};
 use crate::contacts::{Contacts, Event, Slide};
 
+/// Products of numbers in a second, about, and the longest time that they may take.
+const PRODUCTS_PER_S: f64 = 2e8;
+const MAX_MINUTES: f64 = 2.0;
+
 /// Intervals after which the growth is looked at.
 const INTERVALS_PER_CHECK: usize = 64;
 
@@ -27,10 +31,14 @@ pub(super) struct Follower<'a> {
     /// The largest displacement and velocity of the motion, times the root of the body's mass.
     pub sizes: [f64; 2],
     pub w: DVector<f64>,
+    /// The changes of w at its time.
     pub s: DMatrix<f64>,
+    /// The last instant at which something happened.
     pub time: Sloped,
     pub last_event: Option<Sloped>,
     pub is_measured: bool,
+    /// Size of changes that were not followed, relative to the motion and to a change of a quantity; 0 if all were.
+    pub unknown: f64,
     pub impacts: Vec<(usize, bool, Sloped, Sloped)>,
     /// Of each place: where its displacement may be largest, and the integral of its square.
     pub peaks: Vec<Vec<Sloped>>,
@@ -40,7 +48,12 @@ pub(super) struct Follower<'a> {
 }
 
 /// Derivatives of a motion.
-pub(super) fn follow(case: &MotionCase, from_s: f64, varied: &[Varied]) -> Result<Derivatives, NoDerivatives> {
+pub(super) fn follow(
+    case: &MotionCase,
+    from_s: f64,
+    varied: &[Varied],
+    goes_on: &mut dyn FnMut(f64) -> bool,
+) -> Result<Derivatives, NoDerivatives> {
     let (intervals, end, unresolved) = intervals(case, from_s)?;
     if unresolved > 0 {
         return Err(NoDerivatives::UnresolvedEvent);
@@ -52,16 +65,21 @@ pub(super) fn follow(case: &MotionCase, from_s: f64, varied: &[Varied]) -> Resul
     });
     let others: Vec<[Setting; 6]> = others.collect::<Result<_, NoDerivatives>>()?;
     let mut follower = Follower::new(Setting::of(case)?, others, from_s);
+    follower.check_work(&intervals)?;
     follower.take_sizes(intervals.iter().map(|interval| &interval.start).chain([&end]));
     follower.begin(&intervals[0])?;
     for (n, interval) in intervals.iter().enumerate() {
         if n % INTERVALS_PER_CHECK == 0 {
             follower.check_growth()?;
+            if !goes_on(follower.time.value) {
+                return Err(NoDerivatives::Stopped);
+            }
         }
         let next = intervals.get(n + 1);
         follower.pass(interval, next.map_or(&end, |next| &next.start), next.map(|next| &next.contacts))?;
     }
-    follower.result(varied)
+    let growth = follower.check_growth()?;
+    follower.result(growth, varied)
 }
 
 impl<'a> Follower<'a> {
@@ -79,6 +97,7 @@ impl<'a> Follower<'a> {
             time: zero.clone(),
             last_event: None,
             is_measured: from_s <= 0.0,
+            unknown: 0.0,
             impacts: Vec::new(),
             peaks: vec![Vec::new(); places],
             squares: vec![zero; places],
@@ -121,6 +140,21 @@ impl<'a> Follower<'a> {
     pub(super) fn sloped(&self, row: &DVector<f64>, changes: &[DVector<f64>]) -> Sloped {
         sloped(row, changes, &self.w, &self.s)
     }
+
+    /// Whether the derivatives come in reasonable time.
+    fn check_work(&mut self, intervals: &[Interval]) -> Result<(), NoDerivatives> {
+        let mut products = 0.0;
+        for interval in intervals {
+            let known = self.known(&interval.contacts)?;
+            let a = &known.equations.a;
+            let rate_per_s = rate_per_s(a, &self.nominal.mount.bodies.mass);
+            let steps = (interval.length_s * rate_per_s / Series::REACH).ceil().max(1.0);
+            products += steps * a.iter().filter(|of| **of != 0.0).count() as f64;
+        }
+        let minutes = products * self.s.ncols() as f64 * Series::PRODUCTS / (60.0 * PRODUCTS_PER_S);
+        if minutes > MAX_MINUTES { Err(NoDerivatives::Long { minutes }) } else { Ok(()) }
+    }
+
     /// The largest displacement and velocity in some states.
     fn take_sizes<'w>(&mut self, states: impl Iterator<Item = &'w Vec<f64>>) {
         let bodies = self.bodies();
@@ -193,9 +227,6 @@ impl<'a> Follower<'a> {
     /// Follows an interval and what happens at its end; `next`: w after it, and `after` the contacts.
     fn pass(&mut self, interval: &Interval, next: &[f64], after: Option<&Contacts>) -> Result<(), NoDerivatives> {
         let known = self.known(&interval.contacts)?;
-        if self.last_event.is_some() {
-            self.margins_of_held(&known);
-        }
         let ends = if let End::Event(event) = interval.end { Some(event) } else { None };
         self.follow_steps(&known, interval, ends);
         let a = &known.equations.a;
@@ -218,35 +249,46 @@ impl<'a> Follower<'a> {
                 guard.slopes / -speed
             }
             None => {
+                let mut shift = DVector::zeros(self.s.ncols());
                 let moves = self.changes(|setting| setting.time_s(interval.end, self.from_s));
-                let mut shift = -&self.time.slopes;
-                shift.iter_mut().zip(moves).for_each(|(shift, moves)| *shift += moves);
+                shift.iter_mut().zip(moves).for_each(|(shift, moves)| *shift = moves);
                 shift
             }
         };
-        if self.is_measured {
+        // The squares on both sides of what happens at a moving instant are equal.
+        if self.is_measured && interval.end == End::Motion {
             for place in 0..self.squares.len() {
                 let x = (known.equations.places.row(place) * &self.w)[0];
                 self.squares[place].slopes += x * x * &shift;
             }
         }
+        let driven = self.s.rows(2 * self.bodies(), MORE).clone_owned();
         self.s += &rate * shift.transpose();
-        self.time.value = end_s;
-        self.time.slopes += shift;
+        self.time = Sloped { value: end_s, slopes: shift };
         if let Some(event) = ends {
             self.margin_of_order();
             self.margin_of_stop(event, interval, after)?;
         }
         self.happen(interval, (&known, next), after)?;
         self.w = DVector::from_column_slice(next);
-        if let Some(after) = after.filter(|_| ends.is_some()) {
-            self.hold(after, false)?;
-        }
         if interval.end == End::Measured {
+            self.check_forgotten()?;
             self.is_measured = true;
         }
         if self.is_measured {
             self.see_places(&known);
+        }
+        let Some(after) = after else { return Ok(()) };
+        if ends.is_some() {
+            self.hold(after, false)?;
+        }
+        let known = self.known(after)?;
+        self.margins_of_held(&known);
+        // From the instant that moves back to the time of the motion.
+        self.s -= &known.equations.a * &self.w * self.time.slopes.transpose();
+        if ends.is_some() {
+            // An event does not change what drives: without this its rounding would stay for good.
+            self.s.rows_mut(2 * self.bodies(), MORE).copy_from(&driven);
         }
         Ok(())
     }

@@ -9,6 +9,7 @@
 
 mod equations;
 mod follow;
+mod growth;
 mod happen;
 mod margins;
 mod record;
@@ -21,7 +22,8 @@ use std::sync::Arc;
 
 use damprig_core::integrator::exact::Excitation;
 
-use crate::{Refused, SetUp, State};
+use crate::bodies::dot;
+use crate::{Mode, Refused, SetUp, State};
 
 /// What moves the base or the structure.
 #[derive(Clone, Debug)]
@@ -93,7 +95,7 @@ pub struct DerivedImpact {
 pub struct Derivatives {
     /// Displacements of all modes (m·√kg), tuned masses and particles relative to the base, then their velocities, at the end.
     pub end: Vec<Derived>,
-    /// All impacts, in the order of time.
+    /// The impacts, in the order of time; none of before a motion forgot its start.
     pub impacts: Vec<DerivedImpact>,
     /// Largest absolute displacement of each place in the measured part, m.
     pub largest_abs_m: Vec<Largest>,
@@ -117,6 +119,25 @@ pub enum NoDerivatives {
     /// An event is not certain.
     #[error("no derivatives: the event search was given up")]
     UnresolvedEvent,
+    /// A mode is another one at another value of a quantity.
+    #[error(
+        "no derivatives: mode {mode} changes its shape within 0.3 % of a parameter, as modes of nearly equal frequencies do"
+    )]
+    Shape {
+        /// Its number, from 1.
+        mode: usize,
+    },
+    /// They were stopped.
+    #[error("no derivatives: they were stopped")]
+    Stopped,
+    /// They would take too long.
+    #[error(
+        "no derivatives: they would take some {minutes:.0} minutes, for the fastest of the modes; shorten the run, or leave out fast modes"
+    )]
+    Long {
+        /// The time that they would take.
+        minutes: f64,
+    },
     /// Several contacts act at one instant.
     #[error("no derivatives: several contacts act on each other at one instant, t = {time_s} s")]
     Together {
@@ -153,6 +174,53 @@ impl MotionCase {
     /// # Errors
     /// The motion has none, with the reason.
     pub fn derivatives(&self, from_s: f64, varied: &[Varied]) -> Result<Derivatives, NoDerivatives> {
-        follow::follow(self, from_s, varied)
+        self.derivatives_while(from_s, varied, &mut |_| true)
+    }
+
+    /// The same while `goes_on` is true, which sees the time that is reached, s, now and then.
+    ///
+    /// # Errors
+    /// As [`MotionCase::derivatives`], and [`NoDerivatives::Stopped`].
+    pub fn derivatives_while(
+        &self,
+        from_s: f64,
+        varied: &[Varied],
+        goes_on: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Derivatives, NoDerivatives> {
+        let aligned = varied.iter().map(|varied| {
+            let [a, b, c, d, e, f] = varied.cases.each_ref().map(|case| case.aligned(&self.set_up.structure.modes));
+            Ok(Varied { value: varied.value, cases: [a?, b?, c?, d?, e?, f?] })
+        });
+        let aligned: Vec<Varied> = aligned.collect::<Result<_, NoDerivatives>>()?;
+        follow::follow(self, from_s, &aligned, goes_on)
+    }
+
+    /// The same with the modes' signs as those of `modes`: a shape from a decomposition has either sign.
+    fn aligned(&self, modes: &[Mode]) -> Result<Self, NoDerivatives> {
+        let mut case = self.clone();
+        let structure = &mut case.set_up.structure;
+        let count = structure.modes.len();
+        for (i, (mode, as_in)) in structure.modes.iter_mut().zip(modes).enumerate() {
+            let numbers = |mode: &Mode| mode.shape.iter().copied().chain([mode.participation]).collect::<Vec<f64>>();
+            let (own, other) = (numbers(mode), numbers(as_in));
+            let product = dot(&own, &other);
+            if product.abs() < ALIKE * (dot(&own, &own) * dot(&other, &other)).sqrt() {
+                return Err(NoDerivatives::Shape { mode: i + 1 });
+            }
+            if product < 0.0 {
+                mode.shape.iter_mut().for_each(|shape| *shape = -*shape);
+                mode.participation = -mode.participation;
+                let coupled = if structure.coupling_per_s.is_empty() { 0 } else { count };
+                for j in 0..coupled {
+                    structure.coupling_per_s[i * count + j] *= -1.0;
+                    structure.coupling_per_s[j * count + i] *= -1.0;
+                }
+                (case.start.modal[i], case.start.modal_rate[i]) = (-case.start.modal[i], -case.start.modal_rate[i]);
+            }
+        }
+        Ok(case)
     }
 }
+
+/// The shapes of one mode at two values of a quantity are parallel to this share.
+const ALIKE: f64 = 0.99;

@@ -1,6 +1,6 @@
 //! What a motion is, with its derivatives.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::follow::Follower;
 use super::setting::{Known, Sloped};
@@ -9,9 +9,6 @@ use super::{Derivatives, Derived, DerivedImpact, Largest, NoDerivatives, Varied}
 /// A motion changes its events within this relative change of a quantity: it is said to graze. Chosen: a derivative that holds for less says nothing
 /// about a design.
 const GRAZING: f64 = 1e-6;
-
-/// Largest growth. The rounding of the start, 10⁻¹⁶, then changes the derivatives by 10⁻⁹ of their size.
-const MAX_GROWTH: f64 = 1e7;
 
 /// Two values are equally large within this share of them.
 const TIE: f64 = 1e-9;
@@ -39,8 +36,7 @@ impl Follower<'_> {
         }
     }
 
-    pub(super) fn result(self, varied: &[Varied]) -> Result<Derivatives, NoDerivatives> {
-        let growth = self.check_growth()?;
+    pub(super) fn result(self, growth: f64, varied: &[Varied]) -> Result<Derivatives, NoDerivatives> {
         let change = self.holds_within.iter().copied().fold(f64::INFINITY, f64::min);
         if change < GRAZING {
             return Err(NoDerivatives::Grazing { change });
@@ -88,21 +84,5 @@ impl Follower<'_> {
             growth,
             holds_within: self.holds_within.clone(),
         })
-    }
-
-    /// The largest growth of a disturbance of the start; refused if rounding has grown too.
-    pub(super) fn check_growth(&self) -> Result<f64, NoDerivatives> {
-        let (bodies, quantities) = (self.bodies(), self.others.len());
-        let lowest = self.lowest_rad_per_s();
-        let size = |i: usize| if i < bodies { self.size_of(i) } else { self.size_of(i) / lowest };
-        let of = |i: usize, j: usize| size(i) * self.s[(i, quantities + j)] / size(j);
-        let grown = DMatrix::from_fn(2 * bodies, 2 * bodies, of);
-        if grown.iter().all(|grown| grown.abs() <= MAX_GROWTH) {
-            let growth = grown.singular_values().max();
-            if growth <= MAX_GROWTH {
-                return Ok(growth);
-            }
-        }
-        Err(NoDerivatives::Growth { growth: grown.norm() })
     }
 }

@@ -14,44 +14,57 @@ const HALVINGS: u32 = 60;
 /// w and its changes over a step, as series in the share of the step.
 pub(super) struct Series {
     w: Vec<DVector<f64>>,
+    /// Of the changes of each number of w a column.
     s: Vec<DMatrix<f64>>,
-    /// Columns of s that belong to quantities.
-    quantities: usize,
 }
 
 impl Series {
     /// Longest step, as an angle of the fastest rate, rad.
     pub const REACH: f64 = 0.5;
 
-    /// Under `w′ = A w` and `s′ = A s + δA w`, of the columns of quantities; `length_s`: the step.
+    /// Products of the matrix with the changes in a step.
+    pub const PRODUCTS: f64 = TERMS as f64;
+
+    /// Under `w′ = A w` and `s′ = A s + δA w`, of the changes with quantities; `length_s`: the step.
     pub fn new(
         (a, changes): (&DMatrix<f64>, &[&DMatrix<f64>]),
         (w, s): (&DVector<f64>, &DMatrix<f64>),
         length_s: f64,
     ) -> Self {
-        let (mut of_w, mut of_s) = (vec![w.clone()], vec![s.clone()]);
+        let entries = |a: &DMatrix<f64>| -> Vec<(usize, usize, f64)> {
+            let all = (0..a.nrows()).flat_map(|i| (0..a.ncols()).map(move |j| (i, j)));
+            all.map(|(i, j)| (i, j, a[(i, j)])).filter(|(.., of)| *of != 0.0).collect()
+        };
+        let (own, changes) = (entries(a), changes.iter().map(|change| entries(change)).collect::<Vec<_>>());
+        let (mut of_w, mut of_s) = (vec![w.clone()], vec![s.transpose()]);
         for k in 0..TERMS {
             let factor = length_s / (k + 1) as f64;
             let (w, s) = (&of_w[k], &of_s[k]);
-            let mut next = a * s;
-            for (column, change) in changes.iter().enumerate() {
-                next.column_mut(column).gemv(1.0, change, w, 1.0);
+            let (mut next_w, mut next) = (DVector::zeros(w.len()), DMatrix::zeros(s.nrows(), s.ncols()));
+            for &(i, j, of) in &own {
+                let of = factor * of;
+                next_w[i] += of * w[j];
+                next.column_mut(i).iter_mut().zip(s.column(j).iter()).for_each(|(next, s)| *next += of * s);
             }
-            let next_w = a * w * factor;
+            for (quantity, change) in changes.iter().enumerate() {
+                for &(i, j, of) in change {
+                    next[(quantity, i)] += factor * of * w[j];
+                }
+            }
             of_w.push(next_w);
-            of_s.push(next * factor);
+            of_s.push(next);
         }
-        Self { w: of_w, s: of_s, quantities: changes.len() }
+        Self { w: of_w, s: of_s }
     }
 
     /// w and its changes at a share of the step.
     pub fn at(&self, share: f64) -> (DVector<f64>, DMatrix<f64>) {
         let (mut w, mut s) = (self.w[TERMS].clone(), self.s[TERMS].clone());
         for k in (0..TERMS).rev() {
-            w = w * share + &self.w[k];
-            s = s * share + &self.s[k];
+            w.iter_mut().zip(self.w[k].iter()).for_each(|(w, term)| *w = *w * share + term);
+            s.iter_mut().zip(self.s[k].iter()).for_each(|(s, term)| *s = *s * share + term);
         }
-        (w, s)
+        (w, s.transpose())
     }
 
     /// The coefficients of a row.
@@ -61,13 +74,12 @@ impl Series {
 
     /// The coefficients of a row and of its changes.
     pub fn row(&self, (row, changes): &(DVector<f64>, Vec<DVector<f64>>)) -> (Vec<f64>, Vec<DVector<f64>>) {
-        let values = self.w.iter().map(|w| row.dot(w)).collect();
         let slopes = self.w.iter().zip(&self.s).map(|(w, s)| {
-            let mut slopes = s.tr_mul(row);
-            slopes.iter_mut().take(self.quantities).zip(changes).for_each(|(slope, change)| *slope += change.dot(w));
+            let mut slopes = s * row;
+            slopes.iter_mut().zip(changes).for_each(|(slope, change)| *slope += change.dot(w));
             slopes
         });
-        (values, slopes.collect())
+        (self.values(row), slopes.collect())
     }
 
     /// Adds ∫x² of a row over the step.

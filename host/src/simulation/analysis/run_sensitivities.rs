@@ -1,0 +1,113 @@
+//! How the results of a run follow the keys of its case: exact derivatives through every event ([`damprig_structures::Derivatives`]).
+
+use std::sync::Arc;
+
+use damprig_core::integrator::exact::Excitation;
+use damprig_structures::{Derived, Drive, MotionCase, SetUp, State, Varied};
+
+use super::sensitivities::{RunPart, Sensitivities, Sensitivity};
+use crate::input::{Files, Source};
+use crate::simulation::Case;
+use crate::simulation::multi_degree::driver::powers;
+use crate::simulation::set_values::{SetValues, numbers_of};
+
+/// Drive periods at the end of a longer run under a sine whose results are taken.
+const LAST_PERIODS: f64 = 20.0;
+
+/// Relative changes up to this are rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// Tables and keys that say nothing about a motion, or how it is sampled.
+const NO_QUANTITIES: [&str; 2] = ["run.", "base.rate"];
+
+/// A case as it is written, to be read with other values.
+#[derive(Clone, Copy, Debug)]
+pub struct WrittenCase<'a> {
+    /// The name of its text, which is its path where it is a file.
+    pub name: &'a str,
+    /// Its text, TOML or JSON.
+    pub text: &'a str,
+    /// Values in place of some of the text's.
+    pub values: &'a SetValues,
+}
+
+impl WrittenCase<'_> {
+    /// The motion with a number in place of the one at its key; `None` if the case is then refused. `files`: what it names, once read.
+    fn motion(&self, key: &str, value: f64, files: &Arc<Files>) -> Option<MotionCase> {
+        let source = Source::new(self.name, self.text).with_files(files);
+        let case = Case::parse_changed(&source, self.name, &self.values.with(key, value)).ok()?;
+        Some(motion_case(&case))
+    }
+}
+
+impl Sensitivities {
+    /// Of a run of `case`, which is `written`, by every number in it, while `goes_on` is true, which sees the time that is reached, s.
+    ///
+    /// # Errors
+    /// Why there are none.
+    pub fn of_run(case: &Case, written: &WrittenCase, goes_on: &mut dyn FnMut(f64) -> bool) -> Result<Self, String> {
+        let motion = motion_case(case);
+        let from_s = case.drive_period_s().map_or(0.0, |period_s| {
+            let whole = (case.run.duration_s / period_s * (1.0 + 1e-12)).floor();
+            (whole - LAST_PERIODS).max(0.0) * period_s
+        });
+        let files = Arc::default();
+        let (mut varied, mut keys, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
+        for (key, value) in numbers_of(written.text, written.values) {
+            if value == 0.0 || NO_QUANTITIES.iter().any(|none| key.starts_with(none)) {
+                continue;
+            }
+            let [a, b, c, d, e, f] = Varied::AT.map(|factor| written.motion(&key, value * factor, &files));
+            match (|| Some([a?, b?, c?, d?, e?, f?]))() {
+                Some(cases) => {
+                    varied.push(Varied { value, cases });
+                    keys.push(key);
+                }
+                None => left_out.push(key),
+            }
+        }
+        let found = motion.derivatives_while(from_s, &varied, goes_on).map_err(|why| why.to_string())?;
+        let place = case.multi_degree.as_ref().map_or(0, |of| of.observed);
+        let (x, rms, fastest) =
+            (&found.largest_abs_m[place], &found.rms_m[place], found.fastest_impact_m_per_s.as_ref());
+        let mut of = Vec::new();
+        for (p, key) in keys.into_iter().enumerate() {
+            let value = varied[p].value;
+            let relative = |of: &Derived| of.by[p] * value / of.value;
+            let (max_abs_x, rms_x) = (relative(&x.of), relative(rms));
+            let impact_speed = fastest.map(|fastest| relative(&fastest.of));
+            let is_more_than_rounding = |of: f64| of.abs() > ROUNDING;
+            if [Some(max_abs_x), Some(rms_x), impact_speed].into_iter().flatten().any(is_more_than_rounding) {
+                let holds_within = Some(found.holds_within[p]).filter(|within| within.is_finite());
+                of.push(Sensitivity { key, value, max_abs_x, rms_x, impact_speed, holds_within });
+            }
+        }
+        let part = Some(RunPart { from_s, to_s: case.run.duration_s, left_out });
+        Ok(Self::sorted(of, part, [x.is_tie, fastest.is_some_and(|fastest| fastest.is_tie)]))
+    }
+}
+
+/// The motion of a case.
+fn motion_case(case: &Case) -> MotionCase {
+    let case = case.without_hertz();
+    let duration_s = case.run.duration_s;
+    let (drive, base) = match &case.record {
+        None => (Drive::ClosedForm(case.excitation), damprig_structures::base_at_start(&case.excitation)),
+        Some(record) => {
+            let mut play = record.play();
+            let count = (duration_s / record.step_s).ceil().max(1.0) as usize;
+            let powers: Vec<[f64; 4]> = (0..count).map(|_| powers(play.next_segment(), record.step_s)).collect();
+            let base = (powers[0][0], powers[0][1]);
+            (Drive::Samples { step_s: record.step_s, powers: powers.into() }, base)
+        }
+    };
+    let (set_up, start) = match &case.multi_degree {
+        Some(of) => (of.set_up.clone(), of.start.clone()),
+        None => {
+            let is_force = case.excitation != Excitation::Fixed && !case.excitation.moves_base();
+            let set_up = SetUp { driven_place: is_force.then_some(0), ..SetUp::from(&case.set_up) };
+            (set_up, State::on_base(&case.set_up, &case.initial, base))
+        }
+    };
+    MotionCase { set_up, drive, start, duration_s }
+}
