@@ -37,7 +37,8 @@ pub struct Args {
     json: JsonArg,
 
     /// Also print the energy balance, the steady state, the periodic orbit, its Floquet multipliers and how its largest |x|, RMS and impact
-    /// speed follow each quantity; of a motion that is not periodic the Lyapunov exponent
+    /// speed follow each quantity; of a motion that is not periodic the Lyapunov exponent; without an orbit how the run follows each number of its
+    /// case
     #[arg(long)]
     analyse: bool,
 

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 use damprig::input::Source;
-use damprig::simulation::analysis::{Analysis, Lyapunov, PeriodicOrbit, Stability, WrittenCase};
+use damprig::simulation::analysis::{
+    Analysis, Lyapunov, PeriodicOrbit, Sensitivities, Sensitivity, Stability, WrittenCase,
+};
 use damprig::simulation::{Case, RunOptions, SetValues, simulate};
 use damprig_continuation::ReturnMap;
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
@@ -180,6 +182,34 @@ fn sensitivities_of_a_run_are_the_relative_changes_between_two_simulations() {
                 assert!((exact - difference).abs() < error, "{name} {} {n}: {exact}, {difference}", of.key);
             }
         }
+    }
+}
+
+/// The derivatives of the continuation are of its own equations and events, those of a run of the engine of structures.
+#[test]
+fn the_sensitivities_of_a_periodic_motion_are_the_same_from_both_engines() {
+    for name in ["spid.toml", "friction-damper.toml"] {
+        let (path, text) = (case(name), std::fs::read_to_string(case(name)).expect("it is shipped"));
+        let values = SetValues::from_arguments(&["run.duration_s=300".to_string()]).expect("it is right");
+        let settled = Case::read_changed(&path, &values).expect("shipped cases are right").0;
+        let driven = Analysis::of(&settled).and_then(|analysis| analysis.driven).expect("a sine");
+        let orbit = driven.sensitivities.unwrap_or_else(|| panic!("{name}: {:?}", driven.no_sensitivities));
+        let written = WrittenCase { name: name.strip_suffix(".toml").unwrap_or(name), text: &text, values: &values };
+        let of_run = Sensitivities::of_run(&settled, &written, &mut |_| true).expect("it has them");
+        assert_eq!(of_run.run.and_then(|run| run.repeats_after), Some(1), "{name}");
+        // Keys that change the same in both: ratios of a case do not follow a quantity, but a key.
+        let same = ["structure.damping_ratio", "particle.wall.coefficient", "particle.friction_coefficient"];
+        let mut compared = 0;
+        for key in same {
+            let own = |all: &[Sensitivity]| all.iter().find(|of| of.key == key).map(|of| [of.max_abs_x, of.rms_x]);
+            let (Some(one), Some(other)) = (own(&orbit.of), own(&of_run.of)) else { continue };
+            for (a, b) in one.into_iter().zip(other) {
+                // The run is within 10⁻⁶ of its orbit.
+                assert!((a - b).abs() < 1e-5 * orbit.of[0].max_abs_x.abs(), "{name} {key}: {a} {b}");
+            }
+            compared += 1;
+        }
+        assert!(compared >= 1, "{name}");
     }
 }
 

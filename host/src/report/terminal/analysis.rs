@@ -50,11 +50,16 @@ fn sensitivities(found: &Sensitivities) -> String {
         None => format!(
             "Sensitivities of the periodic motion: {rises} Each quantity changes\nalone in SI units (ratios of the case do not follow), but stiffness and dashpot of the structure keep fn and ζ.\n"
         ),
-        Some(run) => format!(
-            "Sensitivities of the run from {} s to {} s: {rises}\nEach key of the case changes alone; what the case derives from it follows.\n",
-            significant(run.from_s, 6),
-            significant(run.to_s, 6)
-        ),
+        Some(run) => {
+            let what = match run.repeats_after {
+                Some(1) => "of the periodic motion that the run ends on".to_string(),
+                Some(periods) => format!("of the periodic motion that the run ends on, of {periods} drive periods"),
+                None => "of the whole run".to_string(),
+            };
+            format!(
+                "Sensitivities {what}: {rises}\nEach key of the case changes alone; what the case derives from it follows.\n"
+            )
+        }
     };
     let has_impacts = found.of.iter().any(|of| of.impact_speed.is_some());
     let speed = if has_impacts { "   impact speed" } else { "" };

@@ -14,7 +14,7 @@ pub use lyapunov::Lyapunov;
 pub use periodic_orbit::{Multiplier, OrbitError, PeriodicOrbit, Stability};
 pub use run_sensitivities::WrittenCase;
 pub(crate) use sensitivities::MORE;
-pub use sensitivities::{RunPart, Sensitivities, Sensitivity};
+pub use sensitivities::{RunKeys, Sensitivities, Sensitivity};
 pub use steady_state::{Analysis, ForcedResponse, MotionKind, OrbitSummary, SectionState, TwoImpactOrbit};
 
 use damprig_continuation::ReturnMap;

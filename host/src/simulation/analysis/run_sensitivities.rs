@@ -3,16 +3,16 @@
 use std::sync::Arc;
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_structures::{Derived, Drive, MotionCase, SetUp, State, Varied};
+use damprig_structures::{Derived, Drive, MotionCase, NoDerivatives, SetUp, State, Varied};
 
-use super::sensitivities::{RunPart, Sensitivities, Sensitivity};
+use super::sensitivities::{RunKeys, Sensitivities, Sensitivity};
 use crate::input::{Files, Source};
 use crate::simulation::Case;
 use crate::simulation::multi_degree::driver::powers;
 use crate::simulation::set_values::{SetValues, numbers_of};
 
-/// Drive periods at the end of a longer run under a sine whose results are taken.
-const LAST_PERIODS: f64 = 20.0;
+/// Most drive periods after which a motion repeats.
+const MAX_PERIODS: u32 = 6;
 
 /// Relative changes up to this are rounding.
 const ROUNDING: f64 = 1e-9;
@@ -47,10 +47,6 @@ impl Sensitivities {
     /// Why there are none.
     pub fn of_run(case: &Case, written: &WrittenCase, goes_on: &mut dyn FnMut(f64) -> bool) -> Result<Self, String> {
         let motion = motion_case(case);
-        let from_s = case.drive_period_s().map_or(0.0, |period_s| {
-            let whole = (case.run.duration_s / period_s * (1.0 + 1e-12)).floor();
-            (whole - LAST_PERIODS).max(0.0) * period_s
-        });
         let files = Arc::default();
         let (mut varied, mut keys, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
         for (key, value) in numbers_of(written.text, written.values) {
@@ -66,7 +62,18 @@ impl Sensitivities {
                 None => left_out.push(key),
             }
         }
-        let found = motion.derivatives_while(from_s, &varied, goes_on).map_err(|why| why.to_string())?;
+        let orbit = if is_sine(case) {
+            motion.orbit_derivatives(MAX_PERIODS, &varied, goes_on)
+        } else {
+            Err(NoDerivatives::NotPeriodic)
+        };
+        let (found, repeats_after) = match orbit {
+            Ok(orbit) => (orbit.derivatives, Some(orbit.periods)),
+            Err(NoDerivatives::NotPeriodic) => {
+                (motion.derivatives(&varied, goes_on).map_err(|why| why.to_string())?, None)
+            }
+            Err(why) => return Err(why.to_string()),
+        };
         let place = case.multi_degree.as_ref().map_or(0, |of| of.observed);
         let (x, rms, fastest) =
             (&found.largest_abs_m[place], &found.rms_m[place], found.fastest_impact_m_per_s.as_ref());
@@ -82,9 +89,14 @@ impl Sensitivities {
                 of.push(Sensitivity { key, value, max_abs_x, rms_x, impact_speed, holds_within });
             }
         }
-        let part = Some(RunPart { from_s, to_s: case.run.duration_s, left_out });
+        let part = Some(RunKeys { repeats_after, left_out });
         Ok(Self::sorted(of, part, [x.is_tie, fastest.is_some_and(|fastest| fastest.is_tie)]))
     }
+}
+
+/// Whether a sine drives a case, which a motion may repeat with.
+fn is_sine(case: &Case) -> bool {
+    case.record.is_none() && matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. })
 }
 
 /// The motion of a case.

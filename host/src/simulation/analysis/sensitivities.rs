@@ -41,13 +41,13 @@ pub struct Sensitivity {
     pub holds_within: Option<f64>,
 }
 
-/// The part of a run whose results they are.
+/// Sensitivities to the keys of a case.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct RunPart {
-    /// Its start, s.
-    pub from_s: f64,
-    /// Its end, s.
-    pub to_s: f64,
+pub struct RunKeys {
+    /// Drive periods after which the end of the run repeats to 10⁻⁶ of its size: they are those of the periodic motion. `None`: of the whole run,
+    /// from its given start.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub repeats_after: Option<u32>,
     /// Keys of numbers with which the case is refused where they are 0.3 % larger or smaller, as counts.
     pub left_out: Vec<String>,
 }
@@ -56,9 +56,9 @@ pub struct RunPart {
 /// structure, which follow from M, fn and ζ; or of a run, whose case keeps its other keys.
 #[derive(Clone, Debug, Serialize)]
 pub struct Sensitivities {
-    /// The part of the run that they are of; `None` of a periodic motion.
+    /// Present where they are those to the keys of the case.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub run: Option<RunPart>,
+    pub run: Option<RunKeys>,
     /// Of each quantity by which there are derivatives and that is not 0, the most important for the largest |x| first.
     pub of: Vec<Sensitivity>,
     /// Whether |x| is largest at two places with other derivatives: that of the largest |x| is of one of them.
@@ -108,7 +108,7 @@ impl Sensitivities {
     }
 
     /// The most important for the largest |x| first; `ties`: of the largest |x| and of the fastest impact.
-    pub(super) fn sorted(mut of: Vec<Sensitivity>, run: Option<RunPart>, ties: [bool; 2]) -> Self {
+    pub(super) fn sorted(mut of: Vec<Sensitivity>, run: Option<RunKeys>, ties: [bool; 2]) -> Self {
         of.sort_by(|a, b| b.max_abs_x.abs().total_cmp(&a.max_abs_x.abs()));
         let [is_tie, is_speed_tie] = ties;
         Self { run, of, is_tie, is_speed_tie }

@@ -255,7 +255,11 @@ impl Analysis {
             sensitivities: None,
             no_sensitivities: None,
         });
-        if analysis.driven.as_ref().is_none_or(|driven| driven.sensitivities.is_none()) {
+        let driven = analysis.driven.as_ref();
+        let is_chaotic = driven.and_then(|driven| driven.lyapunov.as_ref()).is_some_and(Lyapunov::is_chaotic);
+        if is_chaotic {
+            analysis.no_sensitivities = Some("none: the motion is chaotic".into());
+        } else if driven.is_none_or(|driven| driven.sensitivities.is_none()) {
             match Sensitivities::of_run(case, written, &mut |t_s| watch.goes_on(t_s)) {
                 Ok(found) => analysis.sensitivities = Some(found),
                 Err(why) => analysis.no_sensitivities = Some(why),

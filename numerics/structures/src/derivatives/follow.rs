@@ -11,12 +11,12 @@ use super::record::{End, Interval, intervals};
 use super::series::{Series, rate_per_s};
 use super::setting::{Known, Setting, Sloped, all_or_none, sloped};
 use super::stencil::relative;
-use super::{Derivatives, MotionCase, NoDerivatives, Varied};
+use super::{MotionCase, NoDerivatives, Varied};
 use crate::contacts::{Contacts, Event, Slide};
 
 /// Products of numbers in a second, about, and the longest time that they may take.
 const PRODUCTS_PER_S: f64 = 2e8;
-const MAX_MINUTES: f64 = 2.0;
+const MAX_S: f64 = 60.0;
 
 /// Intervals after which the growth is looked at.
 const INTERVALS_PER_CHECK: usize = 64;
@@ -27,47 +27,43 @@ pub(super) struct Follower<'a> {
     /// Of each quantity.
     pub others: Vec<[Setting<'a>; 6]>,
     pub known: HashMap<Contacts, Rc<Known>>,
-    pub from_s: f64,
     /// The largest displacement and velocity of the motion, times the root of the body's mass.
     pub sizes: [f64; 2],
     pub w: DVector<f64>,
     /// The changes of w at its time.
     pub s: DMatrix<f64>,
+    /// The changes at the start of an orbit.
+    pub start: DMatrix<f64>,
     /// The last instant at which something happened.
     pub time: Sloped,
     pub last_event: Option<Sloped>,
-    pub is_measured: bool,
-    /// Size of changes that were not followed, relative to the motion and to a change of a quantity; 0 if all were.
-    pub unknown: f64,
-    pub impacts: Vec<(usize, bool, Sloped, Sloped)>,
+    /// Damper, time and approach speed of each.
+    pub impacts: Vec<(usize, Sloped, Sloped)>,
     /// Of each place: where its displacement may be largest, and the integral of its square.
     pub peaks: Vec<Vec<Sloped>>,
     pub squares: Vec<Sloped>,
-    /// Of each quantity the relative change within which the events stay.
-    pub holds_within: Vec<f64>,
+    /// What may change before an event is lost or gained, in magnitude.
+    pub margins: Vec<Sloped>,
 }
 
-/// Derivatives of a motion.
-pub(super) fn follow(
-    case: &MotionCase,
-    from_s: f64,
-    varied: &[Varied],
+/// Follows the changes of a motion to its end; on an orbit the start moves with the quantities. Gives the growth too.
+pub(super) fn follow<'a>(
+    case: &'a MotionCase,
+    varied: &'a [Varied],
+    is_orbit: bool,
     goes_on: &mut dyn FnMut(f64) -> bool,
-) -> Result<Derivatives, NoDerivatives> {
-    let (intervals, end, unresolved) = intervals(case, from_s)?;
-    if unresolved > 0 {
-        return Err(NoDerivatives::UnresolvedEvent);
-    }
+) -> Result<(Follower<'a>, f64), NoDerivatives> {
+    let (intervals, end) = intervals(case)?;
     let others = varied.iter().map(|varied| {
         let [a, b, c, d, e, f] = &varied.cases;
         let of = Setting::of;
         Ok([of(a)?, of(b)?, of(c)?, of(d)?, of(e)?, of(f)?])
     });
     let others: Vec<[Setting; 6]> = others.collect::<Result<_, NoDerivatives>>()?;
-    let mut follower = Follower::new(Setting::of(case)?, others, from_s);
+    let mut follower = Follower::new(Setting::of(case)?, others);
     follower.check_work(&intervals)?;
     follower.take_sizes(intervals.iter().map(|interval| &interval.start).chain([&end]));
-    follower.begin(&intervals[0])?;
+    follower.begin(&intervals[0], is_orbit)?;
     for (n, interval) in intervals.iter().enumerate() {
         if n % INTERVALS_PER_CHECK == 0 {
             follower.check_growth()?;
@@ -79,29 +75,27 @@ pub(super) fn follow(
         follower.pass(interval, next.map_or(&end, |next| &next.start), next.map(|next| &next.contacts))?;
     }
     let growth = follower.check_growth()?;
-    follower.result(growth, varied)
+    Ok((follower, growth))
 }
 
 impl<'a> Follower<'a> {
-    fn new(nominal: Setting<'a>, others: Vec<[Setting<'a>; 6]>, from_s: f64) -> Self {
+    fn new(nominal: Setting<'a>, others: Vec<[Setting<'a>; 6]>) -> Self {
         let bodies = nominal.mount.bodies.len();
         let (size, columns) = (2 * bodies + MORE, others.len() + 2 * bodies);
         let zero = Sloped { value: 0.0, slopes: DVector::zeros(columns) };
         let places = nominal.mount.places.len();
         Self {
             known: HashMap::new(),
-            from_s,
             sizes: [0.0; 2],
             w: nominal.start(),
             s: DMatrix::zeros(size, columns),
+            start: DMatrix::zeros(0, 0),
             time: zero.clone(),
             last_event: None,
-            is_measured: from_s <= 0.0,
-            unknown: 0.0,
             impacts: Vec::new(),
             peaks: vec![Vec::new(); places],
             squares: vec![zero; places],
-            holds_within: vec![f64::INFINITY; others.len()],
+            margins: Vec::new(),
             nominal,
             others,
         }
@@ -151,8 +145,8 @@ impl<'a> Follower<'a> {
             let steps = (interval.length_s * rate_per_s / Series::REACH).ceil().max(1.0);
             products += steps * a.iter().filter(|of| **of != 0.0).count() as f64;
         }
-        let minutes = products * self.s.ncols() as f64 * Series::PRODUCTS / (60.0 * PRODUCTS_PER_S);
-        if minutes > MAX_MINUTES { Err(NoDerivatives::Long { minutes }) } else { Ok(()) }
+        let seconds = products * self.s.ncols() as f64 * Series::PRODUCTS / PRODUCTS_PER_S;
+        if seconds > MAX_S { Err(NoDerivatives::Long) } else { Ok(()) }
     }
 
     /// The largest displacement and velocity in some states.
@@ -167,7 +161,7 @@ impl<'a> Follower<'a> {
     }
 
     /// The changes of the start, before the first interval.
-    fn begin(&mut self, first: &Interval) -> Result<(), NoDerivatives> {
+    fn begin(&mut self, first: &Interval, is_orbit: bool) -> Result<(), NoDerivatives> {
         let bodies = self.bodies();
         // What acts at the first instant may be more than the start says.
         self.check_state(&first.start)?;
@@ -181,21 +175,22 @@ impl<'a> Follower<'a> {
         self.w = DVector::from_column_slice(&first.start);
         let known = self.known(&first.contacts)?;
         for which in 0..known.equations.events.len() {
-            if self.is_zero(&known, which) {
+            if self.is_zero(&known, which) && !is_orbit {
                 let guard = known.guard(which, &self.w, &self.s);
                 self.margin_of_zero(&guard.slopes, self.size_of_row(&known.equations.guards.row(which).transpose()));
             }
         }
-        self.hold(&first.contacts, true)?;
-        if self.is_measured {
-            self.see_places(&known);
+        self.hold(&first.contacts, !is_orbit)?;
+        if is_orbit {
+            self.take_free_starts();
         }
+        self.see_places(&known);
         Ok(())
     }
 
     /// Takes what moves joints that stick out of the changes, which is rounding, or at the start a disturbance that friction does not let
-    /// begin.
-    fn hold(&mut self, contacts: &Contacts, is_start: bool) -> Result<(), NoDerivatives> {
+    /// begin. A start that is given may not move them with a quantity.
+    fn hold(&mut self, contacts: &Contacts, is_given: bool) -> Result<(), NoDerivatives> {
         let (known, bodies) = (self.known(contacts)?, self.bodies());
         let mount = &self.nominal.mount;
         let stuck: Vec<usize> = (0..mount.joints.len()).filter(|&j| contacts.slides[j] == Slide::Stuck).collect();
@@ -207,7 +202,7 @@ impl<'a> Follower<'a> {
             let row = known.row_of(|equations| equations.slips.row(joint).transpose());
             let slip = self.sloped(&row.0, &row.1);
             slips.row_mut(k).copy_from(&slip.slopes.transpose());
-            if is_start {
+            if is_given {
                 self.margin_of_zero(&slip.slopes, self.size_of_row(&row.0));
             }
         }
@@ -250,13 +245,13 @@ impl<'a> Follower<'a> {
             }
             None => {
                 let mut shift = DVector::zeros(self.s.ncols());
-                let moves = self.changes(|setting| setting.time_s(interval.end, self.from_s));
+                let moves = self.changes(|setting| setting.time_s(interval.end));
                 shift.iter_mut().zip(moves).for_each(|(shift, moves)| *shift = moves);
                 shift
             }
         };
         // The squares on both sides of what happens at a moving instant are equal.
-        if self.is_measured && interval.end == End::Motion {
+        if interval.end == End::Motion {
             for place in 0..self.squares.len() {
                 let x = (known.equations.places.row(place) * &self.w)[0];
                 self.squares[place].slopes += x * x * &shift;
@@ -271,13 +266,7 @@ impl<'a> Follower<'a> {
         }
         self.happen(interval, (&known, next), after)?;
         self.w = DVector::from_column_slice(next);
-        if interval.end == End::Measured {
-            self.check_forgotten()?;
-            self.is_measured = true;
-        }
-        if self.is_measured {
-            self.see_places(&known);
-        }
+        self.see_places(&known);
         let Some(after) = after else { return Ok(()) };
         if ends.is_some() {
             self.hold(after, false)?;
@@ -301,14 +290,12 @@ impl<'a> Follower<'a> {
         for n in 0..count as usize {
             let changes: Vec<&DMatrix<f64>> = known.changes.iter().map(|change| &change.a).collect();
             let series = Series::new((&known.equations.a, &changes), (&self.w, &self.s), length_s);
-            if self.is_measured {
-                for place in 0..self.peaks.len() {
-                    let (x, slopes) = series.row(&known.place_rows(place));
-                    Series::add_square(&mut self.squares[place], (&x, &slopes), length_s);
-                    if let Some(at) = Series::turn(&x, |before, after| before * after < 0.0) {
-                        let (w, s) = series.at(at);
-                        self.see(place, known.place(place, &w, &s));
-                    }
+            for place in 0..self.peaks.len() {
+                let (x, slopes) = series.row(&known.place_rows(place));
+                Series::add_square(&mut self.squares[place], (&x, &slopes), length_s);
+                if let Some(at) = Series::turn(&x, |before, after| before * after < 0.0) {
+                    let (w, s) = series.at(at);
+                    self.see(place, known.place(place, &w, &s));
                 }
             }
             for (which, event) in known.equations.events.iter().enumerate() {

@@ -30,14 +30,14 @@ impl Follower<'_> {
         let more = 2 * self.bodies();
         match interval.end {
             End::Event(Event::Wall(particle, side)) => self.meet_wall((particle, side), &interval.contacts, after)?,
-            End::Event(_) | End::Measured | End::Motion => {}
+            End::Event(_) | End::Motion => {}
             End::Break | End::Sample(_) => {
                 let base_rate = known.rows(|equations| &equations.base_rate);
                 let before = self.sloped(&base_rate.0, &base_rate.1);
                 let which = if let End::Sample(which) = interval.end { which } else { 0 };
                 let driven = |setting: &Setting| {
                     // After a pulse nothing turns and the base is at 0.
-                    let mut driven = setting.driven(which, setting.time_s(interval.end, 0.0));
+                    let mut driven = setting.driven(which, setting.time_s(interval.end));
                     driven[ONE] = 1.0;
                     driven
                 };
@@ -82,7 +82,7 @@ impl Follower<'_> {
         let approaches: Vec<DVector<f64>> = changes.iter().map(|change| change.approach.clone()).collect();
         let approach = self.sloped(&impact.approach, &approaches);
         if approach.value > 0.0 {
-            self.impacts.push((particle, self.is_measured, self.time.clone(), approach.clone()));
+            self.impacts.push((particle, self.time.clone(), approach.clone()));
         }
         let WallLaw::Hard(law) = self.nominal.mount.cavities[particle].wall(side) else { return Ok(()) };
         let speed = approach.value;

@@ -5,7 +5,7 @@ use nalgebra::DVector;
 use super::NoDerivatives;
 use super::follow::Follower;
 use super::record::Interval;
-use super::setting::Known;
+use super::setting::{Known, Sloped};
 use crate::contacts::{Contacts, Event, Slide};
 
 /// A guard below this share of its terms is zero.
@@ -17,11 +17,16 @@ const ROUNDING: f64 = 1e-11;
 impl Follower<'_> {
     /// By how much a guard, a duration or a force may change before an event is lost or gained, to first order, with its changes.
     pub(super) fn margin(&mut self, value: f64, slopes: &DVector<f64>) {
-        for (within, slope) in self.holds_within.iter_mut().zip(slopes.iter()) {
-            if *slope != 0.0 {
-                *within = within.min(value.abs() / slope.abs());
-            }
-        }
+        self.margins.push(Sloped { value: value.abs(), slopes: slopes.clone() });
+    }
+
+    /// Of each quantity the relative change within which the sequence of events stays.
+    pub(super) fn holds_within(&self) -> Vec<f64> {
+        let within = |p: usize| {
+            let changes = self.margins.iter().filter(|margin| margin.slopes[p] != 0.0);
+            changes.map(|margin| margin.value / margin.slopes[p].abs()).fold(f64::INFINITY, f64::min)
+        };
+        (0..self.others.len()).map(within).collect()
     }
 
     /// The same of what is zero at the start: any change ends it that is more than rounding of its terms, whose size is given.

@@ -12,6 +12,7 @@ mod follow;
 mod growth;
 mod happen;
 mod margins;
+mod orbit;
 mod record;
 mod result;
 mod series;
@@ -21,6 +22,7 @@ mod stencil;
 use std::sync::Arc;
 
 use damprig_core::integrator::exact::Excitation;
+use damprig_core::integrator::exact::time::Time;
 
 use crate::bodies::dot;
 use crate::{Mode, Refused, SetUp, State};
@@ -95,19 +97,30 @@ pub struct DerivedImpact {
 pub struct Derivatives {
     /// Displacements of all modes (m·√kg), tuned masses and particles relative to the base, then their velocities, at the end.
     pub end: Vec<Derived>,
-    /// The impacts, in the order of time; none of before a motion forgot its start.
+    /// The impacts, in the order of time.
     pub impacts: Vec<DerivedImpact>,
-    /// Largest absolute displacement of each place in the measured part, m.
+    /// Largest absolute displacement of each place, m.
     pub largest_abs_m: Vec<Largest>,
-    /// Root of the mean square of the absolute displacement of each place over the measured part, m.
+    /// Root of the mean square of the absolute displacement of each place, m.
     pub rms_m: Vec<Derived>,
-    /// Approach speed of the fastest impact of the measured part, m/s; `None` without impacts.
+    /// Approach speed of the fastest impact, m/s; `None` without impacts.
     pub fastest_impact_m_per_s: Option<Largest>,
     /// Largest growth of a small disturbance of the start, by the norm of the kinetic energy of displacements at the lowest natural frequency and of
     /// velocities.
     pub growth: f64,
     /// Of each quantity the relative change within which, to first order, the sequence of events stays; infinite if no change ends it.
     pub holds_within: Vec<f64>,
+}
+
+/// A periodic motion with derivatives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Orbit {
+    /// Drive periods after which it repeats.
+    pub periods: u32,
+    /// When the period begins that the derivatives are of, s.
+    pub at_s: f64,
+    /// Its derivatives; the start moves with the quantities so that it repeats.
+    pub derivatives: Derivatives,
 }
 
 /// Why a motion has no derivatives.
@@ -127,17 +140,22 @@ pub enum NoDerivatives {
         /// Its number, from 1.
         mode: usize,
     },
+    /// The motion does not repeat.
+    #[error("no derivatives: the motion does not repeat after its drive periods")]
+    NotPeriodic,
+    /// The orbit is not isolated, or does not depend smoothly on the quantities: it is at a bifurcation.
+    #[error(
+        "no derivatives: the orbit is not alone (a particle that meets no wall may be anywhere), or at a bifurcation"
+    )]
+    NotIsolated,
     /// They were stopped.
     #[error("no derivatives: they were stopped")]
     Stopped,
     /// They would take too long.
     #[error(
-        "no derivatives: they would take some {minutes:.0} minutes, for the fastest of the modes; shorten the run, or leave out fast modes"
+        "no derivatives: they would take minutes, for the number of events or the fastest mode; shorten the run, or leave out fast modes"
     )]
-    Long {
-        /// The time that they would take.
-        minutes: f64,
-    },
+    Long,
     /// Several contacts act at one instant.
     #[error("no derivatives: several contacts act on each other at one instant, t = {time_s} s")]
     Together {
@@ -168,31 +186,48 @@ impl Varied {
 }
 
 impl MotionCase {
-    /// Derivatives of this motion by some quantities; peaks, mean squares and the fastest impact are of the part from `from_s` on, s, at least 0 and less than
-    /// the duration.
+    /// Derivatives of this motion by some quantities, while `goes_on` is true, which sees the time that is reached, s, now and then.
     ///
     /// # Errors
     /// The motion has none, with the reason.
-    pub fn derivatives(&self, from_s: f64, varied: &[Varied]) -> Result<Derivatives, NoDerivatives> {
-        self.derivatives_while(from_s, varied, &mut |_| true)
-    }
-
-    /// The same while `goes_on` is true, which sees the time that is reached, s, now and then.
-    ///
-    /// # Errors
-    /// As [`MotionCase::derivatives`], and [`NoDerivatives::Stopped`].
-    pub fn derivatives_while(
+    pub fn derivatives(
         &self,
-        from_s: f64,
         varied: &[Varied],
         goes_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Derivatives, NoDerivatives> {
+        let aligned = self.all_aligned(varied)?;
+        let (follower, growth) = follow::follow(self, &aligned, false, goes_on)?;
+        follower.result(growth, varied)
+    }
+
+    /// Derivatives of the periodic motion that this one is on at its end, after at most `most_periods` drive periods; the times of its impacts count from
+    /// its section.
+    ///
+    /// # Errors
+    /// The motion has none, or does not repeat to 10⁻⁶ of its size.
+    pub fn orbit_derivatives(
+        &self,
+        most_periods: u32,
+        varied: &[Varied],
+        goes_on: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Orbit, NoDerivatives> {
+        let aligned = self.all_aligned(varied)?;
+        let (at_s, state) = orbit::section(self, most_periods)?;
+        let advance_rad = Time::at(at_s).phase_rad(self.excitation().angular_frequency_rad_per_s());
+        let periods = orbit::repeats_after(&self.of_periods(most_periods, &state, advance_rad), most_periods)?;
+        let case = self.of_periods(periods, &state, advance_rad);
+        let aligned = orbit::varied_at(&aligned, periods, &state, advance_rad);
+        let (mut follower, growth) = follow::follow(&case, &aligned, true, goes_on)?;
+        follower.close_orbit()?;
+        Ok(Orbit { periods, at_s, derivatives: follower.result(growth, varied)? })
+    }
+
+    fn all_aligned(&self, varied: &[Varied]) -> Result<Vec<Varied>, NoDerivatives> {
         let aligned = varied.iter().map(|varied| {
             let [a, b, c, d, e, f] = varied.cases.each_ref().map(|case| case.aligned(&self.set_up.structure.modes));
             Ok(Varied { value: varied.value, cases: [a?, b?, c?, d?, e?, f?] })
         });
-        let aligned: Vec<Varied> = aligned.collect::<Result<_, NoDerivatives>>()?;
-        follow::follow(self, from_s, &aligned, goes_on)
+        aligned.collect()
     }
 
     /// The same with the modes' signs as those of `modes`: a shape from a decomposition has either sign.

@@ -2,7 +2,7 @@
 
 use damprig_core::integrator::exact::Excitation;
 
-use super::{Drive, MotionCase};
+use super::{Drive, MotionCase, NoDerivatives};
 use crate::contacts::{Contacts, Event};
 use crate::motion::Motion;
 use crate::{Refused, SetUp};
@@ -15,8 +15,6 @@ pub(super) enum End {
     Break,
     /// The base goes on with the sample interval of this number.
     Sample(usize),
-    /// What is measured begins.
-    Measured,
     /// The end of the motion.
     Motion,
 }
@@ -31,14 +29,23 @@ pub(super) struct Interval {
     pub end: End,
 }
 
-/// The intervals of a motion whose measured part begins at `from_s`, and w at its end; and how often the event search was given up.
-pub(super) fn intervals(case: &MotionCase, from_s: f64) -> Result<(Vec<Interval>, Vec<f64>, u32), Refused> {
+/// Most intervals: some 100 MB.
+const MAX_INTERVALS: usize = 300_000;
+
+/// The intervals of a motion, and w at its end.
+pub(super) fn intervals(case: &MotionCase) -> Result<(Vec<Interval>, Vec<f64>), NoDerivatives> {
     let mut motion = case.motion()?;
     let mut intervals = Vec::new();
     let mut open = Open::of(&motion);
-    for (until_s, end) in instants(case, from_s) {
+    for (until_s, end) in instants(case) {
         while motion.time.until(until_s) > 0.0 {
             motion.advance(until_s, &mut ())?;
+            if motion.unresolved() > 0 {
+                return Err(NoDerivatives::UnresolvedEvent);
+            }
+            if intervals.len() >= MAX_INTERVALS {
+                return Err(NoDerivatives::Long);
+            }
             if let Some(event) = motion.handled {
                 intervals.push(open.ended(End::Event(event), &motion));
                 open = Open::of(&motion);
@@ -49,25 +56,22 @@ pub(super) fn intervals(case: &MotionCase, from_s: f64) -> Result<(Vec<Interval>
         match end {
             End::Break => motion.pass_break()?,
             End::Sample(which) => motion.follow(case.powers(which))?,
-            End::Event(_) | End::Measured | End::Motion => {}
+            End::Event(_) | End::Motion => {}
         }
         intervals.push(interval);
         open = Open::of(&motion);
     }
-    Ok((intervals, open.start, motion.unresolved()))
+    Ok((intervals, open.start))
 }
 
 /// The instants that are no events, in order.
-fn instants(case: &MotionCase, from_s: f64) -> Vec<(f64, End)> {
+fn instants(case: &MotionCase) -> Vec<(f64, End)> {
     let mut instants = match &case.drive {
         Drive::ClosedForm(excitation) => vec![(excitation.next_break_s(0.0), End::Break)],
         Drive::Samples { step_s, powers } => {
             (1..powers.len()).map(|which| (which as f64 * step_s, End::Sample(which))).collect()
         }
     };
-    if from_s > 0.0 {
-        instants.push((from_s, End::Measured));
-    }
     instants.push((case.duration_s, End::Motion));
     instants.retain(|(at_s, end)| *at_s < case.duration_s || *end == End::Motion);
     instants.sort_by(|(a, _), (b, _)| a.total_cmp(b));

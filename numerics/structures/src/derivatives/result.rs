@@ -37,7 +37,8 @@ impl Follower<'_> {
     }
 
     pub(super) fn result(self, growth: f64, varied: &[Varied]) -> Result<Derivatives, NoDerivatives> {
-        let change = self.holds_within.iter().copied().fold(f64::INFINITY, f64::min);
+        let holds_within = self.holds_within();
+        let change = holds_within.iter().copied().fold(f64::INFINITY, f64::min);
         if change < GRAZING {
             return Err(NoDerivatives::Grazing { change });
         }
@@ -54,12 +55,12 @@ impl Follower<'_> {
             };
             Some(Largest { of: derived(most), is_tie: all.iter().filter(is_as_large).any(differs) })
         };
-        let measured_s = self.time.value - self.from_s.max(0.0);
+        let length_s = self.time.value;
         let rms = |square: &Sloped| {
-            let mean = square.value / measured_s;
+            let mean = square.value / length_s;
             let root = mean.sqrt();
             let slopes = if root > 0.0 {
-                (&square.slopes - mean * &self.time.slopes) / (2.0 * root * measured_s)
+                (&square.slopes - mean * &self.time.slopes) / (2.0 * root * length_s)
             } else {
                 DVector::zeros(square.slopes.len())
             };
@@ -67,9 +68,8 @@ impl Follower<'_> {
         };
         let bodies = self.bodies();
         let state = (0..2 * bodies).map(|i| Sloped { value: self.w[i], slopes: self.s.row(i).transpose() });
-        let speeds = self.impacts.iter().filter(|(_, is_measured, ..)| *is_measured);
-        let speeds: Vec<Sloped> = speeds.map(|(_, _, _, speed)| speed.clone()).collect();
-        let impacts = self.impacts.iter().map(|(damper, _, time, speed)| DerivedImpact {
+        let speeds: Vec<Sloped> = self.impacts.iter().map(|(.., speed)| speed.clone()).collect();
+        let impacts = self.impacts.iter().map(|(damper, time, speed)| DerivedImpact {
             damper: *damper,
             time_s: derived(time),
             approach_speed_m_per_s: derived(speed),
@@ -82,7 +82,7 @@ impl Follower<'_> {
             rms_m: self.squares.iter().map(rms).collect(),
             fastest_impact_m_per_s: largest(&speeds),
             growth,
-            holds_within: self.holds_within.clone(),
+            holds_within,
         })
     }
 }

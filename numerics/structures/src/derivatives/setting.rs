@@ -62,11 +62,10 @@ impl<'a> Setting<'a> {
     }
 
     /// When a timed end of an interval is, s.
-    pub(super) fn time_s(&self, end: End, from_s: f64) -> f64 {
+    pub(super) fn time_s(&self, end: End) -> f64 {
         match (end, &self.case.drive) {
             (End::Break, _) => self.case.excitation().next_break_s(0.0),
             (End::Sample(which), Drive::Samples { step_s, .. }) => which as f64 * step_s,
-            (End::Measured, _) => from_s,
             _ => self.case.duration_s,
         }
     }

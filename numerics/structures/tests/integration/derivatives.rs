@@ -4,9 +4,11 @@ use crate::random_set_ups::{Case, Draw, cubic};
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Cavity, Particle, Wall};
 use damprig_structures::{
-    Body, Drive, ImpactDamper, Mode, Modes, Motion, MotionCase, NoDerivatives, Observer, Piece, SetUp, State, Varied,
+    Body, Drive, Impact, ImpactDamper, Mode, Modes, Motion, MotionCase, NoDerivatives, Observer, Piece, SetUp, State,
+    Varied,
 };
 use fastrand::Rng;
+use std::f64::consts::TAU;
 
 /// Cycles of each motion.
 const CYCLES: f64 = 6.0;
@@ -151,7 +153,7 @@ fn derivatives_of_random_motions_are_those_of_their_differences() {
                 }),
             })
             .collect();
-        let found = match motion_case(&case).derivatives(0.0, &varied) {
+        let found = match motion_case(&case).derivatives(&varied, &mut |_| true) {
             Ok(found) => found,
             Err(why) => {
                 let kind = format!("{why:?}");
@@ -224,7 +226,7 @@ fn times_and_speeds_of_a_bouncing_mass_have_the_derivatives_of_the_closed_form()
         Varied { value: g, cases: Varied::AT.map(|by| upright(height_m, by * g, e)) },
         Varied { value: e, cases: Varied::AT.map(|by| upright(height_m, g, by * e)) },
     ];
-    let found = upright(height_m, g, e).derivatives(0.0, &varied).expect("it has derivatives");
+    let found = upright(height_m, g, e).derivatives(&varied, &mut |_| true).expect("it has derivatives");
     let first_s = (2.0 * height_m / g).sqrt();
     let mut worst = 0.0_f64;
     assert!(found.impacts.len() >= 10, "{}", found.impacts.len());
@@ -291,7 +293,7 @@ fn peaks_and_mean_squares_under_pulses_follow_height_and_length_of_the_pulse() {
                 Varied { value: 1.0, cases: Varied::AT.map(|by| at(by, 1.0)) },
                 Varied { value: 1.0, cases: Varied::AT.map(|by| at(1.0, by)) },
             ];
-            let Ok(found) = at(1.0, 1.0).derivatives(0.0, &varied) else { continue };
+            let Ok(found) = at(1.0, 1.0).derivatives(&varied, &mut |_| true) else { continue };
             let measured = |size: f64, by: f64| {
                 let case = at(size, by);
                 let Drive::ClosedForm(excitation) = &case.drive else { unreachable!("a pulse") };
@@ -344,9 +346,10 @@ fn a_base_of_samples_has_the_derivatives_of_the_sine_through_them() {
             of(Drive::Samples { step_s, powers: powers.into() })
         };
         let closed = |by: f64| of(Drive::ClosedForm(changed(by)));
-        let by_sine = closed(1.0).derivatives(0.0, &[Varied { value: amplitude_m, cases: Varied::AT.map(closed) }]);
+        let by_sine =
+            closed(1.0).derivatives(&[Varied { value: amplitude_m, cases: Varied::AT.map(closed) }], &mut |_| true);
         let by_samples =
-            sampled(1.0).derivatives(0.0, &[Varied { value: amplitude_m, cases: Varied::AT.map(sampled) }]);
+            sampled(1.0).derivatives(&[Varied { value: amplitude_m, cases: Varied::AT.map(sampled) }], &mut |_| true);
         let (Ok(by_sine), Ok(by_samples)) = (&by_sine, &by_samples) else {
             assert_eq!(by_sine.is_ok(), by_samples.is_ok(), "{number}: {by_sine:?}, {by_samples:?}");
             continue;
@@ -377,14 +380,14 @@ fn motions_without_derivatives_are_refused_with_the_reason() {
         phase_rad: 0.4,
     });
     long.duration_s = 10.0;
-    let chaotic = long.derivatives(0.0, &[]);
+    let chaotic = long.derivatives(&[], &mut |_| true);
     assert!(matches!(chaotic, Err(NoDerivatives::Growth { growth }) if growth > 1e7), "{chaotic:?}");
 
     let mut twins = upright(0.3, 9.81, 0.5);
     twins.set_up.structure.modes[0].shape[0] = 0.5;
     twins.set_up.impact_dampers.push(twins.set_up.impact_dampers[0]);
     twins.start.particles.push(twins.start.particles[0]);
-    let together = twins.derivatives(0.0, &[]);
+    let together = twins.derivatives(&[], &mut |_| true);
     assert!(matches!(together, Err(NoDerivatives::Together { .. })), "{together:?}");
 
     // It touches the upper wall without speed.
@@ -395,6 +398,85 @@ fn motions_without_derivatives_are_refused_with_the_reason() {
     };
     let value = 1.0 - 1e-9;
     let varied = Varied { value, cases: Varied::AT.map(|by| grazing(by * value)) };
-    let refused = grazing(value).derivatives(0.0, &[varied]);
+    let refused = grazing(value).derivatives(&[varied], &mut |_| true);
     assert!(matches!(refused, Err(NoDerivatives::Grazing { change }) if change < 1e-6), "{refused:?}");
+}
+
+/// Of settled motions with impacts, friction and a tuned mass: RMS and fastest impact of the orbit by every quantity, against those of settled motions
+/// beside it; all of them with `DAMPRIG_FULL`, else every fourth. (The largest displacement has nearly equal peaks on both sides, between which differences choose.)
+#[test]
+fn derivatives_of_an_orbit_are_those_between_settled_motions() {
+    /// Of a period: the mean square of the first place, and the fastest impact.
+    #[derive(Default)]
+    struct OfPeriod(Measured, f64);
+    impl Observer for OfPeriod {
+        const PIECES: bool = true;
+        fn piece(&mut self, piece: &Piece) {
+            self.0.piece(piece);
+        }
+        fn impact(&mut self, impact: &Impact) {
+            self.1 = self.1.max(impact.approach_speed_m_per_s);
+        }
+    }
+    // The slowest mode decays by e⁻³⁰, and its part in a derivative, which grows with time, to 10⁻⁹.
+    let settle = 1000.0;
+    let (mut compared, mut impacts) = (0, 0);
+    let (count, every) = if std::env::var_os("DAMPRIG_FULL").is_some() { (120, 1) } else { (80, 4) };
+    for number in 0..count {
+        let case = Draw(Rng::with_seed(number)).case(number as usize);
+        let settled = |case: &Case, period_s: f64| {
+            let duration_s = settle * period_s;
+            MotionCase { duration_s, ..motion_case(case) }
+        };
+        if !matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. }) {
+            continue;
+        }
+        let own: Vec<_> =
+            QUANTITIES.iter().filter(|(name, change)| *name != "start" && change(&mut case.clone(), 1.0)).collect();
+        let varied: Vec<Varied> = own
+            .iter()
+            .map(|(_, change)| {
+                let at = |by: f64| settled(&changed(&case, *change, by), case.cycle_s);
+                Varied { value: 1.0, cases: Varied::AT.map(at) }
+            })
+            .collect();
+        let Ok(found) = settled(&case, case.cycle_s).orbit_derivatives(1, &varied, &mut |_| true) else { continue };
+        let measured = |case: &Case| {
+            let turning = case.excitation.angular_frequency_rad_per_s();
+            let periods = f64::from(found.periods);
+            let mut motion = Motion::new(&case.set_up, &case.excitation, &case.start).expect("it starts");
+            motion.run(settle * TAU / turning, &mut ()).expect("it goes on");
+            let mut of = OfPeriod::default();
+            motion.run((settle + periods) * TAU / turning, &mut of).expect("it goes on");
+            [(of.0.squares[0] / (periods * TAU / turning)).sqrt(), of.1]
+        };
+        let fastest = found.derivatives.fastest_impact_m_per_s.as_ref();
+        let exact = |which: usize| {
+            let alone = fastest.filter(|fastest| !fastest.is_tie);
+            [Some(&found.derivatives.rms_m[0]), alone.map(|it| &it.of)].map(|of| of.map(|of| (of.value, of.by[which])))
+        };
+        for (which, (name, change)) in own.iter().enumerate().step_by(every) {
+            let h = (0.05 * found.derivatives.holds_within[which]).min(1e-3);
+            if h < 1e-5 {
+                continue;
+            }
+            let central = |h: f64| {
+                let [low, high] = [1.0 - h, 1.0 + h].map(|by| measured(&changed(&case, *change, by)));
+                [0, 1].map(|n| (high[n] - low[n]) / (2.0 * h))
+            };
+            let (coarse, fine) = (central(h), central(0.5 * h));
+            for (n, exact) in exact(which).into_iter().enumerate() {
+                let Some((value, by)) = exact else { continue };
+                let difference = (4.0 * fine[n] - coarse[n]) / 3.0;
+                // What is left of the transient is below 10⁻⁶, of the motion and, by the bend of the results, of the derivatives.
+                let allowed = (fine[n] - coarse[n]).abs() + 1e-5 * (by.abs() + value) + 1e-9 * value / h;
+                let apart = (by - difference).abs();
+                assert!(apart <= allowed, "{number}, {name}, {n}: {by}, {difference}, {allowed:.1e} allowed");
+                compared += 1;
+            }
+        }
+        impacts += usize::from(fastest.is_some());
+    }
+    println!("{compared} compared, {impacts} orbits with impacts");
+    assert!(compared > 20 && impacts >= 4, "{compared} {impacts}");
 }
