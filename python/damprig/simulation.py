@@ -183,8 +183,8 @@ def analyse(case: str | os.PathLike[str] | Case | dict[str, Any]) -> dict[str, A
     Without them ``no_orbit`` or ``no_sensitivities`` says why. A motion that is not periodic has ``lyapunov``: the mean of ln(growth) of a small
     disturbance in a drive period, with its standard error.
 
-    Where there is no periodic motion with sensitivities, ``sensitivities`` beside ``driven`` are those of the run (under a sine of its last 20 drive
-    periods) by every number in the case; its other keys stay as they are.
+    Where these are missing, ``sensitivities`` beside ``driven`` are by every number in the case, whose other keys stay as they are: of the periodic
+    motion that the run ends on, whose drive periods and multipliers ``run`` has, or else of the whole run.
 
     Parameters
     ----------

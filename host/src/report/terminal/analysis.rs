@@ -3,7 +3,7 @@
 use damprig_core::analysis::energy::Balance;
 
 use crate::report::numbers::{millimetres, significant};
-use crate::simulation::analysis::{Analysis, ForcedResponse, Lyapunov, MotionKind, Sensitivities};
+use crate::simulation::analysis::{Analysis, ForcedResponse, Lyapunov, MotionKind, RunKeys, Sensitivities};
 
 /// The lines below the summary of a simulation.
 pub fn text(analysis: &Analysis) -> String {
@@ -11,6 +11,7 @@ pub fn text(analysis: &Analysis) -> String {
     lines.extend(analysis.energy.as_ref().map(energy).unwrap_or_default());
     let driven = analysis.driven.as_ref();
     lines.extend(driven.map(steady).unwrap_or_default());
+    lines.extend(analysis.sensitivities.as_ref().and_then(|found| found.run.as_ref()).and_then(repeating));
     lines.extend(analysis.no_sensitivities.clone().map(|why| ("sensitivities of the run", why)));
     let mut text = String::from("Analysis");
     for (name, value) in lines {
@@ -18,6 +19,34 @@ pub fn text(analysis: &Analysis) -> String {
     }
     let found = driven.and_then(|driven| driven.sensitivities.as_ref()).or(analysis.sensitivities.as_ref());
     found.map_or(text.clone(), |found| text + "\n\n" + &sensitivities(found))
+}
+
+/// The periodic motion that a run ends on.
+fn repeating(run: &RunKeys) -> Option<(&'static str, String)> {
+    let [re, im] = *run.multipliers.first()?;
+    let most = re.hypot(im);
+    let stability = if most < 1.0 { "small disturbances decay" } else { "a small disturbance stays or grows" };
+    let all: Vec<String> = run.multipliers.iter().take(MULTIPLIERS).map(multiplier).collect();
+    let more = if run.multipliers.len() > MULTIPLIERS { ", …" } else { "" };
+    Some((
+        "periodic motion",
+        format!(
+            "repeats after {} of the drive within 0.0001 %; {stability}: Floquet multipliers {}{more}",
+            periods(run.repeats_after?),
+            all.join(", ")
+        ),
+    ))
+}
+
+/// Most multipliers that are printed.
+const MULTIPLIERS: usize = 6;
+
+fn multiplier([re, im]: &[f64; 2]) -> String {
+    if *im == 0.0 { significant(*re, 5) } else { format!("{} {im:+.5}i", significant(*re, 5)) }
+}
+
+fn periods(count: u32) -> String {
+    if count == 1 { "one period".to_string() } else { format!("{count} periods") }
 }
 
 fn energy(e: &Balance) -> Vec<(&'static str, String)> {
@@ -178,9 +207,8 @@ fn steady(driven: &ForcedResponse) -> Vec<(&'static str, String)> {
             .multipliers
             .iter()
             .zip(&orbit.neutral)
-            .map(|([re, im], neutral)| {
-                let value =
-                    if *im == 0.0 { significant(*re, 5) } else { format!("{} {:+.5}i", significant(*re, 5), im) };
+            .map(|(of, neutral)| {
+                let value = multiplier(of);
                 if *neutral { format!("{value} (neutral)") } else { value }
             })
             .collect();

@@ -67,10 +67,10 @@ impl Sensitivities {
         } else {
             Err(NoDerivatives::NotPeriodic)
         };
-        let (found, repeats_after) = match orbit {
-            Ok(orbit) => (orbit.derivatives, Some(orbit.periods)),
+        let (found, repeats_after, multipliers) = match orbit {
+            Ok(orbit) => (orbit.derivatives, Some(orbit.periods), orbit.multipliers),
             Err(NoDerivatives::NotPeriodic) => {
-                (motion.derivatives(&varied, goes_on).map_err(|why| why.to_string())?, None)
+                (motion.derivatives(&varied, goes_on).map_err(|why| why.to_string())?, None, Vec::new())
             }
             Err(why) => return Err(why.to_string()),
         };
@@ -89,7 +89,7 @@ impl Sensitivities {
                 of.push(Sensitivity { key, value, max_abs_x, rms_x, impact_speed, holds_within });
             }
         }
-        let part = Some(RunKeys { repeats_after, left_out });
+        let part = Some(RunKeys { repeats_after, multipliers, left_out });
         Ok(Self::sorted(of, part, [x.is_tie, fastest.is_some_and(|fastest| fastest.is_tie)]))
     }
 }

@@ -48,6 +48,9 @@ pub struct RunKeys {
     /// from its given start.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub repeats_after: Option<u32>,
+    /// Floquet multipliers of the periodic motion, real and imaginary part, the largest first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub multipliers: Vec<[f64; 2]>,
     /// Keys of numbers with which the case is refused where they are 0.3 % larger or smaller, as counts.
     pub left_out: Vec<String>,
 }

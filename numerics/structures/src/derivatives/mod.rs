@@ -119,6 +119,9 @@ pub struct Orbit {
     pub periods: u32,
     /// When the period begins that the derivatives are of, s.
     pub at_s: f64,
+    /// Floquet multipliers, real and imaginary part, the largest first: a small disturbance has so many times its size after these periods. Those of
+    /// bodies that friction holds at the section are left out: they are 0.
+    pub multipliers: Vec<[f64; 2]>,
     /// Its derivatives; the start moves with the quantities so that it repeats.
     pub derivatives: Derivatives,
 }
@@ -218,8 +221,8 @@ impl MotionCase {
         let case = self.of_periods(periods, &state, advance_rad);
         let aligned = orbit::varied_at(&aligned, periods, &state, advance_rad);
         let (mut follower, growth) = follow::follow(&case, &aligned, true, goes_on)?;
-        follower.close_orbit()?;
-        Ok(Orbit { periods, at_s, derivatives: follower.result(growth, varied)? })
+        let multipliers = follower.close_orbit()?.iter().map(|of| [of.re, of.im]).collect();
+        Ok(Orbit { periods, at_s, multipliers, derivatives: follower.result(growth, varied)? })
     }
 
     fn all_aligned(&self, varied: &[Varied]) -> Result<Vec<Varied>, NoDerivatives> {

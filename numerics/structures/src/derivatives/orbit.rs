@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use damprig_core::integrator::exact::Excitation;
-use nalgebra::DMatrix;
+use nalgebra::{Complex, DMatrix};
 
 use super::follow::Follower;
 use super::setting::Sloped;
@@ -139,18 +139,22 @@ impl Follower<'_> {
         self.start = self.s.clone();
     }
 
-    /// Lets the start move with the quantities so that the motion repeats.
-    pub(super) fn close_orbit(&mut self) -> Result<(), NoDerivatives> {
+    /// Lets the start move with the quantities so that the motion repeats; gives the multipliers of disturbances, the largest first.
+    pub(super) fn close_orbit(&mut self) -> Result<Vec<Complex<f64>>, NoDerivatives> {
         let (bodies, quantities) = (self.bodies(), self.others.len());
         let scaled = |of: &DMatrix<f64>, from: usize, count: usize| {
             DMatrix::from_fn(2 * bodies, count, |i, j| self.scale(i) * of[(i, from + j)])
         };
         let along = scaled(&self.start, quantities, 2 * bodies);
-        let stays = along.transpose() * (&along - scaled(&self.s, quantities, 2 * bodies));
+        let grown = along.transpose() * scaled(&self.s, quantities, 2 * bodies);
+        let stays = along.transpose() * &along - &grown;
         let moves = along.transpose() * (scaled(&self.s, 0, quantities) - scaled(&self.start, 0, quantities));
         // Directions that friction does not let begin have no part in it.
         let free: Vec<usize> = (0..2 * bodies).filter(|&i| along.column(i).norm() > 0.0).collect();
-        let stays = stays.select_rows(&free).select_columns(&free);
+        let of_free = |matrix: &DMatrix<f64>| matrix.select_rows(&free).select_columns(&free);
+        let mut multipliers: Vec<Complex<f64>> = of_free(&grown).complex_eigenvalues().iter().copied().collect();
+        multipliers.sort_by(|a, b| b.norm_sqr().total_cmp(&a.norm_sqr()));
+        let stays = of_free(&stays);
         let svd = stays.svd(true, true);
         if svd.singular_values.min() <= SINGULAR * svd.singular_values.max() {
             return Err(NoDerivatives::NotIsolated);
@@ -175,7 +179,7 @@ impl Follower<'_> {
             moved(time);
             moved(speed);
         }
-        Ok(())
+        Ok(multipliers)
     }
 }
 

@@ -244,7 +244,20 @@ impl Response {
 }
 
 /// The largest |p| over `[from, to]`, if above `least`.
+///
+/// It is that of the ends if p cannot rise above `least` between them (it deviates from its chord by at most max |p″| h²/8), or has no turning point
+/// (its slope changes by at most max |p″| h, so that it cannot reach zero from both ends).
 fn largest_abs(p: &Series, from: f64, to: f64, least: f64) -> f64 {
+    let (first, last) = (series::value_and_slope(p, from), series::value_and_slope(p, to));
+    let ends = first.0.abs().max(last.0.abs());
+    let length = to - from;
+    let bend = 2.0 * series::curvature_bound(p, to) * length;
+    if ends + 0.125 * bend * length <= least {
+        return least;
+    }
+    if first.1 * last.1 > 0.0 && first.1.abs() + last.1.abs() > bend {
+        return least.max(ends);
+    }
     let above = series::largest(p, from, to, least);
     series::largest(&p.map(|c| -c), from, to, above)
 }
