@@ -14,10 +14,7 @@ const CYCLES: f64 = 20_000.0;
 /// A structure at its resonance with a damper.
 const DAMPERS: [(&str, &str); 8] = [
     ("impact damper, two impacts a cycle", "particle = { mass_ratio = 0.1, clearance_ratio = 10, @ }"),
-    (
-        "impact damper, chatter",
-        "particle = { mass_ratio = 0.1, clearance_ratio = 3, friction_coefficient = 0.05, @ }",
-    ),
+    ("impact damper, chatter", "particle = { mass_ratio = 0.1, clearance_ratio = 3, friction_coefficient = 0.05, @ }"),
     (
         "impact damper, particle friction",
         "particle = { mass_ratio = 0.1, clearance_ratio = 10, friction_coefficient = 0.05, @ }",

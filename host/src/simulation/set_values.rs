@@ -57,18 +57,40 @@ impl SetValues {
         Ok(Self { origin: origin.into(), lines })
     }
 
-    /// The same with a number in place of what is set for its key.
+    /// The same with a number at a key, whose tables in lists have their numbers.
     #[must_use]
     pub fn with(&self, key: &str, value: f64) -> Self {
-        let is_other = |line: &&str| line.split_once(" = ").is_none_or(|(own, _)| own != key);
-        let others: String = self.lines.lines().filter(is_other).map(|line| format!("{line}\n")).collect();
-        Self { origin: self.origin.clone(), lines: format!("{others}{key} = {value:?}\n") }
+        let mut all: toml::Value = toml::Value::Table(toml::from_str(&self.lines).unwrap_or_default());
+        let parts: Vec<&str> = key.split('.').collect();
+        put_number(&mut all, &parts, value);
+        let lines = toml::to_string(&all).unwrap_or_default();
+        Self { origin: self.origin.clone(), lines }
     }
 
     /// Whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty()
+    }
+}
+
+/// Puts a number at a path of keys and of numbers of tables in lists that are there.
+fn put_number(into: &mut toml::Value, path: &[&str], number: f64) {
+    let Some((first, rest)) = path.split_first() else {
+        *into = number.into();
+        return;
+    };
+    match into {
+        toml::Value::Array(list) => {
+            let place = first.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
+            if let Some(table) = place.and_then(|place| list.get_mut(place)) {
+                put_number(table, rest, number);
+            }
+        }
+        toml::Value::Table(table) => {
+            put_number(table.entry(*first).or_insert_with(|| toml::Table::new().into()), rest, number);
+        }
+        _ => {}
     }
 }
 

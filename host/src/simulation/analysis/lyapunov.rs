@@ -14,6 +14,9 @@ const BEFORE: u32 = 1_000;
 const BLOCKS: u32 = 40;
 const PERIODS_PER_BLOCK: u32 = 50;
 
+/// Exponents up to this are those of a motion whose disturbances stay, as without damping: rounding.
+const LEAST: f64 = 1e-9;
+
 /// An exponent is told from zero beyond so many errors.
 const SURE: f64 = 3.0;
 
@@ -70,12 +73,12 @@ impl Lyapunov {
     /// Whether disturbances grow, beyond doubt: a motion that stays bounded is then chaotic, at least as long as this.
     #[must_use]
     pub fn is_chaotic(&self) -> bool {
-        self.per_period > SURE * self.error
+        self.per_period > (SURE * self.error).max(LEAST)
     }
 
     /// Whether they decay, beyond doubt: the motion settles.
     #[must_use]
     pub fn is_settling(&self) -> bool {
-        self.per_period < -SURE * self.error
+        self.per_period < -(SURE * self.error).max(LEAST)
     }
 }

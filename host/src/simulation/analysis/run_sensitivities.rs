@@ -17,8 +17,9 @@ const MAX_PERIODS: u32 = 6;
 /// Relative changes up to this are rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Tables and keys that say nothing about a motion, or how it is sampled.
-const NO_QUANTITIES: [&str; 2] = ["run.", "base.rate"];
+/// Tables and keys that say nothing about a motion, how it is sampled, or how many lines a noise has.
+const NO_QUANTITIES: [&str; 6] =
+    ["run.", "base.rate", "base.noise.seed", "base.noise.from_hz", "base.noise.to_hz", "base.noise.duration_s"];
 
 /// A case as it is written, to be read with other values.
 #[derive(Clone, Copy, Debug)]
@@ -32,11 +33,10 @@ pub struct WrittenCase<'a> {
 }
 
 impl WrittenCase<'_> {
-    /// The motion with a number in place of the one at its key; `None` if the case is then refused. `files`: what it names, once read.
-    fn motion(&self, key: &str, value: f64, files: &Arc<Files>) -> Option<MotionCase> {
+    /// The case with a number in place of the one at its key; `None` if it is then refused. `files`: what it names, once read.
+    fn case(&self, key: &str, value: f64, files: &Arc<Files>) -> Option<Case> {
         let source = Source::new(self.name, self.text).with_files(files);
-        let case = Case::parse_changed(&source, self.name, &self.values.with(key, value)).ok()?;
-        Some(motion_case(&case))
+        Case::parse_changed(&source, self.name, &self.values.with(key, value)).ok()
     }
 }
 
@@ -46,14 +46,22 @@ impl Sensitivities {
     /// # Errors
     /// Why there are none.
     pub fn of_run(case: &Case, written: &WrittenCase, goes_on: &mut dyn FnMut(f64) -> bool) -> Result<Self, String> {
-        let motion = motion_case(case);
+        let motion = motion_case(case, None);
+        let places = motion.set_up.structure.influence.len();
         let files = Arc::default();
         let (mut varied, mut keys, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
         for (key, value) in numbers_of(written.text, written.values) {
             if value == 0.0 || NO_QUANTITIES.iter().any(|none| key.starts_with(none)) {
                 continue;
             }
-            let [a, b, c, d, e, f] = Varied::AT.map(|factor| written.motion(&key, value * factor, &files));
+            if !goes_on(0.0) {
+                return Err(NoDerivatives::Stopped.to_string());
+            }
+            let [a, b, c, d, e, f] = Varied::AT.map(|factor| {
+                let case = written.case(&key, value * factor, &files)?;
+                // A damper whose place falls on another one has no place of its own.
+                Some(motion_case(&case, Some(&motion))).filter(|case| case.set_up.structure.influence.len() == places)
+            });
             match (|| Some([a?, b?, c?, d?, e?, f?]))() {
                 Some(cases) => {
                     varied.push(Varied { value, cases });
@@ -69,14 +77,16 @@ impl Sensitivities {
         };
         let (found, repeats_after, multipliers) = match orbit {
             Ok(orbit) => (orbit.derivatives, Some(orbit.periods), orbit.multipliers),
-            Err(NoDerivatives::NotPeriodic) => {
-                (motion.derivatives(&varied, goes_on).map_err(|why| why.to_string())?, None, Vec::new())
-            }
-            Err(why) => return Err(why.to_string()),
+            Err(NoDerivatives::Stopped) => return Err(NoDerivatives::Stopped.to_string()),
+            // A run has derivatives too where a body that takes no part may be anywhere.
+            Err(_) => (motion.derivatives(&varied, goes_on).map_err(|why| why.to_string())?, None, Vec::new()),
         };
         let place = case.multi_degree.as_ref().map_or(0, |of| of.observed);
         let (x, rms, fastest) =
             (&found.largest_abs_m[place], &found.rms_m[place], found.fastest_impact_m_per_s.as_ref());
+        if x.of.value == 0.0 {
+            return Err("none: x is 0 all the time".into());
+        }
         let mut of = Vec::new();
         for (p, key) in keys.into_iter().enumerate() {
             let value = varied[p].value;
@@ -89,6 +99,9 @@ impl Sensitivities {
                 of.push(Sensitivity { key, value, max_abs_x, rms_x, impact_speed, holds_within });
             }
         }
+        if of.is_empty() {
+            return Err("none: no number of the case changes x".into());
+        }
         let part = Some(RunKeys { repeats_after, multipliers, left_out });
         Ok(Self::sorted(of, part, [x.is_tie, fastest.is_some_and(|fastest| fastest.is_tie)]))
     }
@@ -99,15 +112,18 @@ fn is_sine(case: &Case) -> bool {
     case.record.is_none() && matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. })
 }
 
-/// The motion of a case.
-fn motion_case(case: &Case) -> MotionCase {
+/// The motion of a case; with as many sample intervals as `like`.
+fn motion_case(case: &Case, like: Option<&MotionCase>) -> MotionCase {
     let case = case.without_hertz();
     let duration_s = case.run.duration_s;
     let (drive, base) = match &case.record {
         None => (Drive::ClosedForm(case.excitation), damprig_structures::base_at_start(&case.excitation)),
         Some(record) => {
             let mut play = record.play();
-            let count = (duration_s / record.step_s).ceil().max(1.0) as usize;
+            let count = match like.map(|like| &like.drive) {
+                Some(Drive::Samples { powers, .. }) => powers.len(),
+                _ => (duration_s / record.step_s).ceil().max(1.0) as usize + 1,
+            };
             let powers: Vec<[f64; 4]> = (0..count).map(|_| powers(play.next_segment(), record.step_s)).collect();
             let base = (powers[0][0], powers[0][1]);
             (Drive::Samples { step_s: record.step_s, powers: powers.into() }, base)

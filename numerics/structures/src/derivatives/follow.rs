@@ -1,6 +1,6 @@
 //! Follows a small change of a motion from interval to interval.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::{Add, Mul, Sub};
 use std::rc::Rc;
 
@@ -32,8 +32,9 @@ pub(super) struct Follower<'a> {
     pub w: DVector<f64>,
     /// The changes of w at its time.
     pub s: DMatrix<f64>,
-    /// The changes at the start of an orbit.
+    /// The changes at the start of an orbit, and w.
     pub start: DMatrix<f64>,
+    pub start_w: DVector<f64>,
     /// The last instant at which something happened.
     pub time: Sloped,
     pub last_event: Option<Sloped>,
@@ -90,6 +91,7 @@ impl<'a> Follower<'a> {
             w: nominal.start(),
             s: DMatrix::zeros(size, columns),
             start: DMatrix::zeros(0, 0),
+            start_w: DVector::zeros(0),
             time: zero.clone(),
             last_event: None,
             impacts: Vec::new(),
@@ -137,7 +139,13 @@ impl<'a> Follower<'a> {
 
     /// Whether the derivatives come in reasonable time.
     fn check_work(&mut self, intervals: &[Interval]) -> Result<(), NoDerivatives> {
-        let mut products = 0.0;
+        // Equations of each state of the contacts, six for each quantity.
+        let kinds = intervals.iter().map(|interval| &interval.contacts).collect::<HashSet<_>>().len();
+        let mut products = (kinds * 6 * self.others.len()) as f64 * (self.s.nrows() as f64).powi(3);
+        if products > MAX_S * PRODUCTS_PER_S {
+            return Err(NoDerivatives::Long);
+        }
+        products /= self.s.ncols() as f64 * Series::PRODUCTS;
         for interval in intervals {
             let known = self.known(&interval.contacts)?;
             let a = &known.equations.a;
@@ -238,6 +246,7 @@ impl<'a> Follower<'a> {
                     return Err(together);
                 }
                 let bend = (row * (a * &rate))[0];
+                // It is missed if it curves away by this.
                 if bend > 0.0 {
                     self.margin(0.5 * speed * speed / bend, &guard.slopes);
                 }

@@ -8,16 +8,14 @@ use super::equations::{HardImpact, MORE, ONE};
 use super::follow::Follower;
 use super::record::{End, Interval};
 use super::setting::{Known, Setting, all_or_none};
-use super::stencil::relative;
+use super::stencil::{has_kink, relative};
 use super::{NoDerivatives, Varied};
 use crate::contacts::{Contacts, Event, Slide, Touch};
 use crate::mount::WallLaw;
 
-/// Two states differ if they do by more than this share of the motion: another law than that of one contact was at work.
-const OTHER_STATE: f64 = 1e-9;
-
-/// The slope of a law of impact has a kink if it differs by this on both sides.
-const KINK: f64 = 1e-3;
+/// Two states differ if they do by more than this share of the motion: another law than that of one contact was at work. Far above the rounding of an
+/// interval of thousands of cycles.
+const OTHER_STATE: f64 = 1e-7;
 
 impl Follower<'_> {
     /// What happens at the end of an interval, to the state and its changes.
@@ -59,7 +57,8 @@ impl Follower<'_> {
                 }
             }
         }
-        self.check_state(next)
+        // Nothing happens at the end.
+        if interval.end == End::Motion { Ok(()) } else { self.check_state(next) }
     }
 
     /// A particle meets a wall.
@@ -111,18 +110,19 @@ impl Follower<'_> {
         (particle, side): (usize, Sign),
         speed: f64,
     ) -> Result<(f64, f64, Vec<f64>), NoDerivatives> {
-        let e = law.at(speed);
-        let at = |factor: f64| law.at(factor * speed);
-        let one_side = |factor: f64| (at(factor) - e) / (factor - 1.0);
-        let [.., far] = Varied::AT;
-        if (one_side(far) - one_side(2.0 - far)).abs() > KINK {
-            return Err(NoDerivatives::Grazing { change: 0.0 });
-        }
-        let by_quantity = self.changes(|setting| match setting.mount.cavities[particle].wall(side) {
-            WallLaw::Hard(law) => law.at(speed),
-            WallLaw::Soft { .. } => f64::NAN,
+        let with_speed = Varied::AT.map(|factor| law.at(factor * speed));
+        let with_quantities = self.others.iter().map(|six| {
+            six.each_ref().map(|setting| match setting.mount.cavities[particle].wall(side) {
+                WallLaw::Hard(law) => law.at(speed),
+                WallLaw::Soft { .. } => f64::NAN,
+            })
         });
-        Ok((e, relative(Varied::AT.map(at)) / speed, by_quantity))
+        let with_quantities: Vec<[f64; 6]> = with_quantities.collect();
+        if with_quantities.iter().chain([&with_speed]).any(|at| has_kink(*at)) {
+            return Err(NoDerivatives::Kink { time_s: self.time.value });
+        }
+        let by_quantity = with_quantities.into_iter().map(relative).collect();
+        Ok((law.at(speed), relative(with_speed) / speed, by_quantity))
     }
 
     /// The engine's state must be the one that follows from the event alone.

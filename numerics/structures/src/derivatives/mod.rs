@@ -160,10 +160,26 @@ pub enum NoDerivatives {
     )]
     Long,
     /// Several contacts act at one instant.
-    #[error("no derivatives: several contacts act on each other at one instant, t = {time_s} s")]
+    #[error(
+        "no derivatives: several contacts act on each other at one instant, or the motion starts in contact, t = {time_s} s"
+    )]
     Together {
         /// The instant, s.
         time_s: f64,
+    },
+    /// An impact at a speed at which its wall's e over the speed has a kink.
+    #[error(
+        "no derivatives: the impact at t = {time_s} s is within 0.3 % of where e of its wall over the speed has a kink"
+    )]
+    Kink {
+        /// Its time, s.
+        time_s: f64,
+    },
+    /// The case has other places or samples at another value of a quantity.
+    #[error("no derivatives: the number of {what} changes within 0.3 % of a parameter")]
+    OtherCase {
+        /// What there is more or less of.
+        what: &'static str,
     },
     /// A small change of a quantity removes an event or adds one.
     #[error(
@@ -227,22 +243,34 @@ impl MotionCase {
 
     fn all_aligned(&self, varied: &[Varied]) -> Result<Vec<Varied>, NoDerivatives> {
         let aligned = varied.iter().map(|varied| {
-            let [a, b, c, d, e, f] = varied.cases.each_ref().map(|case| case.aligned(&self.set_up.structure.modes));
+            let [a, b, c, d, e, f] = varied.cases.each_ref().map(|case| case.aligned(self));
             Ok(Varied { value: varied.value, cases: [a?, b?, c?, d?, e?, f?] })
         });
         aligned.collect()
     }
 
-    /// The same with the modes' signs as those of `modes`: a shape from a decomposition has either sign.
-    fn aligned(&self, modes: &[Mode]) -> Result<Self, NoDerivatives> {
+    /// The same with the modes' signs as those of `nominal`: a shape from a decomposition has either sign.
+    fn aligned(&self, nominal: &Self) -> Result<Self, NoDerivatives> {
+        let modes = &nominal.set_up.structure.modes;
+        if self.set_up.structure.influence.len() != nominal.set_up.structure.influence.len() {
+            return Err(NoDerivatives::OtherCase { what: "places" });
+        }
+        if let (Drive::Samples { powers: own, .. }, Drive::Samples { powers, .. }) = (&self.drive, &nominal.drive)
+            && own.len() != powers.len()
+        {
+            return Err(NoDerivatives::OtherCase { what: "samples" });
+        }
         let mut case = self.clone();
         let structure = &mut case.set_up.structure;
         let count = structure.modes.len();
+        let largest = modes.iter().map(|mode| mode.shape.iter().fold(0.0, |most: f64, of| most.max(of.abs())));
+        let rounding = ALIKE_ROUNDING * largest.fold(0.0, f64::max);
         for (i, (mode, as_in)) in structure.modes.iter_mut().zip(modes).enumerate() {
             let numbers = |mode: &Mode| mode.shape.iter().copied().chain([mode.participation]).collect::<Vec<f64>>();
+            let is_rounding = |all: &[f64]| all.iter().all(|of| of.abs() <= rounding);
             let (own, other) = (numbers(mode), numbers(as_in));
             let product = dot(&own, &other);
-            if product.abs() < ALIKE * (dot(&own, &own) * dot(&other, &other)).sqrt() {
+            if !is_rounding(&other) && product.abs() < ALIKE * (dot(&own, &own) * dot(&other, &other)).sqrt() {
                 return Err(NoDerivatives::Shape { mode: i + 1 });
             }
             if product < 0.0 {
@@ -259,6 +287,9 @@ impl MotionCase {
         Ok(case)
     }
 }
+
+/// A mode that moves no place by more than this share of the largest shape moves none: what it has is rounding.
+const ALIKE_ROUNDING: f64 = 1e-9;
 
 /// The shapes of one mode at two values of a quantity are parallel to this share.
 const ALIKE: f64 = 0.99;

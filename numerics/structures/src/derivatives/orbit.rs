@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use damprig_core::integrator::exact::Excitation;
-use nalgebra::{Complex, DMatrix};
+use nalgebra::{Complex, DMatrix, Schur};
 
 use super::follow::Follower;
 use super::setting::Sloped;
@@ -18,6 +18,9 @@ const REPEATS: f64 = 1e-6;
 /// Singular values of 1 − M below this share of its largest are zero: the rounding of M is 10⁻¹⁴ per event.
 const SINGULAR: f64 = 1e-9;
 
+/// Steps of the search for eigenvalues.
+const MAX_ITERATIONS: usize = 10_000;
+
 /// Sections of a period that are tried.
 const SECTIONS: u32 = 16;
 
@@ -25,8 +28,8 @@ const SECTIONS: u32 = 16;
 struct Section {
     state: State,
     at_s: f64,
-    /// A particle rests on a wall: it has no room for disturbances.
-    rests: bool,
+    /// A particle touches a wall: it has no room for disturbances, or its contact is no part of a state.
+    touches: bool,
     sticking: usize,
     clear_s: f64,
 }
@@ -63,15 +66,13 @@ pub(super) fn section(case: &MotionCase, periods: u32) -> Result<(f64, State), N
         sections.push(Section {
             state: motion.state(),
             at_s,
-            rests: contacts.touches.iter().any(|touch| matches!(touch, Touch::Wall(_))),
+            touches: contacts.touches.iter().any(|touch| *touch != Touch::None),
             sticking: contacts.slides.iter().filter(|slide| **slide == Slide::Stuck).count(),
             clear_s: at_s - last_event_s,
         });
     }
-    let better = |a: &Section, b: &Section| {
-        (b.rests, b.sticking).cmp(&(a.rests, a.sticking)).then(a.clear_s.total_cmp(&b.clear_s))
-    };
-    let best = sections.into_iter().filter(|section| !section.rests).max_by(better);
+    let better = |a: &Section, b: &Section| b.sticking.cmp(&a.sticking).then(a.clear_s.total_cmp(&b.clear_s));
+    let best = sections.into_iter().filter(|section| !section.touches).max_by(better);
     best.map(|section| (section.at_s, section.state)).ok_or(NoDerivatives::NotIsolated)
 }
 
@@ -137,6 +138,7 @@ impl Follower<'_> {
             }
         }
         self.start = self.s.clone();
+        self.start_w = self.w.clone();
     }
 
     /// Lets the start move with the quantities so that the motion repeats; gives the multipliers of disturbances, the largest first.
@@ -152,14 +154,23 @@ impl Follower<'_> {
         // Directions that friction does not let begin have no part in it.
         let free: Vec<usize> = (0..2 * bodies).filter(|&i| along.column(i).norm() > 0.0).collect();
         let of_free = |matrix: &DMatrix<f64>| matrix.select_rows(&free).select_columns(&free);
-        let mut multipliers: Vec<Complex<f64>> = of_free(&grown).complex_eigenvalues().iter().copied().collect();
+        // Without a bound the iteration may not end, as for some matrices with several zeros; the multipliers are then not known.
+        let schur = Schur::try_new(of_free(&grown), f64::EPSILON, MAX_ITERATIONS);
+        let mut multipliers: Vec<Complex<f64>> =
+            schur.map(|schur| schur.complex_eigenvalues().iter().copied().collect()).unwrap_or_default();
         multipliers.sort_by(|a, b| b.norm_sqr().total_cmp(&a.norm_sqr()));
         let stays = of_free(&stays);
         let svd = stays.svd(true, true);
         if svd.singular_values.min() <= SINGULAR * svd.singular_values.max() {
             return Err(NoDerivatives::NotIsolated);
         }
-        let solved = svd.solve(&moves.select_rows(&free), 0.0).map_err(|_| NoDerivatives::NotIsolated)?;
+        let solve = |of: &DMatrix<f64>| svd.solve(&of.select_rows(&free), 0.0).map_err(|_| NoDerivatives::NotIsolated);
+        // How far the motion is from the orbit, by what it misses after its periods.
+        let missed = DMatrix::from_fn(2 * bodies, 1, |i, _| self.scale(i) * (self.w[i] - self.start_w[i]));
+        if solve(&(along.transpose() * missed))?.norm() > REPEATS * self.sizes[0] {
+            return Err(NoDerivatives::NotPeriodic);
+        }
+        let solved = solve(&moves)?;
         let mut by = DMatrix::zeros(2 * bodies, quantities);
         for (row, &i) in free.iter().enumerate() {
             by.row_mut(i).copy_from(&solved.row(row));

@@ -13,3 +13,15 @@ where
     let (first, second, third) = (near - near_low, high - low, far - far_low);
     (first * 45.0 - second * 9.0 + third) * (1.0 / (60.0 * STEP))
 }
+
+/// Whether a number has a kink between these values of a quantity: differences over less of them give another derivative than [`relative`], by far
+/// more than the third derivative of a smooth law allows (10⁻⁶ of it).
+pub(super) fn has_kink(at: [f64; 6]) -> bool {
+    const APART: f64 = 1e-5;
+    const STEP: f64 = 1e-3;
+    let [far_low, low, near_low, near, high, far] = at;
+    let all = relative(at);
+    let over = [(near_low, near, 1.0), (low, high, 2.0), (far_low, far, 3.0)];
+    over.into_iter()
+        .any(|(below, above, steps)| ((above - below) / (2.0 * steps * STEP) - all).abs() > APART * steps * steps)
+}
