@@ -115,7 +115,7 @@ fn sensitivities(found: &Sensitivities) -> String {
     };
     if let Some(run) = found.run.as_ref().filter(|run| !run.left_out.is_empty()) {
         text += &format!(
-            "\n  Left out, as the case is refused with 0.3 % more or less of them: {}.",
+            "\n  Left out, as 0.3 % more or less of them makes another case or none: {}.",
             run.left_out.join(", ")
         );
     }

@@ -51,7 +51,7 @@ pub struct RunKeys {
     /// Floquet multipliers of the periodic motion, real and imaginary part, the largest first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub multipliers: Vec<[f64; 2]>,
-    /// Keys of numbers with which the case is refused where they are 0.3 % larger or smaller, as counts.
+    /// Keys of numbers with which the case is another one or refused where they are 0.3 % larger or smaller: counts, places that fall together.
     pub left_out: Vec<String>,
 }
 
