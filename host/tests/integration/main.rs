@@ -68,6 +68,7 @@ mod run_folder;
 mod runs;
 mod sampled_cycles;
 mod saved_settings;
+mod sensitivities;
 mod serial;
 mod settings;
 mod setup;

@@ -301,7 +301,7 @@ impl BoundaryProblem<'_> {
 }
 
 /// The eigenvalues of a transition matrix; infinite where it is not finite, as at a grazing.
-pub(crate) fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
+pub fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
     let is_finite = matrix.iter().all(|entry| entry.is_finite());
     let schur = if is_finite { Schur::try_new(matrix.clone(), f64::EPSILON, MAX_SWEEPS) } else { None };
     schur.map_or_else(

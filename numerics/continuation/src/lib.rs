@@ -30,7 +30,7 @@ mod start;
 mod system;
 mod wall_law;
 
-pub use boundary_problem::{Condition, When};
+pub use boundary_problem::{Condition, When, eigenvalues};
 pub use branch::{BranchEnd, Steps};
 pub use curve::Curve;
 pub use derivatives::{Derivatives, Derived, DerivedImpact, Largest, NoDerivatives};

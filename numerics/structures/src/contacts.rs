@@ -2,8 +2,9 @@
 
 use damprig_core::integrator::modes::{Sign, signed};
 
+use crate::bodies::{Link, add};
 use crate::complementarity::Limits;
-use crate::mount::Mount;
+use crate::mount::{Mount, WallLaw};
 
 /// Whether the two sides of a joint move against each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -42,6 +43,25 @@ impl Contacts {
             Slide::Free(direction) => -signed(direction, mount.joints[joint].friction_n),
             Slide::Stuck => 0.0,
         }
+    }
+
+    /// The constant forces on all bodies, N, but for joints that stick, and the soft walls that are pressed as links.
+    pub fn loads(&self, mount: &Mount) -> (Vec<f64>, Vec<Link>) {
+        let (mut constant, mut pressed) = (vec![0.0; mount.bodies.len()], Vec::new());
+        for (number, joint) in mount.joints.iter().enumerate() {
+            add(&mut constant, self.sliding_force(mount, number), &joint.row);
+        }
+        for (particle, (cavity, touch)) in mount.cavities.iter().zip(&self.touches).enumerate() {
+            constant[mount.permanent + particle] -= cavity.weight_n;
+            if let Touch::Pressing(side) = *touch
+                && let WallLaw::Soft { stiffness, damping, .. } = *cavity.wall(side)
+            {
+                let row = mount.offset_row(particle);
+                pressed.push(Link { row: row.to_vec(), stiffness, damping });
+                add(&mut constant, stiffness * cavity.wall_at(side), row);
+            }
+        }
+        (constant, pressed)
     }
 
     /// Limits of a joint's force along its row at zero relative velocity, N. A hard wall pushes without limit.

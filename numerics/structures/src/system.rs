@@ -5,7 +5,7 @@ use damprig_core::model::Release;
 
 use crate::Refused;
 use crate::basis::Constraint;
-use crate::bodies::{Bodies, Link, add};
+use crate::bodies::{Bodies, Link};
 use crate::contacts::{Contacts, Event, Slide, Touch};
 use crate::cubic::Cubic;
 use crate::flight::Flight;
@@ -148,35 +148,21 @@ impl System {
         }
         let of = |all: &[f64]| -> Vec<f64> { members.iter().map(|&i| all[i]).collect() };
         let all = &mount.bodies;
-        let mut bodies = Bodies {
+        let (constant, pressed) = contacts.loads(mount);
+        let links = all.links.iter().chain(&pressed);
+        let bodies = Bodies {
             mass: of(&all.mass),
             inertia: of(&all.inertia),
             stiffness: of(&all.stiffness),
             damping: of(&all.damping),
             coupling: all.coupling.clone(),
-            links: all.links.iter().map(|link| Link { row: of(&link.row), ..*link }).collect(),
+            links: links.map(|link| Link { row: of(&link.row), ..*link }).collect(),
         };
-        let mut constant = vec![0.0; all.len()];
-        let mut stuck = Vec::new();
-        for (number, joint) in mount.joints.iter().enumerate() {
-            if contacts.slides[number] == Slide::Stuck {
-                stuck.push((number, Constraint { row: of(&joint.row), influence: joint.influence }));
-            } else {
-                add(&mut constant, contacts.sliding_force(mount, number), &joint.row);
-            }
-        }
-        for (particle, (cavity, touch)) in mount.cavities.iter().zip(&contacts.touches).enumerate() {
-            constant[mount.permanent + particle] -= cavity.weight_n;
-            if let Touch::Pressing(side) = *touch
-                && let WallLaw::Soft { stiffness, damping, .. } = *cavity.wall(side)
-            {
-                let row = mount.offset_row(particle);
-                bodies.links.push(Link { row: of(row), stiffness, damping });
-                add(&mut constant, stiffness * cavity.wall_at(side), row);
-            }
-        }
+        let sticks = mount.joints.iter().enumerate().filter(|(number, _)| contacts.slides[*number] == Slide::Stuck);
+        let stuck =
+            sticks.map(|(number, joint)| (number, Constraint { row: of(&joint.row), influence: joint.influence }));
         let force: Vec<C64> = members.iter().map(|&i| mount.force[i]).collect();
-        let (stuck, constraints): (Vec<usize>, Vec<Constraint>) = stuck.into_iter().unzip();
+        let (stuck, constraints): (Vec<usize>, Vec<Constraint>) = stuck.unzip();
         let linear = Linear::new(&bodies, &constraints, turning, &force)?;
         let sizes = linear.natural.rates.iter().map(|rate| rate.norm());
         let slowest = sizes.filter(|rate| *rate > 0.0).fold(f64::INFINITY, f64::min);

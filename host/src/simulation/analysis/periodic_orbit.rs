@@ -3,7 +3,7 @@
 
 use std::f64::consts::TAU;
 
-use damprig_continuation::{Derivatives, NoDerivatives, Parameter, ReturnMap, UnresolvedEvent, Variation};
+use damprig_continuation::{Derivatives, NoDerivatives, Parameter, ReturnMap, UnresolvedEvent, Variation, eigenvalues};
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation};
 use damprig_core::io::Invalid;
 use damprig_core::model::{Initial, SetUp};
@@ -312,10 +312,9 @@ impl Map {
 fn multipliers(matrix: &DMatrix<f64>, error: f64) -> Vec<Multiplier> {
     let size = matrix.nrows();
     let complex = matrix.map(|value| Complex::new(value, 0.0));
-    let mut multipliers: Vec<_> = matrix
-        .complex_eigenvalues()
-        .iter()
-        .map(|&value| {
+    let mut multipliers: Vec<_> = eigenvalues(matrix)
+        .into_iter()
+        .map(|value| {
             let magnitude = value.norm();
             let may_be_at = |point: Complex<f64>| {
                 let shifted = &complex - DMatrix::from_diagonal_element(size, size, point);
@@ -323,6 +322,7 @@ fn multipliers(matrix: &DMatrix<f64>, error: f64) -> Vec<Multiplier> {
             };
             let way = if magnitude > 0.0 { value / magnitude - value } else { -value };
             let is_neutral = magnitude > 0.0
+                && magnitude.is_finite()
                 && (1..=WAYPOINTS).all(|n| may_be_at(value + way * (f64::from(n) / f64::from(WAYPOINTS))));
             Multiplier { value, is_neutral }
         })

@@ -7,7 +7,7 @@ use damprig_core::integrator::modes::{Sign, signed};
 use damprig_core::model::Release;
 use nalgebra::{DMatrix, DVector};
 
-use crate::bodies::add;
+use crate::bodies::Bodies;
 use crate::contacts::{Contacts, Event, Slide, Touch};
 use crate::mount::{Mount, WallLaw};
 
@@ -166,31 +166,14 @@ fn stacked(rows: Vec<DVector<f64>>, n: usize) -> DMatrix<f64> {
 
 /// Rows of the forces on the bodies, but for those of joints that stick.
 fn forces(mount: &Mount, contacts: &Contacts) -> DMatrix<f64> {
-    let bodies = &mount.bodies;
+    let (constant, pressed) = contacts.loads(mount);
+    let mut bodies = mount.bodies.clone();
+    bodies.links.extend(pressed);
     let count = bodies.len();
     let more = 2 * count;
     let mut rows = DMatrix::zeros(count, more + MORE);
-    rows.columns_mut(0, count).copy_from(&-bodies.matrix(crate::bodies::Bodies::springs));
-    rows.columns_mut(count, count).copy_from(&-bodies.matrix(crate::bodies::Bodies::dashpots));
-    let mut constant = vec![0.0; count];
-    for (number, joint) in mount.joints.iter().enumerate() {
-        add(&mut constant, contacts.sliding_force(mount, number), &joint.row);
-    }
-    for (particle, (cavity, touch)) in mount.cavities.iter().zip(&contacts.touches).enumerate() {
-        constant[mount.permanent + particle] -= cavity.weight_n;
-        if let Touch::Pressing(side) = *touch
-            && let WallLaw::Soft { stiffness, damping, .. } = *cavity.wall(side)
-        {
-            let row = mount.offset_row(particle);
-            add(&mut constant, stiffness * cavity.wall_at(side), row);
-            for i in 0..count {
-                for j in 0..count {
-                    rows[(i, j)] -= stiffness * row[i] * row[j];
-                    rows[(i, count + j)] -= damping * row[i] * row[j];
-                }
-            }
-        }
-    }
+    rows.columns_mut(0, count).copy_from(&-bodies.matrix(Bodies::springs));
+    rows.columns_mut(count, count).copy_from(&-bodies.matrix(Bodies::dashpots));
     for i in 0..count {
         // Re(F̂ (cosine + i sine)).
         rows[(i, more + COSINE)] = mount.force[i].re;

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::equations::{Equations, MORE};
 use super::record::{End, Interval, intervals};
-use super::series::{Series, rate_per_s};
+use super::series::Series;
 use super::setting::{Known, Setting, Sloped, all_or_none, sloped};
 use super::stencil::relative;
 use super::{MotionCase, NoDerivatives, Varied};
@@ -102,6 +102,8 @@ impl<'a> Follower<'a> {
             others,
         }
     }
+
+    /// Number of bodies: modes, tuned masses and particles.
     pub(super) fn bodies(&self) -> usize {
         self.nominal.mount.bodies.len()
     }
@@ -127,7 +129,7 @@ impl<'a> Follower<'a> {
         for six in &self.others {
             changes.push(Equations::change(all_or_none(six.each_ref().map(of)).ok_or(together.clone())?));
         }
-        let known = Rc::new(Known { equations, changes });
+        let known = Rc::new(Known::new(equations, changes, &self.nominal.mount.bodies.mass));
         self.known.insert(contacts.clone(), Rc::clone(&known));
         Ok(known)
     }
@@ -139,22 +141,19 @@ impl<'a> Follower<'a> {
 
     /// Whether the derivatives come in reasonable time.
     fn check_work(&mut self, intervals: &[Interval]) -> Result<(), NoDerivatives> {
+        let check = |products: f64| {
+            if products > MAX_S * PRODUCTS_PER_S { Err(NoDerivatives::Long) } else { Ok(()) }
+        };
         // Equations of each state of the contacts, six for each quantity.
         let kinds = intervals.iter().map(|interval| &interval.contacts).collect::<HashSet<_>>().len();
-        let mut products = (kinds * 6 * self.others.len()) as f64 * (self.s.nrows() as f64).powi(3);
-        if products > MAX_S * PRODUCTS_PER_S {
-            return Err(NoDerivatives::Long);
-        }
-        products /= self.s.ncols() as f64 * Series::PRODUCTS;
+        let of_equations = (kinds * 6 * self.others.len()) as f64 * (self.s.nrows() as f64).powi(3);
+        check(of_equations)?;
+        let mut of_steps = 0.0;
         for interval in intervals {
             let known = self.known(&interval.contacts)?;
-            let a = &known.equations.a;
-            let rate_per_s = rate_per_s(a, &self.nominal.mount.bodies.mass);
-            let steps = (interval.length_s * rate_per_s / Series::REACH).ceil().max(1.0);
-            products += steps * a.iter().filter(|of| **of != 0.0).count() as f64;
+            of_steps += known.steps(interval.length_s) * known.rates.len() as f64;
         }
-        let seconds = products * self.s.ncols() as f64 * Series::PRODUCTS / PRODUCTS_PER_S;
-        if seconds > MAX_S { Err(NoDerivatives::Long) } else { Ok(()) }
+        check(of_equations + of_steps * self.s.ncols() as f64 * Series::PRODUCTS)
     }
 
     /// The largest displacement and velocity in some states.
@@ -293,12 +292,10 @@ impl<'a> Follower<'a> {
 
     /// Follows an interval at its length, and notes what lies between.
     fn follow_steps(&mut self, known: &Known, interval: &Interval, ends: Option<Event>) {
-        let rate_per_s = rate_per_s(&known.equations.a, &self.nominal.mount.bodies.mass);
-        let count = (interval.length_s * rate_per_s / Series::REACH).ceil().max(1.0);
+        let count = known.steps(interval.length_s);
         let length_s = interval.length_s / count;
         for n in 0..count as usize {
-            let changes: Vec<&DMatrix<f64>> = known.changes.iter().map(|change| &change.a).collect();
-            let series = Series::new((&known.equations.a, &changes), (&self.w, &self.s), length_s);
+            let series = Series::new(known, (&self.w, &self.s), length_s);
             for place in 0..self.peaks.len() {
                 let (x, slopes) = series.row(&known.place_rows(place));
                 Series::add_square(&mut self.squares[place], (&x, &slopes), length_s);

@@ -4,7 +4,7 @@ use damprig_core::integrator::modes::Sign;
 use damprig_core::model::ImpactLaw;
 use nalgebra::DVector;
 
-use super::equations::{HardImpact, MORE, ONE};
+use super::equations::{HardImpact, MORE};
 use super::follow::Follower;
 use super::record::{End, Interval};
 use super::setting::{Known, Setting, all_or_none};
@@ -30,15 +30,10 @@ impl Follower<'_> {
             End::Event(Event::Wall(particle, side)) => self.meet_wall((particle, side), &interval.contacts, after)?,
             End::Event(_) | End::Motion => {}
             End::Break | End::Sample(_) => {
-                let base_rate = known.rows(|equations| &equations.base_rate);
+                let base_rate = known.row_of(|equations| equations.base_rate.clone());
                 let before = self.sloped(&base_rate.0, &base_rate.1);
                 let which = if let End::Sample(which) = interval.end { which } else { 0 };
-                let driven = |setting: &Setting| {
-                    // After a pulse nothing turns and the base is at 0.
-                    let mut driven = setting.driven(which, setting.time_s(interval.end));
-                    driven[ONE] = 1.0;
-                    driven
-                };
+                let driven = |setting: &Setting| setting.driven(which, setting.time_s(interval.end));
                 self.w.rows_mut(more, MORE).copy_from_slice(&next[more..]);
                 self.s.rows_mut(more, MORE).fill(0.0);
                 for (column, change) in self.changes(driven).iter().enumerate() {

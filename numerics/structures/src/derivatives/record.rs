@@ -1,6 +1,7 @@
 //! A motion as the intervals between events and the instants at which the excitation's form changes.
 
 use damprig_core::integrator::exact::Excitation;
+use damprig_core::integrator::exact::time::Time;
 
 use super::{Drive, MotionCase, NoDerivatives};
 use crate::contacts::{Contacts, Event};
@@ -81,7 +82,7 @@ fn instants(case: &MotionCase) -> Vec<(f64, End)> {
 /// An interval that has begun.
 struct Open {
     contacts: Contacts,
-    from: damprig_core::integrator::exact::time::Time,
+    from: Time,
     start: Vec<f64>,
 }
 

@@ -2,8 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::equations::MORE;
-use super::setting::Sloped;
+use super::setting::{Known, Sloped};
 
 /// Terms of a series after the first: over a step of half a radian of the fastest rate the next one is 0.5¹⁷/17! = 10⁻²⁰.
 const TERMS: usize = 16;
@@ -25,28 +24,19 @@ impl Series {
     /// Products of the matrix with the changes in a step.
     pub const PRODUCTS: f64 = TERMS as f64;
 
-    /// Under `w′ = A w` and `s′ = A s + δA w`, of the changes with quantities; `length_s`: the step.
-    pub fn new(
-        (a, changes): (&DMatrix<f64>, &[&DMatrix<f64>]),
-        (w, s): (&DVector<f64>, &DMatrix<f64>),
-        length_s: f64,
-    ) -> Self {
-        let entries = |a: &DMatrix<f64>| -> Vec<(usize, usize, f64)> {
-            let all = (0..a.nrows()).flat_map(|i| (0..a.ncols()).map(move |j| (i, j)));
-            all.map(|(i, j)| (i, j, a[(i, j)])).filter(|(.., of)| *of != 0.0).collect()
-        };
-        let (own, changes) = (entries(a), changes.iter().map(|change| entries(change)).collect::<Vec<_>>());
+    /// Over a step of `length_s` under the equations `w′ = A w` and `s′ = A s + δA w`, the latter of the changes with quantities.
+    pub fn new(known: &Known, (w, s): (&DVector<f64>, &DMatrix<f64>), length_s: f64) -> Self {
         let (mut of_w, mut of_s) = (vec![w.clone()], vec![s.transpose()]);
         for k in 0..TERMS {
             let factor = length_s / (k + 1) as f64;
             let (w, s) = (&of_w[k], &of_s[k]);
             let (mut next_w, mut next) = (DVector::zeros(w.len()), DMatrix::zeros(s.nrows(), s.ncols()));
-            for &(i, j, of) in &own {
+            for &(i, j, of) in &known.rates {
                 let of = factor * of;
                 next_w[i] += of * w[j];
                 next.column_mut(i).iter_mut().zip(s.column(j).iter()).for_each(|(next, s)| *next += of * s);
             }
-            for (quantity, change) in changes.iter().enumerate() {
+            for (quantity, change) in known.changes_of_rates.iter().enumerate() {
                 for &(i, j, of) in change {
                     next[(quantity, i)] += factor * of * w[j];
                 }
@@ -107,18 +97,4 @@ impl Series {
         }
         Some(0.5 * (low + high))
     }
-}
-
-/// A bound of the fastest rate of `w′ = A w` with these masses of the bodies, rad/s.
-pub(super) fn rate_per_s(a: &DMatrix<f64>, mass: &[f64]) -> f64 {
-    let bodies = mass.len();
-    let more = a.nrows() - MORE;
-    // In displacements times the root of the mass.
-    let sum = |i: usize, from: usize| -> f64 {
-        (0..bodies).map(|j| a[(bodies + i, from + j)].abs() * (mass[i] / mass[j]).sqrt()).sum()
-    };
-    let most = |from: usize| (0..bodies).map(|i| sum(i, from)).fold(0.0, f64::max);
-    let (square, damping) = (most(0), most(bodies));
-    let turning = a[(more, more + 1)].abs();
-    (square.sqrt() + damping).max(turning)
 }

@@ -3,8 +3,9 @@
 use damprig_core::integrator::exact::time::Time;
 use nalgebra::{DMatrix, DVector};
 
-use super::equations::{BASE, COSINE, Equations, SINE};
+use super::equations::{BASE, COSINE, Equations, MORE, SINE};
 use super::record::End;
+use super::series::Series;
 use super::stencil::relative;
 use super::{Drive, MotionCase, NoDerivatives};
 use crate::mount::Mount;
@@ -26,6 +27,20 @@ impl Sloped {
 pub(super) struct Known {
     pub equations: Equations,
     pub changes: Vec<Equations>,
+    /// The entries of A and of its changes that are not zero.
+    pub rates: Entries,
+    pub changes_of_rates: Vec<Entries>,
+    /// A bound of the fastest rate, rad/s.
+    pub fastest_rad_per_s: f64,
+}
+
+/// Row, column and value of entries of a matrix.
+pub(super) type Entries = Vec<(usize, usize, f64)>;
+
+/// The entries of a matrix that are not zero.
+fn entries(a: &DMatrix<f64>) -> Entries {
+    let all = (0..a.nrows()).flat_map(|i| (0..a.ncols()).map(move |j| (i, j)));
+    all.map(|(i, j)| (i, j, a[(i, j)])).filter(|(.., of)| *of != 0.0).collect()
 }
 
 /// A set-up with the excitation, as the equations need it, at a value of a quantity.
@@ -90,17 +105,30 @@ impl Equations {
 }
 
 impl Known {
-    /// A row with its changes.
-    pub(super) fn rows(&self, of: fn(&Equations) -> &DVector<f64>) -> (DVector<f64>, Vec<DVector<f64>>) {
-        (of(&self.equations).clone(), self.changes.iter().map(|change| of(change).clone()).collect())
+    /// Of the bodies with these masses.
+    pub(super) fn new(equations: Equations, changes: Vec<Equations>, mass: &[f64]) -> Self {
+        Self {
+            rates: entries(&equations.a),
+            changes_of_rates: changes.iter().map(|change| entries(&change.a)).collect(),
+            fastest_rad_per_s: fastest_rad_per_s(&equations.a, mass),
+            equations,
+            changes,
+        }
     }
 
+    /// A row with its changes.
     pub(super) fn row_of(&self, of: impl Fn(&Equations) -> DVector<f64>) -> (DVector<f64>, Vec<DVector<f64>>) {
         (of(&self.equations), self.changes.iter().map(of).collect())
     }
 
+    /// The row of a place's displacement, with its changes.
     pub(super) fn place_rows(&self, place: usize) -> (DVector<f64>, Vec<DVector<f64>>) {
         self.row_of(|equations| equations.places.row(place).transpose())
+    }
+
+    /// Steps in which an interval is followed.
+    pub(super) fn steps(&self, length_s: f64) -> f64 {
+        (length_s * self.fastest_rad_per_s / Series::REACH).ceil().max(1.0)
     }
 
     /// The displacement of a place in a state.
@@ -126,4 +154,18 @@ pub(super) fn sloped(row: &DVector<f64>, changes: &[DVector<f64>], w: &DVector<f
     let mut slopes = s.tr_mul(row);
     slopes.iter_mut().zip(changes).for_each(|(slope, change)| *slope += change.dot(w));
     Sloped { value: row.dot(w), slopes }
+}
+
+/// A bound of the fastest rate of `w′ = A w` with these masses of the bodies, rad/s.
+fn fastest_rad_per_s(a: &DMatrix<f64>, mass: &[f64]) -> f64 {
+    let bodies = mass.len();
+    let more = a.nrows() - MORE;
+    // In displacements times the root of the mass.
+    let sum = |i: usize, from: usize| -> f64 {
+        (0..bodies).map(|j| a[(bodies + i, from + j)].abs() * (mass[i] / mass[j]).sqrt()).sum()
+    };
+    let most = |from: usize| (0..bodies).map(|i| sum(i, from)).fold(0.0, f64::max);
+    let (square, damping) = (most(0), most(bodies));
+    let turning = a[(more, more + 1)].abs();
+    (square.sqrt() + damping).max(turning)
 }
