@@ -13,7 +13,7 @@ const DIRECTIONS: [(&str, &[&str]); 17] = [
     ("damprig-protocol", &["damprig-core"]),
     ("damprig-device", &["damprig-core", "damprig-protocol"]),
     ("damprig-simulator", &["damprig-core", "damprig-protocol", "damprig-device"]),
-    ("damprig-continuation", &["damprig-core"]),
+    ("damprig-continuation", &["damprig-core", "damprig-structures"]),
     ("damprig-fourier", &[]),
     ("damprig-identification", &["damprig-core", "damprig-fourier"]),
     ("damprig-motion", &["damprig-core"]),

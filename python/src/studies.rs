@@ -352,7 +352,10 @@ pub fn optimise(py: Python<'_>, optimisation: &Bound<'_, PyAny>) -> PyResult<Str
 #[pyfunction]
 pub fn continuation(py: Python<'_>, continuation: &Bound<'_, PyAny>) -> PyResult<String> {
     let design = Design::of("continuation", continuation)?;
-    work(py, || json(&design.read(Continuation::read, Continuation::parse)?.follow()?))
+    work(py, || {
+        let continuation = design.read(Continuation::read, Continuation::parse)?;
+        json(&watched(|goes_on| continuation.follow(&|_| goes_on()))??)
+    })
 }
 
 fn json(answer: &impl serde::Serialize) -> Result<String, Raised> {

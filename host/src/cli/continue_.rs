@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args as ClapArgs;
 
 use super::arguments::{ForceArg, JsonArg};
+use super::ctrl_c::CtrlC;
 use super::examples;
+use super::progress::spinner;
 use super::simulate::picture;
 use crate::continuation::{Continuation, Found};
 use crate::failure::{Failure, Outcome};
@@ -13,6 +15,7 @@ use crate::file_keys::FileKind;
 use crate::optimise::table::check_folder;
 use crate::report::branch_table;
 use crate::report::figures::{branches, curves};
+use crate::report::numbers::significant;
 use crate::report::terminal;
 use crate::storage::create_folder;
 use crate::storage::out_file::OutFile;
@@ -69,7 +72,7 @@ Exit codes:
 pub fn run(args: &Args) -> Outcome {
     let input = examples::find(FileKind::Continuation, &args.file)?;
     let continuation = Continuation::read(&input)?;
-    if args.plot_curves.is_some() && continuation.curve_parameters().is_none() {
+    if args.plot_curves.is_some() && continuation.keys().1.is_none() {
         let file = input.display();
         return Err(Failure::Input(format!(
             "--plot-curves: {file} has one parameter\n  add a table [second] to it; nothing was computed"
@@ -92,7 +95,16 @@ pub fn run(args: &Args) -> Outcome {
             )));
         }
     }
-    let found = continuation.follow()?;
+    let (ctrl_c, spinner) = (CtrlC::watch()?, spinner());
+    let found = continuation.follow(&|value| {
+        spinner.set_message(format!("{} = {}", continuation.keys().0, significant(value, 6)));
+        !ctrl_c.is_pressed()
+    });
+    spinner.finish_and_clear();
+    let found = found.map_err(|failure| match failure {
+        Failure::Interrupted(_) => Failure::Interrupted("interrupted; nothing was written".into()),
+        other => other,
+    })?;
     args.json.print(&found)?;
     say!("{}", terminal::continuation::text(&found));
     if let Some(path) = &table {
@@ -115,7 +127,7 @@ pub fn run(args: &Args) -> Outcome {
 /// Writes all tables and figures to a folder.
 fn write_all(found: &Found, folder: &Path) -> Outcome {
     create_folder(folder)?;
-    let has_curves = found.curve_parameters.is_some();
+    let has_curves = found.second_parameter.is_some();
     for extension in ["parquet", "csv"] {
         let file = |stem: &str| OutFile { path: folder.join(format!("{stem}.{extension}")), force: true };
         branch_table::write(&branch_table::orbits(found)?, &file("orbits"))?;

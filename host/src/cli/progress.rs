@@ -31,6 +31,14 @@ fn bar_with(length: u64, template: &str) -> ProgressBar {
     bar
 }
 
+/// Work of unknown length, with what it looks at; hidden as [`bar`] is.
+#[must_use]
+pub fn spinner() -> ProgressBar {
+    let bar = bar_with(1, "{spinner} {msg}");
+    bar.set_length(0);
+    bar
+}
+
 /// Progress of a simulation; shown after one second.
 pub struct SimulationBar {
     name: String,

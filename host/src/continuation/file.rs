@@ -1,21 +1,29 @@
 //! Reads a continuation file and the case that it names.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use damprig_continuation::{NoStart, Steps, System, Task, Ties};
+use damprig_continuation::{NoStart, Steps, StructureTask, System, Task, Ties};
 use damprig_core::integrator::exact::Excitation;
+use damprig_structures::NoDerivatives;
 use toml::Value;
 
 use super::found::{Found, FoundCurve};
 use super::keys::{file, second};
+use super::of_structure::{NotFollowed, OverKey};
 use crate::failure::Failure;
 use crate::input::key::Quantity;
-use crate::input::{Problem, Section, Source, near};
+use crate::input::{Number, Problem, Section, Source, Span, Text, near};
 use crate::motion_record::resolve;
 use crate::setup::StatedContact;
+use crate::simulation::analysis::WrittenCase;
 use crate::simulation::case::default_name;
 use crate::simulation::parameters::{PARAMETERS, ParameterKey};
+use crate::simulation::set_values::numbers_of;
 use crate::simulation::{Case, SetValues};
+
+/// Most orbits of a branch of a structure in one direction: each takes milliseconds, and short steps are near an end.
+const MAX_ORBITS: usize = 400;
 
 /// A validated continuation.
 #[derive(Clone, Debug)]
@@ -26,23 +34,42 @@ pub struct Continuation {
     pub case_file: PathBuf,
     /// Its text.
     pub case_text: String,
-    /// The parameter.
-    pub parameter: ParameterKey,
-    /// The second parameter and its range.
+    start_at: f64,
+    followed: Followed,
+}
+
+/// What is followed.
+#[derive(Clone, Debug)]
+enum Followed {
+    /// A system of one degree of freedom over one of its parameters, with the second parameter and its range.
+    OneDegree(Box<OverParameter>),
+    /// A structure with several places.
+    Structure(OverKey),
+}
+
+/// A system of one degree of freedom over a parameter.
+#[derive(Clone, Debug)]
+struct OverParameter {
+    system: System,
+    parameter: ParameterKey,
     second: Option<(ParameterKey, (f64, f64))>,
     task: Task,
-    system: System,
-    name: String,
+}
+
+/// A parameter and its range, as the file has them.
+struct Range {
+    key: Text,
+    from: Number,
+    to: Number,
 }
 
 /// What the file says before the case is read.
 struct Wanted {
     case_file: PathBuf,
-    parameter: ParameterKey,
-    range: (f64, f64),
-    start_at: Option<f64>,
+    over: Range,
+    start_at: Option<Number>,
     switch: bool,
-    second: Option<(ParameterKey, (f64, f64))>,
+    second: Option<Range>,
     restarts: f64,
     step: f64,
     settle: f64,
@@ -72,49 +99,64 @@ impl Continuation {
         let case = Case::parse(&case_source, &default_name(Path::new(case_source.name())))?;
         let name = case_source.name().to_string();
         let text = (case_source.name(), case_source.text());
-        case.refuse_other_engines(text, &SetValues::default(), "a continuation", false)?;
+        case.refuse_other_engines(text, &SetValues::default(), "a continuation", true)?;
         let case = case.without_hertz();
-        if !matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. }) || case.record.is_some() {
+        if !case.is_under_a_sine() {
             return Err(Failure::Input(format!(
                 "{name}: `base` or `force` must be a sine: only then does a motion repeat with the drive\n  \
                  write base = {{ kind = \"sine\", amplitude_m = …, frequency_hz = … }}"
             )));
         }
-        let ties = ties(case_source.text());
-        let system = System::new(&case.set_up, &case.excitation, ties)
+        let followed = match &case.multi_degree {
+            Some(_) => Self::structure(source, &wanted, &case_source),
+            None => Self::one_degree(source, &wanted, &case, &case_source)?,
+        };
+        source.verdict()?;
+        let (start_at, followed) =
+            followed.ok_or_else(|| Failure::Input(format!("{}: the file could not be read", path.display())))?;
+        Ok(Self { case, case_file: name.into(), case_text: case_source.text().to_string(), start_at, followed })
+    }
+
+    /// What is followed of a case of one degree of freedom, and where it starts; problems are reported to `source`.
+    fn one_degree(
+        source: &Source,
+        wanted: &Wanted,
+        case: &Case,
+        case_source: &Source,
+    ) -> Result<Option<(f64, Followed)>, Failure> {
+        let name = case_source.name();
+        let system = System::new(&case.set_up, &case.excitation, ties(case_source.text()))
             .map_err(|invalid| Failure::Input(format!("{name}: {invalid}")))?;
-        let of_this = Self::of_this(&system, &case);
-        let second = wanted.second.map(|(parameter, _)| ("second.parameter", parameter));
-        for (key, parameter) in [("parameter", wanted.parameter)].into_iter().chain(second) {
-            if !of_this.contains(&parameter.key) {
-                return Err(Failure::Input(format!(
-                    "{}: `{key}` = {:?} is not allowed: the case {name} has no such parameter\n  allowed: {}",
-                    path.display(),
-                    parameter.key,
-                    of_this.join(", ")
-                )));
+        let of_this = of_this(&system, case);
+        let over = wanted.over.parameter(source, "parameter", name, &of_this);
+        let second = wanted.second.as_ref().map(|second| second.parameter(source, "second.parameter", name, &of_this));
+        let Some((parameter, range)) = over else { return Ok(None) };
+        let second = match second {
+            None => None,
+            Some(None) => return Ok(None),
+            Some(Some(second)) => Some(second),
+        };
+        if let (Some((other, (low, high))), Some(written)) = (second, &wanted.second) {
+            if other.parameter == parameter.parameter {
+                written.report(source, &written.key.span, "must be another parameter than that of the file itself");
             }
-        }
-        if let Some((parameter, (low, high))) = wanted.second {
-            let value = system.value(parameter.parameter);
+            let value = system.value(other.parameter);
             if !(low..=high).contains(&value) {
-                return Err(Failure::Input(format!(
-                    "{}: the range of `second`, from {low} to {high}, is not allowed: {} = {value} of the case must lie in it\n  \
-                     change `second.from` or `second.to`: the curves start at the value of the case",
-                    path.display(),
-                    parameter.key
-                )));
+                let allowed =
+                    format!("the range must contain {value}, {} of the case: the curves start there", other.key);
+                written.report(source, &written.to.span, &allowed);
             }
         }
-        let (low, high) = wanted.range;
-        let start_at = wanted.start_at.unwrap_or_else(|| system.value(wanted.parameter.parameter).clamp(low, high));
+        let (low, high) = range;
+        let start_at = wanted.start_at.as_ref().map(|start| start.value);
+        let start_at = start_at.unwrap_or_else(|| system.value(parameter.parameter).clamp(low, high));
         let phase_rad = match case.excitation {
             Excitation::Sine { phase_rad, .. } | Excitation::ForceSine { phase_rad, .. } => phase_rad,
             _ => 0.0,
         };
         let task = Task {
-            parameter: wanted.parameter.parameter,
-            range: wanted.range,
+            parameter: parameter.parameter,
+            range,
             start_at,
             initial: case.initial,
             phase_rad,
@@ -123,55 +165,121 @@ impl Continuation {
             most_restarts: wanted.restarts as usize,
             steps: Steps { longest: wanted.step, ..Steps::default() },
         };
-        Ok(Self {
-            name: case.name.clone(),
-            case,
-            case_file: case_source.name().into(),
-            case_text: case_source.text().to_string(),
-            parameter: wanted.parameter,
-            second: wanted.second,
-            task,
-            system,
-        })
+        Ok(Some((start_at, Followed::OneDegree(Box::new(OverParameter { system, parameter, second, task })))))
     }
 
-    /// Both parameters, if the file has a second one.
+    /// What is followed of a structure with several places, and where it starts; problems are reported to `source`.
+    fn structure(source: &Source, wanted: &Wanted, case_source: &Source) -> Option<(f64, Followed)> {
+        let Range { key, from, to } = &wanted.over;
+        if let Some(second) = &wanted.second {
+            second.report(
+                source,
+                &second.key.span,
+                "damprig has no curves in two parameters of a structure with several places: leave out [second]",
+            );
+            return None;
+        }
+        let nothing = SetValues::default();
+        let numbers = numbers_of(case_source.text(), &nothing);
+        let Some((_, own)) = numbers.iter().find(|(known, _)| *known == key.value) else {
+            let known = || numbers.iter().map(|(known, _)| known.as_str()).filter(|known| !known.starts_with("run."));
+            let help = near_one_of(&key.value, known());
+            let all = known().collect::<Vec<_>>().join(", ");
+            wanted.over.refuse(
+                source,
+                "parameter",
+                &format!("{} has no such number; allowed: {all}", case_source.name()),
+                help,
+            );
+            return None;
+        };
+        let (low, high) = wanted.over.ends(source)?;
+        if low <= 0.0 && high >= 0.0 {
+            wanted.over.report(source, &from.span, "the range must not contain 0: derivatives are of relative changes");
+            return None;
+        }
+        let written = WrittenCase { name: case_source.name(), text: case_source.text(), values: &nothing };
+        for end in [from, to] {
+            if let Err(why) = written.read(&key.value, end.value, &Arc::default()) {
+                wanted.over.report(source, &end.span, &format!("{} = {} is refused: {why}", key.value, end.value));
+            }
+        }
+        let start_at = wanted.start_at.as_ref().map_or(own.clamp(low, high), |start| start.value);
+        let task = StructureTask {
+            start_at,
+            most_periods: wanted.settle as u64,
+            switch: wanted.switch,
+            most_restarts: wanted.restarts as usize,
+            steps: Steps { longest: wanted.step, most_orbits: MAX_ORBITS },
+        };
+        Some((start_at, Followed::Structure(OverKey { key: key.value.clone(), range: (low, high), task })))
+    }
+
+    /// Key of the parameter, and of the second one.
     #[must_use]
-    pub fn curve_parameters(&self) -> Option<[ParameterKey; 2]> {
-        self.second.map(|(second, _)| [self.parameter, second])
+    pub fn keys(&self) -> (&str, Option<&str>) {
+        match &self.followed {
+            Followed::OneDegree(over) => (over.parameter.key, over.second.map(|(second, _)| second.key)),
+            Followed::Structure(over) => (&over.key, None),
+        }
     }
 
-    /// Keys of the parameters that a case has.
-    fn of_this(system: &System, case: &Case) -> Vec<&'static str> {
-        // The keys of a Hertz wall are not those of the hard wall in its place.
-        let hertz = [("particle.wall.", 0), ("particle.positive_wall.", 1)]
-            .map(|(wall, side)| matches!(case.contacts[side], Some(StatedContact::HertzWall(_))).then_some(wall));
-
-        let drive = if case.excitation.moves_base() { "force." } else { "base." };
-        let other = if case.set_up.tmd.is_some() { "particle." } else { "tmd." };
-        let absent =
-            |key: &str| [drive, other].into_iter().chain(hertz.into_iter().flatten()).any(|of| key.starts_with(of));
-        let has = |p: &&ParameterKey| !absent(p.key) && system.has(p.parameter);
-        PARAMETERS.iter().filter(has).map(|p| p.key).collect()
-    }
-
-    /// Follows the orbits.
+    /// Follows the orbits, while `goes_on` is true; of a structure it sees the value of the parameter that is looked at.
     ///
     /// # Errors
-    /// Why there is no orbit to start from, with the value of the parameter and what to try.
-    pub fn follow(&self) -> Result<Found, Failure> {
-        let diagram = self.system.explore(&self.task).map_err(|why| self.no_start(&why))?;
-        let mut found = Found::of(&self.name, &self.parameter, &diagram);
+    /// Why there is no orbit to start from, with the value of the parameter and what to try; that it was stopped.
+    pub fn follow(&self, goes_on: &dyn Fn(f64) -> bool) -> Result<Found, Failure> {
+        let mut found = match &self.followed {
+            Followed::OneDegree(over) => self.of_one_degree(over)?,
+            Followed::Structure(over) => {
+                let (name, nothing) = (self.case_file.display().to_string(), SetValues::default());
+                let written = WrittenCase { name: &name, text: &self.case_text, values: &nothing };
+                over.follow(&self.case, &written, goes_on).map_err(|why| match why {
+                    NotFollowed::Failure(failure) => failure,
+                    NotFollowed::NoOrbit(NoDerivatives::Stopped) => Failure::stopped(),
+                    NotFollowed::NoOrbit(why) => {
+                        let why = why.to_string();
+                        let why = why.trim_start_matches("no derivatives: ");
+                        self.no_start(
+                            why,
+                            "give another `start_at`, where the motion is periodic, or a larger `settle_periods`",
+                        )
+                    }
+                })?
+            }
+        };
         found.case_text.clone_from(&self.case_text);
         found.walls = self.case.hertz_as_hard();
-        if let Some((parameter, range)) = &self.second {
-            let parameters = [self.parameter.parameter, parameter.parameter];
-            let ranges = [self.task.range, *range];
-            found.second_parameter = Some(parameter.key);
-            found.curve_parameters = Some([self.parameter, *parameter]);
+        Ok(found)
+    }
+
+    fn of_one_degree(&self, over: &OverParameter) -> Result<Found, Failure> {
+        let OverParameter { system, parameter, second, task } = over;
+        let diagram = system.explore(task).map_err(|why| {
+            let fix = match why {
+                NoStart::NoRepetition { .. } => {
+                    "give another `start_at`, where the motion is periodic, or a larger `settle_periods`"
+                }
+                NoStart::Chatter | NoStart::TooManyEvents { .. } => {
+                    "give another `start_at`, where the motion is simpler"
+                }
+                NoStart::NotIsolated => {
+                    "give another `start_at`, or a case whose start makes the particle meet its walls"
+                }
+                NoStart::Invalid(_) => "give another `start_at` or range",
+                NoStart::NoConvergence => "give a slightly different `start_at`",
+            };
+            self.no_start(&why.to_string(), fix)
+        })?;
+        let reference = self.case.reference_m().map_or("Z", |(_, symbol)| symbol);
+        let mut found = Found::of(&self.case.name, parameter, reference, &diagram);
+        if let Some((second, range)) = second {
+            let parameters = [parameter.parameter, second.parameter];
+            let ranges = [task.range, *range];
+            found.second_parameter = Some(second.key.into());
             for (number, branch) in diagram.branches.iter().enumerate() {
                 for (_, special) in &branch.specials {
-                    let curve = self.system.curve(&branch.sequence, special, parameters, ranges, self.task.steps);
+                    let curve = system.curve(&branch.sequence, special, parameters, ranges, task.steps);
                     found.curves.extend(curve.map(|curve| FoundCurve::of(number + 1, &curve)));
                 }
             }
@@ -179,58 +287,113 @@ impl Continuation {
         Ok(found)
     }
 
-    fn no_start(&self, why: &NoStart) -> Failure {
-        let fix = match why {
-            NoStart::NoRepetition { .. } => {
-                "give another `start_at`, where the motion is periodic, or a larger `settle_periods`"
-            }
-            NoStart::Chatter | NoStart::TooManyEvents { .. } => "give another `start_at`, where the motion is simpler",
-            NoStart::NotIsolated => "give another `start_at`, or a case whose start makes the particle meet its walls",
-            NoStart::Invalid(_) => "give another `start_at` or range",
-            NoStart::NoConvergence => "give a slightly different `start_at`",
-        };
+    fn no_start(&self, why: &str, fix: &str) -> Failure {
         Failure::Input(format!(
             "no periodic orbit of {} found at {} = {}: {why}\n  {fix}",
             self.case_file.display(),
-            self.parameter.key,
-            self.task.start_at
+            self.keys().0,
+            self.start_at
         ))
+    }
+}
+
+/// Keys of the parameters that a case of one degree of freedom has.
+fn of_this(system: &System, case: &Case) -> Vec<&'static str> {
+    // The keys of a Hertz wall are not those of the hard wall in its place.
+    let hertz = [("particle.wall.", 0), ("particle.positive_wall.", 1)]
+        .map(|(wall, side)| matches!(case.contacts[side], Some(StatedContact::HertzWall(_))).then_some(wall));
+    let drive = if case.excitation.moves_base() { "force." } else { "base." };
+    let other = if case.set_up.tmd.is_some() { "particle." } else { "tmd." };
+    let absent =
+        |key: &str| [drive, other].into_iter().chain(hertz.into_iter().flatten()).any(|of| key.starts_with(of));
+    let has = |p: &&ParameterKey| !absent(p.key) && system.has(p.parameter);
+    PARAMETERS.iter().filter(has).map(|p| p.key).collect()
+}
+
+fn near_one_of<'k>(key: &str, known: impl Iterator<Item = &'k str>) -> Option<String> {
+    near(key, known).first().map(|key| format!("did you mean {key:?}?"))
+}
+
+impl Range {
+    /// Reports what is not allowed at a place of the file.
+    fn report(&self, source: &Source, span: &Span, allowed: &str) {
+        let title = format!("{} from {} to {} is not allowed", self.key.value, self.from.value, self.to.value);
+        source.report(Problem { title, span: span.clone(), allowed: allowed.into(), help: None });
+    }
+
+    /// Reports that there is no such parameter.
+    fn refuse(&self, source: &Source, name: &str, allowed: &str, help: Option<String>) {
+        let title = format!("`{name}` = {:?} is not allowed", self.key.value);
+        source.report(Problem { title, span: self.key.span.clone(), allowed: allowed.into(), help });
+    }
+
+    /// The parameter of a case of one degree of freedom that has these, with the range that it allows.
+    fn parameter(
+        &self,
+        source: &Source,
+        name: &str,
+        case: &str,
+        of_this: &[&'static str],
+    ) -> Option<(ParameterKey, (f64, f64))> {
+        let known = PARAMETERS.iter().find(|known| known.key == self.key.value && of_this.contains(&known.key));
+        let Some(parameter) = known else {
+            let allowed = format!("the case {case} has no such parameter; allowed: {}", of_this.join(", "));
+            self.refuse(source, name, &allowed, near_one_of(&self.key.value, of_this.iter().copied()));
+            return None;
+        };
+        for end in [&self.from, &self.to] {
+            if let Some(refusal) = parameter.refusal(end.value) {
+                self.report(source, &end.span, &format!("{} {refusal}", parameter.key));
+                return None;
+            }
+        }
+        Some((*parameter, self.ends(source)?))
+    }
+
+    /// Its ends, in order.
+    fn ends(&self, source: &Source) -> Option<(f64, f64)> {
+        let Self { from, to, .. } = self;
+        if from.value < to.value {
+            return Some((from.value, to.value));
+        }
+        let help = (from.value > to.value).then(|| format!("swap them: from = {}, to = {}", to.value, from.value));
+        source.report(Problem {
+            title: format!("the range from {} to {} is empty", from.value, to.value),
+            span: to.span.clone(),
+            allowed: "`to` must be greater than `from`".into(),
+            help,
+        });
+        None
     }
 }
 
 fn read(root: &Section, path: &Path) -> Option<Wanted> {
     let case_file = root.text_of(&file::CASE).map(|text| resolve(path, &text.value));
-    let parameter = parameter(root, &file::PARAMETER);
-    let range = range(root, parameter, (&file::FROM, &file::TO));
+    let over = range(root, [&file::PARAMETER, &file::FROM, &file::TO]);
     let start_at = root.placed(&file::START_AT);
-    if let (Some(start), Some((low, high))) = (&start_at, range)
-        && !(low..=high).contains(&start.value)
+    if let (Some(start), Some(Range { from, to, .. })) = (&start_at, &over)
+        && from.value < to.value
+        && !(from.value..=to.value).contains(&start.value)
     {
+        let (low, high) = (from.value, to.value);
         root.refuse("start_at", &start.span, format!("must be from {low} to {high}: within `from` and `to`"), None);
     }
     let branches = root.word(&file::BRANCHES);
     let numbers = [&file::RESTARTS, &file::STEP, &file::SETTLE].map(|quantity| root.scalar(quantity));
     let second = root.table_of(&file::SECOND, None).map(|section| {
-        let parameter = self::parameter(&section, &second::PARAMETER);
-        let range = self::range(&section, parameter, (&second::FROM, &second::TO));
+        let over = range(&section, [&second::PARAMETER, &second::FROM, &second::TO]);
         section.finish();
-        parameter.zip(range)
+        over
     });
-    if let (Some(Some((other, _))), Some(parameter)) = (&second, parameter)
-        && other.parameter == parameter.parameter
-    {
-        root.reject("second", "must have another parameter than the file itself", None);
-    }
     let [restarts, step, settle] = numbers;
     Some(Wanted {
         case_file: case_file?,
-        parameter: parameter?,
-        range: range?,
+        over: over?,
         second: match second {
             Some(second) => Some(second?),
             None => None,
         },
-        start_at: start_at.map(|start| start.value),
+        start_at,
         switch: branches? == 1,
         restarts: restarts?,
         step: step?,
@@ -238,42 +401,9 @@ fn read(root: &Section, path: &Path) -> Option<Wanted> {
     })
 }
 
-/// Reads the key of a parameter.
-fn parameter(section: &Section, quantity: &Quantity) -> Option<ParameterKey> {
-    let text = section.text_of(quantity)?;
-    let found = PARAMETERS.iter().find(|known| known.key == text.value).copied();
-    if found.is_none() {
-        let keys = || PARAMETERS.iter().map(|known| known.key);
-        let help = near(&text.value, keys()).first().map(|key| format!("did you mean {key:?}?"));
-        let allowed = format!("must be one of {}", keys().collect::<Vec<_>>().join(", "));
-        section.refuse(quantity.name(), &text.span, allowed, help);
-    }
-    found
-}
-
-/// Reads a range, whose values the parameter allows.
-fn range(section: &Section, parameter: Option<ParameterKey>, ends: (&Quantity, &Quantity)) -> Option<(f64, f64)> {
-    let (from, to) = (section.placed(ends.0), section.placed(ends.1));
-    let (from, to) = (from?, to?);
-    for (quantity, number) in [(ends.0, &from), (ends.1, &to)] {
-        if let Some(refusal) = parameter.and_then(|parameter| parameter.refusal(number.value)) {
-            let key = parameter.map_or("the parameter", |parameter| parameter.key);
-            section.refuse(quantity.name(), &number.span, format!("{key} {refusal}"), None);
-            return None;
-        }
-    }
-    if from.value < to.value {
-        return Some((from.value, to.value));
-    }
-    let help = (from.value > to.value)
-        .then(|| format!("swap them: {} = {}, {} = {}", ends.0.name(), to.value, ends.1.name(), from.value));
-    section.source().report(Problem {
-        title: format!("the range from {} to {} is empty", from.value, to.value),
-        span: to.span,
-        allowed: format!("`{}` must be greater than `{}`", ends.1.name(), ends.0.name()),
-        help,
-    });
-    None
+fn range(section: &Section, [key, from, to]: [&Quantity; 3]) -> Option<Range> {
+    let (key, from, to) = (section.text_of(key), section.placed(from), section.placed(to));
+    Some(Range { key: key?, from: from?, to: to? })
 }
 
 /// The ratios that the text of a case states: they stay while another parameter changes.

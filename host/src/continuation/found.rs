@@ -1,8 +1,13 @@
 //! The result of a continuation, for tables, figures and JSON.
 
-use damprig_continuation::{Branch, BranchEnd, Curve, Diagram, Orbit, Origin, Special, SpecialKind};
+use damprig_continuation::{
+    Branch, BranchEnd, Curve, Diagram, Orbit, Origin, Special, SpecialKind, StructureBranch, StructureDiagram,
+    StructureOrbit, StructureSpecial,
+};
 use serde::Serialize;
 
+use crate::failure::Failure;
+use crate::simulation::Case;
 use crate::simulation::parameters::ParameterKey;
 
 /// Branches of periodic orbits.
@@ -17,10 +22,10 @@ pub struct Found {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub walls: Option<String>,
     /// Key of the parameter.
-    pub parameter: &'static str,
-    /// The parameter with its symbol and unit.
+    pub parameter: String,
+    /// Symbol of the case's reference length: `Z`, `(P/k)` or `x0`.
     #[serde(skip)]
-    pub key: ParameterKey,
+    pub reference: &'static str,
     /// The branches.
     pub branches: Vec<FoundBranch>,
     /// Values of the parameter at which a new start found no periodic orbit, and why.
@@ -28,12 +33,12 @@ pub struct Found {
     /// Values of the parameter at which a new start was due when all `restarts` were used up.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub not_started: Vec<f64>,
+    /// Whether branches that leave others were left out, as there are many.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub is_cut_short: bool,
     /// Key of the second parameter.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub second_parameter: Option<&'static str>,
-    /// Both parameters of the curves.
-    #[serde(skip)]
-    pub curve_parameters: Option<[ParameterKey; 2]>,
+    pub second_parameter: Option<String>,
     /// Curves of special points in both parameters.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub curves: Vec<FoundCurve>,
@@ -141,51 +146,107 @@ pub struct FoundOrbit {
 }
 
 impl Found {
-    pub(super) fn of(case: &str, parameter: &ParameterKey, diagram: &Diagram) -> Self {
+    /// The branches of a system of one degree of freedom over this parameter of a case.
+    pub(super) fn of(case: &str, parameter: &ParameterKey, reference: &'static str, diagram: &Diagram) -> Self {
         let branches = diagram.branches.iter().enumerate().map(|(n, branch)| FoundBranch::of(n, branch)).collect();
         let gaps = diagram.gaps.iter().map(|(at, why)| FoundGap { parameter: *at, why: why.to_string() }).collect();
+        let not_started = diagram.not_started.clone();
+        Self { branches, gaps, not_started, ..Self::none(case, parameter.key, reference) }
+    }
+
+    /// The branches of a structure; `orbit` measures its orbits.
+    pub(super) fn of_structure(
+        case: &Case,
+        parameter: &str,
+        diagram: &StructureDiagram,
+        orbit: &dyn Fn(&StructureOrbit) -> Result<FoundOrbit, Failure>,
+    ) -> Result<Self, Failure> {
+        let branches = diagram.branches.iter().enumerate();
+        let branches = branches.map(|(n, branch)| FoundBranch::of_structure(n, branch, orbit));
+        let gaps = diagram.gaps.iter().map(|(at, why)| FoundGap { parameter: *at, why: why.to_string() }).collect();
+        Ok(Self {
+            branches: branches.collect::<Result<_, Failure>>()?,
+            gaps,
+            not_started: diagram.not_started.clone(),
+            is_cut_short: diagram.is_cut_short,
+            ..Self::none(&case.name, parameter, case.reference_m().map_or("Z", |(_, symbol)| symbol))
+        })
+    }
+
+    fn none(case: &str, parameter: &str, reference: &'static str) -> Self {
         Self {
             case: case.into(),
             case_text: String::new(),
             walls: None,
-            parameter: parameter.key,
-            key: *parameter,
-            branches,
-            gaps,
-            not_started: diagram.not_started.clone(),
+            parameter: parameter.into(),
+            reference,
+            branches: Vec::new(),
+            gaps: Vec::new(),
+            not_started: Vec::new(),
+            is_cut_short: false,
             second_parameter: None,
-            curve_parameters: None,
             curves: Vec::new(),
         }
     }
 }
 
+fn origin(of: Origin) -> String {
+    match of {
+        Origin::Simulation(at) => format!("simulation at {at}"),
+        Origin::BranchPoint { branch, special } => format!("special point {} of branch {}", special + 1, branch + 1),
+    }
+}
+
+fn end(of: BranchEnd) -> &'static str {
+    match of {
+        BranchEnd::Range => "end of the range",
+        BranchEnd::Grazing => "grazing",
+        BranchEnd::Closed => "its own start",
+        BranchEnd::SymmetryBreaking => "symmetry breaking",
+        BranchEnd::PeriodDoubling => "period doubling",
+        BranchEnd::NoConvergence => "no convergence",
+        BranchEnd::TooLong => "largest number of orbits",
+    }
+}
+
 impl FoundBranch {
     fn of(place: usize, branch: &Branch) -> Self {
-        let origin = match branch.origin {
-            Origin::Simulation(at) => format!("simulation at {at}"),
-            Origin::BranchPoint { branch, special } => {
-                format!("special point {} of branch {}", special + 1, branch + 1)
-            }
-        };
-        let of_end = |end: BranchEnd| match end {
-            BranchEnd::Range => "end of the range",
-            BranchEnd::Grazing => "grazing",
-            BranchEnd::Closed => "its own start",
-            BranchEnd::SymmetryBreaking => "symmetry breaking",
-            BranchEnd::PeriodDoubling => "period doubling",
-            BranchEnd::NoConvergence => "no convergence",
-            BranchEnd::TooLong => "largest number of orbits",
-        };
         Self {
             number: place + 1,
-            origin,
+            origin: origin(branch.origin.clone()),
             periods: branch.sequence.periods,
             events: branch.orbits.first().map_or(0, |_| branch.events()),
-            ends: branch.ends.map(of_end),
+            ends: branch.ends.map(end),
             special_points: branch.specials.iter().map(|(n, special)| FoundSpecial::of(*n, special)).collect(),
             orbits: branch.orbits.iter().map(FoundOrbit::of).collect(),
         }
+    }
+
+    fn of_structure(
+        place: usize,
+        branch: &StructureBranch,
+        orbit: &dyn Fn(&StructureOrbit) -> Result<FoundOrbit, Failure>,
+    ) -> Result<Self, Failure> {
+        let special = |(after_orbits, special): &(usize, StructureSpecial)| {
+            Ok(FoundSpecial {
+                kind: special.kind.name(),
+                meaning: special.meaning.clone(),
+                parameter: special.orbit.parameter,
+                parameter_error: special.parameter_error,
+                max_abs_x_m: orbit(&special.orbit)?.max_abs_x_m,
+                after_orbits: *after_orbits,
+            })
+        };
+        let first = branch.orbits.first();
+        Ok(Self {
+            number: place + 1,
+            origin: origin(branch.origin.clone()),
+            periods: first.map_or(0, |orbit| orbit.section.periods),
+            events: first.map_or(0, |orbit| orbit.events),
+            ends: branch.ends.map(end),
+            special_points: branch.specials.iter().map(special).collect::<Result<_, Failure>>()?,
+            orbits: branch.orbits.iter().map(orbit).collect::<Result<_, Failure>>()?,
+        })
     }
 }
 

@@ -42,7 +42,7 @@ pub fn over_frequency(
             steps: Steps::default(),
         };
         match system.explore(&task) {
-            Ok(diagram) => return Ok(Found::of(name, key, &diagram)),
+            Ok(diagram) => return Ok(Found::of(name, key, "Z", &diagram)),
             Err(no_start) => why = format!("at {start_at} Hz: {no_start}"),
         }
     }

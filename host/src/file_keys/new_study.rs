@@ -138,7 +138,7 @@ pub fn optimisation(name: &str, case_file: &str, case: &Case, axes: &[SweepAxis]
 }
 
 fn is_driven(case: &Case) -> bool {
-    case.record.is_none() && matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. })
+    case.is_under_a_sine()
 }
 
 fn drive_key(case: &Case) -> &'static str {

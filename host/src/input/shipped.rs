@@ -40,6 +40,7 @@ pub static FILES: &[(&str, &str)] = files![
     "cases/spid.toml",
     "cases/tmd.toml",
     "continuations/clearance.toml",
+    "continuations/frame.toml",
     "continuations/grazing-curve.toml",
     "optimisations/cases/hybrid.toml",
     "optimisations/boring-bar.toml",

@@ -7,11 +7,11 @@ use arrow_array::RecordBatch;
 
 use crate::continuation::Found;
 use crate::failure::Failure;
+use crate::input::key::Unit;
 use crate::quantity::Quantity;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::sealed_parquet::{self, IDENTITY};
 use crate::simulation::fixed_parameters;
-use crate::simulation::parameters::ParameterKey;
 use crate::storage::out_file::{OutFile, to_failure, write_new};
 use crate::table::csv::{CsvTable, Heads};
 use crate::table::{Column, TableBuilder};
@@ -54,8 +54,9 @@ pub fn write(batch: &RecordBatch, out: &OutFile) -> Result<usize, Failure> {
 }
 
 /// The column of a parameter: its unit, and its key in a case.
-fn column_of(parameter: &ParameterKey) -> Column {
-    Column::new(parameter.column(), parameter.unit(), "parameter of the case").with("key", parameter.key)
+fn column_of(key: &str) -> Column {
+    let unit = Unit::of(key).map(|unit| unit.symbol).filter(|symbol| !symbol.is_empty());
+    Column::new(key.replace('.', "_"), unit.unwrap_or("1"), "parameter of the case").with("key", key)
 }
 
 /// A row for each point of the curves in two parameters, curve after curve; no rows without a second parameter.
@@ -72,7 +73,8 @@ pub fn curves(found: &Found) -> Result<RecordBatch, Failure> {
         .column(Column::new("kind", "", "kind of the special point that the curve follows"), |(_, curve, _)| {
             curve.kind.to_string()
         });
-    for (place, parameter) in found.curve_parameters.iter().flatten().enumerate() {
+    let both = found.second_parameter.iter().flat_map(|second| [&found.parameter, second]);
+    for (place, parameter) in both.enumerate() {
         table = table.column(column_of(parameter), |(_, _, point)| point[place]);
     }
     let table = table
@@ -93,7 +95,7 @@ pub fn orbits(found: &Found) -> Result<RecordBatch, Failure> {
     let mut table = TableBuilder::new(&rows)
         .column(Column::new("branch", "1", "number of the branch"), |(branch, _)| branch.number as u32)
         .column(periods, |(branch, _)| branch.periods)
-        .column(column_of(&found.key), |(_, orbit)| orbit.parameter)
+        .column(column_of(&found.parameter), |(_, orbit)| orbit.parameter)
         .column(is_stable, |(_, orbit)| orbit.is_stable)
         .column(Quantity::MaxAbsXM, |(_, orbit)| orbit.max_abs_x_m)
         .column(Quantity::MeanCycleMaxM, |(_, orbit)| orbit.mean_cycle_max_m)
@@ -112,7 +114,7 @@ pub fn orbits(found: &Found) -> Result<RecordBatch, Failure> {
 
 /// A table that says what it is: case, parameters that do not vary, and identity.
 fn finish<R>(found: &Found, row: &str, table: TableBuilder<R>) -> Result<RecordBatch, Failure> {
-    let varied: Vec<&str> = [found.parameter].into_iter().chain(found.second_parameter).collect();
+    let varied: Vec<&str> = [&found.parameter].into_iter().chain(&found.second_parameter).map(String::as_str).collect();
     let about = of_file(row)
         .with("damprig.name", found.case.as_str())
         .with("damprig.case", found.case_text.as_str())

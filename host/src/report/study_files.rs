@@ -117,7 +117,7 @@ fn overlays(study: &Study) -> (Vec<Found>, Vec<(String, String)>) {
     let (mut found, mut left_out) = (Vec::new(), Vec::new());
     for overlay in &study.overlays {
         let shown = overlay.path.display().to_string();
-        match overlay.continuation.follow() {
+        match overlay.continuation.follow(&|_| true) {
             Ok(curves) if curves.curves.is_empty() => {
                 let reason = "no special point of it can be followed in both parameters; the map has no curve of it";
                 left_out.push((shown, reason.into()));

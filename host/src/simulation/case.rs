@@ -225,6 +225,12 @@ impl Case {
         self.run.cycle_s.or(self.drive_period_s()).unwrap_or_else(|| self.natural_period_s())
     }
 
+    /// Whether a sine of the base or of a force drives it, with which a motion may repeat.
+    #[must_use]
+    pub fn is_under_a_sine(&self) -> bool {
+        self.record.is_none() && self.drive_period_s().is_some()
+    }
+
     /// The period of a sine, s.
     #[must_use]
     pub fn drive_period_s(&self) -> Option<f64> {

@@ -1,7 +1,5 @@
 //! Warns of a case whose counted cycles begin before the structure has settled; [`crate::prediction::settling`] has the equations.
 
-use damprig_core::integrator::exact::Excitation;
-
 use super::Case;
 use crate::prediction::settling::unsettled;
 use crate::prediction::trim;
@@ -13,8 +11,7 @@ const CASE_TOLERANCE: f64 = 0.01;
 /// is the one that says from which cycle it counts.
 #[must_use]
 pub fn warning(case: &Case, key: &str, first_cycle: f64, [cycle_s, end_s]: [f64; 2]) -> Option<String> {
-    let is_sine = matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. });
-    if !is_sine || case.record.is_some() || case.set_up.tmd.is_some() {
+    if !case.is_under_a_sine() || case.set_up.tmd.is_some() {
         return None;
     }
     let start_s = first_cycle * cycle_s;

@@ -6,7 +6,7 @@
 use std::str::FromStr;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use damprig_core::integrator::exact::{Exact, ExactState, Excitation};
+use damprig_core::integrator::exact::{Exact, ExactState};
 use damprig_core::io::Invalid;
 use damprig_core::model::Initial;
 use damprig_structures::State;
@@ -115,12 +115,12 @@ pub(super) fn sine_case(
 ) -> Result<Case, Failure> {
     let case = Case::parse_changed(&Source::new(source_name, text), name, values)?;
     case.refuse_other_engines((source_name, text), values, what, several_places)?;
-    match case.excitation {
-        Excitation::Sine { .. } | Excitation::ForceSine { .. } if case.record.is_none() => Ok(case),
-        _ => Err(Failure::Input(format!(
-            "{source_name}: {what} needs a sine\n  write base = {{ kind = \"sine\", … }} or force = {{ kind = \"sine\", … }}"
-        ))),
+    if case.is_under_a_sine() {
+        return Ok(case);
     }
+    Err(Failure::Input(format!(
+        "{source_name}: {what} needs a sine\n  write base = {{ kind = \"sine\", … }} or force = {{ kind = \"sine\", … }}"
+    )))
 }
 
 /// The cases of a sweep, one for each value, with the values of `set` too, whose origin names who gives key and values.

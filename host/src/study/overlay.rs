@@ -36,7 +36,7 @@ pub(super) fn read(s: &Section, path: &Path) -> Option<(Text, Overlay)> {
 impl Overlay {
     /// Why the curves do not belong over the map of a study with these axes, and what to do.
     pub(super) fn mismatch(&self, axes: &[Axis], case_path: &Path, case_text: &str) -> Option<(String, String)> {
-        let Some(parameters) = self.continuation.curve_parameters() else {
+        let (first, Some(second)) = self.continuation.keys() else {
             let help = "add a table [second] with the other axis of the study to the continuation file";
             return Some(("must be a continuation in two parameters".into(), help.into()));
         };
@@ -48,11 +48,9 @@ impl Overlay {
             let help = "leave the overlay out, or the other axes".into();
             return Some((format!("needs a map: two axes of at least {MIN_OF_MAP} numbers, and no others"), help));
         }
-        let keys = parameters.map(|parameter| parameter.key);
-        if let Some(axis) = axes.iter().find(|axis| !keys.contains(&axis.key.as_str())) {
+        if let Some(axis) = axes.iter().find(|axis| ![first, second].contains(&axis.key.as_str())) {
             let both: Vec<&str> = axes.iter().map(|axis| axis.key.as_str()).collect();
             let what = format!("must have the study's axes as its parameters: {} is not one of them", axis.key);
-            let (first, second) = (keys[0], keys[1]);
             let help =
                 format!("it has {first} and {second}: write {} for them in the continuation file", both.join(" and "));
             return Some((what, help));

@@ -15,7 +15,7 @@ fn shipped() -> PathBuf {
 
 #[test]
 fn the_shipped_continuation_finds_the_range_in_which_the_two_impact_motion_is_stable() {
-    let found = Continuation::read(&shipped()).expect("valid").follow().expect("periodic");
+    let found = Continuation::read(&shipped()).expect("valid").follow(&|_| true).expect("periodic");
     let branch = &found.branches[0];
     let at = |kind: &str| {
         let points: Vec<f64> =
@@ -43,7 +43,79 @@ fn refusal(from: &str, to: &str) -> String {
     std::fs::write(&file, text).expect("written");
     match Continuation::read(&file) {
         Err(refusal) => refusal.to_string(),
-        Ok(continuation) => continuation.follow().expect_err("refused").to_string(),
+        Ok(continuation) => continuation.follow(&|_| true).expect_err("refused").to_string(),
+    }
+}
+
+/// A continuation of a frame of one storey, which is the shipped impact damper, with lines after those that it needs.
+fn frame(range: &str, more: &str) -> Result<Continuation, damprig::failure::Failure> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let case = "storey = [{ mass_kg = 1.6, stiffness_n_per_m = 394.78417604357434, damping_n_s_per_m = 0.19100882 }]\n\
+                base = { kind = \"sine\", amplitude_m = 0.001, frequency_hz = 2.5 }\nrun = { duration_s = 40 }\n\
+                particle = { place = \"floor 1\", mass_kg = 0.16, clearance_m = 0.01, wall = { kind = \"restitution\", coefficient = 0.5 } }\n";
+    std::fs::write(folder.path().join("case.toml"), case).expect("written");
+    let file = folder.path().join("continuation.toml");
+    std::fs::write(&file, format!("case = \"case.toml\"\n{range}\n{more}")).expect("written");
+    Continuation::read(&file)
+}
+
+#[test]
+fn a_frame_of_one_storey_has_the_special_points_of_one_degree_of_freedom() {
+    let special_points = |found: &damprig::continuation::Found| -> Vec<(&'static str, f64)> {
+        let all = found.branches.iter().flat_map(|branch| &branch.special_points);
+        all.filter(|point| !point.is_grazing()).map(|point| (point.kind, point.parameter)).collect()
+    };
+    let range = "parameter = \"particle.clearance_m\"\nfrom = 0.004\nto = 0.02\nrestarts = 0";
+    let found = frame(range, "").expect("valid").follow(&|_| true).expect("periodic");
+    let folder = tempfile::tempdir().expect("a folder");
+    let case = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_n_s_per_m = 0.19100882 }\n\
+                base = { kind = \"sine\", amplitude_m = 0.001, frequency_hz = 2.5 }\nrun = { duration_s = 40 }\n\
+                particle = { mass_kg = 0.16, clearance_m = 0.01, wall = { kind = \"restitution\", coefficient = 0.5 } }\n";
+    std::fs::write(folder.path().join("case.toml"), case).expect("written");
+    let file = folder.path().join("continuation.toml");
+    std::fs::write(&file, format!("case = \"case.toml\"\n{range}")).expect("written");
+    let one_degree = Continuation::read(&file).expect("valid").follow(&|_| true).expect("periodic");
+    let (own, other) = (special_points(&found), special_points(&one_degree));
+    assert!(other.len() >= 2, "{other:?}");
+    for (kind, parameter) in other {
+        let is_near = |(own, at): &&(&str, f64)| *own == kind && (at / parameter - 1.0).abs() < 1e-8;
+        assert!(own.iter().any(|point| is_near(&point)), "{kind} at {parameter}: {own:?}");
+    }
+    let at = |value: f64, orbits: &[damprig::continuation::FoundOrbit]| {
+        let off = |orbit: &damprig::continuation::FoundOrbit| (orbit.parameter - value).abs();
+        orbits.iter().min_by(|a, b| off(a).total_cmp(&off(b))).cloned().expect("orbits")
+    };
+    let start = |found: &damprig::continuation::Found| at(0.01, &found.branches[0].orbits);
+    let (own, other) = (start(&found), start(&one_degree));
+    assert_eq!((own.impacts, own.is_stable), (other.impacts, other.is_stable));
+    for (own, other) in [
+        (own.max_abs_x_m, other.max_abs_x_m),
+        (own.mean_cycle_max_m, other.mean_cycle_max_m),
+        (own.max_abs_y_minus_x_m, other.max_abs_y_minus_x_m),
+        (own.fastest_impact_m_per_s, other.fastest_impact_m_per_s),
+    ] {
+        assert!((own / other - 1.0).abs() < 1e-7, "{own} {other}");
+    }
+}
+
+#[test]
+fn what_a_structure_with_places_cannot_be_followed_over_is_refused_with_line_and_fix() {
+    for (range, more, parts) in [
+        (
+            "parameter = \"particle.clearence_m\"\nfrom = 0.004\nto = 0.02",
+            "",
+            ["no such number", "did you mean \"particle.clearance_m\""],
+        ),
+        ("parameter = \"particle.clearance_m\"\nfrom = -0.004\nto = 0.02", "", ["must not contain 0", "from = -0.004"]),
+        ("parameter = \"storey.1.mass_kg\"\nfrom = 1\nto = 1e40", "", ["storey.1.mass_kg = 1", "is refused"]),
+        (
+            "parameter = \"particle.clearance_m\"\nfrom = 0.004\nto = 0.02",
+            "[second]\nparameter = \"particle.mass_kg\"\nfrom = 0.1\nto = 0.2",
+            ["damprig has no curves in two parameters of a structure", "leave out [second]"],
+        ),
+    ] {
+        let message = frame(range, more).expect_err(range).to_string();
+        assert!(parts.iter().all(|part| message.contains(part)), "{message}");
     }
 }
 
@@ -53,7 +125,7 @@ fn a_wrong_file_is_refused_with_key_value_and_fix() {
         ("clearance_ratio", "clearence_ratio", ["`parameter`", "did you mean \"particle.clearance_ratio\""]),
         ("particle.clearance_ratio", "tmd.mass_kg", ["has no such parameter", "particle.wall.coefficient"]),
         ("from = 3.0", "from = 40.0", ["the range from 40 to 30 is empty", "swap them"]),
-        ("from = 3.0", "from = -3.0", ["`from` = -3.0 is not allowed", "must be greater than 0"]),
+        ("from = 3.0", "from = -3.0", ["from -3 to 30 is not allowed", "must be greater than 0"]),
         ("to = 30.0", "to = 30.0\nstart_at = 2", ["`start_at` = 2", "from 3 to 30"]),
         ("spid.toml", "hybrid.toml", ["must be a sine", "frequency_hz"]),
         ("to = 30.0", "to = 4.6\nstart_at = 4.3", ["no periodic orbit", "give another `start_at`"]),

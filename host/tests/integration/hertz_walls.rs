@@ -242,7 +242,7 @@ fn analysis_continuation_and_records_say_what_acts_in_place_of_a_hertz_wall() {
         Continuation::parse(&Source::new("continue.toml", text), Path::new("continue.toml"), Some(&case))
     };
     let found = |wall: &str| {
-        serde_json::to_value(follow(wall, "particle.clearance_ratio", 5.4).unwrap().follow().unwrap()).unwrap()
+        serde_json::to_value(follow(wall, "particle.clearance_ratio", 5.4).unwrap().follow(&|_| true).unwrap()).unwrap()
     };
     let (of_hertz, of_hard) = (found(LANKARANI), found(&hard));
     assert_eq!(of_hertz["branches"], of_hard["branches"]);

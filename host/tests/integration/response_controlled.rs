@@ -56,7 +56,7 @@ fn continued(folder: &TempDir, friction: &str) -> Vec<(f64, f64)> {
     let file = folder.path().join("continuation.toml");
     let text = "case = \"case.toml\"\nparameter = \"base.frequency_hz\"\nfrom = 2.9\nto = 3.3\nrestarts = 0\n";
     std::fs::write(&file, text).unwrap();
-    let found = Continuation::read(&file).expect("valid").follow().expect("periodic");
+    let found = Continuation::read(&file).expect("valid").follow(&|_| true).expect("periodic");
     let folds = found.branches[0].special_points.iter().filter(|point| point.kind == "fold");
     folds.map(|point| (point.parameter, 1e3 * point.max_abs_x_m)).collect()
 }

@@ -6,6 +6,8 @@
 //! The Floquet multipliers are eigenvalues of the product of the segments' transition matrices, each corrected for the shift
 //! of its event (saltation).
 //!
+//! Structures of several degrees of freedom have their branches from the map of an orbit's start ([`Family`]).
+//!
 //! A motion that core simulates has the same exact derivatives, by its start and by parameters ([`ReturnMap`], [`Derivatives`]).
 
 mod boundary_problem;
@@ -25,6 +27,7 @@ mod parameter;
 mod passage;
 mod return_map;
 mod sequence;
+mod shooting;
 mod special;
 mod start;
 mod system;
@@ -39,6 +42,7 @@ pub use orbit::Orbit;
 pub use parameter::{Parameter, Ties};
 pub use return_map::{ReturnMap, UnresolvedEvent, Variation};
 pub use sequence::{Guard, Phase, Segment, Sequence};
+pub use shooting::{Family, StructureBranch, StructureDiagram, StructureOrbit, StructureSpecial, StructureTask};
 pub use special::{Special, SpecialKind};
 pub use start::NoStart;
 pub use system::System;

@@ -42,12 +42,21 @@ impl SpecialKind {
     #[must_use]
     pub fn meaning(&self, sequence: &Sequence) -> String {
         match self {
-            Self::Fold => "the branch turns back: two orbits, one of them unstable, meet and vanish".into(),
-            Self::PeriodDoubling => "an orbit of twice the period branches off".into(),
-            Self::NeimarkSacker => "a slow modulation starts to grow: quasi-periodic motion".into(),
-            Self::SymmetryBreaking => "two orbits that mirror each other branch off".into(),
-            Self::BranchPoint => "another branch of orbits crosses".into(),
             Self::Grazing(conditions) => conditions.first().map_or_else(String::new, |c| grazing(c, sequence)),
+            _ => self.what().into(),
+        }
+    }
+
+    /// What happens there, whatever the sequence.
+    #[must_use]
+    pub fn what(&self) -> &'static str {
+        match self {
+            Self::Fold => "the branch turns back: two orbits, one of them unstable, meet and vanish",
+            Self::PeriodDoubling => "an orbit of twice the period branches off",
+            Self::NeimarkSacker => "a slow modulation starts to grow: quasi-periodic motion",
+            Self::SymmetryBreaking => "two orbits that mirror each other branch off",
+            Self::BranchPoint => "another branch of orbits crosses",
+            Self::Grazing(_) => "the sequence of events changes",
         }
     }
 }

@@ -48,7 +48,9 @@ mod sum;
 mod system;
 
 pub use course::Course;
-pub use derivatives::{Derivatives, Derived, DerivedImpact, Drive, Largest, MotionCase, NoDerivatives, Orbit, Varied};
+pub use derivatives::{
+    Derivatives, Derived, DerivedImpact, Drive, Largest, MotionCase, NoDerivatives, Orbit, Returned, Section, Varied,
+};
 pub use describe::{Beam, Damping, MAX_MODES, Storey, Support};
 pub use motion::Motion;
 pub use observe::{Impact, Observer, Piece};

@@ -17,7 +17,7 @@ use crate::mount::Mount;
 use crate::observe::{Observer, Parts};
 use crate::stepping::{AtEnds, FIRST_BLIND_LEVEL, Now};
 use crate::system::System;
-use crate::{Body, Refused, SetUp, State};
+use crate::{Refused, SetUp, State};
 
 /// Roundings that may remain in a sum of cancelling terms.
 pub(crate) const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
@@ -169,18 +169,7 @@ impl Motion {
     #[must_use]
     pub fn state(&self) -> State {
         let (q, v) = self.bodies();
-        let mount = &self.mount;
-        let (z, rate) = self.base();
-        let body = |i: usize, influence: f64| Body { y_m: q[i] + influence * z, u_m_per_s: v[i] + influence * rate };
-        State {
-            modal: q[..mount.modes].to_vec(),
-            modal_rate: v[..mount.modes].to_vec(),
-            tuned_masses: (mount.modes..mount.permanent)
-                .zip(&mount.tuned_influence)
-                .map(|(i, of)| body(i, *of))
-                .collect(),
-            particles: (mount.permanent..q.len()).zip(&mount.cavities).map(|(i, of)| body(i, of.influence)).collect(),
-        }
+        self.mount.state_of(&q, &v, self.base())
     }
 
     /// Displacements and velocities of all bodies relative to the base.

@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 use crate::bodies::{Bodies, Link};
 use crate::contacts::Event;
 use crate::linear::C64;
-use crate::{Refused, SetUp, State};
+use crate::{Body, Refused, SetUp, State};
 
 /// A wall of a cavity.
 #[derive(Clone, Copy, Debug)]
@@ -220,6 +220,19 @@ impl Mount {
             v.push(body.u_m_per_s - influence * rate);
         }
         (q, v)
+    }
+
+    /// The state of bodies with these displacements and velocities relative to the base, while the base has z and z′.
+    pub fn state_of(&self, q: &[f64], v: &[f64], (z, rate): (f64, f64)) -> State {
+        let body = |i: usize, influence: f64| Body { y_m: q[i] + influence * z, u_m_per_s: v[i] + influence * rate };
+        let tuned = (self.modes..self.permanent).zip(&self.tuned_influence).map(|(i, of)| body(i, *of));
+        let particles = (self.permanent..q.len()).zip(&self.cavities).map(|(i, of)| body(i, of.influence));
+        State {
+            modal: q[..self.modes].to_vec(),
+            modal_rate: v[..self.modes].to_vec(),
+            tuned_masses: tuned.collect(),
+            particles: particles.collect(),
+        }
     }
 
     /// The joint of a particle.

@@ -108,7 +108,7 @@ pub(super) fn bifurcation(
 
 /// Follows periodic orbits.
 pub(super) fn continuation(file: &Path, folder: &Path) -> Result<Ending, Failure> {
-    let found = Continuation::read(file)?.follow()?;
+    let found = Continuation::read(file)?.follow(&|_| true)?;
     let out = OutFile { path: folder.join(BRANCHES_TABLE), force: true };
     branch_table::write(&branch_table::orbits(&found)?, &out)?;
     branches::draw(&found).and_then(|picture| picture.write(folder, "branches"))?;

@@ -4,6 +4,7 @@
 use crate::continuation::{Found, FoundBranch, FoundOrbit};
 use crate::failure::Failure;
 use crate::report::branch_table;
+use crate::report::figures::symbols;
 use crate::report::plot::axis::{Axis, Frame, Scale};
 use crate::report::plot::legend::{self, Entry};
 use crate::report::plot::palette::{GREY, INK, WHITE, colour};
@@ -45,7 +46,11 @@ fn sign(kind: &str, number: usize, tint: Colour) -> Svg {
 pub fn draw(found: &Found) -> Result<Picture, Failure> {
     let orbits = || found.branches.iter().flat_map(|branch| &branch.orbits);
     let frame = Frame {
-        x: Axis::around(found.key.label, Scale::Linear, orbits().map(|orbit| orbit.parameter)),
+        x: Axis::around(
+            symbols::label(&found.parameter, || found.reference),
+            Scale::Linear,
+            orbits().map(|orbit| orbit.parameter),
+        ),
         y: Axis::around("max |x| (mm)", Scale::Linear, orbits().map(|orbit| orbit.max_abs_x_m * 1e3)),
         bounds: BOUNDS,
     };

@@ -3,6 +3,7 @@
 use crate::continuation::Found;
 use crate::failure::Failure;
 use crate::report::branch_table;
+use crate::report::figures::symbols;
 use crate::report::plot::axis::{Axis, Frame, Scale};
 use crate::report::plot::svg::{Bounds, Colour, Font, Svg};
 use crate::report::plot::{LABEL, Picture, source};
@@ -69,14 +70,15 @@ const LABEL_PLACES: [f64; 7] = [0.5, 0.35, 0.65, 0.2, 0.8, 0.05, 0.95];
 /// # Errors
 /// The continuation has no second parameter; a table without an identity.
 pub fn draw(found: &Found) -> Result<Picture, Failure> {
-    let Some([across, up]) = found.curve_parameters else {
+    let Some(second) = &found.second_parameter else {
         return Err(Failure::undrawn("the continuation has one parameter: its file has no table [second]"));
     };
+    let [across, up] = [&found.parameter, second].map(|key| symbols::label(key, || found.reference));
     let curves = Curve::all(found, false);
     let points = || curves.iter().flat_map(|curve| &curve.points);
     let frame = Frame {
-        x: Axis::around(across.label, Scale::Linear, points().map(|point| point.0)),
-        y: Axis::around(up.label, Scale::Linear, points().map(|point| point.1)),
+        x: Axis::around(&across, Scale::Linear, points().map(|point| point.0)),
+        y: Axis::around(&up, Scale::Linear, points().map(|point| point.1)),
         bounds: BOUNDS,
     };
     let mut picture = Picture::new(SIZE.0, SIZE.1);

@@ -9,7 +9,6 @@ use crate::continuation::{Found, FoundBranch, FoundCurve, FoundOrbit, FoundSpeci
 use crate::report::plot::axis::Scale;
 use crate::report::plot::palette::Look;
 use crate::report::plot::{Breadth, Picture};
-use crate::simulation::parameters::PARAMETERS;
 use crate::study::bifurcation::{Direction, Sample};
 
 /// Values that no simulation should give, and that one may.
@@ -201,13 +200,13 @@ fn branches_and_curves_of_extreme_values_are_drawn_and_say_how_many_are_not() {
             case: "case".into(),
             case_text: String::new(),
             walls: None,
-            parameter: PARAMETERS[0].key,
-            key: PARAMETERS[0],
+            parameter: "base.frequency_hz".into(),
+            reference: "Z",
             branches: vec![branch],
             gaps: Vec::new(),
             not_started: Vec::new(),
-            second_parameter: Some(PARAMETERS[1].key),
-            curve_parameters: Some([PARAMETERS[0], PARAMETERS[1]]),
+            is_cut_short: false,
+            second_parameter: Some("base.amplitude_m".into()),
             curves: vec![curve],
         };
         check(&branches::draw(&found).expect("branches"), values.iter().map(|value| value * 1e3), &values);

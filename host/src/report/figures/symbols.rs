@@ -4,7 +4,7 @@ use crate::input::key::Unit;
 use crate::simulation::Case;
 
 /// Symbols of keys. That of a clearance ratio depends on the case's reference length.
-const SYMBOLS: [(&str, &str); 42] = [
+const SYMBOLS: [(&str, &str); 47] = [
     ("structure.mass_kg", "M"),
     ("structure.natural_frequency_hz", "fn"),
     ("structure.damping_ratio", "ζ"),
@@ -28,6 +28,9 @@ const SYMBOLS: [(&str, &str); 42] = [
     ("particle.offset_m", "offset"),
     ("particle.inclination_deg", "inclination (°)"),
     ("particle.positive_wall.coefficient", "e at +"),
+    ("particle.positive_wall.exponent", "p at +"),
+    ("particle.positive_wall.stiffness_n_per_m", "k1 at +"),
+    ("particle.positive_wall.damping_n_s_per_m", "c1 at +"),
     ("particle.wall.exponent", "p"),
     ("particle.wall.maximum", "largest e"),
     ("particle.wall.contact_time_s", "τ"),
@@ -39,6 +42,8 @@ const SYMBOLS: [(&str, &str); 42] = [
     ("friction_damper.friction_ratio", "γF"),
     ("tmd.mass_kg", "m"),
     ("tmd.mass_ratio", "m/M"),
+    ("tmd.stiffness_n_per_m", "k1"),
+    ("tmd.damping_n_s_per_m", "c1"),
     ("tmd.frequency_ratio", "γ"),
     ("tmd.damping_ratio", "ζ1"),
     ("many_particles.mass_kg", "m"),

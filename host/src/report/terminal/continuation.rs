@@ -22,7 +22,7 @@ pub fn text(found: &Found) -> String {
             format!("{}, {}", branch.ends[0], branch.ends[1]),
         ]);
     }
-    let mut specials = table(&["Branch", found.parameter, "max |x| (mm)", "Special point", "Meaning"]);
+    let mut specials = table(&["Branch", &found.parameter, "max |x| (mm)", "Special point", "Meaning"]);
     for column in [3, 4] {
         if let Some(column) = specials.column_mut(column) {
             column.set_cell_alignment(comfy_table::CellAlignment::Left);
@@ -48,7 +48,7 @@ pub fn text(found: &Found) -> String {
     } else {
         text.push_str(&format!("{specials}"));
     }
-    if let Some(second) = found.second_parameter {
+    if let Some(second) = &found.second_parameter {
         text.push_str(&format!("\n\nCurves in {} and {second}\n", found.parameter));
         text.push_str(&curves(found).to_string());
     }
@@ -61,6 +61,9 @@ pub fn text(found: &Found) -> String {
             found.parameter,
             significant(*at, 6)
         ));
+    }
+    if found.is_cut_short {
+        text.push_str("\nNot all branches that leave others are followed: there are many.");
     }
     text
 }

@@ -6,6 +6,7 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_structures::{Derived, Drive, MotionCase, NoDerivatives, SetUp, State, Varied};
 
 use super::sensitivities::{RunKeys, Sensitivities, Sensitivity};
+use crate::failure::Failure;
 use crate::input::{Files, Source};
 use crate::simulation::Case;
 use crate::simulation::multi_degree::driver::powers;
@@ -34,9 +35,19 @@ pub struct WrittenCase<'a> {
 
 impl WrittenCase<'_> {
     /// The case with a number in place of the one at its key; `None` if it is then refused. `files`: what it names, once read.
-    fn case(&self, key: &str, value: f64, files: &Arc<Files>) -> Option<Case> {
+    pub(crate) fn case(&self, key: &str, value: f64, files: &Arc<Files>) -> Option<Case> {
+        self.read(key, value, files).ok()
+    }
+
+    /// [`WrittenCase::case`], or why it is refused.
+    pub(crate) fn read(&self, key: &str, value: f64, files: &Arc<Files>) -> Result<Case, Failure> {
         let source = Source::new(self.name, self.text).with_files(files);
-        Case::parse_changed(&source, self.name, &self.values.with(key, value)).ok()
+        Case::parse_changed(&source, self.name, &self.values.with(key, value))
+    }
+
+    /// The motion of [`WrittenCase::case`].
+    pub(crate) fn motion(&self, key: &str, value: f64, files: &Arc<Files>) -> Option<MotionCase> {
+        Some(motion_case(&self.case(key, value, files)?, None))
     }
 }
 
@@ -70,7 +81,7 @@ impl Sensitivities {
                 None => left_out.push(key),
             }
         }
-        let orbit = if is_sine(case) {
+        let orbit = if case.is_under_a_sine() {
             motion.orbit_derivatives(MAX_PERIODS, &varied, goes_on)
         } else {
             Err(NoDerivatives::NotPeriodic)
@@ -105,11 +116,6 @@ impl Sensitivities {
         let part = Some(RunKeys { repeats_after, multipliers, left_out });
         Ok(Self::sorted(of, part, [x.is_tie, fastest.is_some_and(|fastest| fastest.is_tie)]))
     }
-}
-
-/// Whether a sine drives a case, which a motion may repeat with.
-fn is_sine(case: &Case) -> bool {
-    case.record.is_none() && matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. })
 }
 
 /// The motion of a case; with as many sample intervals as `like`.

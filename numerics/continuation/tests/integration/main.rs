@@ -4,5 +4,6 @@ mod common;
 mod derivatives;
 mod every_damper;
 mod return_map;
+mod shooting;
 mod special_points;
 mod two_impacts;

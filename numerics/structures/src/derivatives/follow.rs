@@ -21,8 +21,23 @@ const MAX_S: f64 = 60.0;
 /// Intervals after which the growth is looked at.
 const INTERVALS_PER_CHECK: usize = 64;
 
+/// Steps of an interval above which the exponential of its matrix takes less time.
+const MANY_STEPS: f64 = 16.0;
+
+/// What is followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wanted {
+    /// What a motion is, from a given start.
+    Motion,
+    /// The same on an orbit, whose start moves with the quantities.
+    Orbit,
+    /// The end of an orbit alone.
+    Map,
+}
+
 /// A motion with its changes, up to some instant.
 pub(super) struct Follower<'a> {
+    pub wanted: Wanted,
     pub nominal: Setting<'a>,
     /// Of each quantity.
     pub others: Vec<[Setting<'a>; 6]>,
@@ -38,6 +53,8 @@ pub(super) struct Follower<'a> {
     /// The last instant at which something happened.
     pub time: Sloped,
     pub last_event: Option<Sloped>,
+    /// Events with their times, s.
+    pub events: Vec<(f64, Event)>,
     /// Damper, time and approach speed of each.
     pub impacts: Vec<(usize, Sloped, Sloped)>,
     /// Of each place: where its displacement may be largest, and the integral of its square.
@@ -47,11 +64,11 @@ pub(super) struct Follower<'a> {
     pub margins: Vec<Sloped>,
 }
 
-/// Follows the changes of a motion to its end; on an orbit the start moves with the quantities. Gives the growth too.
+/// Follows the changes of a motion to its end. Gives the growth too.
 pub(super) fn follow<'a>(
     case: &'a MotionCase,
     varied: &'a [Varied],
-    is_orbit: bool,
+    wanted: Wanted,
     goes_on: &mut dyn FnMut(f64) -> bool,
 ) -> Result<(Follower<'a>, f64), NoDerivatives> {
     let (intervals, end) = intervals(case)?;
@@ -61,10 +78,10 @@ pub(super) fn follow<'a>(
         Ok([of(a)?, of(b)?, of(c)?, of(d)?, of(e)?, of(f)?])
     });
     let others: Vec<[Setting; 6]> = others.collect::<Result<_, NoDerivatives>>()?;
-    let mut follower = Follower::new(Setting::of(case)?, others);
+    let mut follower = Follower::new(Setting::of(case)?, others, wanted);
     follower.check_work(&intervals)?;
     follower.take_sizes(intervals.iter().map(|interval| &interval.start).chain([&end]));
-    follower.begin(&intervals[0], is_orbit)?;
+    follower.begin(&intervals[0])?;
     for (n, interval) in intervals.iter().enumerate() {
         if n % INTERVALS_PER_CHECK == 0 {
             follower.check_growth()?;
@@ -80,12 +97,13 @@ pub(super) fn follow<'a>(
 }
 
 impl<'a> Follower<'a> {
-    fn new(nominal: Setting<'a>, others: Vec<[Setting<'a>; 6]>) -> Self {
+    fn new(nominal: Setting<'a>, others: Vec<[Setting<'a>; 6]>, wanted: Wanted) -> Self {
         let bodies = nominal.mount.bodies.len();
         let (size, columns) = (2 * bodies + MORE, others.len() + 2 * bodies);
         let zero = Sloped { value: 0.0, slopes: DVector::zeros(columns) };
         let places = nominal.mount.places.len();
         Self {
+            wanted,
             known: HashMap::new(),
             sizes: [0.0; 2],
             w: nominal.start(),
@@ -94,6 +112,7 @@ impl<'a> Follower<'a> {
             start_w: DVector::zeros(0),
             time: zero.clone(),
             last_event: None,
+            events: Vec::new(),
             impacts: Vec::new(),
             peaks: vec![Vec::new(); places],
             squares: vec![zero; places],
@@ -168,7 +187,8 @@ impl<'a> Follower<'a> {
     }
 
     /// The changes of the start, before the first interval.
-    fn begin(&mut self, first: &Interval, is_orbit: bool) -> Result<(), NoDerivatives> {
+    fn begin(&mut self, first: &Interval) -> Result<(), NoDerivatives> {
+        let is_orbit = self.wanted != Wanted::Motion;
         let bodies = self.bodies();
         // What acts at the first instant may be more than the start says.
         self.check_state(&first.start)?;
@@ -230,7 +250,12 @@ impl<'a> Follower<'a> {
     fn pass(&mut self, interval: &Interval, next: &[f64], after: Option<&Contacts>) -> Result<(), NoDerivatives> {
         let known = self.known(&interval.contacts)?;
         let ends = if let End::Event(event) = interval.end { Some(event) } else { None };
-        self.follow_steps(&known, interval, ends);
+        let is_map = self.wanted == Wanted::Map;
+        if is_map {
+            self.follow_whole(&known, interval);
+        } else {
+            self.follow_steps(&known, interval, ends);
+        }
         let a = &known.equations.a;
         let rate = a * &self.w;
         let end_s = self.time.value + interval.length_s;
@@ -269,8 +294,11 @@ impl<'a> Follower<'a> {
         self.s += &rate * shift.transpose();
         self.time = Sloped { value: end_s, slopes: shift };
         if let Some(event) = ends {
-            self.margin_of_order();
-            self.margin_of_stop(event, interval, after)?;
+            self.events.push((end_s, event));
+            if !is_map {
+                self.margin_of_order();
+                self.margin_of_stop(event, interval, after)?;
+            }
         }
         self.happen(interval, (&known, next), after)?;
         self.w = DVector::from_column_slice(next);
@@ -280,7 +308,9 @@ impl<'a> Follower<'a> {
             self.hold(after, false)?;
         }
         let known = self.known(after)?;
-        self.margins_of_held(&known);
+        if !is_map {
+            self.margins_of_held(&known);
+        }
         // From the instant that moves back to the time of the motion.
         self.s -= &known.equations.a * &self.w * self.time.slopes.transpose();
         if ends.is_some() {
@@ -288,6 +318,19 @@ impl<'a> Follower<'a> {
             self.s.rows_mut(2 * self.bodies(), MORE).copy_from(&driven);
         }
         Ok(())
+    }
+
+    /// Follows an interval at its length, whatever lies between.
+    fn follow_whole(&mut self, known: &Known, interval: &Interval) {
+        let count = known.steps(interval.length_s);
+        if count > MANY_STEPS {
+            (self.w, self.s) = known.whole(&self.w, &self.s, self.others.len(), interval.length_s, self.sizes[1]);
+            return;
+        }
+        let length_s = interval.length_s / count;
+        for _ in 0..count as usize {
+            (self.w, self.s) = Series::new(known, (&self.w, &self.s), length_s).at(1.0);
+        }
     }
 
     /// Follows an interval at its length, and notes what lies between.

@@ -13,8 +13,10 @@ mod growth;
 mod happen;
 mod margins;
 mod orbit;
+mod periods;
 mod record;
 mod result;
+mod returned;
 mod series;
 mod setting;
 mod stencil;
@@ -22,7 +24,10 @@ mod stencil;
 use std::sync::Arc;
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::integrator::exact::time::Time;
+use follow::Wanted;
+
+pub use periods::Section;
+pub use returned::Returned;
 
 use crate::bodies::dot;
 use crate::{Mode, Refused, SetUp, State};
@@ -215,7 +220,7 @@ impl MotionCase {
         goes_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Derivatives, NoDerivatives> {
         let aligned = self.all_aligned(varied)?;
-        let (follower, growth) = follow::follow(self, &aligned, false, goes_on)?;
+        let (follower, growth) = follow::follow(self, &aligned, Wanted::Motion, goes_on)?;
         follower.result(growth, varied)
     }
 
@@ -231,12 +236,12 @@ impl MotionCase {
         goes_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Orbit, NoDerivatives> {
         let aligned = self.all_aligned(varied)?;
-        let (at_s, state) = orbit::section(self, most_periods)?;
-        let advance_rad = Time::at(at_s).phase_rad(self.excitation().angular_frequency_rad_per_s());
-        let periods = orbit::repeats_after(&self.of_periods(most_periods, &state, advance_rad), most_periods)?;
+        let (at_s, state) = periods::section(self, most_periods)?;
+        let advance_rad = self.advance_rad(at_s);
+        let periods = periods::repeats_after(&self.of_periods(most_periods, &state, advance_rad), most_periods)?;
         let case = self.of_periods(periods, &state, advance_rad);
         let aligned = orbit::varied_at(&aligned, periods, &state, advance_rad);
-        let (mut follower, growth) = follow::follow(&case, &aligned, true, goes_on)?;
+        let (mut follower, growth) = follow::follow(&case, &aligned, Wanted::Orbit, goes_on)?;
         let multipliers = follower.close_orbit()?.iter().map(|of| [of.re, of.im]).collect();
         Ok(Orbit { periods, at_s, multipliers, derivatives: follower.result(growth, varied)? })
     }

@@ -32,6 +32,8 @@ pub(super) struct Known {
     pub changes_of_rates: Vec<Entries>,
     /// A bound of the fastest rate, rad/s.
     pub fastest_rad_per_s: f64,
+    /// Roots of the masses of the bodies.
+    roots: Vec<f64>,
 }
 
 /// Row, column and value of entries of a matrix.
@@ -111,6 +113,7 @@ impl Known {
             rates: entries(&equations.a),
             changes_of_rates: changes.iter().map(|change| entries(&change.a)).collect(),
             fastest_rad_per_s: fastest_rad_per_s(&equations.a, mass),
+            roots: mass.iter().map(|mass| mass.sqrt()).collect(),
             equations,
             changes,
         }
@@ -129,6 +132,55 @@ impl Known {
     /// Steps in which an interval is followed.
     pub(super) fn steps(&self, length_s: f64) -> f64 {
         (length_s * self.fastest_rad_per_s / Series::REACH).ceil().max(1.0)
+    }
+
+    /// w and its changes after a time, by the exponential of `[A δA; 0 A] t` for each of the quantities, which come first among the changes.
+    /// `size_m_per_s`: size of the velocities.
+    pub(super) fn whole(
+        &self,
+        w: &DVector<f64>,
+        s: &DMatrix<f64>,
+        quantities: usize,
+        after_s: f64,
+        size_m_per_s: f64,
+    ) -> (DVector<f64>, DMatrix<f64>) {
+        let (a, count) = (&self.equations.a, w.len());
+        let unit = self.units(size_m_per_s);
+        let scaled =
+            |of: &DMatrix<f64>| DMatrix::from_fn(count, count, |i, j| after_s * of[(i, j)] * unit[i] / unit[j]);
+        let unscaled = |of: DMatrix<f64>| DMatrix::from_fn(count, count, |i, j| of[(i, j)] * unit[j] / unit[i]);
+        let (of_a, mut exponential) = (scaled(a), None);
+        let mut changes = DMatrix::zeros(count, quantities);
+        let rates = self.changes_of_rates.iter().enumerate();
+        for (quantity, _) in rates.filter(|(_, entries)| !entries.is_empty()) {
+            let change = &self.changes[quantity];
+            let mut both = DMatrix::zeros(2 * count, 2 * count);
+            both.view_mut((0, 0), (count, count)).copy_from(&of_a);
+            both.view_mut((count, count), (count, count)).copy_from(&of_a);
+            both.view_mut((0, count), (count, count)).copy_from(&scaled(&change.a));
+            let both = both.exp();
+            exponential = Some(unscaled(both.view((0, 0), (count, count)).clone_owned()));
+            let of_change = unscaled(both.view((0, count), (count, count)).clone_owned());
+            changes.set_column(quantity, &(of_change * w));
+        }
+        let exponential = exponential.unwrap_or_else(|| unscaled(of_a.exp()));
+        let mut moved = &exponential * s;
+        let mut own = moved.columns_mut(0, quantities);
+        own += changes;
+        (exponential * w, moved)
+    }
+
+    /// Units of w in which all entries of A are rates.
+    fn units(&self, size_m_per_s: f64) -> Vec<f64> {
+        let fastest = self.fastest_rad_per_s;
+        let bodies = (self.equations.a.nrows() - MORE) / 2;
+        let of = |i: usize| match i {
+            _ if i < bodies => fastest * self.roots[i],
+            _ if i < 2 * bodies => self.roots[i - bodies],
+            _ if i < self.equations.a.nrows() - 1 => fastest,
+            _ => size_m_per_s,
+        };
+        (0..self.equations.a.nrows()).map(of).collect()
     }
 
     /// The displacement of a place in a state.
