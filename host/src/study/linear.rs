@@ -1,7 +1,7 @@
 //! The settled response of a structure without impacts and friction, bare or with a tuned mass, to a sine: in closed form.
 
 use damprig_core::integrator::exact::Excitation;
-use nalgebra::{Complex, Matrix2, Matrix4, Vector2};
+use nalgebra::{Complex, Matrix2, Matrix4, Schur, Vector2};
 
 use super::simulate::Counted;
 use crate::simulation::Case;
@@ -10,6 +10,9 @@ use crate::simulation::result::Summary;
 /// Negative logarithm of what is left of the free motion at the first counted instant: e⁻⁴⁵ is 3e-20. The modes of a structure and a
 /// tuned mass are far enough from each other that the motion at the start is at most some thousand times what is left then.
 const SETTLED: f64 = 45.0;
+
+/// Steps of the search for eigenvalues.
+const MAX_ITERATIONS: usize = 1000;
 
 /// The statistics of the counted cycles, if the case is linear, whole cycles are counted and the free motion is over before them. Every
 /// counted cycle is then the same sine.
@@ -48,7 +51,9 @@ pub(super) fn settled(case: &Case, counted: &Counted) -> Option<Summary> {
                 0.0, 0.0, 0.0, 1.0,
                 k1 / m1, c1 / m1, -k1 / m1, -c1 / m1,
             );
-            slowest(rates.complex_eigenvalues().map(|value| -value.re).as_slice())
+            // Without a bound the iteration may not end, as for some matrices with several zeros.
+            let schur = Schur::try_new(rates, f64::EPSILON, MAX_ITERATIONS)?;
+            slowest(schur.complex_eigenvalues().map(|value| -value.re).as_slice())
         }
     };
     if decay * counted.first_cycle * counted.cycle_s < SETTLED {

@@ -133,11 +133,23 @@ fn differences(case: &Case, change: Change, h: f64) -> Vec<(f64, f64)> {
     .collect()
 }
 
-/// All 200 with `DAMPRIG_FULL`, else the first 12.
+/// Whether the end has the same derivative on both sides, to 10⁻⁴ of the largest, over a relative change of 10⁻⁶ of each quantity.
+fn is_smooth(case: &Case, own: &[&(&str, Change)]) -> bool {
+    own.iter().all(|(_, change)| {
+        let at = |by: f64| end(&changed(case, *change, by), case);
+        let (low, here, high) = (at(1.0 - 1e-6), at(1.0), at(1.0 + 1e-6));
+        let slopes = low.iter().zip(&here).zip(&high).map(|((low, here), high)| [here - low, high - here]);
+        let slopes: Vec<[f64; 2]> = slopes.map(|both| both.map(|change| change / 1e-6)).collect();
+        let size = slopes.iter().flatten().map(|slope| slope.abs()).fold(case.scale_m, f64::max);
+        slopes.iter().all(|[before, after]| (after - before).abs() <= 1e-4 * size)
+    })
+}
+
+/// All 200 with `DAMPRIG_FULL`, else the first 12. At most 5 % of the motions with an end that is smooth in every quantity are refused.
 #[test]
 fn derivatives_of_random_motions_are_those_of_their_differences() {
     let count = if std::env::var_os("DAMPRIG_FULL").is_some() { 200 } else { 12 };
-    let (mut compared, mut cases, mut worst, mut wrong) = (0, 0, 0.0_f64, Vec::new());
+    let (mut compared, mut cases, mut worst, mut wrong, mut smooth_refused) = (0, 0, 0.0_f64, Vec::new(), Vec::new());
     let mut refused: std::collections::BTreeMap<String, usize> = std::collections::BTreeMap::new();
     for number in 0..count {
         let case = Draw(Rng::with_seed(number as u64)).case(number);
@@ -157,7 +169,11 @@ fn derivatives_of_random_motions_are_those_of_their_differences() {
             Ok(found) => found,
             Err(why) => {
                 let kind = format!("{why:?}");
-                *refused.entry(kind.split([' ', '(', '{']).next().unwrap_or_default().to_string()).or_default() += 1;
+                let kind = kind.split([' ', '(', '{']).next().unwrap_or_default();
+                *refused.entry(kind.to_string()).or_default() += 1;
+                if !matches!(why, NoDerivatives::Growth { .. }) && is_smooth(&case, &own) {
+                    smooth_refused.push(format!("{number}: {why}"));
+                }
                 continue;
             }
         };
@@ -190,8 +206,10 @@ fn derivatives_of_random_motions_are_those_of_their_differences() {
         }
     }
     println!(
-        "{cases} of {count} cases, {compared} derivatives compared, largest difference {worst:.1e}; refused: {refused:?}"
+        "{cases} of {count} cases, {compared} derivatives compared, largest difference {worst:.1e}; refused: {refused:?}, of them smooth:\n{}",
+        smooth_refused.join("\n")
     );
+    assert!(smooth_refused.len() * 20 <= cases + smooth_refused.len(), "{}", smooth_refused.len());
     assert!(wrong.is_empty(), "{} wrong:\n{}", wrong.len(), wrong.join("\n"));
     assert!(compared > 20 * count);
 }
