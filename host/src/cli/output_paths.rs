@@ -17,7 +17,7 @@ pub fn check(
     path: &Path,
     case: &Case,
     out: Option<&TablePath>,
-    plot: Option<&Path>,
+    pictures: [(&'static str, Option<&Path>); 2],
     force: ForceArg,
 ) -> Result<(), Failure> {
     // The tables beside --out are written for a case with walls only.
@@ -32,9 +32,10 @@ pub fn check(
     let contacts = contacts.map(|out| ("the table of contacts of --out", out.contacts().path().to_path_buf()));
     let accumulations =
         beside.map(|out| ("the table of accumulations of --out", out.accumulations().path().to_path_buf()));
-    let picture = plot.map(|plot| ("--plot", plot.to_path_buf()));
+    let pictures = pictures.into_iter().filter_map(|(role, file)| Some((role, file?.to_path_buf())));
     let mut taken: Vec<(&str, PathBuf)> = read.into_iter().flatten().collect();
-    for (role, file) in [history, impacts, contacts, accumulations, picture].into_iter().flatten() {
+    let files = [history, impacts, contacts, accumulations].into_iter().flatten().chain(pictures);
+    for (role, file) in files {
         let place = place(&file);
         if let Some((other, _)) = taken.iter().find(|(_, other)| self::place(other) == place) {
             return Err(Failure::Input(format!(

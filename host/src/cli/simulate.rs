@@ -14,11 +14,13 @@ use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
 use crate::input::Source;
 use crate::report::case_files::{Answer, Simulated};
+use crate::report::figures::animation;
 use crate::report::figures::simulated_motion::{self, COLUMNS, envelope, usual_envelopes};
 use crate::report::numbers::significant;
 use crate::report::terminal;
 use crate::simulation::analysis::{Analysis, WrittenCase};
 use crate::simulation::envelope::Envelope;
+use crate::simulation::frames::Frames;
 use crate::simulation::time_history::{TablePath, TimeHistory};
 use crate::simulation::{Case, RunOptions, SetValues, cost, simulate};
 
@@ -55,6 +57,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE", value_parser = picture)]
     plot: Option<PathBuf>,
 
+    /// Draw the motion itself to FILE (.svg), which a browser plays: the last six cycles under a sine, else the first six
+    #[arg(long, value_name = "FILE", value_parser = animation)]
+    animate: Option<PathBuf>,
+
     #[command(flatten)]
     force: ForceArg,
 
@@ -71,6 +77,7 @@ const AFTER_HELP: &str = "\
 Examples:
   damprig simulate spid
   damprig simulate spid --plot spid.png
+  damprig simulate frame --animate frame.svg
   damprig simulate soft-wall --out soft.parquet --rate 1000
   damprig simulate record --json
   damprig simulate spid --analyse
@@ -95,6 +102,16 @@ pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
         Some("svg" | "png") => Ok(path),
         Some(other) => Err(format!("the extension .{other} is not supported; use .svg or .png")),
         None => Err("the file needs an extension: .svg or .png".into()),
+    }
+}
+
+/// Parses the file of an animation.
+fn animation(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).as_deref() {
+        Some("svg") => Ok(path),
+        Some(other) => Err(format!("the extension .{other} is not supported; use .svg, which a browser plays")),
+        None => Err("the file needs the extension .svg".into()),
     }
 }
 
@@ -126,7 +143,8 @@ pub fn run(args: &Args) -> Outcome {
 impl Args {
     /// The flag of an output file, if one is given.
     fn out_file(&self) -> Option<&'static str> {
-        self.out.as_ref().map(|_| "--out").or(self.plot.as_ref().map(|_| "--plot"))
+        let of = |file: &Option<PathBuf>, flag| file.as_ref().map(|_| flag);
+        self.out.as_ref().map(|_| "--out").or(of(&self.plot, "--plot")).or(of(&self.animate, "--animate"))
     }
 }
 
@@ -142,7 +160,8 @@ fn simulate_one(
         let text = (source.name(), source.text());
         case.refuse_other_engines(text, values, "--analyse", true)?;
     }
-    super::output_paths::check(path, case, args.out.as_ref(), args.plot.as_deref(), args.force)?;
+    let pictures = [("--plot", args.plot.as_deref()), ("--animate", args.animate.as_deref())];
+    super::output_paths::check(path, case, args.out.as_ref(), pictures, args.force)?;
     let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| case.usual_rate_hz()));
     let envelopes = envelopes(args, case)?;
     let cost = cost::estimate(case)?;
@@ -155,7 +174,8 @@ fn simulate_one(
         (Some(path), Some(rate_hz)) => Some(TimeHistory::create(path, rate_hz, case)?),
         _ => None,
     };
-    let mut viewer = (&mut history, envelopes);
+    let frames = args.animate.as_ref().map(|_| Frames::of(case));
+    let mut viewer = (&mut history, (envelopes, frames));
     let mut bar = SimulationBar::new(&case.name, case.run.duration_s);
     let mut go_on = |t_s: f64| {
         bar.reach(t_s);
@@ -165,13 +185,15 @@ fn simulate_one(
     let result = simulate(case, &mut viewer, options);
     bar.end();
     let result = result?;
-    let (whole, last) = viewer.1;
+    let ((whole, last), frames) = viewer.1;
     let rows = history.as_ref().map(TimeHistory::rows);
     let written = history.map_or(Ok(()), TimeHistory::finish);
     let drawn = args
         .plot
         .as_ref()
         .map_or(Ok(()), |path| simulated_motion::of_case(case, whole.as_ref(), last.as_ref())?.save(path));
+    let animated = args.animate.as_ref().zip(frames.as_ref());
+    let animated = animated.map_or(Ok(()), |(path, frames)| animation::draw(case, frames)?.save(path));
     let analysis =
         if args.analyse && result.stopped_at_s.is_none() { Some(analysis(path, case, values, ctrl_c)?) } else { None };
     if args.json.is_given() {
@@ -189,11 +211,15 @@ fn simulate_one(
     }
     written?;
     drawn?;
+    animated?;
     if let (Some(path), Some(rows), Some(rate_hz)) = (&args.out, rows, rate_hz) {
         say!("Time history: {} ({rows} rows at {} Hz)", path.path().display(), significant(rate_hz, 6));
     }
     if let Some(path) = &args.plot {
         say!("Figure: {}", path.display());
+    }
+    if let Some(path) = &args.animate {
+        say!("Animation: {} (open it in a browser)", path.display());
     }
     match result.stopped_at_s {
         Some(t_s) => Err(Failure::Interrupted(format!(

@@ -26,6 +26,7 @@ pub mod cost;
 pub mod envelope;
 mod exact_driver;
 mod excitation;
+pub mod frames;
 mod json_case;
 mod keys;
 pub mod many_particles;

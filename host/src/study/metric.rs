@@ -1,11 +1,11 @@
 //! The quantities that a study computes at each point, and what each needs.
 
-use damprig_core::integrator::exact::{Excitation, Observer};
+use damprig_core::integrator::exact::Excitation;
 
 use crate::input::key::names;
 use crate::quantity::Quantity;
 use crate::simulation::Case;
-use crate::simulation::analysis::{Analysis, MotionKind};
+use crate::simulation::analysis::{ForcedResponse, MotionKind};
 use crate::simulation::many_particles::SpheresFigures;
 use crate::simulation::result::Summary;
 use crate::simulation::wall_force;
@@ -111,9 +111,8 @@ pub struct Periodicity {
 }
 
 impl Periodicity {
-    /// Of a case; not a number where the motion does not repeat. `watch` sees the transient.
-    pub fn of(case: &Case, watch: &mut impl Observer) -> Self {
-        let driven = Analysis::watched(case, watch).and_then(|analysis| analysis.driven);
+    /// Of a driven motion, if there is one; not a number where it does not repeat.
+    pub fn of(driven: Option<ForcedResponse>) -> Self {
         let periodic = driven.filter(|driven| driven.motion == MotionKind::Periodic);
         let periods = periodic.as_ref().and_then(|driven| driven.repeats_after);
         let orbit = periodic.as_ref().and_then(|driven| driven.orbit.as_ref());

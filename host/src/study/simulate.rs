@@ -1,13 +1,16 @@
 //! Simulates cases and gives their metrics.
 
+use std::f64::consts::TAU;
+
 use damprig_core::integrator::exact::Exact;
 use damprig_core::integrator::exact::response::Wanted;
-use damprig_motion::stop::{Stop, response_from};
+use damprig_motion::stop::{Stop, response_and_motion, response_from};
 
 use super::linear;
 use super::metric::{self, Figures, Periodicity};
 use crate::failure::Failure;
 use crate::quantity::Quantity;
+use crate::simulation::analysis::{AnalysedPeriods, ForcedResponse};
 use crate::simulation::result::Summary;
 use crate::simulation::{Case, RunOptions, cost, many_particles, multi_degree, simulate};
 
@@ -78,9 +81,12 @@ pub fn metrics_of_all(
 }
 
 fn metrics_of(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoOn) -> Result<Simulated, Failure> {
-    let figures = figures(case, record, metrics, go_on)?;
     let needs_analysis = metrics.iter().any(|metric| metric::needs_analysis(*metric));
-    let periodicity = if needs_analysis { Some(periodicity(case, record, go_on)?) } else { None };
+    let analysed = if needs_analysis { analysed(case, record) } else { None };
+    let (figures, there) = figures(case, record, metrics, analysed.as_ref(), go_on)?;
+    let driven =
+        analysed.zip(there).map(|((case, periods), there)| ForcedResponse::at_end(&case, there, periods, &mut ()));
+    let periodicity = needs_analysis.then(|| Periodicity::of(driven));
     Ok((values(case, &figures, metrics, periodicity.as_ref()), f64::from(figures.summary.unresolved)))
 }
 
@@ -89,18 +95,33 @@ fn values(case: &Case, figures: &Figures, metrics: &[Quantity], periodicity: Opt
     metrics.iter().map(|metric| figures.value(*metric, reference_m, periodicity)).collect()
 }
 
-/// Simulates a case.
-fn figures(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoOn) -> Result<Figures, Failure> {
+/// The case whose end is analysed, with its last periods; `None` where nothing is periodic.
+fn analysed(case: &Case, record: Option<Record>) -> Option<(Case, AnalysedPeriods)> {
+    let turning = case.drive_period_s().map(|period_s| TAU / period_s).filter(|_| case.record.is_none())?;
+    let mut case = case.without_hertz();
+    case.run.duration_s = Counted::of(&case, record).end_s;
+    let periods = AnalysedPeriods::of(&case, turning)?;
+    Some((case, periods))
+}
+
+/// Simulates a case; with the motion at the start of the periods that are analysed.
+fn figures(
+    case: &Case,
+    record: Option<Record>,
+    metrics: &[Quantity],
+    analysed: Option<&(Case, AnalysedPeriods)>,
+    go_on: GoOn,
+) -> Result<(Figures, Option<Exact>), Failure> {
     let counted = Counted::of(case, record);
     let (first_cycle, end_s) = (counted.first_cycle as u64, counted.end_s);
-    let of = |summary, spheres| Figures { summary, cycles: counted.cycles(), spheres };
+    let of = |summary, spheres| (Figures { summary, cycles: counted.cycles(), spheres }, None);
     if let Some(damper) = &case.many_particles {
         let simulated = many_particles::counted(case, damper, first_cycle, end_s, go_on)?;
         let (response, spheres) = simulated.ok_or_else(Failure::stopped)?;
         return Ok(of(Summary::of(case, &response, end_s, 0), Some(spheres)));
     }
     if case.record.is_some() {
-        return figures_on_record(case, go_on);
+        return Ok((figures_on_record(case, go_on)?, None));
     }
     if let Some(summary) = linear::settled(case, &counted) {
         return Ok(of(summary, None));
@@ -116,10 +137,31 @@ fn figures(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoO
         let (response, unresolved) = simulated?.ok_or_else(Failure::stopped)?;
         return Ok(of(Summary::of(case, &response, end_s, unresolved), None));
     }
-    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
-    let response =
-        response_from(&mut motion, (first_cycle, from_s), end_s, wanted, go_on).ok_or_else(Failure::stopped)?;
-    Ok(of(Summary::of(case, &response, end_s, motion.unresolved()), None))
+    let new = |case: &Case| Exact::new(&case.set_up, &case.excitation, &case.initial);
+    let mut motion = new(case)?;
+    let from = (first_cycle, from_s);
+    // The analysis has hard walls in place of Hertz contact: another motion.
+    let (own, other) = match analysed {
+        Some(analysed) if analysed.0.set_up == case.set_up => (Some(analysed), None),
+        other => (None, other),
+    };
+    let (response, there) = match own {
+        Some((_, periods)) => response_and_motion(&mut motion, from, (periods.start_s, end_s), wanted, go_on)
+            .map(|(response, there)| (response, Some(there))),
+        None => response_from(&mut motion, from, end_s, wanted, go_on).map(|response| (response, None)),
+    }
+    .ok_or_else(Failure::stopped)?;
+    let there = match other {
+        None => there,
+        Some((case, periods)) => {
+            let (mut go_on, mut motion) = (|_: f64| go_on(), new(case)?);
+            let mut stop = Stop::unless(&mut go_on);
+            motion.run(periods.start_s, &mut stop);
+            Some(motion).filter(|_| !stop.is_stopped())
+        }
+    };
+    let (figures, _) = of(Summary::of(case, &response, end_s, motion.unresolved()), None);
+    Ok((figures, there))
 }
 
 fn figures_on_record(case: &Case, go_on: GoOn) -> Result<Figures, Failure> {
@@ -131,15 +173,6 @@ fn figures_on_record(case: &Case, go_on: GoOn) -> Result<Figures, Failure> {
         return Err(Failure::stopped());
     }
     Ok(Figures { summary: result.summary, cycles: case.run.duration_s / case.cycle_s(), spheres: None })
-}
-
-fn periodicity(case: &Case, record: Option<Record>, go_on: GoOn) -> Result<Periodicity, Failure> {
-    let mut case = case.clone();
-    case.run.duration_s = Counted::of(&case, record).end_s;
-    let mut go_on = |_: f64| go_on();
-    let mut stop = Stop::unless(&mut go_on);
-    let periodicity = Periodicity::of(&case, &mut stop);
-    if stop.is_stopped() { Err(Failure::stopped()) } else { Ok(periodicity) }
 }
 
 #[cfg(test)]

@@ -177,6 +177,59 @@ fn the_extension_selects_the_figure_format() {
     }
 }
 
+/// The places over time that an animation gives its elements, in their order: right and down, points.
+fn moved(svg: &str) -> Vec<Vec<[f64; 2]>> {
+    let place = |text: &str| {
+        let (x, y) = text.split_once(' ').expect("two numbers");
+        [x, y].map(|number| number.parse().expect("a number"))
+    };
+    let values = svg.split("<animateTransform").skip(1).map(|rest| rest.split("values=\"").nth(1).expect("values"));
+    values.map(|values| values.split('"').next().unwrap_or_default().split(';').map(place).collect()).collect()
+}
+
+#[test]
+fn an_animation_moves_the_places_as_the_time_history_has_them_and_keeps_particles_in_their_cavities() {
+    let folder = TempDir::new().unwrap();
+    let cases = Path::new(env!("CARGO_MANIFEST_DIR")).join("cases");
+    for (name, elements, lines) in [("frame", 6, 6), ("boring-bar", 5, 1), ("spid", 4, 0), ("tmd", 3, 0)] {
+        let (case, file) = (cases.join(format!("{name}.toml")), folder.path().join(format!("{name}.svg")));
+        let mut command = damprig(&folder);
+        let command = command.arg("simulate").arg(&case).args(["--set", "run.duration_s=4", "--animate"]).arg(&file);
+        command.arg("--json").assert().success();
+        let svg = std::fs::read_to_string(&file).unwrap();
+        damprig::report::plot::png_of(&svg, 1.0).expect("well-formed");
+        let all = moved(&svg);
+        assert_eq!((all.len(), svg.matches("<animate ").count()), (elements, lines), "{name}");
+        assert!(all.iter().all(|places| places.len() == all[0].len() && places.len() > 100), "{name}");
+        let largest = all[..all.len() - 1].iter().flatten().flatten().map(|of| of.abs()).fold(0.0, f64::max);
+        assert!((largest - 90.0).abs() < 0.06, "{name}: {largest}");
+        if name != "tmd" {
+            // Half a cavity less a particle's radius; two roundings.
+            for (cavity, particle) in all[elements - 2].iter().zip(&all[elements - 1]) {
+                let off = (particle[0] - cavity[0]).hypot(particle[1] - cavity[1]);
+                assert!(off < 23.2, "{name}: {off}");
+            }
+        }
+    }
+    // The structure's frames are the rows of a time history of the same instants.
+    let (svg, csv) = (folder.path().join("s.svg"), folder.path().join("s.csv"));
+    let mut command = damprig(&folder);
+    command.arg("simulate").arg(cases.join("spid.toml")).args(["--set", "run.duration_s=4", "--rate", "100"]);
+    command.arg("--animate").arg(&svg).arg("--out").arg(&csv).assert().success();
+    let columns = csv_columns(&csv);
+    let column = |name: &str| -> Vec<f64> {
+        let (_, cells) = columns.iter().find(|(head, _)| head == name).expect("a column");
+        cells.iter().map(|cell| cell.parse().expect("a number")).collect()
+    };
+    let (times, x) = (column("t_s"), column("x_m"));
+    let places = &moved(&std::fs::read_to_string(&svg).unwrap())[1];
+    let kept: Vec<f64> = times.iter().zip(&x).filter(|(t_s, _)| **t_s > 4.0 - 2.4 - 1e-9).map(|(_, x)| *x).collect();
+    let largest = kept.iter().map(|x| x.abs()).fold(0.0, f64::max);
+    for (n, [right, _]) in places.iter().enumerate() {
+        assert!((right / 90.0 - kept[n] / largest).abs() < 2e-3, "{n}: {right} {}", kept[n]);
+    }
+}
+
 #[test]
 fn a_stiff_wall_gives_a_warning_with_its_cost() {
     let case = spid("{ duration_s = 0.5 }").replace(

@@ -60,17 +60,49 @@ pub fn run_viewed(
 #[must_use]
 pub fn response_from(
     motion: &mut Exact,
-    (first_cycle, from_s): (u64, f64),
+    from: (u64, f64),
     until_s: f64,
     wanted: Wanted,
     go_on: &dyn Fn() -> bool,
 ) -> Option<Response> {
+    measured(motion, from, (None, until_s), wanted, go_on).map(|(response, _)| response)
+}
+
+/// The same with the motion as it is at `at_s`, at most `until_s`.
+#[must_use]
+pub fn response_and_motion(
+    motion: &mut Exact,
+    from: (u64, f64),
+    (at_s, until_s): (f64, f64),
+    wanted: Wanted,
+    go_on: &dyn Fn() -> bool,
+) -> Option<(Response, Exact)> {
+    let (response, there) = measured(motion, from, (Some(at_s), until_s), wanted, go_on)?;
+    Some((response, there?))
+}
+
+fn measured(
+    motion: &mut Exact,
+    (first_cycle, from_s): (u64, f64),
+    (at_s, until_s): (Option<f64>, f64),
+    wanted: Wanted,
+    go_on: &dyn Fn() -> bool,
+) -> Option<(Response, Option<Exact>)> {
     let mut go_on = |_: f64| go_on();
     let mut stop = Stop::unless(&mut go_on);
+    let mut there = None;
+    if let Some(at_s) = at_s.filter(|at_s| *at_s <= from_s) {
+        motion.run(at_s, &mut stop);
+        there = Some(motion.clone());
+    }
     motion.run(from_s, &mut stop);
     let mut response = Response::new(wanted);
     response.skip_to(first_cycle);
+    if let Some(at_s) = at_s.filter(|at_s| *at_s > from_s) {
+        motion.run(at_s, &mut (&mut response, &mut stop));
+        there = Some(motion.clone());
+    }
     motion.run(until_s, &mut (&mut response, &mut stop));
     response.finish(motion.time_s());
-    (!stop.is_stopped()).then_some(response)
+    (!stop.is_stopped()).then_some((response, there))
 }

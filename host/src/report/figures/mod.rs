@@ -1,6 +1,7 @@
 //! The figures, drawn with [`super::plot`]. Each kind is a file of its own ([`frequency_response`], [`time_histories`],
 //! [`peak_motion`], [`simulated_motion`]); [`campaign`] supplies the data of a run.
 
+pub mod animation;
 pub mod backbone;
 pub mod basins;
 pub mod bifurcation;

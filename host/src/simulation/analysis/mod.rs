@@ -15,6 +15,7 @@ pub use periodic_orbit::{Multiplier, OrbitError, PeriodicOrbit, Stability};
 pub use run_sensitivities::WrittenCase;
 pub(crate) use sensitivities::MORE;
 pub use sensitivities::{RunKeys, Sensitivities, Sensitivity};
+pub(crate) use steady_state::AnalysedPeriods;
 pub use steady_state::{Analysis, ForcedResponse, MotionKind, OrbitSummary, SectionState, TwoImpactOrbit};
 
 use damprig_continuation::ReturnMap;

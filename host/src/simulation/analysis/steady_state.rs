@@ -237,6 +237,28 @@ fn delay_s(motion: &Exact, start_s: f64, length_s: f64, period_s: f64) -> Option
     Some((0.5 * (from + to)).rem_euclid(period_s))
 }
 
+/// The last periods of a run under a sine, of which its steady state is told.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AnalysedPeriods {
+    turning: f64,
+    /// Whole periods of the run.
+    whole: u64,
+    periods: u64,
+    /// When they begin, s.
+    pub start_s: f64,
+}
+
+impl AnalysedPeriods {
+    /// Of a case under a sine of this angular frequency, rad/s; `None` if the run is shorter than a period.
+    pub(crate) fn of(case: &Case, turning: f64) -> Option<Self> {
+        let period_s = TAU / turning;
+        let whole = (case.run.duration_s / period_s * (1.0 + 1e-12)).floor() as u64;
+        let periods = ANALYSED_PERIODS.min(whole.div_ceil(2)).max(MIN_PERIODS).min(whole);
+        let start_s = (whole - periods) as f64 * period_s;
+        (whole > 0).then_some(Self { turning, whole, periods, start_s })
+    }
+}
+
 impl Analysis {
     /// Analyses a case with an excitation in closed form; `None` for a recorded base motion.
     #[must_use]
@@ -341,19 +363,19 @@ impl ForcedResponse {
         meter: &mut EnergyMeter,
         watch: &mut impl Observer,
     ) -> Option<Self> {
-        let period_s = TAU / turning;
-        let whole = (case.run.duration_s / period_s * (1.0 + 1e-12)).floor() as u64;
         let mut motion = motion;
-        if whole == 0 {
+        let Some(analysed) = AnalysedPeriods::of(case, turning) else {
             motion.run(case.run.duration_s, meter);
             return None;
-        }
-        let periods = ANALYSED_PERIODS.min(whole.div_ceil(2)).max(MIN_PERIODS).min(whole);
-        let start_s = (whole - periods) as f64 * period_s;
-        motion.run(start_s, &mut (&mut *meter, &mut *watch));
-        if !watch.goes_on(start_s) {
-            return None;
-        }
+        };
+        motion.run(analysed.start_s, &mut (&mut *meter, &mut *watch));
+        watch.goes_on(analysed.start_s).then(|| Self::at_end(case, motion, analysed, meter))
+    }
+
+    /// Of a case without Hertz walls, from its motion at the start of the analysed periods on; `meter` sees the rest of it.
+    pub(crate) fn at_end(case: &Case, mut motion: Exact, analysed: AnalysedPeriods, meter: &mut impl Observer) -> Self {
+        let AnalysedPeriods { turning, whole, periods, start_s } = analysed;
+        let period_s = TAU / turning;
         let mut lock_in = LockIn::new(turning);
         let mut last_cycles = LastCyclesMeter::new(period_s, case.run.duration_s);
         let mut shown = ExactObserver::new(&mut last_cycles);
@@ -406,7 +428,7 @@ impl ForcedResponse {
             None => (None, None),
         };
         let summary = orbit.as_ref().map(OrbitSummary::from);
-        Some(Self {
+        Self {
             periods,
             amplitude_m: lock_in.amplitude_m(),
             phase_rad: phase - TAU * (phase / TAU).round(),
@@ -431,6 +453,6 @@ impl ForcedResponse {
             periodic_orbit: orbit,
             sensitivities: None,
             no_sensitivities: None,
-        })
+        }
     }
 }

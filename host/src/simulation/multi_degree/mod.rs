@@ -8,7 +8,7 @@ pub mod read;
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Initial, SetUp as OneDegree, Structure, Tmd};
-use damprig_structures::{Body, FrictionJoint, Modes, SetUp, State, TunedMass, base_at_start};
+use damprig_structures::{Body, FrictionJoint, Modes, SetUp, State, Support, TunedMass, base_at_start};
 
 use crate::simulation::keys::case::STOREYS;
 
@@ -23,12 +23,25 @@ pub struct MultiDegree {
     pub set_up: SetUp,
     /// Names of the places, in the order of the structure's.
     pub places: Vec<String>,
+    /// Where they are on a beam; `None` of another structure.
+    pub on_beam: Option<OnBeam>,
     /// Number of the place whose displacement is x.
     pub observed: usize,
     /// State at the start.
     pub start: State,
     /// Displacement and velocity of each place at the start, m and m/s.
     pub place_starts: Vec<Body>,
+}
+
+/// Where the places of a beam are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OnBeam {
+    /// How it is held.
+    pub support: Support,
+    /// Its length, m.
+    pub length_m: f64,
+    /// Of each place, from the first support, m.
+    pub positions_m: Vec<f64>,
 }
 
 impl MultiDegree {

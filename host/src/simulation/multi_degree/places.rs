@@ -2,6 +2,7 @@
 
 use damprig_structures::Support;
 
+use super::OnBeam;
 use crate::input::Section;
 use crate::input::key::Quantity;
 use crate::input::section::Given;
@@ -12,15 +13,8 @@ use crate::input::suggest;
 pub enum Places {
     /// Names that the file gives, or that floors have.
     Named(Vec<String>),
-    /// Positions on a beam, m, collected as they are named.
-    OnBeam {
-        /// How it is held.
-        support: Support,
-        /// Its length, m.
-        length_m: f64,
-        /// The positions so far.
-        positions_m: Vec<f64>,
-    },
+    /// Positions on a beam, collected as they are named.
+    OnBeam(OnBeam),
 }
 
 impl Places {
@@ -39,14 +33,14 @@ impl Places {
                 }
                 place
             }
-            (Self::OnBeam { length_m, positions_m, .. }, Given::Number(position_m)) => {
+            (Self::OnBeam(OnBeam { length_m, positions_m, .. }), Given::Number(position_m)) => {
                 if position_m > *length_m {
                     s.reject(key, format!("must be at most {length_m} m, the length of the beam"), None);
                     return None;
                 }
                 Some(index_of(positions_m, position_m))
             }
-            (Self::OnBeam { .. }, _) => {
+            (Self::OnBeam(_), _) => {
                 let name = quantity.keys[1].name;
                 s.reject(key, "a beam has positions", Some(format!("write `{name} = …`, from its first support")));
                 None
@@ -64,20 +58,23 @@ impl Places {
     pub fn usual(&mut self) -> usize {
         match self {
             Self::Named(names) => names.len().saturating_sub(1),
-            Self::OnBeam { support: Support::Cantilever, length_m, positions_m } => index_of(positions_m, *length_m),
-            Self::OnBeam { support: Support::SimplySupported, length_m, positions_m } => {
-                index_of(positions_m, 0.5 * *length_m)
-            }
+            Self::OnBeam(OnBeam { support, length_m, positions_m }) => match support {
+                Support::Cantilever => index_of(positions_m, *length_m),
+                Support::SimplySupported => index_of(positions_m, 0.5 * *length_m),
+            },
         }
+    }
+
+    /// Where they are on a beam.
+    pub fn on_beam(&self) -> Option<OnBeam> {
+        if let Self::OnBeam(beam) = self { Some(beam.clone()) } else { None }
     }
 
     /// Their names.
     pub fn names(&self) -> Vec<String> {
         match self {
             Self::Named(names) => names.clone(),
-            Self::OnBeam { positions_m, .. } => {
-                positions_m.iter().map(|position_m| format!("{position_m} m")).collect()
-            }
+            Self::OnBeam(beam) => beam.positions_m.iter().map(|position_m| format!("{position_m} m")).collect(),
         }
     }
 }

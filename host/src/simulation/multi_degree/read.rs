@@ -97,8 +97,16 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
     }
     let base = BaseStart::of(&excitation, record.as_ref());
     let (start, place_starts) = start(&read, base, initial, observed, initial_section.as_ref())?;
-    let multi_degree =
-        MultiDegree { key, kind, set_up: read.set_up, places: places.names(), observed, start, place_starts };
+    let multi_degree = MultiDegree {
+        key,
+        kind,
+        set_up: read.set_up,
+        places: places.names(),
+        on_beam: places.on_beam(),
+        observed,
+        start,
+        place_starts,
+    };
     let case = Case {
         name,
         set_up: multi_degree.as_one_degree(structure),
@@ -148,6 +156,7 @@ pub fn force_beside_base(root: &Section, case: &Case, (amplitude_n, phase_rad): 
         kind: "one degree of freedom".into(),
         set_up,
         places: vec![set_up_keys::STRUCTURE.name().into()],
+        on_beam: None,
         observed: 0,
         start: State::of_one_degree(&case.set_up, &case.initial, &case.excitation),
         place_starts: vec![Body { y_m: case.initial.x_m, u_m_per_s: case.initial.v_m_per_s }],

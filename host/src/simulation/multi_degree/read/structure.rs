@@ -6,6 +6,7 @@ use super::matrix_file::matrix_of;
 use crate::input::section::Given;
 use crate::input::{Problem, Section, Text};
 use crate::simulation::keys::{beam, beam_cantilever, beam_supported, case, matrices, mode, storey};
+use crate::simulation::multi_degree::OnBeam;
 use crate::simulation::multi_degree::places::Places;
 
 /// A structure whose places are still being collected.
@@ -37,7 +38,7 @@ impl Described {
         match (self, places) {
             (Self::Storeys(storeys, None), _) => Modes::storeys(&storeys),
             (Self::Storeys(storeys, Some(ratio)), _) => Modes::frame(&storeys, &Damping::Ratio(ratio)),
-            (Self::Beam(beam), Places::OnBeam { positions_m, .. }) => {
+            (Self::Beam(beam), Places::OnBeam(OnBeam { positions_m, .. })) => {
                 Modes::beam(&Beam { places_m: positions_m.clone(), ..*beam })
             }
             (Self::Beam(beam), Places::Named(_)) => Modes::beam(&beam),
@@ -137,7 +138,7 @@ fn read_beam(root: &Section) -> Option<(Described, Places)> {
         damping_ratio: damping?,
         places_m: Vec::new(),
     };
-    Some((Described::Beam(Box::new(beam)), Places::OnBeam { support, length_m, positions_m: Vec::new() }))
+    Some((Described::Beam(Box::new(beam)), Places::OnBeam(OnBeam { support, length_m, positions_m: Vec::new() })))
 }
 
 fn read_modes(root: &Section, names: Vec<Text>) -> Option<(Described, Places)> {
