@@ -11,6 +11,7 @@ use damprig_continuation::ReturnMap;
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation, Impact, Observer};
 use damprig_core::model::{Cavity, FrictionDamper, Initial, Particle, SetUp, Structure, Wall};
+use damprig_structures::{Drive, MotionCase, State, base_at_start};
 use nalgebra::{Complex, Matrix4, Vector4};
 
 pub fn case(name: &str) -> PathBuf {
@@ -76,6 +77,30 @@ fn the_lyapunov_exponent_of_a_periodic_motion_is_that_of_its_multipliers() {
     let orbit = PeriodicOrbit::near(&damper, 1.0, NATURAL, &state, 1).expect("it is on it");
     let expected = orbit.multipliers[0].value.norm().ln();
     assert!((found.per_period - expected).abs() < 2.0 / f64::from(found.periods), "{found:?}, {expected}");
+}
+
+#[test]
+fn the_lyapunov_exponent_of_a_structure_is_that_of_one_degree_of_freedom() {
+    let drive = Excitation::Sine { amplitude_m: 1.0, angular_frequency_rad_per_s: NATURAL, phase_rad: 0.0 };
+    let of_structure = |set_up: &SetUp, periods: u32| {
+        let run = MotionCase {
+            set_up: set_up.into(),
+            start: State::on_base(set_up, &set_up.neutral(), base_at_start(&drive)),
+            drive: Drive::ClosedForm(drive),
+            duration_s: f64::from(periods) * TAU / NATURAL,
+        };
+        Lyapunov::of_structure(&run, &mut || true).expect("it has derivatives").expect("a disturbance is left")
+    };
+    let (chaotic, settled) = (damper(18.0, 0.5), damper(10.0, 0.5));
+    let (map, state) = map_after(&chaotic, 100);
+    let (own, other) = (of_structure(&chaotic, 100), Lyapunov::of(&map, &state).expect("resolved").expect("left"));
+    // Rounding makes other motions of the same kind of both.
+    assert!(own.is_chaotic(), "{own:?}");
+    assert!((own.per_period - other.per_period).abs() < 5.0 * own.error.hypot(other.error), "{own:?} {other:?}");
+    let (_, state) = map_after(&settled, 1_000);
+    let orbit = PeriodicOrbit::near(&settled, 1.0, NATURAL, &state, 1).expect("it is on it");
+    let (own, expected) = (of_structure(&settled, 1_000), orbit.multipliers[0].value.norm().ln());
+    assert!((own.per_period - expected).abs() < 2.0 / f64::from(own.periods), "{own:?}, {expected}");
 }
 
 #[test]

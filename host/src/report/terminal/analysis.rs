@@ -12,6 +12,7 @@ pub fn text(analysis: &Analysis) -> String {
     let driven = analysis.driven.as_ref();
     lines.extend(driven.map(steady).unwrap_or_default());
     lines.extend(analysis.sensitivities.as_ref().and_then(|found| found.run.as_ref()).and_then(repeating));
+    lines.extend(analysis.lyapunov.as_ref().map(|found| ("disturbances", lyapunov(found))));
     lines.extend(analysis.no_sensitivities.clone().map(|why| ("sensitivities of the run", why)));
     let mut text = String::from("Analysis");
     for (name, value) in lines {

@@ -2,6 +2,7 @@
 
 use damprig_continuation::{ReturnMap, UnresolvedEvent};
 use damprig_core::integrator::exact::ExactState;
+use damprig_structures::{MotionCase, NoDerivatives, Section};
 use nalgebra::DVector;
 use serde::Serialize;
 
@@ -40,18 +41,51 @@ impl Lyapunov {
         let size = map.system().size();
         let mut state = *start;
         let mut disturbance = DVector::from_element(size, 1.0 / (size as f64).sqrt());
+        Self::of_periods(|| {
+            let here = initial(&state);
+            disturbance = map.variation(&here)?.matrix * &disturbance;
+            let growth = disturbance.norm();
+            disturbance /= growth;
+            state = map.image(&here);
+            Ok(growth)
+        })
+    }
+
+    /// Of a motion of a structure under a sine that goes on from the end of a run, while `goes_on` is true. `None` as for [`Lyapunov::of`].
+    ///
+    /// # Errors
+    /// The motion has no derivatives in one of the periods, or it was stopped.
+    pub fn of_structure(run: &MotionCase, goes_on: &mut dyn FnMut() -> bool) -> Result<Option<Self>, NoDerivatives> {
+        let whole = run.periods();
+        let bodies = run.over_periods(whole).bodies_after(run.over_periods(whole).duration_s)?;
+        let section = Section { periods: 1, advance_rad: 0.0 };
+        let mut period = run.at_section(run, section, &bodies)?;
+        let mut disturbance = None;
+        Self::of_periods(|| {
+            if !goes_on() {
+                return Err(NoDerivatives::Stopped);
+            }
+            let returned = period.returned(&[])?;
+            let here = disturbance.take().unwrap_or_else(|| returned.along.column_sum());
+            let mut there = &returned.becomes * returned.coordinates(&here);
+            let growth = returned.size_of(&there) / returned.size_of(&here);
+            there /= returned.size_of(&there);
+            disturbance = Some(there);
+            period = period.at_section(&period, section, returned.end.as_slice())?;
+            Ok(growth)
+        })
+    }
+
+    /// From the growth of a disturbance in one drive period after another.
+    fn of_periods<E>(mut growth: impl FnMut() -> Result<f64, E>) -> Result<Option<Self>, E> {
         let mut grow = |periods: u32| {
             let mut sum = 0.0;
             for _ in 0..periods {
-                let here = initial(&state);
-                disturbance = map.variation(&here)?.matrix * &disturbance;
-                let growth = disturbance.norm();
+                let growth = growth()?;
                 if growth == 0.0 || !growth.is_finite() {
                     return Ok(None);
                 }
-                disturbance /= growth;
                 sum += growth.ln();
-                state = map.image(&here);
             }
             Ok(Some(sum))
         };

@@ -119,7 +119,7 @@ impl Sensitivities {
 }
 
 /// The motion of a case; with as many sample intervals as `like`.
-fn motion_case(case: &Case, like: Option<&MotionCase>) -> MotionCase {
+pub(super) fn motion_case(case: &Case, like: Option<&MotionCase>) -> MotionCase {
     let case = case.without_hertz();
     let duration_s = case.run.duration_s;
     let (drive, base) = match &case.record {

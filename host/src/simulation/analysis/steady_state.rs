@@ -14,7 +14,7 @@ use super::lyapunov::Lyapunov;
 use super::periodic_orbit::{PeriodicOrbit, Stability};
 use super::repetition::Repetition;
 use super::return_map;
-use super::run_sensitivities::WrittenCase;
+use super::run_sensitivities::{WrittenCase, motion_case};
 use super::sensitivities::Sensitivities;
 use crate::simulation::Case;
 use crate::simulation::motion::ExactObserver;
@@ -44,6 +44,10 @@ pub struct Analysis {
     pub energy: Option<Balance>,
     /// Response to a sinusoidal excitation; `None` for others.
     pub driven: Option<ForcedResponse>,
+    /// Growth of small disturbances along the motion of a structure with several places under a sine that is on no periodic motion at its end, and
+    /// goes on for it beyond the run; only of [`Analysis::complete`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lyapunov: Option<Lyapunov>,
     /// How the results of the run follow the keys of the case, where the response has no sensitivities; only of [`Analysis::complete`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sensitivities: Option<Sensitivities>,
@@ -274,18 +278,27 @@ impl Analysis {
             walls: case.hertz_as_hard(),
             energy: None,
             driven: None,
+            lyapunov: None,
             sensitivities: None,
             no_sensitivities: None,
         });
         let driven = analysis.driven.as_ref();
         let is_chaotic = driven.and_then(|driven| driven.lyapunov.as_ref()).is_some_and(Lyapunov::is_chaotic);
+        let goes_on: &mut dyn FnMut(f64) -> bool = &mut |t_s| watch.goes_on(t_s);
         if is_chaotic {
             analysis.no_sensitivities = Some("none: the motion is chaotic".into());
         } else if driven.is_none_or(|driven| driven.sensitivities.is_none()) {
-            match Sensitivities::of_run(case, written, &mut |t_s| watch.goes_on(t_s)) {
+            match Sensitivities::of_run(case, written, goes_on) {
                 Ok(found) => analysis.sensitivities = Some(found),
                 Err(why) => analysis.no_sensitivities = Some(why),
             }
+        }
+        let run = analysis.sensitivities.as_ref().and_then(|found| found.run.as_ref());
+        let is_on_orbit = run.is_some_and(|run| run.repeats_after.is_some());
+        if case.multi_degree.is_some() && case.is_under_a_sine() && !is_on_orbit {
+            let run = motion_case(case, None);
+            let found = Lyapunov::of_structure(&run, &mut || goes_on(case.run.duration_s));
+            analysis.lyapunov = found.ok().flatten();
         }
         analysis
     }
@@ -326,6 +339,7 @@ impl Analysis {
             walls: case.hertz_as_hard(),
             energy: Some(meter.balance()),
             driven,
+            lyapunov: None,
             sensitivities: None,
             no_sensitivities: None,
         })

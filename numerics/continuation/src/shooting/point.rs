@@ -145,8 +145,8 @@ impl<'a> Shooter<'a> {
             right[free] = arc - self.inner(tangent, &shot.point.minus(anchor));
             let mut matrix = self.bordered(returned, tangent);
             if let Some(crossing) = crossing {
-                let [along, left] = [&crossing.along, &crossing.left].map(|of| self.coordinates(returned, of));
-                let off = self.coordinates(returned, &shot.point.minus(&chord));
+                let [along, left] = [&crossing.along, &crossing.left].map(|of| returned.coordinates(&of.bodies));
+                let off = returned.coordinates(&shot.point.minus(&chord).bodies);
                 right = right.push(-along.dot(&off));
                 matrix = matrix.resize(free + 2, free + 2, 0.0);
                 for i in 0..free {
@@ -195,16 +195,6 @@ impl<'a> Shooter<'a> {
     fn direction(&self, returned: &Returned, of: &DVector<f64>) -> Direction {
         let free = returned.map.nrows();
         Direction { bodies: &returned.along * of.rows(0, free), share: of[free] }
-    }
-
-    /// A direction of the bodies in the disturbances of an orbit.
-    fn coordinates(&self, returned: &Returned, of: &Direction) -> DVector<f64> {
-        let weighted = |column: &DVector<f64>| column.component_mul(&self.weights);
-        let along = DMatrix::from_fn(returned.along.nrows(), returned.along.ncols(), |i, j| {
-            returned.along[(i, j)] * self.weights[i]
-        });
-        let svd = along.svd(true, true);
-        svd.solve(&weighted(&of.bodies), f64::EPSILON).unwrap_or_else(|_| DVector::zeros(returned.along.ncols()))
     }
 
     /// The crossing near an orbit.

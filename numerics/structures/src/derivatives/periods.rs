@@ -120,6 +120,13 @@ impl MotionCase {
         Ok((self.of_periods(periods, &state, advance_rad), Section { periods, advance_rad }))
     }
 
+    /// Whole periods of its sine in its length; 0 without one.
+    #[must_use]
+    pub fn periods(&self) -> u32 {
+        let turning = self.excitation().angular_frequency_rad_per_s();
+        (self.duration_s * turning / TAU * (1.0 + 1e-12)).floor() as u32
+    }
+
     /// The motion over so many periods of its sine.
     #[must_use]
     pub fn over_periods(&self, periods: u32) -> Self {

@@ -19,8 +19,14 @@ pub struct Returned {
     /// Disturbances of the start, a column each: orthonormal in units in which bodies of one energy have one size. Those that friction does not let
     /// begin are left out.
     pub along: DMatrix<f64>,
-    /// What these disturbances become, in themselves: the derivative of the map of the start.
+    /// What these disturbances are at the end, in the units of `start`.
+    pub becomes: DMatrix<f64>,
+    /// What they become, in themselves: the derivative of the map of the start.
     pub map: DMatrix<f64>,
+    /// Displacements and velocities at the end.
+    pub end: DVector<f64>,
+    /// What makes displacements and velocities comparable: factors of `start`.
+    scale: DVector<f64>,
     /// How far from its start the motion returns, in these disturbances.
     pub missed: DVector<f64>,
     /// The derivative of where it returns by each quantity at the same start, in these disturbances.
@@ -54,6 +60,18 @@ impl MotionCase {
 impl Returned {
     /// So many events or more are not counted further.
     pub const MANY: u32 = 10;
+
+    /// A disturbance of the start in those of `along`.
+    #[must_use]
+    pub fn coordinates(&self, of: &DVector<f64>) -> DVector<f64> {
+        self.along.tr_mul(&of.component_mul(&self.scale).component_mul(&self.scale))
+    }
+
+    /// Size of a disturbance.
+    #[must_use]
+    pub fn size_of(&self, of: &DVector<f64>) -> f64 {
+        of.component_mul(&self.scale).norm()
+    }
 
     /// Floquet multipliers, the largest first; none if they are not known. Those of bodies that friction holds at the start are left out: they are 0.
     #[must_use]
@@ -89,6 +107,9 @@ impl Follower<'_> {
         }
         Returned {
             start: self.start_w.rows(0, 2 * bodies).clone_owned(),
+            end: self.w.rows(0, 2 * bodies).clone_owned(),
+            scale: DVector::from_fn(2 * bodies, |i, _| self.scale(i)),
+            becomes: self.s.view((0, quantities), (2 * bodies, 2 * bodies)).select_columns(&free),
             map: in_these(scaled(&self.s, quantities, 2 * bodies)).select_columns(&free),
             missed: in_these(missed).column(0).clone_owned(),
             by: in_these(moved),
