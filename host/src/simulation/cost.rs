@@ -65,7 +65,7 @@ const HERTZ_CYCLE_S: f64 = 2e-5;
 const SPHERE_STEP_S: f64 = 5e-7;
 const RECORD_STEP_S: f64 = 1e-7;
 
-/// Computing time of `duration_s` of a case on a usual core, s, within a factor of about three: from what it has and without a trial,
+/// Computing time of `duration_s` of a case on a usual core, s, within a factor of about three (five with many impacts a cycle): from what it has and without a trial,
 /// so that every machine says the same.
 #[must_use]
 pub fn usual_s(case: &Case, duration_s: f64) -> f64 {
