@@ -193,7 +193,9 @@ fn simulate_one(
         .as_ref()
         .map_or(Ok(()), |path| simulated_motion::of_case(case, whole.as_ref(), last.as_ref())?.save(path));
     let animated = args.animate.as_ref().zip(frames.as_ref());
-    let animated = animated.map_or(Ok(()), |(path, frames)| animation::draw(case, frames)?.save(path));
+    // Of a run that was stopped before its last cycles there is none.
+    let animated = animated.filter(|(_, frames)| result.stopped_at_s.is_none() || frames.all().len() > 1);
+    let drawn_motion = animated.map_or(Ok(()), |(path, frames)| animation::draw(case, frames)?.save(path));
     let analysis =
         if args.analyse && result.stopped_at_s.is_none() { Some(analysis(path, case, values, ctrl_c)?) } else { None };
     if args.json.is_given() {
@@ -211,14 +213,14 @@ fn simulate_one(
     }
     written?;
     drawn?;
-    animated?;
+    drawn_motion?;
     if let (Some(path), Some(rows), Some(rate_hz)) = (&args.out, rows, rate_hz) {
         say!("Time history: {} ({rows} rows at {} Hz)", path.path().display(), significant(rate_hz, 6));
     }
     if let Some(path) = &args.plot {
         say!("Figure: {}", path.display());
     }
-    if let Some(path) = &args.animate {
+    if let Some((path, _)) = animated {
         say!("Animation: {} (open it in a browser)", path.display());
     }
     match result.stopped_at_s {

@@ -8,7 +8,7 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_structures::NoDerivatives;
 use toml::Value;
 
-use super::found::{Found, FoundCurve};
+use super::found::{Found, FoundCurve, no_orbit};
 use super::keys::{file, second};
 use super::of_structure::{NotFollowed, OverKey};
 use crate::failure::Failure;
@@ -19,7 +19,7 @@ use crate::setup::StatedContact;
 use crate::simulation::analysis::WrittenCase;
 use crate::simulation::case::default_name;
 use crate::simulation::parameters::{PARAMETERS, ParameterKey};
-use crate::simulation::set_values::numbers_of;
+use crate::simulation::set_values::{numbers_of, without_numbers};
 use crate::simulation::{Case, SetValues};
 
 /// Most orbits of a branch of a structure in one direction: each takes milliseconds, and short steps are near an end.
@@ -180,17 +180,21 @@ impl Continuation {
             return None;
         }
         let nothing = SetValues::default();
-        let numbers = numbers_of(case_source.text(), &nothing);
-        let Some((_, own)) = numbers.iter().find(|(known, _)| *known == key.value) else {
-            let known = || numbers.iter().map(|(known, _)| known.as_str()).filter(|known| !known.starts_with("run."));
-            let help = near_one_of(&key.value, known());
-            let all = known().collect::<Vec<_>>().join(", ");
-            wanted.over.refuse(
-                source,
-                "parameter",
-                &format!("{} has no such number; allowed: {all}", case_source.name()),
-                help,
+        let mut numbers = numbers_of(case_source.text(), &nothing);
+        numbers.retain(|(known, _)| !known.starts_with("run."));
+        // A list of one table needs no number.
+        let of_one = || {
+            let mut those = numbers.iter().filter(|(known, _)| without_numbers(known) == key.value);
+            those.next().filter(|_| those.next().is_none())
+        };
+        let Some((key, own)) = numbers.iter().find(|(known, _)| *known == key.value).or_else(of_one) else {
+            let known = || numbers.iter().map(|(known, _)| known.as_str());
+            let allowed = format!(
+                "{} has no such number; allowed: {}",
+                case_source.name(),
+                known().collect::<Vec<_>>().join(", ")
             );
+            wanted.over.refuse(source, "parameter", &allowed, near_one_of(&key.value, known()));
             return None;
         };
         let (low, high) = wanted.over.ends(source)?;
@@ -200,8 +204,11 @@ impl Continuation {
         }
         let written = WrittenCase { name: case_source.name(), text: case_source.text(), values: &nothing };
         for end in [from, to] {
-            if let Err(why) = written.read(&key.value, end.value, &Arc::default()) {
-                wanted.over.report(source, &end.span, &format!("{} = {} is refused: {why}", key.value, end.value));
+            if let Err(why) = written.read(key, end.value, &Arc::default()) {
+                // The line that the value would stand in is not in the file.
+                let why = why.to_string();
+                let allowed = reason(&why);
+                wanted.over.report(source, &end.span, &format!("{key} = {} is refused: {allowed}", end.value));
             }
         }
         let start_at = wanted.start_at.as_ref().map_or(own.clamp(low, high), |start| start.value);
@@ -212,7 +219,7 @@ impl Continuation {
             most_restarts: wanted.restarts as usize,
             steps: Steps { longest: wanted.step, most_orbits: MAX_ORBITS },
         };
-        Some((start_at, Followed::Structure(OverKey { key: key.value.clone(), range: (low, high), task })))
+        Some((start_at, Followed::Structure(OverKey { key: key.clone(), range: (low, high), task })))
     }
 
     /// Key of the parameter, and of the second one.
@@ -237,14 +244,10 @@ impl Continuation {
                 over.follow(&self.case, &written, goes_on).map_err(|why| match why {
                     NotFollowed::Failure(failure) => failure,
                     NotFollowed::NoOrbit(NoDerivatives::Stopped) => Failure::stopped(),
-                    NotFollowed::NoOrbit(why) => {
-                        let why = why.to_string();
-                        let why = why.trim_start_matches("no derivatives: ");
-                        self.no_start(
-                            why,
-                            "give another `start_at`, where the motion is periodic, or a larger `settle_periods`",
-                        )
-                    }
+                    NotFollowed::NoOrbit(why) => self.no_start(
+                        &no_orbit(&why),
+                        "give another `start_at`, where the motion is periodic, or a larger `settle_periods`",
+                    ),
                 })?
             }
         };
@@ -308,6 +311,12 @@ fn of_this(system: &System, case: &Case) -> Vec<&'static str> {
         |key: &str| [drive, other].into_iter().chain(hertz.into_iter().flatten()).any(|of| key.starts_with(of));
     let has = |p: &&ParameterKey| !absent(p.key) && system.has(p.parameter);
     PARAMETERS.iter().filter(has).map(|p| p.key).collect()
+}
+
+/// What a message says of its marked line; its first line if none is marked.
+fn reason(message: &str) -> &str {
+    let marked = message.lines().find_map(|line| line.rsplit_once('^').map(|(_, said)| said.trim()));
+    marked.unwrap_or_else(|| message.lines().next().unwrap_or_default())
 }
 
 fn near_one_of<'k>(key: &str, known: impl Iterator<Item = &'k str>) -> Option<String> {

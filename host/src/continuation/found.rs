@@ -4,6 +4,7 @@ use damprig_continuation::{
     Branch, BranchEnd, Curve, Diagram, Orbit, Origin, Special, SpecialKind, StructureBranch, StructureDiagram,
     StructureOrbit, StructureSpecial,
 };
+use damprig_structures::NoDerivatives;
 use serde::Serialize;
 
 use crate::failure::Failure;
@@ -163,7 +164,8 @@ impl Found {
     ) -> Result<Self, Failure> {
         let branches = diagram.branches.iter().enumerate();
         let branches = branches.map(|(n, branch)| FoundBranch::of_structure(n, branch, orbit));
-        let gaps = diagram.gaps.iter().map(|(at, why)| FoundGap { parameter: *at, why: why.to_string() }).collect();
+        let gap = |(at, why): &(f64, NoDerivatives)| FoundGap { parameter: *at, why: no_orbit(why) };
+        let gaps = diagram.gaps.iter().map(gap).collect();
         Ok(Self {
             branches: branches.collect::<Result<_, Failure>>()?,
             gaps,
@@ -188,6 +190,11 @@ impl Found {
             curves: Vec::new(),
         }
     }
+}
+
+/// Why there is no orbit.
+pub(super) fn no_orbit(why: &NoDerivatives) -> String {
+    why.to_string().trim_start_matches("no derivatives: ").to_string()
 }
 
 fn origin(of: Origin) -> String {

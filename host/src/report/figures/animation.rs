@@ -129,7 +129,22 @@ impl<'a> Stage<'a> {
         let (from, to) = (significant(from_s, 5), significant(from_s + length_s, 5));
         let millimetres = if self.scale > 0.0 { LARGEST / self.scale * 1e3 } else { 0.0 };
         let cavities = if self.particles().is_empty() { "" } else { "; cavities have a scale of their own" };
-        format!("{from} s to {to} s, {speed}; largest displacement {} mm{cavities}", significant(millimetres, 4))
+        let largest = significant(millimetres, 4);
+        format!("{from} s to {to} s, {speed}; largest displacement {largest} mm{cavities}{}", self.not_drawn())
+    }
+
+    /// What acts and is not drawn.
+    fn not_drawn(&self) -> &'static str {
+        let several = self.case.multi_degree.as_ref();
+        let has_friction = match several {
+            Some(of) => !of.set_up.friction_dampers.is_empty(),
+            None => self.case.set_up.friction_damper.is_some(),
+        };
+        match (has_friction, self.case.many_particles.is_some()) {
+            (true, _) => "; friction dampers are not drawn",
+            (_, true) => "; the spheres are not drawn",
+            _ => "",
+        }
     }
 
     /// Place and cavity of each particle: the ends of y − x, m.
@@ -222,21 +237,26 @@ impl<'a> Stage<'a> {
         self.dampers(svg);
     }
 
-    /// Where the middle of a cavity or a tuned mass is beside its place.
-    fn beside(&self, nth: usize) -> Place {
+    /// Where the middle of a cavity or a tuned mass is beside its place, of several there: in rows of three, of a beam in columns.
+    fn beside(&self, nth: usize, count: usize) -> Place {
+        let (column, row) = ((nth % 3) as f64, (nth / 3) as f64);
+        let right = (column - 0.5 * (count.min(3) as f64 - 1.0)) * (2.0 * HALF_CAVITY + 10.0);
         match self.layout {
-            Layout::Beam(_) => (16.0 + 22.0 * nth as f64, 0.0),
-            Layout::Floors => (0.0, -0.5 * FLOOR - RADIUS - 5.0 - 18.0 * nth as f64),
-            Layout::Rails => (0.0, -24.0 - 18.0 * nth as f64),
+            Layout::Beam(_) => (16.0 * (nth + 1) as f64, 0.0),
+            Layout::Floors => (right, -0.5 * FLOOR - RADIUS - 5.0 - 20.0 * row),
+            Layout::Rails => (right, -24.0 - 20.0 * row),
         }
     }
 
     /// Particles in their cavities, and tuned masses.
     fn dampers(&self, svg: &mut Svg) {
-        let mut at_place = vec![0; self.places()];
+        let (mut at_place, mut counts) = (vec![0; self.places()], vec![0; self.places()]);
+        for place in self.particles().iter().map(|(place, _)| *place).chain(self.tuned_masses()) {
+            counts[place] += 1;
+        }
         let mut next = |place: usize| {
             at_place[place] += 1;
-            let ((x, y), (dx, dy)) = (self.rest(place), self.beside(at_place[place] - 1));
+            let ((x, y), (dx, dy)) = (self.rest(place), self.beside(at_place[place] - 1, counts[place]));
             (x + dx, y + dy)
         };
         for (number, (place, [low_m, high_m])) in self.particles().into_iter().enumerate() {
@@ -264,14 +284,10 @@ impl<'a> Stage<'a> {
         }
         for (number, place) in self.tuned_masses().into_iter().enumerate() {
             let at = next(place);
-            let offset = |frame: &Frame| frame.tuned_masses_m[number] - frame.places_m[place];
-            let largest_m = self.frames.all().iter().map(|frame| offset(frame).abs()).fold(f64::MIN_POSITIVE, f64::max);
             let mut mass = Svg::default();
             let (x, y) = at;
             mass.rectangle((x - 9.0, y - 7.0, x + 9.0, y + 7.0), tint(number + 3).fill());
-            self.moving(svg, &mass, |frame| {
-                sum(self.moved(frame.places_m[place]), self.along(40.0 * offset(frame) / largest_m))
-            });
+            self.moving(svg, &mass, |frame| self.moved(frame.tuned_masses_m[number]));
         }
     }
 
@@ -306,10 +322,9 @@ impl<'a> Stage<'a> {
             if !is_clamped {
                 knots.push((of.length_m, frame.z_m));
             }
-            let end_m = knots.last().map_or(of.length_m, |(at_m, _)| *at_m);
             let spline = Spline::through(&knots, is_clamped);
             let point = |n: usize| {
-                let at_m = end_m * n as f64 / (BEAM_POINTS - 1) as f64;
+                let at_m = of.length_m * n as f64 / (BEAM_POINTS - 1) as f64;
                 let x = BEAM.0 + (BEAM.1 - BEAM.0) * at_m / of.length_m;
                 format!("{x:.1} {:.1}", y - self.scale * spline.at(at_m))
             };
@@ -392,6 +407,13 @@ impl<'k> Spline<'k> {
     }
 
     fn at(&self, at: f64) -> f64 {
+        // A free end goes on straight.
+        if let [.., (from, low), (to, high)] = *self.knots
+            && at > to
+        {
+            let slope = (high - low) / (to - from) + (to - from) * self.bends[self.bends.len() - 2] / 6.0;
+            return high + slope * (at - to);
+        }
         let after = self.knots.partition_point(|(knot, _)| *knot <= at).clamp(1, self.knots.len().max(2) - 1);
         let (Some(&(from, low)), Some(&(to, high))) = (self.knots.get(after - 1), self.knots.get(after)) else {
             return self.knots.first().map_or(0.0, |(_, value)| *value);

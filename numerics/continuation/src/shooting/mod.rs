@@ -29,8 +29,14 @@ const GAP: f64 = 0.02;
 /// Most branches; those that leave others multiply as motions become chaotic.
 const MAX_BRANCHES: usize = 24;
 
+/// Two branches end at one place within this share of the parameter: an end at a grazing is not located further.
+const SAME_END: f64 = 1e-4;
+
+/// Their fastest impacts are equal within this share, as the speeds change with the root of the distance to a grazing.
+const SAME_SPEED: f64 = 0.02;
+
 /// Shares of the motion tried as the first step on a branch that branches off.
-const FIRST_STEPS: [f64; 4] = [0.01, 0.003, 0.03, 0.001];
+const FIRST_STEPS: [f64; 4] = [0.01, 0.003, 0.001, 0.0003];
 
 /// Motions over a parameter.
 pub struct Family<'a> {
@@ -198,6 +204,9 @@ impl Family<'_> {
         let returned = found.returned(&[])?;
         let shooter = Shooter::new(self, section, &found, &returned);
         let shot = shooter.correct_at(Point { bodies: returned.start, share }, share)?;
+        if !shot.is_alone() {
+            return Err(NoDerivatives::NotIsolated);
+        }
         let up = shooter.upwards(&shot).ok_or(NoDerivatives::NotIsolated)?;
         let down = up.clone().scaled(-1.0);
         let ahead = shooter.trace(&shot, &up, task.steps)?;
@@ -292,11 +301,17 @@ impl Family<'_> {
             if matches!(there, Err(NoDerivatives::Stopped)) {
                 return Err(NoDerivatives::Stopped);
             }
-            let Some(there) = there.ok().filter(|there| (0.0..=1.0).contains(&there.point.share)) else { continue };
-            let (Some(outward), Ok(here)) = (shooter.tangent(&there, &along), shooter.shoot(shot.point.clone(), 0))
-            else {
-                continue;
+            let Ok(here) = shooter.shoot(shot.point.clone(), 0) else { continue };
+            // Beside the special point the orbit has its events, and does not repeat sooner.
+            let guess = shot.point.plus(&along, step);
+            let is_of_it = |there: &Shot| {
+                (0.0..=1.0).contains(&there.point.share)
+                    && shooter.length(&there.point.minus(&guess)) <= step
+                    && there.returned.events == here.returned.events
+                    && shooter.half_apart(there, -multiplier) > 0.1 * step
             };
+            let Some(there) = there.ok().filter(is_of_it) else { continue };
+            let Some(outward) = shooter.tangent(&there, &along) else { continue };
             let first = shooter.orbit(&there);
             let ahead = shooter.trace(&there, &outward, task.steps)?;
             let end = if multiplier < 0.0 { BranchEnd::PeriodDoubling } else { BranchEnd::SymmetryBreaking };
@@ -347,12 +362,13 @@ impl StructureBranch {
     /// Whether two branches begin and end at the same orbits, or at their mirror images.
     fn is_same(&self, other: &Self) -> bool {
         let near = |a: &StructureOrbit, b: &StructureOrbit| {
-            let same = |p: f64, q: f64| (p - q).abs() <= 1e-5 * p.abs().max(q.abs());
-            let multipliers = a.multipliers.iter().zip(&b.multipliers);
+            let same = |p: f64, q: f64| (p - q).abs() <= SAME_END * p.abs().max(q.abs());
+            // Multipliers have no bound at a grazing.
+            let fastest = |orbit: &StructureOrbit| orbit.approach_speeds_m_per_s.iter().copied().fold(0.0, f64::max);
             same(a.parameter, b.parameter)
                 && a.events == b.events
                 && a.section.periods == b.section.periods
-                && multipliers.into_iter().all(|(p, q)| (p.norm() - q.norm()).abs() <= 1e-3 * p.norm().max(1.0))
+                && (fastest(a) - fastest(b)).abs() <= SAME_SPEED * fastest(a)
         };
         let ends = |branch: &Self| Some((branch.orbits.first()?.clone(), branch.orbits.last()?.clone()));
         let (Some(own), Some(of_other)) = (ends(self), ends(other)) else { return false };

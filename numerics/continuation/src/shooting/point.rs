@@ -12,6 +12,9 @@ const CONVERGED: f64 = 1e-10;
 /// An orbit returns to its start within this share of its size.
 const MISSED: f64 = 1e-8;
 
+/// Singular values of 1 − M below this share of its largest are zero: the rounding of M is 10⁻¹⁴ per event.
+const SINGULAR: f64 = 1e-9;
+
 /// A step of Newton's method beyond this share leads elsewhere.
 const FAR: f64 = 0.5;
 
@@ -102,6 +105,10 @@ impl<'a> Shooter<'a> {
         bodies.sum::<f64>() + a.share * b.share
     }
 
+    pub fn length(&self, of: &Direction) -> f64 {
+        self.inner(of, of).sqrt()
+    }
+
     /// The motion from a point at another value of the parameter.
     fn case_at(&self, point: &Point, value: f64) -> Result<MotionCase, NoDerivatives> {
         let case = (self.family.at)(value).ok_or(NoDerivatives::NotIsolated)?;
@@ -158,7 +165,7 @@ impl<'a> Shooter<'a> {
             let step = matrix.lu().solve(&right).ok_or(NoDerivatives::NotIsolated)?;
             remains += if crossing.is_some() { step[free + 1] } else { 0.0 };
             let moved = self.direction(returned, &step);
-            let size = self.inner(&moved, &moved).sqrt();
+            let size = self.length(&moved);
             if size.is_nan() || size > FAR {
                 return Err(NoDerivatives::NotPeriodic);
             }
@@ -214,7 +221,7 @@ impl<'a> Shooter<'a> {
         right[free] = 1.0;
         let along = self.bordered(&shot.returned, towards).lu().solve(&right)?;
         let along = self.direction(&shot.returned, &along);
-        let length = self.inner(&along, &along).sqrt();
+        let length = self.length(&along);
         (length.is_finite() && length > 0.0).then(|| along.scaled(1.0 / length))
     }
 
@@ -230,7 +237,7 @@ impl<'a> Shooter<'a> {
         let shifted = &shot.returned.map - DMatrix::identity(free, free) * multiplier;
         let last = shifted.svd(false, true).v_t?.row(free.checked_sub(1)?).transpose();
         let along = self.direction(&shot.returned, &last.push(0.0));
-        let length = self.inner(&along, &along).sqrt();
+        let length = self.length(&along);
         (length > 0.0).then(|| along.scaled(1.0 / length))
     }
 
@@ -273,8 +280,17 @@ impl<'a> Shooter<'a> {
     /// How an orbit's state after half its length differs from that at its start, of it mirrored (`sign` −1) or as it is.
     pub fn half_apart(&self, shot: &Shot, sign: f64) -> f64 {
         let Ok(half) = shot.case.bodies_after(0.5 * shot.case.duration_s) else { return f64::INFINITY };
-        let apart = Direction { bodies: DVector::from_vec(half) * sign - &shot.point.bodies, share: 0.0 };
-        self.inner(&apart, &apart).sqrt()
+        self.length(&Direction { bodies: DVector::from_vec(half) * sign - &shot.point.bodies, share: 0.0 })
+    }
+}
+
+impl Shot {
+    /// Whether no other orbit is beside it at the same value of the parameter: a particle that meets no wall may be anywhere, and what friction
+    /// holds all the time too.
+    pub fn is_alone(&self) -> bool {
+        let map = &self.returned.map;
+        let values = (map - DMatrix::identity(map.nrows(), map.nrows())).singular_values();
+        values.is_empty() || values.min() > SINGULAR * values.max()
     }
 }
 

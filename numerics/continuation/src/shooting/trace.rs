@@ -10,6 +10,10 @@ use crate::special::SpecialKind;
 /// Shortest step, as a share of the range. Near a grazing the bend of the branch grows without bound.
 const SHORTEST: f64 = 1e-5;
 
+/// So many orbits in a row whose steps are below this share of the longest are the approach to an end.
+const MAX_SHORT: usize = 60;
+const SHORT: f64 = 0.02;
+
 /// Most divisions of a step to locate a special point, and its accuracy in arc length.
 const MAX_DIVISIONS: usize = 40;
 const LOCATED: f64 = 1e-9;
@@ -19,6 +23,12 @@ const GAP: f64 = 1e-3;
 
 /// A test function below this share of its values beside is zero there.
 const ZERO: f64 = 1e-3;
+
+/// An orbit is within this share of a step of where its tangent leads.
+const NEAR: f64 = 0.3;
+
+/// Orbits that are their own mirror image are so within this share of the motion: the last step of Newton's method.
+const SYMMETRIC: f64 = 1e-6;
 
 /// Two mirrored or repeated states are equal within this share of the motion. A fold is located to the root of its parameter's error.
 const SAME: f64 = 1e-3;
@@ -68,11 +78,12 @@ impl Shooter<'_> {
         let tests = self.tests(start, tangent);
         let mut here = Here { shot: start.clone(), along: tangent.clone(), tests };
         let (mut orbits, mut specials) = (Vec::new(), Vec::new());
-        let (mut end, mut step) = (BranchEnd::TooLong, 0.1 * steps.longest);
+        let (mut end, mut step, mut short) = (BranchEnd::TooLong, 0.1 * steps.longest, 0);
         while orbits.len() < steps.most_orbits {
-            let Some(Next { there, is_over, specials: found, meeting }) = shooter.next(&here, step)? else {
+            let next = if short < MAX_SHORT { shooter.next(&here, step)? } else { None };
+            let Some(Next { there, is_over, specials: found, meeting }) = next else {
                 step *= 0.5;
-                if step < SHORTEST {
+                if step < SHORTEST || short == MAX_SHORT {
                     let special = shooter.end_of_orbits(&here);
                     end = if special.is_some() { BranchEnd::Grazing } else { BranchEnd::NoConvergence };
                     specials.extend(special.map(|special| (orbits.len(), special)));
@@ -90,8 +101,9 @@ impl Shooter<'_> {
             let gap = there.shot.point.minus(&start.point);
             let is_back = shooter.section == self.section
                 && orbits.len() > 20
-                && shooter.inner(&gap, &gap).sqrt() < step
+                && shooter.length(&gap) < step
                 && shooter.inner(&there.along, tangent) > 0.9;
+            short = if step < SHORT * steps.longest { short + 1 } else { 0 };
             step = match there.shot.steps {
                 0..=3 => (1.5 * step).min(steps.longest),
                 4..=5 => step,
@@ -116,9 +128,10 @@ impl Shooter<'_> {
     /// The orbit a step further, at most at the end of the range; `None` if the step is too long.
     fn next(&self, here: &Here, step: f64) -> Result<Option<Next>, NoDerivatives> {
         let guess = here.shot.point.plus(&here.along, step);
-        let Some(mut shot) = unless_stopped(self.correct(guess, &here.shot.point, &here.along, step))? else {
-            return Ok(None);
-        };
+        let found = unless_stopped(self.correct(guess.clone(), &here.shot.point, &here.along, step))?;
+        // An orbit that is far from the guess is another branch's, or lies behind.
+        let is_near = |shot: &Shot| self.length(&shot.point.minus(&guess)) <= NEAR * step;
+        let Some(mut shot) = found.filter(|shot| is_near(shot) && shot.is_alone()) else { return Ok(None) };
         let mut is_over = false;
         if !(0.0..=1.0).contains(&shot.point.share) {
             let edge = if shot.point.share < 0.0 { 0.0 } else { 1.0 };
@@ -135,6 +148,11 @@ impl Shooter<'_> {
         }
         let tests = self.tests(&shot, &along);
         let there = Here { shot, along, tests };
+        let is_turning = here.tests.fold * there.tests.fold < 0.0;
+        let [was, is] = [here, &there].map(|of| self.half_apart(&of.shot, -1.0) < SYMMETRIC);
+        if was != is && !is_turning {
+            return Ok(None);
+        }
         let mut specials = Vec::new();
         if here.shot.returned.events != there.shot.returned.events {
             // Orbits on both sides of a gap are of two branches.
@@ -263,10 +281,7 @@ impl Shooter<'_> {
                 break;
             }
         }
-        let length = |a: &Shot, b: &Shot| {
-            let apart = a.point.minus(&b.point);
-            self.inner(&apart, &apart).sqrt()
-        };
+        let length = |a: &Shot, b: &Shot| self.length(&a.point.minus(&b.point));
         if length(&before, &after) > GAP * length(&from.shot, &to.shot) {
             return Ok(None);
         }

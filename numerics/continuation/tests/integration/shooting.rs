@@ -218,6 +218,9 @@ fn orbits_of_two_modes_return_and_their_multipliers_tell_whether_a_disturbance_d
     let found = family.explore(&task).unwrap_or_else(|why| panic!("{why}"));
     println!("{}", shown(&found));
     for branch in &found.branches {
+        // No step leads to another branch: it is no longer than the longest one.
+        let steps = branch.orbits.windows(2).map(|pair| (pair[1].parameter - pair[0].parameter).abs());
+        assert!(steps.fold(0.0, f64::max) <= 1.001 * 0.02 * (0.05 - 0.015), "{}", shown(&found));
         for orbit in branch.orbits.iter().step_by(5) {
             let case = &orbit.case;
             let distance = |bodies: &[f64], other: &[f64]| {
@@ -250,4 +253,21 @@ fn a_particle_that_meets_no_wall_has_no_orbit_of_its_own() {
     let task =
         StructureTask { start_at: 1.5, most_periods: 2_000, switch: false, most_restarts: 0, steps: Steps::default() };
     assert!(matches!(family.explore(&task), Err(NoDerivatives::NotIsolated)));
+}
+
+/// A structure that friction holds all the time may be held anywhere.
+#[test]
+fn a_structure_that_always_sticks_has_no_orbit_of_its_own() {
+    let structure = Structure::from_modal(1.6, 2.5, 0.0038);
+    let k = structure.stiffness_n_per_m;
+    let set_up = SetUp { friction_damper: Some(FrictionDamper { force_n: k }), ..SetUp::bare(structure) };
+    let at = |value: f64| {
+        let mut set_up = set_up;
+        set_up.friction_damper = Some(FrictionDamper { force_n: value });
+        Some(motion(&set_up, sine(0.6), &Initial::default()))
+    };
+    let family = Family { at: &at, range: (0.8 * k, 2.0 * k), goes_on: &|_| true };
+    let task =
+        StructureTask { start_at: k, most_periods: 2_000, switch: false, most_restarts: 0, steps: Steps::default() };
+    assert!(matches!(family.explore(&task), Err(NoDerivatives::NotIsolated | NoDerivatives::NotPeriodic)));
 }

@@ -153,7 +153,7 @@ pub enum NoDerivatives {
     NotPeriodic,
     /// The orbit is not isolated, or does not depend smoothly on the quantities: it is at a bifurcation.
     #[error(
-        "no derivatives: the orbit is not alone (a particle that meets no wall may be anywhere), or at a bifurcation"
+        "no derivatives: the orbit is not alone (a particle that meets no wall may be anywhere, and so may what friction holds all the time), or at a bifurcation"
     )]
     NotIsolated,
     /// They were stopped.
