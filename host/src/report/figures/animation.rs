@@ -90,8 +90,14 @@ impl<'a> Stage<'a> {
             Some(of) => of.on_beam.as_ref().map_or(Layout::Rails, Layout::Beam),
             None => Layout::Rails,
         };
-        let largest_m = frames.all().iter().flat_map(|frame| frame.places_m.iter().chain([&frame.z_m]));
-        let largest_m = largest_m.map(|of| of.abs()).fold(0.0, f64::max);
+        let of_places = frames.all().iter().flat_map(|frame| frame.places_m.iter().chain([&frame.z_m]).copied());
+        let mut largest_m = of_places.map(f64::abs).fold(0.0, f64::max);
+        if let Layout::Beam(of) = &layout {
+            // Its end moves furthest, and need not be a place.
+            let end =
+                |frame: &Frame| Spline::through(&knots(of, frame), of.support == Support::Cantilever).at(of.length_m);
+            largest_m = frames.all().iter().map(end).map(f64::abs).fold(largest_m, f64::max);
+        }
         let length_s = frames.step_s() * frames.all().len() as f64;
         let slower = (SECONDS_PER_CYCLE / case.cycle_s()).max(1.0);
         Self {
@@ -312,16 +318,9 @@ impl<'a> Stage<'a> {
     /// A beam through its places, and its supports as part of the base.
     fn beam(&self, svg: &mut Svg, base: &mut Svg, of: &OnBeam) {
         let y = self.beam_y();
-        let mut order: Vec<usize> = (0..of.positions_m.len()).collect();
-        order.sort_by(|a, b| of.positions_m[*a].total_cmp(&of.positions_m[*b]));
         let is_clamped = of.support == Support::Cantilever;
         let path = |frame: &Frame| {
-            let mut knots = vec![(0.0, frame.z_m)];
-            let inner = order.iter().map(|place| (of.positions_m[*place], frame.places_m[*place]));
-            knots.extend(inner.filter(|(at_m, _)| *at_m > 0.0 && (is_clamped || *at_m < of.length_m)));
-            if !is_clamped {
-                knots.push((of.length_m, frame.z_m));
-            }
+            let knots = knots(of, frame);
             let spline = Spline::through(&knots, is_clamped);
             let point = |n: usize| {
                 let at_m = of.length_m * n as f64 / (BEAM_POINTS - 1) as f64;
@@ -362,6 +361,19 @@ impl<'a> Stage<'a> {
             paths.join(";")
         ));
     }
+}
+
+/// Where a beam is at its supports and places, in order.
+fn knots(of: &OnBeam, frame: &Frame) -> Vec<(f64, f64)> {
+    let is_clamped = of.support == Support::Cantilever;
+    let mut knots = vec![(0.0, frame.z_m)];
+    let places = of.positions_m.iter().copied().zip(frame.places_m.iter().copied());
+    knots.extend(places.filter(|(at_m, _)| *at_m > 0.0 && (is_clamped || *at_m < of.length_m)));
+    if !is_clamped {
+        knots.push((of.length_m, frame.z_m));
+    }
+    knots.sort_by(|a, b| a.0.total_cmp(&b.0));
+    knots
 }
 
 fn tint(number: usize) -> Colour {

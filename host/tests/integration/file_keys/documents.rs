@@ -132,7 +132,7 @@ pub fn is_parsed(kind: &str, document: &Value) -> bool {
             for folder in [&cases, &files, &more] {
                 std::fs::create_dir(folder).unwrap();
             }
-            for case in ["spid.toml", "soft-wall.toml", "many-particles.toml"] {
+            for case in ["spid.toml", "soft-wall.toml", "many-particles.toml", "frame.toml"] {
                 std::fs::copy(own("cases").join(case), cases.join(case)).unwrap();
             }
             std::fs::copy(own("optimisations/cases/hybrid.toml"), more.join("hybrid.toml")).unwrap();
