@@ -117,7 +117,8 @@ pub struct FoundSpecial {
     pub meaning: String,
     /// The parameter.
     pub parameter: f64,
-    /// Error of the parameter by the last step of its location.
+    /// Error of the parameter by the last step of its location; of a grazing before which a branch of a structure ends about how far it is, `null` where
+    /// that is not known.
     pub parameter_error: f64,
     /// max |x| there, m.
     pub max_abs_x_m: f64,

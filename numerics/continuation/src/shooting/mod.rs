@@ -81,10 +81,10 @@ pub struct StructureOrbit {
 }
 
 impl StructureOrbit {
-    /// Whether small disturbances decay: every multiplier is inside the unit circle.
+    /// Whether small disturbances decay: every multiplier is inside the unit circle. Not if they are not known.
     #[must_use]
     pub fn is_stable(&self) -> bool {
-        self.multipliers.iter().all(|m| m.norm() < 1.0)
+        !self.multipliers.is_empty() && self.multipliers.iter().all(|m| m.norm() < 1.0)
     }
 }
 
@@ -95,7 +95,8 @@ pub struct StructureSpecial {
     pub kind: SpecialKind,
     /// What happens there.
     pub meaning: String,
-    /// Error of the parameter, from the last step of its location.
+    /// Error of the parameter, from the last step of its location; of a grazing that ends a branch about how far from the orbit it is, not a number where
+    /// that is not known.
     pub parameter_error: f64,
     /// The orbit there.
     pub orbit: StructureOrbit,
@@ -198,7 +199,7 @@ impl Family<'_> {
         value: f64,
         start: Option<&(Shot, Section)>,
     ) -> Result<StructureBranch, NoDerivatives> {
-        let case = (self.at)(value).ok_or(NoDerivatives::NotIsolated)?;
+        let case = (self.at)(value).ok_or(NoDerivatives::NoCase)?;
         let (found, section) = self.settle(task, value, &case, start)?;
         let share = (value - self.range.0) / (self.range.1 - self.range.0);
         let returned = found.returned(&[])?;

@@ -111,7 +111,7 @@ impl<'a> Shooter<'a> {
 
     /// The motion from a point at another value of the parameter.
     fn case_at(&self, point: &Point, value: f64) -> Result<MotionCase, NoDerivatives> {
-        let case = (self.family.at)(value).ok_or(NoDerivatives::NotIsolated)?;
+        let case = (self.family.at)(value).ok_or(NoDerivatives::NoCase)?;
         case.at_section(&self.like, self.section, point.bodies.as_slice())
     }
 

@@ -2,7 +2,7 @@
 
 use damprig_structures::{NoDerivatives, Returned, Section};
 
-use super::point::{Crossing, Direction, Shooter, Shot, Tests};
+use super::point::{Crossing, Direction, Point, Shooter, Shot, Tests};
 use super::{StructureOrbit, StructureSpecial};
 use crate::branch::{BranchEnd, Steps};
 use crate::special::SpecialKind;
@@ -35,6 +35,9 @@ const SAME: f64 = 1e-3;
 
 /// An impact slower than this share of the fastest one is about to vanish.
 const SLOW: f64 = 0.05;
+
+/// Largest multiplier at which a motion a little beside an orbit still tells of its neighbours.
+const MAX_GROWTH: f64 = 100.0;
 
 /// A test function.
 type Test = fn(&Tests) -> f64;
@@ -84,7 +87,7 @@ impl Shooter<'_> {
             let Some(Next { there, is_over, specials: found, meeting }) = next else {
                 step *= 0.5;
                 if step < SHORTEST || short == MAX_SHORT {
-                    let special = shooter.end_of_orbits(&here);
+                    let special = shooter.end_of_orbits(&here, &orbits);
                     end = if special.is_some() { BranchEnd::Grazing } else { BranchEnd::NoConvergence };
                     specials.extend(special.map(|special| (orbits.len(), special)));
                     break;
@@ -130,15 +133,17 @@ impl Shooter<'_> {
         let guess = here.shot.point.plus(&here.along, step);
         let found = unless_stopped(self.correct(guess.clone(), &here.shot.point, &here.along, step))?;
         // An orbit that is far from the guess is another branch's, or lies behind.
-        let is_near = |shot: &Shot| self.length(&shot.point.minus(&guess)) <= NEAR * step;
-        let Some(mut shot) = found.filter(|shot| is_near(shot) && shot.is_alone()) else { return Ok(None) };
+        let is_of_branch =
+            |shot: &Shot, guess: &Point| self.length(&shot.point.minus(guess)) <= NEAR * step && shot.is_alone();
+        let Some(mut shot) = found.filter(|shot| is_of_branch(shot, &guess)) else { return Ok(None) };
         let mut is_over = false;
         if !(0.0..=1.0).contains(&shot.point.share) {
             let edge = if shot.point.share < 0.0 { 0.0 } else { 1.0 };
             let moved = shot.point.minus(&here.shot.point);
             let share = ((edge - here.shot.point.share) / moved.share).clamp(0.0, 1.0);
             let guess = here.shot.point.plus(&moved, share);
-            let Some(last) = unless_stopped(self.correct_at(guess, edge))? else { return Ok(None) };
+            let last = unless_stopped(self.correct_at(guess.clone(), edge))?;
+            let Some(last) = last.filter(|last| is_of_branch(last, &guess)) else { return Ok(None) };
             (shot, is_over) = (last, true);
         }
         let Some(along) = self.tangent(&shot, &here.along) else { return Ok(None) };
@@ -227,7 +232,8 @@ impl Shooter<'_> {
             moved = (self.value(here.shot.point.share) - self.value(best.point.share)).abs();
             let found = value(&here.tests);
             (best, least) = (here.shot, found.abs());
-            if found == 0.0 || (high.0 - low.0).abs() <= LOCATED * arc.abs() || moved <= LOCATED * LOCATED {
+            let rounding = f64::EPSILON * self.value(best.point.share).abs();
+            if found == 0.0 || (high.0 - low.0).abs() <= LOCATED * arc.abs() || moved <= rounding {
                 break;
             }
             if found * low.1 < 0.0 {
@@ -298,11 +304,20 @@ impl Shooter<'_> {
         Ok(Some(self.special(SpecialKind::Grazing(Vec::new()), meaning, &before, error)))
     }
 
-    /// The grazing that ends a branch at its last orbit, if an impact there is about to vanish.
-    fn end_of_orbits(&self, here: &Here) -> Option<StructureSpecial> {
+    /// The grazing that a branch ends before, at its last orbit, if there is one. Its error is how far away the grazing is: where an impact vanishes, to
+    /// where the square of its speed is zero on the line through the last two `orbits`; else not a number.
+    fn end_of_orbits(&self, here: &Here, orbits: &[StructureOrbit]) -> Option<StructureSpecial> {
         let speeds = &here.shot.returned.approach_speeds_m_per_s;
         let fastest = speeds.iter().copied().fold(0.0, f64::max);
         let slowest = speeds.iter().copied().fold(f64::INFINITY, f64::min);
+        let mut error = f64::NAN;
+        if let [.., before, last] = orbits {
+            let [earlier, later] = [before, last]
+                .map(|orbit| orbit.approach_speeds_m_per_s.iter().copied().fold(f64::INFINITY, f64::min).powi(2));
+            if slowest < SLOW * fastest && later < earlier {
+                error = (last.parameter - before.parameter).abs() * later / (earlier - later);
+            }
+        }
         let meaning = if slowest < SLOW * fastest {
             "an impact loses its approach speed and vanishes"
         } else if self.grazes(here) {
@@ -310,14 +325,19 @@ impl Shooter<'_> {
         } else {
             return None;
         };
-        let error = SHORTEST * (self.value(1.0) - self.value(0.0));
         Some(self.special(SpecialKind::Grazing(Vec::new()), meaning.into(), &here.shot, error))
     }
 
-    /// Whether the motion a little further has other events, or none that can be followed.
+    /// Whether the motion a little further has other events. It is beside an orbit, so this says nothing where disturbances grow much.
     fn grazes(&self, here: &Here) -> bool {
+        if here.shot.returned.multipliers().first().is_none_or(|largest| largest.norm() > MAX_GROWTH) {
+            return false;
+        }
         let further = here.shot.point.plus(&here.along, 1e2 * SHORTEST);
-        self.shoot(further, 0).map_or(true, |shot| shot.returned.events != here.shot.returned.events)
+        match self.shoot(further, 0) {
+            Ok(shot) => shot.returned.events != here.shot.returned.events,
+            Err(why) => matches!(why, NoDerivatives::Together { .. } | NoDerivatives::UnresolvedEvent),
+        }
     }
 
     fn special(&self, kind: SpecialKind, meaning: String, shot: &Shot, error: f64) -> StructureSpecial {

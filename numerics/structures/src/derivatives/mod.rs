@@ -156,6 +156,9 @@ pub enum NoDerivatives {
         "no derivatives: the orbit is not alone (a particle that meets no wall may be anywhere, and so may what friction holds all the time), or at a bifurcation"
     )]
     NotIsolated,
+    /// There is no case at a value of the quantity.
+    #[error("no derivatives: the set-up is refused at this value, or within 0.3 % of it")]
+    NoCase,
     /// They were stopped.
     #[error("no derivatives: they were stopped")]
     Stopped,
