@@ -56,8 +56,8 @@ impl Lyapunov {
     /// # Errors
     /// The motion has no derivatives in one of the periods, or it was stopped.
     pub fn of_structure(run: &MotionCase, goes_on: &mut dyn FnMut() -> bool) -> Result<Option<Self>, NoDerivatives> {
-        let whole = run.periods();
-        let bodies = run.over_periods(whole).bodies_after(run.over_periods(whole).duration_s)?;
+        let whole = run.over_periods(run.periods());
+        let bodies = whole.bodies_after(whole.duration_s)?;
         let section = Section { periods: 1, advance_rad: 0.0 };
         let mut period = run.at_section(run, section, &bodies)?;
         let mut disturbance = None;

@@ -24,9 +24,9 @@ const INTERVALS_PER_CHECK: usize = 64;
 /// Steps of an interval above which the exponential of its matrix takes less time.
 const MANY_STEPS: f64 = 16.0;
 
-/// What is followed.
+/// What a motion is followed for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Wanted {
+pub(super) enum Purpose {
     /// What a motion is, from a given start.
     Motion,
     /// The same on an orbit, whose start moves with the quantities.
@@ -37,7 +37,7 @@ pub(super) enum Wanted {
 
 /// A motion with its changes, up to some instant.
 pub(super) struct Follower<'a> {
-    pub wanted: Wanted,
+    pub purpose: Purpose,
     pub nominal: Setting<'a>,
     /// Of each quantity.
     pub others: Vec<[Setting<'a>; 6]>,
@@ -68,7 +68,7 @@ pub(super) struct Follower<'a> {
 pub(super) fn follow<'a>(
     case: &'a MotionCase,
     varied: &'a [Varied],
-    wanted: Wanted,
+    purpose: Purpose,
     goes_on: &mut dyn FnMut(f64) -> bool,
 ) -> Result<(Follower<'a>, f64), NoDerivatives> {
     let (intervals, end) = intervals(case)?;
@@ -78,7 +78,7 @@ pub(super) fn follow<'a>(
         Ok([of(a)?, of(b)?, of(c)?, of(d)?, of(e)?, of(f)?])
     });
     let others: Vec<[Setting; 6]> = others.collect::<Result<_, NoDerivatives>>()?;
-    let mut follower = Follower::new(Setting::of(case)?, others, wanted);
+    let mut follower = Follower::new(Setting::of(case)?, others, purpose);
     follower.check_work(&intervals)?;
     follower.take_sizes(intervals.iter().map(|interval| &interval.start).chain([&end]));
     follower.begin(&intervals[0])?;
@@ -97,13 +97,13 @@ pub(super) fn follow<'a>(
 }
 
 impl<'a> Follower<'a> {
-    fn new(nominal: Setting<'a>, others: Vec<[Setting<'a>; 6]>, wanted: Wanted) -> Self {
+    fn new(nominal: Setting<'a>, others: Vec<[Setting<'a>; 6]>, purpose: Purpose) -> Self {
         let bodies = nominal.mount.bodies.len();
         let (size, columns) = (2 * bodies + MORE, others.len() + 2 * bodies);
         let zero = Sloped { value: 0.0, slopes: DVector::zeros(columns) };
         let places = nominal.mount.places.len();
         Self {
-            wanted,
+            purpose,
             known: HashMap::new(),
             sizes: [0.0; 2],
             w: nominal.start(),
@@ -188,7 +188,7 @@ impl<'a> Follower<'a> {
 
     /// The changes of the start, before the first interval.
     fn begin(&mut self, first: &Interval) -> Result<(), NoDerivatives> {
-        let is_orbit = self.wanted != Wanted::Motion;
+        let is_orbit = self.purpose != Purpose::Motion;
         let bodies = self.bodies();
         // What acts at the first instant may be more than the start says.
         self.check_state(&first.start)?;
@@ -250,7 +250,7 @@ impl<'a> Follower<'a> {
     fn pass(&mut self, interval: &Interval, next: &[f64], after: Option<&Contacts>) -> Result<(), NoDerivatives> {
         let known = self.known(&interval.contacts)?;
         let ends = if let End::Event(event) = interval.end { Some(event) } else { None };
-        let is_map = self.wanted == Wanted::Map;
+        let is_map = self.purpose == Purpose::Map;
         if is_map {
             self.follow_whole(&known, interval);
         } else {

@@ -24,7 +24,7 @@ mod stencil;
 use std::sync::Arc;
 
 use damprig_core::integrator::exact::Excitation;
-use follow::Wanted;
+use follow::Purpose;
 
 pub use periods::Section;
 pub use returned::Returned;
@@ -223,7 +223,7 @@ impl MotionCase {
         goes_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Derivatives, NoDerivatives> {
         let aligned = self.all_aligned(varied)?;
-        let (follower, growth) = follow::follow(self, &aligned, Wanted::Motion, goes_on)?;
+        let (follower, growth) = follow::follow(self, &aligned, Purpose::Motion, goes_on)?;
         follower.result(growth, varied)
     }
 
@@ -239,14 +239,11 @@ impl MotionCase {
         goes_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Orbit, NoDerivatives> {
         let aligned = self.all_aligned(varied)?;
-        let (at_s, state) = periods::section(self, most_periods)?;
-        let advance_rad = self.advance_rad(at_s);
-        let periods = periods::repeats_after(&self.of_periods(most_periods, &state, advance_rad), most_periods)?;
-        let case = self.of_periods(periods, &state, advance_rad);
-        let aligned = orbit::varied_at(&aligned, periods, &state, advance_rad);
-        let (mut follower, growth) = follow::follow(&case, &aligned, Wanted::Orbit, goes_on)?;
+        let (at_s, case, section) = self.repeating(most_periods)?;
+        let aligned = orbit::varied_at(&aligned, section.periods, &case.start, section.advance_rad);
+        let (mut follower, growth) = follow::follow(&case, &aligned, Purpose::Orbit, goes_on)?;
         let multipliers = follower.close_orbit()?.iter().map(|of| [of.re, of.im]).collect();
-        Ok(Orbit { periods, at_s, multipliers, derivatives: follower.result(growth, varied)? })
+        Ok(Orbit { periods: section.periods, at_s, multipliers, derivatives: follower.result(growth, varied)? })
     }
 
     fn all_aligned(&self, varied: &[Varied]) -> Result<Vec<Varied>, NoDerivatives> {

@@ -37,7 +37,7 @@ struct Instant {
 }
 
 /// Runs a case to where its last `periods` periods begin, at a section away from events: when, and the state there.
-pub(super) fn section(case: &MotionCase, periods: u32) -> Result<(f64, State), NoDerivatives> {
+fn section(case: &MotionCase, periods: u32) -> Result<(f64, State), NoDerivatives> {
     let Drive::ClosedForm(excitation) = &case.drive else { return Err(NoDerivatives::NotPeriodic) };
     let turning = excitation.angular_frequency_rad_per_s();
     if excitation.next_break_s(0.0).is_finite() || turning == 0.0 {
@@ -83,7 +83,7 @@ pub(super) fn section(case: &MotionCase, periods: u32) -> Result<(f64, State), N
 }
 
 /// After how many of the `most` periods of a case its state is that of its start.
-pub(super) fn repeats_after(case: &MotionCase, most: u32) -> Result<u32, NoDerivatives> {
+fn repeats_after(case: &MotionCase, most: u32) -> Result<u32, NoDerivatives> {
     let mut motion = Motion::new(&case.set_up, &case.excitation(), &case.start)?;
     let (mut size_m, (start, start_rate)) = (0.0_f64, motion.bodies());
     let mass: Vec<f64> = motion.mount.bodies.mass.iter().map(|mass| mass.sqrt()).collect();
@@ -114,10 +114,15 @@ impl MotionCase {
     /// # Errors
     /// It does not repeat to 10⁻⁶ of its size after at most `most_periods` periods, or is no motion under a sine.
     pub fn settled(&self, most_periods: u32) -> Result<(Self, Section), NoDerivatives> {
+        self.repeating(most_periods).map(|(_, case, section)| (case, section))
+    }
+
+    /// The same, with when it begins, s.
+    pub(super) fn repeating(&self, most_periods: u32) -> Result<(f64, Self, Section), NoDerivatives> {
         let (at_s, state) = section(self, most_periods)?;
         let advance_rad = self.advance_rad(at_s);
         let periods = repeats_after(&self.of_periods(most_periods, &state, advance_rad), most_periods)?;
-        Ok((self.of_periods(periods, &state, advance_rad), Section { periods, advance_rad }))
+        Ok((at_s, self.of_periods(periods, &state, advance_rad), Section { periods, advance_rad }))
     }
 
     /// Whole periods of its sine in its length; 0 without one.

@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::follow::{Follower, Wanted};
+use super::follow::{Follower, Purpose};
 use super::setting::{Known, Sloped};
 use super::{Derivatives, Derived, DerivedImpact, Largest, NoDerivatives, Varied};
 
@@ -19,7 +19,7 @@ const DIFFERENT: f64 = 1e-6;
 impl Follower<'_> {
     /// Sees all places now.
     pub(super) fn see_places(&mut self, known: &Known) {
-        let count = if self.wanted == Wanted::Map { 0 } else { self.peaks.len() };
+        let count = if self.purpose == Purpose::Map { 0 } else { self.peaks.len() };
         for place in 0..count {
             self.see(place, known.place(place, &self.w, &self.s));
         }

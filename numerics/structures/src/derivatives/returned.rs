@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Complex, DMatrix, DVector, Schur};
 
-use super::follow::{Follower, Wanted, follow};
+use super::follow::{Follower, Purpose, follow};
 use super::{MotionCase, NoDerivatives, Varied};
 use crate::contacts::Event;
 
@@ -48,7 +48,7 @@ impl MotionCase {
     /// It has no derivatives, with the reason.
     pub fn returned(&self, varied: &[Varied]) -> Result<Returned, NoDerivatives> {
         let aligned = self.all_aligned(varied)?;
-        let (follower, _) = follow(self, &aligned, Wanted::Map, &mut |_| true)?;
+        let (follower, _) = follow(self, &aligned, Purpose::Map, &mut |_| true)?;
         let mut returned = follower.returned();
         for (mut by, varied) in returned.by.column_iter_mut().zip(varied) {
             by /= varied.value;
