@@ -16,7 +16,7 @@ const DIRECTIONS: [(&str, &[&str]); 17] = [
     ("damprig-continuation", &["damprig-core", "damprig-structures"]),
     ("damprig-fourier", &[]),
     ("damprig-identification", &["damprig-core", "damprig-fourier"]),
-    ("damprig-motion", &["damprig-core"]),
+    ("damprig-motion", &["damprig-core", "damprig-device", "damprig-simulator", "damprig-structures"]),
     ("damprig-particles", &["damprig-core"]),
     ("damprig-structures", &["damprig-core"]),
     ("damprig-firmware", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
@@ -63,7 +63,7 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 30] = [
+const HOST_LAYERS: [&str; 31] = [
     "failure",
     "host_time",
     "quantity",
@@ -72,6 +72,7 @@ const HOST_LAYERS: [&str; 30] = [
     "input",
     "signal_file",
     "settings",
+    "structure",
     "setup",
     "motion_record",
     "spectrum",

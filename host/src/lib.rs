@@ -31,6 +31,7 @@ pub mod signal_file;
 pub mod simulation;
 pub mod spectrum;
 pub mod storage;
+pub mod structure;
 pub mod study;
 pub mod table;
 

@@ -195,6 +195,34 @@ class ManyParticles(TypedDict, total=False):
     """of the spheres' places at the start"""
 
 
+class Initial(TypedDict, total=False):
+    """Initial state, in the fixed frame."""
+
+    x_m: float
+    """x; default: the initial z (m)"""
+    v_m_per_s: float
+    """x′ (m/s)"""
+    y_m: float
+    """y of particle or tuned mass; default: x, for a particle plus its `start` (m)"""
+    u_m_per_s: float
+    """y′; default: x′ (m/s)"""
+    mode: int
+    """on a structure with several modes: the mode in whose shape x and x′ are given; default: the first"""
+
+
+class Run(TypedDict, total=False):
+    """Duration and requested output of the run."""
+
+    duration_s: float
+    """duration of the run; default with a record: that of the record (s)"""
+    sample_times_s: Sequence[float]
+    """times at which the state is output, rising (s)"""
+    cycle_s: float
+    """length of a cycle; default under a sine: its period (s)"""
+    steady_from_cycle: int
+    """first cycle that counts as steady, from 0"""
+
+
 class Storey(TypedDict, total=False):
     """A storey of a frame whose floors move sideways."""
 
@@ -293,34 +321,6 @@ class Matrices(TypedDict, total=False):
     """b of C = aM + bK (s)"""
     influence: Sequence[float]
     """displacement of each place per displacement of the base; default: 1 for each"""
-
-
-class Initial(TypedDict, total=False):
-    """Initial state, in the fixed frame."""
-
-    x_m: float
-    """x; default: the initial z (m)"""
-    v_m_per_s: float
-    """x′ (m/s)"""
-    y_m: float
-    """y of particle or tuned mass; default: x, for a particle plus its `start` (m)"""
-    u_m_per_s: float
-    """y′; default: x′ (m/s)"""
-    mode: int
-    """on a structure with several modes: the mode in whose shape x and x′ are given; default: the first"""
-
-
-class Run(TypedDict, total=False):
-    """Duration and requested output of the run."""
-
-    duration_s: float
-    """duration of the run; default with a record: that of the record (s)"""
-    sample_times_s: Sequence[float]
-    """times at which the state is output, rising (s)"""
-    cycle_s: float
-    """length of a cycle; default under a sine: its period (s)"""
-    steady_from_cycle: int
-    """first cycle that counts as steady, from 0"""
 
 
 class Structure(TypedDict, total=False):
@@ -510,6 +510,10 @@ class Case(TypedDict, total=False):
     """force on the structure; a sine also beside a sine of the base, whose frequency it has"""
     many_particles: ManyParticles
     """spheres in a box on the structure, in place of the other dampers"""
+    initial: Initial
+    """initial displacements and velocities; at rest when left out"""
+    run: Run
+    """duration and requested output, e.g. run = { duration_s = 10 }"""
     storey: Sequence[Storey]
     """a frame in place of `structure`: its storeys from the ground up; the places are its floors"""
     beam: Beam
@@ -526,10 +530,6 @@ class Case(TypedDict, total=False):
     """the place whose displacement is x; default: the top floor, the last of `places`, the free end or the middle of a beam"""
     observed_position_m: float
     """the position on a beam whose displacement is x (m), in place of observed_place"""
-    initial: Initial
-    """initial displacements and velocities; at rest when left out"""
-    run: Run
-    """duration and requested output, e.g. run = { duration_s = 10 }"""
     base_amplitude_m: float
     """Z: what a campaign's sine and a case's base move by, and ratios refer to (m)"""
     gravity_m_per_s2: float
@@ -649,6 +649,25 @@ class CampaignPlan(TypedDict, total=False):
     """order of the set-ups, of the experiments on each, and of the frequencies that start from rest"""
     order_seed: int
     """seed of a random order"""
+
+
+class CampaignPlant(TypedDict, total=False):
+    """A structure with several places on the rig. A damper's `place` or `position_m` says where it is mounted; when left out, where x is measured."""
+
+    storey: Sequence[Storey]
+    """a frame in place of `structure`: its storeys from the ground up; the places are its floors"""
+    beam: Beam
+    """a beam in place of `structure`; places are positions on it"""
+    mode: Sequence[Mode]
+    """natural modes in place of `structure`, at the places of `places`"""
+    places: Sequence[str]
+    """names of the places of modes or matrices, in their order"""
+    modal_damping_ratio: float
+    """ζ of every mode, in place of the dampings of the storeys"""
+    observed_place: str
+    """the place whose displacement is x; default: the top floor, the last of `places`, the free end or the middle of a beam"""
+    observed_position_m: float
+    """the position on a beam whose displacement is x (m), in place of observed_place"""
 
 
 class CampaignSetUp(TypedDict, total=False):
@@ -985,6 +1004,8 @@ class Campaign(TypedDict, total=False):
     """the friction damper, between structure and base"""
     tmd: Tmd
     """the tuned mass damper"""
+    plant: CampaignPlant
+    """a structure with several places that carries the dampers, for the virtual rig, predictions and `damprig compare`; `structure` is then what the board knows of it, its lowest mode at x when left out"""
     set_up: Sequence[CampaignSetUp]
     """the set-ups, in the order in which they are mounted"""
     experiment: Sequence[CampaignExperiment]

@@ -15,6 +15,7 @@ use crate::input::key::Range::{Above, Between, Inside, NotNegative, NotZero, Pos
 use crate::input::key::{Key, Kind, Quantity, Table, key, number, tables, word};
 use crate::motion_record::{BASE_RECORD, ENVELOPE, NOISE, OF_FILE, RECORD_NOISE, RECORD_SCALE};
 use crate::setup::{self, set_up_keys};
+use crate::structure::description;
 
 /// The highest drive frequency, Hz.
 const HIGHEST_HZ: f64 = TICK_HZ as f64 / MIN_TICKS_PER_CYCLE as f64;
@@ -89,8 +90,21 @@ tables! {
         PARTICLE: Optional, [set_up_keys::PARTICLE.keys[0]];
         FRICTION_DAMPER: Optional, [set_up_keys::FRICTION_DAMPER.keys[0]];
         TMD: Optional, [set_up_keys::TMD.keys[0]];
+        PLANT: Optional, [
+            key("plant", Kind::Table, "a structure with several places that carries the dampers, for the virtual rig, predictions and `damprig compare`; `structure` is then what the board knows of it, its lowest mode at x when left out"),
+        ];
         SET_UP: Required, [key("set_up", Kind::Tables, "the set-ups, in the order in which they are mounted")];
         EXPERIMENT: Required, [key("experiment", Kind::Tables, "the experiments")];
+    }
+
+    "A structure with several places on the rig. A damper's `place` or `position_m` says where it is mounted; when left out, where x is measured."
+    plant("plant") {
+        STOREYS: Optional, [description::STOREYS.keys[0]];
+        BEAM: Optional, [description::BEAM.keys[0]];
+        MODES: Optional, [description::MODES.keys[0]];
+        PLACES: If(&MODES, "mode", &Required, &Forbidden), [description::PLACES.keys[0]];
+        MODAL_DAMPING: If(&STOREYS, "storey", &Optional, &Forbidden), [description::MODAL_DAMPING.keys[0]];
+        OBSERVED: Optional, [description::OBSERVED.keys[0], description::OBSERVED.keys[1]];
     }
 
     "Simulated sensors and shaker, and the campaign's limits: each tightens a limit of the board while the campaign runs."

@@ -10,6 +10,7 @@ mod keys;
 mod limits;
 mod peak;
 mod plan;
+mod plant;
 mod playback;
 mod rig;
 mod set_up;
@@ -33,6 +34,7 @@ pub use keys::{PLAYED, TABLES};
 pub use limits::CampaignLimits;
 pub use peak::{AroundPeak, GridPeak, RISE_BETWEEN_POINTS};
 pub use plan::Plan;
+pub use plant::SetUpPlant;
 pub use rig::{RigSettings, Telemetry};
 pub use set_up::CampaignSetUp;
 pub use stepped_sine::{KeptAmplitude, Start, SteppedSine, TrackedResonance, kept_in_words};
@@ -147,15 +149,30 @@ fn parts(root: &Section) -> Option<Parts> {
     let file = set_up_file::attach(root);
     let document = file.as_ref().and_then(|file| file.parse(source));
     let set_up_file = file.as_ref().zip(document.as_ref()).and_then(|(file, document)| file.check(source, document));
-    let set_ups = set_up::read_all(root, document.as_ref().map(|document| document.get_ref()));
-    if let (Some(RigSettings { shaker: Some(_), .. }), Some(set_ups)) = (&rig, &set_ups) {
-        set_up::refuse_forces(source, set_ups);
+    let mut plant = plant::read(root);
+    let file = document.as_ref().map(|document| document.get_ref());
+    // A plant that cannot be read is told alone, not with what is mounted on it.
+    let set_ups = match &mut plant {
+        Some(plant) => set_up::read_all(root, file, plant.as_mut()),
+        None => {
+            set_up::leave_all(root);
+            None
+        }
+    };
+    if let Some(set_ups) = &set_ups {
+        let moving = match (&rig, &plant) {
+            (_, Some(Some(_))) => Some("plant"),
+            (Some(RigSettings { shaker: Some(_), .. }), _) => Some("rig.shaker"),
+            _ => None,
+        };
+        moving.into_iter().for_each(|table| set_up::refuse_forces(source, set_ups, table));
     }
     // A wrong value that set-ups inherit is told by them; what is left is a value that none of them uses.
     if source.is_clean() {
         set_up_file::check_parts(root);
     }
     let experiments = experiment::read_all(root, set_ups.as_deref(), rig.as_ref(), plan.as_ref());
+    plant?;
     Some((name?, rig?, telemetry?, plan?, set_ups?, experiments?, set_up_file))
 }
 

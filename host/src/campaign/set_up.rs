@@ -1,14 +1,18 @@
 //! `[[set_up]]`: a set-up with its name and base amplitude. Its other keys are read by [`crate::setup`].
 
+use std::sync::Arc;
+
 use damprig_core::io::TICK_HZ;
 use damprig_core::model::{Particle, SetUp};
+use damprig_motion::rig_model::RigModel;
 use toml::de::DeTable;
 
 use super::keys::{campaign, set_up};
+use super::plant::{Plant, SetUpPlant};
 use super::transient::two_digits_down;
 use crate::input::locate::Step::Key;
 use crate::input::{Problem, Section, Source, Span};
-use crate::setup::{self, BaseAmplitude, SetUpSpec, Shared, SpringSpec};
+use crate::setup::{self, BaseAmplitude, Carrier, DamperPlaces, PARTS, SetUpSpec, Shared, SpringSpec};
 
 const FORCE_AMPLITUDE: &str = set_up::BASE_AMPLITUDE.keys[1].name;
 
@@ -38,10 +42,25 @@ pub struct CampaignSetUp {
     /// Whether its motion is predicted: not with an unmodelled damper, except on a simulated rig, where the bare structure moves. The
     /// base's motion always is.
     pub is_predicted: bool,
+    /// The structure with several places that carries its dampers on a virtual rig and in predictions.
+    pub plant: Option<SetUpPlant>,
 }
 
 impl CampaignSetUp {
-    /// The set-up that the rig's twin, the simulated plant and predictions follow, in SI units: walls with Hertz contact as hard ones.
+    /// What moves on a virtual rig, and in predictions.
+    #[must_use]
+    pub fn rig_model(&self) -> RigModel {
+        self.rig_model_at(self.base_amplitude_m)
+    }
+
+    /// The same at another base amplitude, m.
+    #[must_use]
+    pub fn rig_model_at(&self, base_amplitude_m: f64) -> RigModel {
+        let placed = self.plant.as_ref().map(|plant| Arc::clone(&plant.placed));
+        RigModel { set_up: self.model_at(base_amplitude_m), placed }
+    }
+
+    /// The set-up that the rig's twin follows, in SI units, and what moves without a plant: walls with Hertz contact as hard ones.
     #[must_use]
     pub fn model(&self) -> SetUp {
         self.model_at(self.base_amplitude_m)
@@ -64,6 +83,13 @@ impl CampaignSetUp {
     pub fn hertz_as_hard(&self) -> Option<String> {
         let walls = self.stated_particle().map_or([None; 2], |particle| particle.walls().map(|wall| wall.hertz()));
         setup::hertz_as_hard(walls.into_iter().flatten())
+    }
+
+    /// What moves on a virtual rig and in predictions otherwise than the board knows it; `None` without a plant.
+    #[must_use]
+    pub fn moves_as_plant(&self) -> Option<String> {
+        let plant = self.plant.as_ref()?;
+        Some(format!("a {} moves; the board knows its `structure` of one degree of freedom", plant.in_words))
     }
 
     /// P, N, if a force drives the structure.
@@ -134,8 +160,17 @@ impl CampaignSetUp {
     }
 }
 
+/// Leaves the set-ups, and what completes them, unread.
+pub(super) fn leave_all(root: &Section) {
+    [&campaign::SET_UP, &campaign::GRAVITY].into_iter().chain(&PARTS).for_each(|quantity| root.leave(quantity));
+}
+
 /// All `[[set_up]]` tables, completed by those of a set-up file; `None` when any has a problem.
-pub(super) fn read_all<'a>(root: &Section<'a>, file: Option<&DeTable<'a>>) -> Option<Vec<CampaignSetUp>> {
+pub(super) fn read_all<'a>(
+    root: &Section<'a>,
+    file: Option<&DeTable<'a>>,
+    mut plant: Option<&mut Plant>,
+) -> Option<Vec<CampaignSetUp>> {
     let shared = Shared::of(root, file);
     let sections = root.tables_of(&campaign::SET_UP);
     if sections.is_empty() && root.source().is_clean() {
@@ -148,7 +183,13 @@ pub(super) fn read_all<'a>(root: &Section<'a>, file: Option<&DeTable<'a>>) -> Op
         });
         return None;
     }
-    let read: Vec<Option<CampaignSetUp>> = sections.iter().map(|section| read(section, &shared)).collect();
+    let all = sections.iter().map(|section| read(section, &shared, plant.as_deref_mut()));
+    let all: Vec<Option<(CampaignSetUp, DamperPlaces)>> = all.collect();
+    let with_plant = |(own, at): (CampaignSetUp, DamperPlaces)| CampaignSetUp {
+        plant: plant.as_ref().and_then(|plant| plant.under(&at)),
+        ..own
+    };
+    let read: Vec<Option<CampaignSetUp>> = all.into_iter().map(|own| own.map(with_plant)).collect();
     let mut names: Vec<&str> = Vec::new();
     for set_up in read.iter().flatten() {
         if names.contains(&set_up.name.as_str()) {
@@ -164,7 +205,11 @@ pub(super) fn read_all<'a>(root: &Section<'a>, file: Option<&DeTable<'a>>) -> Op
     read.into_iter().collect()
 }
 
-fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSetUp> {
+fn read<'a>(
+    section: &Section<'a>,
+    shared: &'a Shared<'a>,
+    plant: Option<&mut Plant>,
+) -> Option<(CampaignSetUp, DamperPlaces)> {
     let name = section.text_of(&set_up::NAME);
     let label = section.text_of(&set_up::LABEL);
     let instruction = section.text_of(&set_up::INSTRUCTION).map(|text| text.value);
@@ -180,7 +225,13 @@ fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSet
         let allowed = "is for cases: the simulated plant and the predictions of a campaign have no spheres";
         section.reject(MANY_PARTICLES, allowed, Some(help.into()));
     }
-    let spec = setup::read(section, shared, base, Some(1.0 / f64::from(TICK_HZ)));
+    let mut carrier = plant.map(|plant| Carrier {
+        places: &mut plant.places,
+        structure: plant.structure,
+        at: DamperPlaces::default(),
+    });
+    let spec = setup::read(section, shared, base, Some(1.0 / f64::from(TICK_HZ)), carrier.as_mut());
+    let at = carrier.map_or(DamperPlaces::default(), |carrier| carrier.at);
     let has_unmodelled_damper = section.word(&set_up::DAMPER).is_some();
     if has_unmodelled_damper && let Some(modelled) = spec.as_ref().and_then(SetUpSpec::damper) {
         let unmodelled = set_up::DAMPER.name();
@@ -191,7 +242,7 @@ fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSet
     section.finish();
     let (name, amplitude, spec) = (name?.value, amplitude?, spec?);
     let base_amplitude_m = if is_force { spec.static_deflection_m(amplitude.value) } else { amplitude.value };
-    Some(CampaignSetUp {
+    let own = CampaignSetUp {
         label: label.map_or_else(|| name.clone(), |label| label.value),
         name,
         instruction,
@@ -200,17 +251,19 @@ fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSet
         base_amplitude_span: amplitude.span,
         has_unmodelled_damper,
         is_predicted: !has_unmodelled_damper,
-    })
+        plant: None,
+    };
+    Some((own, at))
 }
 
-/// Refuses set-ups with a force drive on a rig whose shaker moves the base.
-pub(super) fn refuse_forces(source: &Source, set_ups: &[CampaignSetUp]) {
+/// Refuses set-ups with a force drive on a rig whose base moves, as the campaign's `table` says.
+pub(super) fn refuse_forces(source: &Source, set_ups: &[CampaignSetUp], table: &str) {
     for set_up in set_ups.iter().filter(|set_up| set_up.model().is_force_driven) {
         source.report(Problem {
-            title: format!("set-up {:?} is driven by a force, and `[rig.shaker]` moves the base", set_up.name),
+            title: format!("set-up {:?} is driven by a force, and the base of `[{table}]` moves", set_up.name),
             span: set_up.base_amplitude_span.clone(),
             allowed: "one of both".into(),
-            help: Some("leave out `[rig.shaker]`, or give base_amplitude_m".into()),
+            help: Some(format!("leave out `[{table}]`, or give base_amplitude_m")),
         });
     }
 }

@@ -181,7 +181,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         terminal::set_ups::parameters(&campaign).iter().for_each(|table| say!("{table}"));
         terminal::campaign::steps(&campaign).iter().for_each(|line| say!("{line}"));
     }
-    terminal::campaign::hertz_walls(&campaign).iter().for_each(|line| say!("{line}"));
+    terminal::campaign::what_moves(&campaign).iter().for_each(|line| say!("{line}"));
     let predicted = Predicted::of(&campaign)?;
     settling::advice(&campaign).iter().for_each(|line| say!("{line}"));
     let largest = predicted.largest();

@@ -50,7 +50,9 @@ pub(super) fn behind_sheets(
             let Some(simulated) = model_of(own) else { continue };
             let low = sine.frequencies_hz.iter().copied().fold(f64::INFINITY, f64::min);
             let high = sine.frequencies_hz.iter().copied().fold(0.0, f64::max);
-            let found = if low < high {
+            let found = if simulated.plant.is_some() {
+                Err("its motions are those of a structure with several places: `damprig continue` follows them from a case".into())
+            } else if low < high {
                 let base_amplitude_m = own.base_amplitude_m;
                 let initial = Initial { y_m: simulated.spec.particle_start_m(base_amplitude_m), ..Initial::default() };
                 let model = simulated.model_at(base_amplitude_m);

@@ -9,6 +9,7 @@
 use std::path::Path;
 
 use damprig_core::model::{Initial, SetUp};
+use damprig_motion::rig_model::RigModel;
 use toml::{Table, Value};
 
 use super::COVERAGE_FACTOR;
@@ -50,9 +51,9 @@ const SPRING: usize = 2;
 const PARAMETERS: usize = 3;
 
 /// A simulation to run: a model, its start, and the factor of the base motion.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Member {
-    pub(super) model: SetUp,
+    pub(super) model: RigModel,
     pub(super) initial: Initial,
     pub(super) base_factor: f64,
 }
@@ -83,7 +84,7 @@ impl Models {
     ) -> Self {
         let of_name = |all: &Vec<CampaignSetUp>| all.iter().find(|other| other.name == set_up.name).cloned();
         let varied: Vec<CampaignSetUp> = varied.iter().filter_map(of_name).collect();
-        let acts = varied.iter().any(|other| other.model() != set_up.model());
+        let acts = varied.iter().any(|other| other.rig_model() != set_up.rig_model());
         let varied = if acts { varied } else { Vec::new() };
         let own = own.model();
         let force_stiffness_n_per_m = own.is_force_driven.then_some(own.structure.stiffness_n_per_m);
@@ -110,8 +111,9 @@ impl Models {
 
     /// The set-up as stated, released from `x_m`.
     pub(super) fn stated(&self, x_m: f64) -> Member {
-        let model = self.set_up.model();
-        Member { model, initial: Self::initial(&self.set_up, x_m, 0.0), base_factor: self.force_factor(&model) }
+        let model = self.set_up.rig_model();
+        let base_factor = self.force_factor(&model.set_up);
+        Member { model, initial: Self::initial(&self.set_up, x_m, 0.0), base_factor }
     }
 
     /// A start beside the stated one, by a thousandth of the clearance; `None` without a particle.
@@ -136,8 +138,8 @@ impl Models {
                 // The whole travel; the stated start is one of many.
                 (true, false) => place(n, START) - place_of(set_up),
             };
-            let mut model = set_up.model();
-            if let Some(damper) = &mut model.friction_damper {
+            let mut model = set_up.rig_model();
+            if let Some(damper) = &mut model.set_up.friction_damper {
                 damper.force_n *= (1.0 + spring * deviation(n, SPRING)).max(0.0);
             }
             Member {

@@ -173,6 +173,7 @@ impl Compared<'_> {
         }
         let model = models.set_up.model();
         notes.extend(models.set_up.hertz_as_hard().map(|text| format!("In the simulation {text}.")));
+        notes.extend(models.set_up.moves_as_plant().map(|text| format!("In the simulation {text}.")));
         if models.set_up.spring().is_some() {
             notes.push(
                 "The friction force comes from the spring that the rig adjusts: as it was measured, or its target with the tolerance \

@@ -83,7 +83,7 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
 
     /// The values in all windows. Ratios refer to the run's own z.
     fn measured(&self, motion: &SimulatedMotion, member: &Member) -> Vec<Option<Values>> {
-        let to_own_z = self.models.force_factor(&member.model);
+        let to_own_z = self.models.force_factor(&member.model.set_up);
         let values = |window: usize| {
             let mut values = (self.measure)(motion, window)?;
             for metric in [Quantity::XOverZ, Quantity::XOverZLockIn] {

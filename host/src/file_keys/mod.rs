@@ -11,7 +11,7 @@ pub mod typed_dicts;
 
 use crate::input::key::{MAX_WHOLE, Table};
 use crate::setup::{PARTS, set_up_file};
-use crate::{campaign, continuation, motion_record, optimise, setup, simulation, study};
+use crate::{campaign, continuation, motion_record, optimise, setup, simulation, structure, study};
 
 /// The kinds of input files with declared keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -95,8 +95,14 @@ impl FileKind {
     pub fn tables(self) -> Vec<Table> {
         let parts = setup::TABLES.iter().filter(|table| !table.path.is_empty());
         match self {
-            Self::Campaign => campaign::TABLES.iter().chain(&campaign::PLAYED).chain(parts).copied().collect(),
-            Self::Case => [simulation::TABLES, setup::TABLES, motion_record::TABLES].concat(),
+            Self::Campaign => campaign::TABLES
+                .iter()
+                .chain(&structure::PLANT)
+                .chain(&campaign::PLAYED)
+                .chain(parts)
+                .copied()
+                .collect(),
+            Self::Case => [simulation::TABLES, structure::TABLES, setup::TABLES, motion_record::TABLES].concat(),
             Self::SetUp => set_up_file::TABLES.iter().chain(parts).copied().collect(),
             Self::Study => study::TABLES.to_vec(),
             Self::Optimisation => optimise::TABLES.iter().chain(&study::SHARED).copied().collect(),

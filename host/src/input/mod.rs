@@ -39,6 +39,12 @@ const MAX_SHOWN: usize = 20;
 /// Place of a value in its file, in bytes.
 pub type Span = Range<usize>;
 
+/// A file that another file names: relative to it.
+#[must_use]
+pub fn resolve(beside: &Path, file: &str) -> PathBuf {
+    beside.parent().map_or_else(|| PathBuf::from(file), |folder| folder.join(file))
+}
+
 /// A problem of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {

@@ -18,6 +18,7 @@ pub static FILES: &[(&str, &str)] = files![
     "campaigns/closed-loop.toml",
     "campaigns/dampers.toml",
     "campaigns/force.toml",
+    "campaigns/frame-rig.toml",
     "campaigns/hidden-branch.toml",
     "campaigns/resonance.toml",
     "campaigns/hybrid.toml",

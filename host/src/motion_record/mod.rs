@@ -11,5 +11,5 @@ pub(crate) use keys::base_record::{FILE as RECORD_FILE, NOISE as RECORD_NOISE, S
 pub(crate) use keys::{BASE_RECORD, ENVELOPE, Motion, NOISE, OF_FILE, read_motion, read_peak};
 pub use noise::Noise;
 pub(crate) use read::{Rows, rows};
-pub use read::{Spec, Which, read, resolve};
+pub use read::{Spec, Which, read};
 pub use record::{Play, Quantity, Record, RecordOrigin};

@@ -4,7 +4,7 @@
 //! allowed.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::record::{Quantity, Record, RecordOrigin};
 use super::units::{ToSi, unit_list};
@@ -329,10 +329,4 @@ fn table(text: &str, spec: &Spec, quantity: Quantity, scale: f64) -> Result<(f64
         (None, _) => return Err("fewer than 2 samples".into()),
     };
     Ok((step_s, values))
-}
-
-/// The file of a record as a case gives it: relative to the case.
-#[must_use]
-pub fn resolve(case: &Path, file: &str) -> PathBuf {
-    case.parent().map_or_else(|| PathBuf::from(file), |folder| folder.join(file))
 }

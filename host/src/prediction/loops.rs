@@ -9,7 +9,6 @@ use damprig_core::control::outcome::{ExperimentStage, Outcome, TickInputs};
 use damprig_core::control::response_loop::{KeptQuantity, ResponseLoop};
 use damprig_core::control::stepped_sine::{DriveMode, SteppedSinePlan, SteppedSineRunner};
 use damprig_core::integrator::base::{BaseSegment, BaseTrack};
-use damprig_core::integrator::sampled::Sampled;
 use damprig_core::io::{Invalid, Reading, Readings, SensorSet, TICK_HZ};
 use damprig_core::measure::point::PointResult;
 use damprig_core::model::Initial;
@@ -67,6 +66,7 @@ pub fn predict(campaign: &Campaign) -> Result<Vec<LoopPrediction>, Failure> {
             let failed = |e: Invalid| Failure::Input(format!("set-up {:?}: {e}", own.name));
             let mut run = Simulation::new(own, sine, drive_m, &detection).map_err(failed)?;
             run.go(most_ticks);
+            run.watched.motion.refused().map_or(Ok(()), |invalid| Err(failed(invalid)))?;
             Ok(run.into_prediction(sine, (set_up, experiment)))
         })
         .collect()
@@ -111,9 +111,9 @@ impl Simulation {
         };
         let range = damprig_core::io::DriveRange { low_m: -limit_m, high_m: limit_m };
         let runner = SteppedSineRunner::new(&SteppedSinePlan::new(order)?, &range);
-        let (model, z_m) = (set_up.model(), set_up.base_amplitude_m);
+        let (model, z_m) = (set_up.rig_model(), set_up.base_amplitude_m);
         let tick_s = 1.0 / f64::from(TICK_HZ);
-        let parts = Sampled::<f64>::steps_per_sample(&model, tick_s)?;
+        let parts = model.steps_per_sample(tick_s)?;
         let initial = Initial { y_m: set_up.spec.particle_start_m(z_m), ..Initial::default() };
         let watched = WatchedMotion::new(&model, tick_s / f64::from(parts), &initial, detection)?;
         Ok(Self {
@@ -150,7 +150,7 @@ impl Simulation {
                 Outcome::Failed(_) | Outcome::Transient(_) => self.is_finished = true,
             }
             if self.runner.begins_from_rest().is_some() {
-                self.watched.motion.reset(&self.initial);
+                self.watched.motion.restart(&self.initial);
                 self.track = BaseTrack::default();
             }
             readings = self.move_base(f64::from(drive_m));

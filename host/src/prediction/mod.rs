@@ -20,11 +20,11 @@ pub(crate) mod watch;
 use std::f64::consts::TAU;
 
 use damprig_core::integrator::base::BaseSegment;
-use damprig_core::integrator::sampled::{Joined, LARGEST_RATE_PER_STEP};
-use damprig_core::integrator::units::Units;
+use damprig_core::integrator::sampled::LARGEST_RATE_PER_STEP;
 use damprig_core::io::{Invalid, TICK_HZ};
 use damprig_core::model::Initial;
 use damprig_core::twin::TwinConfig;
+use damprig_motion::rig_model::RigMotion;
 use damprig_motion::watch::{Detection, WatchedMotion};
 use rayon::prelude::*;
 
@@ -401,18 +401,18 @@ fn simulate(
     base_amplitude_m: f64,
     (most_steps, detection): (u64, &Detection),
 ) -> Result<Simulated, Invalid> {
-    let model = set_up.model_at(base_amplitude_m);
+    let model = set_up.rig_model_at(base_amplitude_m);
     let initial = Initial { y_m: set_up.spec.particle_start_m(base_amplitude_m), ..Initial::default() };
     let mut largest = Swing::NOTHING;
     let mut points = Vec::new();
     let mut dwell_max_x_m = 0.0_f64;
-    let mut carried: Option<Joined<f64>> = None;
+    let mut carried: Option<RigMotion> = None;
     for &frequency_hz in &experiment.frequencies_hz {
         let steps = steps_per_period(set_up, frequency_hz);
         let step_s = 1.0 / (frequency_hz * steps);
         let mut watched = WatchedMotion::new(&model, step_s, &initial, detection)?;
         if let Some(before) = carried.take() {
-            watched.motion = before.counted_in(&model, Units::metres(step_s))?;
+            watched.motion = before.counted_in(&model.set_up, step_s)?;
         }
         let [settle_steps, dwell_steps] = whole_cycles(experiment, frequency_hz).map(|cycles| cycles * steps);
         let wanted = (settle_steps + dwell_steps) as u64;
@@ -439,6 +439,7 @@ fn simulate(
                 (largest.max_x_m, largest.frequency_hz) = (x, frequency_hz);
             }
         }
+        watched.motion.refused().map_or(Ok(()), Err)?;
         points.extend(maxima.mean_m().map(|x_m| (frequency_hz, x_m / base_amplitude_m)));
         largest.wall_force_n = wall_force::larger(largest.wall_force_n, watched.watch.largest_force_n);
         if experiment.start == Start::CarryOver {

@@ -5,7 +5,6 @@
 //! at which |x| has fallen below nine tenths of x0. Impacts are counted as the device counts them (`watch`).
 
 use damprig_core::integrator::base::BaseSegment;
-use damprig_core::integrator::sampled::Sampled;
 use damprig_core::io::{Invalid, TICK_HZ};
 use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::model::Initial;
@@ -163,7 +162,7 @@ impl Summed {
 /// Number of steps of an interval.
 fn parts(set_up: &CampaignSetUp, interval_s: f64) -> Result<u32, Invalid> {
     let by_tick = (interval_s / STEP_S).ceil().max(1.0);
-    let in_step = Sampled::<f64>::steps_per_sample(&set_up.model(), interval_s / by_tick)?;
+    let in_step = set_up.rig_model().steps_per_sample(interval_s / by_tick)?;
     Ok(by_tick as u32 * u32::from(in_step))
 }
 
@@ -176,7 +175,7 @@ fn played(set_up: &CampaignSetUp, playback: &Playback, detection: &ImpactConfig)
     let parts = parts(set_up, interval_s)?;
     let (share, step_s) = (1.0 / f64::from(parts), interval_s / f64::from(parts));
     let mut summed = Summed::new(
-        WatchedMotion::new(&set_up.model(), step_s, &at_rest(set_up, 0.0), &watch::detection(detection))?,
+        WatchedMotion::new(&set_up.rig_model(), step_s, &at_rest(set_up, 0.0), &watch::detection(detection))?,
         step_s,
     );
     let scale = f64::from(playback.scale_m());
@@ -217,6 +216,7 @@ fn played(set_up: &CampaignSetUp, playback: &Playback, detection: &ImpactConfig)
         }
     }
     summed.rest(playback.tail_s);
+    summed.watched.motion.refused().map_or(Ok(()), Err)?;
     Ok(summed.over(length_s + playback.tail_s))
 }
 
@@ -224,7 +224,7 @@ fn released(set_up: &CampaignSetUp, free: &FreeVibration, detection: &ImpactConf
     let parts = parts(set_up, STEP_S)?;
     let step_s = STEP_S / f64::from(parts);
     let mut watched =
-        WatchedMotion::new(&set_up.model(), step_s, &at_rest(set_up, free.start_m), &watch::detection(detection))?;
+        WatchedMotion::new(&set_up.rig_model(), step_s, &at_rest(set_up, free.start_m), &watch::detection(detection))?;
     // The release is detected, and the measurement begins, when |x| has fallen this far. A structure that sticks is never
     // released.
     let mut steps_before = 0;
@@ -235,6 +235,7 @@ fn released(set_up: &CampaignSetUp, free: &FreeVibration, detection: &ImpactConf
     watched.watch.restart_count();
     let mut summed = Summed::new(watched, step_s);
     summed.rest(free.measure_s);
+    summed.watched.motion.refused().map_or(Ok(()), Err)?;
     let mut outlook = summed.over(free.measure_s);
     outlook.max_abs_x_m = outlook.max_abs_x_m.max(free.start_m.abs());
     Ok(outlook)

@@ -61,9 +61,9 @@ pub fn predicted_and_measured(campaign: &Campaign) -> Vec<String> {
                 .into(),
         );
     }
-    notes.extend(campaign.set_ups.iter().filter_map(|s| {
-        let text = s.hertz_as_hard()?;
-        Some(format!("Set-up {:?}: {text}.", s.name))
+    notes.extend(campaign.set_ups.iter().flat_map(|s| {
+        let both = [s.hertz_as_hard(), s.moves_as_plant().map(|text| format!("in the prediction {text}"))];
+        both.into_iter().flatten().map(|text| format!("Set-up {:?}: {text}.", s.name))
     }));
     if campaign.set_ups.iter().any(|s| s.model().particle.is_some()) {
         notes.push(format!(

@@ -7,6 +7,7 @@
 mod place;
 
 use damprig_core::control::friction_spring::{FrictionSpring, SpringConfig, Target, ZeroReading};
+use damprig_core::integrator::sampled::Joined;
 use damprig_core::io::Invalid;
 use damprig_core::rig::Rejected;
 use damprig_core::settings::{Settings, Source as Origin};
@@ -14,12 +15,13 @@ use damprig_device::board::DeviceInfo;
 use damprig_device::controller::{BootInfo, Controller};
 use damprig_device::queues::{Outgoing, StreamItem};
 use damprig_device::upload_buffer::UploadBuffer;
+use damprig_motion::rig_model::RigMotion;
 use damprig_protocol::upload::{CHUNK_BYTES, UploadStage, checksum};
 use damprig_protocol::{FromDevice, NumberedRequest, PlantKind, Request};
 use damprig_simulator::board::{PlantScalar, SimulatedBoard};
 use damprig_simulator::messages::set_plant;
-use damprig_simulator::plant::PlantConfig;
 use damprig_simulator::plant::spring::SpringPlant;
+use damprig_simulator::plant::{Load, PlantConfig};
 
 use super::spring_setup::first_target;
 use super::wire_mapping::{self, Selection};
@@ -53,7 +55,7 @@ pub fn accept(campaign: &mut Campaign, session: &Session) -> Result<(Selection, 
         names_its_shaker(campaign)?;
     }
     let mut warnings = if is_simulated { prediction::simulated_rig::check(campaign)? } else { Vec::new() };
-    warnings.extend(wire_mapping::without_twin(campaign, &selection));
+    warnings.extend(wire_mapping::about_twins(campaign, &selection));
     warnings.extend(campaign.set_ups.iter().filter(|set_up| set_up.has_unmodelled_damper).map(|set_up| {
         let what = if is_simulated {
             "on a simulated rig the bare structure moves"
@@ -97,13 +99,29 @@ fn names_its_shaker(campaign: &Campaign) -> Result<(), Failure> {
 /// Everything that the controller rejects, with file, line and key.
 fn rehearse(campaign: &Campaign, selection: &Selection, settings: &Settings, plant: PlantKind) -> Result<(), Failure> {
     match plant {
-        PlantKind::SimulatedF32 => rehearse_in::<f32>(campaign, selection, settings, true),
-        PlantKind::SimulatedF64 => rehearse_in::<f64>(campaign, selection, settings, true),
-        PlantKind::Real => rehearse_in::<f64>(campaign, selection, settings, false),
+        PlantKind::SimulatedF32 => {
+            refuse_plant(campaign)?;
+            rehearse_in::<f32, Joined<f32>>(campaign, selection, settings, true)
+        }
+        PlantKind::SimulatedF64 => rehearse_in::<f64, RigMotion>(campaign, selection, settings, true),
+        PlantKind::Real => rehearse_in::<f64, RigMotion>(campaign, selection, settings, false),
     }
 }
 
-fn rehearse_in<S: PlantScalar>(
+/// Refuses a plant with several places on a simulated board, which has one degree of freedom.
+fn refuse_plant(campaign: &Campaign) -> Result<(), Failure> {
+    if campaign.set_ups.iter().any(|set_up| set_up.plant.is_some()) {
+        campaign.source.report(Problem {
+            title: "`plant` is for the virtual rig in double precision, and for real ones".into(),
+            span: campaign.source.locate(&[Key("plant")]).unwrap_or_default(),
+            allowed: "this simulated board has a structure of one degree of freedom".into(),
+            help: Some("run it with --rig virtual, or leave out `plant`".into()),
+        });
+    }
+    campaign.source.verdict()
+}
+
+fn rehearse_in<S: PlantScalar, L: Load<S>>(
     campaign: &Campaign,
     selection: &Selection,
     settings: &Settings,
@@ -116,7 +134,7 @@ fn rehearse_in<S: PlantScalar>(
             if !experiment.set_ups.contains(&index) || problems >= MAX_PROBLEMS {
                 continue;
             }
-            let mut device = Device::<S>::new(settings, &mut upload);
+            let mut device = Device::<S, L>::new(settings, &mut upload);
             if let Err(refused) = device.configure(campaign, selection, set_up, experiment, is_simulated) {
                 if matches!(&refused.why, Rejected::AboveLimit { parameter, .. } if parameter == RECORD_PEAK) {
                     continue;
@@ -154,15 +172,15 @@ impl Outgoing for LastReply {
 }
 
 /// A controller in this process; no tick passes on it.
-struct Device<'a, S> {
+struct Device<'a, S, L> {
     controller: Controller,
-    board: SimulatedBoard<S>,
+    board: SimulatedBoard<S, L>,
     upload: &'a mut UploadBuffer,
     replies: LastReply,
     seq: u16,
 }
 
-impl<'a, S: PlantScalar> Device<'a, S> {
+impl<'a, S: PlantScalar, L: Load<S>> Device<'a, S, L> {
     fn new(settings: &Settings, upload: &'a mut UploadBuffer) -> Self {
         let mut controller = Controller::new(DeviceInfo::new("", ""), BootInfo::default());
         controller.start_with(settings, Origin::Stored);

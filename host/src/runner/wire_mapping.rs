@@ -9,6 +9,7 @@ use damprig_core::control::friction_spring::SpringSetUp;
 use damprig_core::io::{SensorSet, TICK_HZ};
 use damprig_core::measure::point::PointResult;
 use damprig_core::twin::TwinConfig;
+use damprig_motion::virtual_device::number_of_structure;
 use damprig_protocol::Request;
 use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::walls::WallSensors;
@@ -64,14 +65,21 @@ impl Selection {
     }
 }
 
-/// Warnings on set-ups without a twin, if one of its signals is recorded.
-pub(super) fn without_twin(campaign: &Campaign, selection: &Selection) -> Vec<String> {
-    let without = campaign.set_ups.iter().filter(|set_up| selection.has_twin() && !is_followed(set_up));
-    without
-        .map(|set_up| {
-            format!("set-up {:?} has no twin: the board has no equations of its damper; the signals are 0", set_up.name)
-        })
-        .collect()
+/// Warnings on set-ups without a twin, or with one of another structure, if one of its signals is recorded.
+pub(super) fn about_twins(campaign: &Campaign, selection: &Selection) -> Vec<String> {
+    let about = |set_up: &CampaignSetUp| {
+        let name = &set_up.name;
+        if !is_followed(set_up) {
+            Some(format!("set-up {name:?} has no twin: the board has no equations of its damper; the signals are 0"))
+        } else if set_up.plant.is_some() {
+            Some(format!(
+                "set-up {name:?}: the twin follows one degree of freedom (`structure`), not the whole `plant`"
+            ))
+        } else {
+            None
+        }
+    };
+    campaign.set_ups.iter().filter(|_| selection.has_twin()).filter_map(about).collect()
 }
 
 pub(super) fn fault_error(set_up: &CampaignSetUp, fault: Fault) -> RunError {
@@ -116,6 +124,7 @@ pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Expe
             ..SpringPlant::default()
         }),
         scales: None,
+        other_structure: set_up.plant.as_ref().map(|plant| number_of_structure(&plant.placed)),
     }
 }
 

@@ -18,6 +18,7 @@ use toml::de::DeTable;
 use crate::input::key::{Key, Kind, Quantity};
 use crate::input::section::Given;
 use crate::input::{Number, Section};
+use crate::structure::Places;
 use keys::{friction_damper, particle, set_up, spring, structure, tmd, wall_hertz, wall_restitution, wall_voigt};
 use spec::{Friction, ParticleSpec, Place, Relative};
 
@@ -80,21 +81,49 @@ impl<'a> Shared<'a> {
     }
 }
 
+/// Where the dampers of a set-up are on a structure with several places: numbers of the places that it names.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DamperPlaces {
+    /// Of the impact damper.
+    pub particle: Option<usize>,
+    /// Of the friction damper.
+    pub friction_damper: Option<usize>,
+    /// Of the friction damper's other end; `None`: the base.
+    pub other_end: Option<usize>,
+    /// Of the tuned mass.
+    pub tmd: Option<usize>,
+}
+
+/// A structure with several places that carries the dampers of a set-up.
+pub struct Carrier<'p> {
+    /// Its places.
+    pub places: &'p mut Places,
+    /// Its structure of one degree of freedom, for a set-up that states none.
+    pub structure: Structure,
+    /// The places of the dampers, as they are read.
+    pub at: DamperPlaces,
+}
+
 /// Reads the set-up that `section` describes, a case or a `[[set_up]]` of a campaign, without finishing the section;
 /// `None` after a problem has been reported.
 ///
-/// `sample_s` is the sample interval of a recorded base motion, s: a structure too fast for it is refused.
+/// `sample_s` is the sample interval of a recorded base motion, s: a structure too fast for it is refused. Without a `carrier` no damper has a
+/// place.
 pub fn read<'a>(
     section: &Section<'a>,
     shared: &'a Shared<'a>,
     base: BaseAmplitude,
     sample_s: Option<f64>,
+    mut carrier: Option<&mut Carrier>,
 ) -> Option<SetUpSpec> {
-    let structure = match shared.table(&set_up::STRUCTURE) {
-        Some(table) if !section.is_given(&set_up::STRUCTURE) => section.inherited_table("structure", Some(table)),
-        table => section.table_of(&set_up::STRUCTURE, table),
+    let is_stated = section.is_given(&set_up::STRUCTURE) || shared.table(&set_up::STRUCTURE).is_some();
+    let structure = match (shared.table(&set_up::STRUCTURE), &carrier) {
+        (_, Some(carrier)) if !is_stated => Some(carrier.structure),
+        (Some(table), _) if !section.is_given(&set_up::STRUCTURE) => {
+            section.inherited_table("structure", Some(table)).and_then(|s| read_structure(&s, sample_s))
+        }
+        (table, _) => section.table_of(&set_up::STRUCTURE, table).and_then(|s| read_structure(&s, sample_s)),
     };
-    let structure = structure.and_then(|s| read_structure(&s, sample_s));
     let of = structure.as_ref();
     let is_force_driven = matches!(base, BaseAmplitude::Force(_));
     let base = match (base, of) {
@@ -102,12 +131,29 @@ pub fn read<'a>(
         (BaseAmplitude::Force(_), None) => BaseAmplitude::Unread,
         _ => base,
     };
-    let particle = part(section, shared, &set_up::PARTICLE, |s| read_particle(s, of, base));
+    let particle = part(section, shared, &set_up::PARTICLE, |s| {
+        let place = damper_place(s, &mut carrier)?;
+        carrier.iter_mut().for_each(|carrier| carrier.at.particle = place);
+        read_particle(s, of, base)
+    });
     let friction = part(section, shared, &set_up::FRICTION_DAMPER, |s| {
-        refuse_place(s, &friction_damper::OTHER_PLACE);
+        let place = damper_place(s, &mut carrier)?;
+        match &mut carrier {
+            None => refuse_place(s, &friction_damper::OTHER_PLACE),
+            Some(carrier) => {
+                carrier.at.friction_damper = place;
+                if s.is_given(&friction_damper::OTHER_PLACE) {
+                    carrier.at.other_end = Some(other_place(s, carrier.places, place)?);
+                }
+            }
+        }
         read_friction(s, base)
     });
-    let tmd = part(section, shared, &set_up::TMD, |s| read_tmd(s, of));
+    let tmd = part(section, shared, &set_up::TMD, |s| {
+        let place = damper_place(s, &mut carrier)?;
+        carrier.iter_mut().for_each(|carrier| carrier.at.tmd = place);
+        read_tmd(s, of)
+    });
     let gravity = section.scalar(&set_up::GRAVITY);
     let gravity = shared.gravity_m_per_s2.filter(|_| !section.is_given(&set_up::GRAVITY)).or(gravity);
     Some(SetUpSpec {
@@ -128,18 +174,38 @@ fn part<'a, T>(
     read: impl FnOnce(&Section<'a>) -> Option<T>,
 ) -> Option<Option<T>> {
     match section.table_of(quantity, shared.table(quantity)) {
-        Some(table) => {
-            refuse_place(&table, &particle::PLACE);
-            read(&table).map(Some)
-        }
+        Some(table) => read(&table).map(Some),
         None => (!section.is_given(quantity)).then_some(None),
     }
+}
+
+/// The place of a damper: `Some(None)` if it names none, `None` after a problem has been reported.
+fn damper_place(s: &Section, carrier: &mut Option<&mut Carrier>) -> Option<Option<usize>> {
+    match carrier {
+        Some(carrier) if s.is_given(&particle::PLACE) => carrier.places.named(s, &particle::PLACE).map(Some),
+        Some(_) => Some(None),
+        None => {
+            refuse_place(s, &particle::PLACE);
+            Some(None)
+        }
+    }
+}
+
+/// The place of a friction damper's other end; `None` after a problem has been reported.
+pub(crate) fn other_place(s: &Section, places: &mut Places, place: Option<usize>) -> Option<usize> {
+    let other = places.named(s, &friction_damper::OTHER_PLACE)?;
+    if place == Some(other) {
+        let key = s.written(&friction_damper::OTHER_PLACE)?.name;
+        s.reject(key, "must be another place than that of the damper", Some("leave it out for the base".into()));
+        return None;
+    }
+    Some(other)
 }
 
 /// Refuses a place where the structure has only one.
 pub(crate) fn refuse_place(s: &Section, quantity: &Quantity) {
     if let Some(key) = s.written(quantity) {
-        let allowed = "is for a structure with several places: `storey`, `beam`, `mode` or `matrices` in a case";
+        let allowed = "is for a structure with several places: `storey`, `beam`, `mode` or `matrices` in a case, `plant` in a campaign";
         s.reject(key.name, allowed, Some("leave it out".into()));
     }
 }

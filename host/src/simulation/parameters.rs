@@ -15,7 +15,7 @@ impl ParameterKey {
     /// Its range, as a case declares it.
     pub(crate) fn refusal(&self, value: f64) -> Option<String> {
         let (path, name) = self.key.rsplit_once('.')?;
-        let tables = crate::setup::TABLES.iter().chain(crate::simulation::TABLES);
+        let tables = crate::setup::TABLES.iter().chain(crate::structure::TABLES).chain(crate::simulation::TABLES);
         let quantities = tables.filter(|table| table.path == path).flat_map(|table| table.quantities);
         let key = quantities.flat_map(|quantity| quantity.keys).find(|key| key.name == name)?;
         key.refusal(value)

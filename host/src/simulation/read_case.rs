@@ -13,9 +13,10 @@ use super::keys::{case, force_half_sine, force_sine, initial, run};
 use super::set_values::{self, SetValues};
 use super::{many_particles, multi_degree, refusals};
 use crate::input::locate::Step::Key;
-use crate::input::{Problem, Section, Source};
-use crate::motion_record::{Record, resolve};
+use crate::input::{Problem, Section, Source, resolve};
+use crate::motion_record::Record;
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, refuse_place, set_up_file};
+use crate::structure::{description, description_of};
 
 /// Reads a case, with some of its values set from outside; `None` after a problem has been reported.
 pub(super) fn read(source: &Source, name: &str, values: &SetValues) -> Option<Case> {
@@ -71,10 +72,10 @@ pub(super) fn toml_of(source: &Source) -> Option<(String, &'static str)> {
 
 fn read_root(root: &Section, name: &str) -> Option<Case> {
     let name = root.text_of(&case::NAME).map_or_else(|| name.to_string(), |text| text.value);
-    if let Some(key) = multi_degree::read::description(root) {
+    if let Some(key) = description_of(root) {
         return multi_degree::read::read(root, key, name);
     }
-    for quantity in [&case::OBSERVED, &case::PLACES, &case::MODAL_DAMPING] {
+    for quantity in [&description::OBSERVED, &description::PLACES, &description::MODAL_DAMPING] {
         refuse_place(root, quantity);
     }
     let stated_m = root.scalar(&BASE_AMPLITUDE);
@@ -99,7 +100,7 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
         file.check(source, document);
     }
     let shared = Shared::of_file(document.as_ref().map(|document| document.get_ref()));
-    let spec = setup::read(root, &shared, base, record.map(|record| record.step_s));
+    let spec = setup::read(root, &shared, base, record.map(|record| record.step_s), None);
     if spec.as_ref().is_some_and(SetUpSpec::is_start_unknown) {
         let span = source.locate(&[Key("particle"), Key("start")]).unwrap_or_default();
         source.report(Problem {

@@ -7,7 +7,7 @@ use super::keys;
 use crate::failure::Failure;
 use crate::input::Span;
 use crate::input::key::Quantity;
-use crate::{motion_record, setup};
+use crate::{motion_record, setup, structure};
 
 /// Values in place of those of a case, as lines of TOML: `particle.wall.coefficient = 0.5`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -182,7 +182,7 @@ pub(super) fn both_of_one<'v, 't>(
 /// The other keys of the quantity that a table has under this key.
 fn alternatives(path: &str, name: &str) -> impl Iterator<Item = &'static str> {
     let has = |quantity: &&Quantity| quantity.key(name).is_some();
-    let quantities = [keys::TABLES, setup::TABLES, motion_record::TABLES].concat().into_iter();
+    let quantities = [keys::TABLES, structure::TABLES, setup::TABLES, motion_record::TABLES].concat().into_iter();
     let found: Vec<&'static Quantity> =
         quantities.filter(|table| table.path == path).flat_map(|table| table.quantities.iter().filter(has)).collect();
     let name = name.to_string();

@@ -55,6 +55,7 @@ mod optimise_robust;
 mod output;
 mod peak_points;
 mod plan;
+mod plant;
 mod predicted;
 mod real_time;
 mod refusals;

@@ -8,7 +8,7 @@ use damprig::campaign::Campaign;
 use damprig::input::Source;
 use damprig::input::key::{DefaultValue, Key, Kind, Need, Quantity, Range, Table, Unit};
 use damprig::simulation::Case;
-use damprig::{motion_record, setup, simulation};
+use damprig::{motion_record, setup, simulation, structure};
 use fastrand::Rng;
 
 /// A change to one table of a generated file.
@@ -173,7 +173,7 @@ fn campaign(shared: &str, set_up: &str) -> Result<Campaign, String> {
 
 /// All tables of a case.
 fn tables() -> Vec<Table> {
-    [setup::TABLES, simulation::TABLES, motion_record::TABLES].concat()
+    [setup::TABLES, structure::TABLES, simulation::TABLES, motion_record::TABLES].concat()
 }
 
 /// The case of a seed with a change.

@@ -75,7 +75,8 @@ fn unusual_times_frequencies_and_displacements_of_experiments_are_warned_of() {
 /// The usual range of every key lies within what is allowed, so a usual value is never refused.
 #[test]
 fn usual_ranges_lie_within_the_allowed_ones() {
-    let tables: [&[Table]; 3] = [damprig::setup::TABLES, damprig::simulation::TABLES, damprig::campaign::TABLES];
+    let tables: [&[Table]; 4] =
+        [damprig::setup::TABLES, damprig::structure::TABLES, damprig::simulation::TABLES, damprig::campaign::TABLES];
     let mut ranges = 0;
     for key in tables.concat().iter().flat_map(|table| table.quantities).flat_map(|quantity| quantity.keys) {
         let Some((least, most)) = key.usual else { continue };

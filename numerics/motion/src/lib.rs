@@ -6,10 +6,13 @@
 //! compiled once, in this crate.
 
 pub mod cycle_maxima;
+pub mod placed_motion;
 pub mod read_run;
+pub mod rig_model;
 pub mod sampled_run;
 pub mod statistics;
 pub mod stop;
+pub mod virtual_device;
 pub mod watch;
 
 use damprig_core::integrator::exact::flow::ExactState;

@@ -2,16 +2,16 @@
 //! sub-samples, their peak, and the pulses on the walls.
 //!
 //! Between the ends of the ticks the base moves as in [`damprig_core::integrator::base`]: cubics with continuous velocity. The
-//! integrator is the sampled one in `f64`.
+//! integrator is the sampled one in `f64`; a structure with several places has its own.
 
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::{Mode, Sign};
 use damprig_core::integrator::polynomial::{Polynomial, value};
-use damprig_core::integrator::sampled::{Flight, Impact, Joined, Observer, Sampled};
-use damprig_core::integrator::units::Units;
+use damprig_core::integrator::sampled::{Flight, Impact, Observer};
 use damprig_core::io::{Invalid, Reading, SUBSAMPLES, TICK_HZ};
-use damprig_core::model::{Initial, SetUp};
+use damprig_core::model::Initial;
 
+use super::rig_model::RigModel;
 use super::watch::{Detection, MotionWatch};
 
 /// Length of a tick, s.
@@ -70,15 +70,15 @@ impl SimulatedMotion {
 /// # Errors
 /// A set-up that cannot be simulated.
 pub fn simulate(
-    set_up: &SetUp,
+    model: &RigModel,
     initial: &Initial,
     base_m: &[f64],
     shares: &[f64],
     detection: &Detection,
 ) -> Result<SimulatedMotion, Invalid> {
-    let parts = Sampled::<f64>::steps_per_sample(set_up, TICK_S)?;
+    let (set_up, parts) = (&model.set_up, model.steps_per_sample(TICK_S)?);
     let step_s = TICK_S / f64::from(parts);
-    let mut motion = Joined::<f64>::joined(set_up, Units::metres(step_s), initial)?;
+    let mut motion = model.motion(step_s, initial)?;
     let mut observer = Sampler {
         watch: MotionWatch::new(detection, set_up.structure.mass_kg, step_s).with_pulses(),
         x_m: [0.0; SUBSAMPLES],
@@ -93,21 +93,24 @@ pub fn simulate(
         let now = shares.get(n).or(shares.last()).copied().unwrap_or(1.0);
         if let Some(force_n) = friction_n.filter(|_| now != share) {
             share = now;
-            motion.set_damper_force_n(share * force_n, set_up);
+            motion.set_friction_n(share * force_n, set_up);
         }
         let [before, start, end, after] = [around[0], around[1], around[2], around[3]];
         let tick = BaseSegment::hermite(start, end, 0.5 * (end - before), 0.5 * (after - start));
         observer.taken = 0;
         for part in 0..parts {
             observer.part = f64::from(part);
-            motion.step_observed(&tick.part(part, parts), &mut observer);
-            observer.watch.end_step(motion.state().x);
+            motion.step(&tick.part(part, parts), &mut observer);
+            observer.watch.end_step(motion.x_m());
         }
         // Rounding of the instants can leave the last sample just after the end of the last flight.
-        observer.x_m[observer.taken..].fill(motion.state().x);
+        observer.x_m[observer.taken..].fill(motion.x_m());
         let z_m: [f32; SUBSAMPLES] = std::array::from_fn(|n| value(&tick.0, (n + 1) as f64 / SUBSAMPLES as f64) as f32);
         let (x, z) = (Reading::of(&observer.x_m.map(|x| x as f32)), Reading::of(&z_m));
         readings.push(TickReading { x_m: x.mean_m, max_abs_x_m: x.peak_m, z_m: z.mean_m, max_abs_z_m: z.peak_m });
+    }
+    if let Some(refused) = motion.refused() {
+        return Err(refused);
     }
     let pulses = observer.watch.into_pulses().into_iter().map(|pulse| WallPulse {
         tick: (pulse.from / f64::from(parts)) as usize,

@@ -9,10 +9,11 @@ use std::f64::consts::PI;
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::Sign;
 use damprig_core::integrator::polynomial::{Polynomial, derivative_increment, increment};
-use damprig_core::integrator::sampled::{Flight, Impact, Joined, Observer};
-use damprig_core::integrator::units::Units;
+use damprig_core::integrator::sampled::{Flight, Impact, Observer};
 use damprig_core::io::Invalid;
-use damprig_core::model::{Initial, SetUp};
+use damprig_core::model::Initial;
+
+use super::rig_model::{RigModel, RigMotion};
 
 /// How the board tells pulses on the walls apart, and how long those of a hard wall last.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,30 +31,30 @@ pub struct Detection {
 /// A set-up in motion, stepped by the sampled integrator under its watch.
 pub struct WatchedMotion {
     /// The motion.
-    pub motion: Joined<f64>,
+    pub motion: RigMotion,
     /// Its watch.
     pub watch: MotionWatch,
 }
 
 impl WatchedMotion {
-    /// `set_up` in steps of `step_s` from `initial`.
+    /// `model` in steps of `step_s` from `initial`.
     ///
     /// # Errors
     /// Names a parameter that the integrator cannot take.
-    pub fn new(set_up: &SetUp, step_s: f64, initial: &Initial, detection: &Detection) -> Result<Self, Invalid> {
-        let motion = Joined::joined(set_up, Units::metres(step_s), initial)?;
-        Ok(Self { motion, watch: MotionWatch::new(detection, set_up.structure.mass_kg, step_s) })
+    pub fn new(model: &RigModel, step_s: f64, initial: &Initial, detection: &Detection) -> Result<Self, Invalid> {
+        let motion = model.motion(step_s, initial)?;
+        Ok(Self { motion, watch: MotionWatch::new(detection, model.set_up.structure.mass_kg, step_s) })
     }
 
     /// Makes a step; gives the largest |x| in it, m.
     pub fn step(&mut self, base: &BaseSegment<f64>) -> f64 {
         self.motion.step(base, &mut self.watch);
-        self.watch.end_step(self.motion.state().x)
+        self.watch.end_step(self.motion.x_m())
     }
 
     /// x, m.
     pub fn x_m(&self) -> f64 {
-        self.motion.state().x
+        self.motion.x_m()
     }
 }
 

@@ -70,6 +70,41 @@ impl Course {
         self.cubic.bend_at(after_s) + terms.sum::<f64>()
     }
 
+    /// Coefficients of the powers of time from `after_s` on, m/sᵏ: Taylor's polynomial of degree N − 1, which is off by at most
+    /// [`Course::remainder_m`] of order N.
+    #[must_use]
+    pub fn taylor<const N: usize>(&self, after_s: f64) -> [f64; N] {
+        let mut powers = [0.0; N];
+        let here = self.cubic.after(after_s);
+        for (to, of) in powers.iter_mut().zip([here.value, here.slope, 0.5 * here.bend, here.jerk / 6.0]) {
+            *to = of;
+        }
+        for Term { start, rate, .. } in &self.terms {
+            let mut term = if after_s == 0.0 { *start } else { start * (rate * after_s).exp() };
+            for (k, to) in powers.iter_mut().enumerate() {
+                *to += term.re;
+                term *= rate / (k + 1) as f64;
+            }
+        }
+        powers
+    }
+
+    /// Bound of what Taylor's polynomial of degree `order` − 1 is off by at `length_s`, anywhere in the piece: Σ|c||λh|ⁿ/n!, m. `order` is 4 or
+    /// greater, so that the cubic has no part in it.
+    #[must_use]
+    pub fn remainder_m(&self, order: u32, length_s: f64) -> f64 {
+        let factorial: f64 = (1..=order).map(f64::from).product();
+        let power = i32::try_from(order).unwrap_or(i32::MAX);
+        let of = |term: &Term| term.start.norm() * (term.rate.norm() * length_s).powi(power);
+        self.terms.iter().map(of).sum::<f64>() / factorial
+    }
+
+    /// Σ|c|: what the displacement's oscillations reach at most, m.
+    #[must_use]
+    pub fn size_m(&self) -> f64 {
+        self.terms.iter().map(|term| term.start.norm()).sum()
+    }
+
     /// The course of the acceleration, m/s².
     #[must_use]
     pub fn acceleration(&self) -> Self {

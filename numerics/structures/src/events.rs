@@ -172,7 +172,7 @@ impl Motion {
                     self.contacts.touches[particle] = Touch::Pressing(side);
                     let approach_speed_m_per_s = signed(side, self.offset(particle).1);
                     if signed(side, self.slip_beyond_rounding(self.mount.joint_of(particle))) > 0.0 {
-                        observer.impact(&self.impact(particle, side, approach_speed_m_per_s));
+                        observer.impact(&self.impact(particle, side, approach_speed_m_per_s, 0.0));
                     }
                     return self.resolve(&zero, &[(Event::Releases(particle, side), 1)]);
                 }
@@ -237,10 +237,10 @@ impl Motion {
     }
 
     /// What an observer is told of an impact now.
-    fn impact(&self, damper: usize, side: Sign, approach_speed_m_per_s: f64) -> Impact {
+    fn impact(&self, damper: usize, side: Sign, approach_speed_m_per_s: f64, impulse_n_s: f64) -> Impact {
         let base_m = self.mount.cavities[damper].influence * self.base().0;
         let y_m = self.q[self.mount.permanent + damper] + base_m;
-        Impact { time_s: self.time_s(), damper, side, approach_speed_m_per_s, y_m }
+        Impact { time_s: self.time_s(), damper, side, approach_speed_m_per_s, y_m, impulse_n_s }
     }
 
     /// Impacts at one instant: of the particles in `hits`, together with those that rest at a wall.
@@ -262,13 +262,9 @@ impl Motion {
                 closed.push(Closed { particle, side, approach, e, stays: false });
             }
         }
-        for &(damper, side) in hits {
-            if let Some(closed) = closed.iter().find(|closed| closed.particle == damper) {
-                let approach_speed_m_per_s = closed.approach;
-                self.fastest_m_per_s = self.fastest_m_per_s.max(approach_speed_m_per_s);
-                observer.impact(&self.impact(damper, side, approach_speed_m_per_s));
-            }
-        }
+        let is_hit = |closed: &Closed| hits.iter().any(|(particle, _)| *particle == closed.particle);
+        let fastest = closed.iter().filter(|closed| is_hit(closed)).map(|closed| closed.approach).fold(0.0, f64::max);
+        self.fastest_m_per_s = self.fastest_m_per_s.max(fastest);
         let before = self.v.clone();
         let mut pushed = self.impulses(&closed)?;
         let speed = before.iter().chain(&self.v).fold(0.0, |most: f64, v| most.max(v.abs()));
@@ -282,10 +278,15 @@ impl Motion {
             self.v.copy_from_slice(&before);
             pushed = self.impulses(&closed)?;
         }
+        for &(damper, side) in hits {
+            if let Some((closed, pushed)) = closed.iter().zip(&pushed).find(|(closed, _)| closed.particle == damper) {
+                observer.impact(&self.impact(damper, side, closed.approach, pushed.impulse_n_s));
+            }
+        }
         let mut hints = Vec::new();
         for (&Closed { particle, side, e, stays, .. }, pushed) in closed.iter().zip(pushed) {
             let joint = self.mount.joint_of(particle);
-            zero[joint] = stays || (pushed && e == 0.0) || self.slip_beyond_rounding(joint) == 0.0;
+            zero[joint] = stays || (pushed.is_pushed && e == 0.0) || self.slip_beyond_rounding(joint) == 0.0;
             if !zero[joint] {
                 self.contacts.slides[joint] = Slide::Free(0);
                 self.contacts.touches[particle] = Touch::None;
@@ -306,8 +307,8 @@ impl Motion {
     }
 
     /// Applies the impulses of closed contacts (Moreau's law): each separates at least at e times its approach, at exactly that where it
-    /// has an impulse; one that stays does not separate. Returns which have an impulse.
-    fn impulses(&mut self, closed: &[Closed]) -> Result<Vec<bool>, Refused> {
+    /// has an impulse; one that stays does not separate.
+    fn impulses(&mut self, closed: &[Closed]) -> Result<Vec<Pushed>, Refused> {
         let (impulse, at) = if let [only] = closed {
             let joint = self.mount.joint_of(only.particle);
             let w = self.mount.compliance[(joint, joint)];
@@ -329,7 +330,8 @@ impl Motion {
             let mass = &self.mount.bodies.mass;
             self.v.iter_mut().zip(row.iter().zip(mass)).for_each(|(v, (row, mass))| *v += row * away / mass);
         }
-        Ok(at.iter().map(|at| *at == At::Inside).collect())
+        let pushed = |(impulse, at): (&f64, &At)| Pushed { impulse_n_s: *impulse, is_pushed: *at == At::Inside };
+        Ok(impulse.iter().zip(&at).map(pushed).collect())
     }
 
     /// Whether a particle that has left a wall at `speed` would return from a height within rounding, while the joints in `zero` stick
@@ -358,6 +360,13 @@ struct Sticking {
     force: Vec<f64>,
     /// Accelerations of the bodies without these forces.
     acceleration: Vec<f64>,
+}
+
+/// What a contact has from impacts at one instant.
+struct Pushed {
+    impulse_n_s: f64,
+    /// Whether it has an impulse.
+    is_pushed: bool,
 }
 
 impl Closed {

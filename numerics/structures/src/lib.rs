@@ -35,6 +35,7 @@ mod describe;
 mod events;
 mod flight;
 mod guard;
+mod guided;
 mod linear;
 mod motion;
 mod mount;

@@ -1,6 +1,7 @@
 //! The engine: state, phases between events, and the run. Steps are in [`super::stepping`], events in [`super::events`].
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::integrator::exact::excitation::Wave;
@@ -25,7 +26,7 @@ pub(crate) const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
 /// A set-up in motion under an excitation in closed form, or on a base that follows cubics.
 #[derive(Clone, Debug)]
 pub struct Motion {
-    pub(crate) mount: Mount,
+    pub(crate) mount: Arc<Mount>,
     pub(crate) excitation: Excitation,
     pub(crate) turning: f64,
     pub(crate) time: Time,
@@ -38,7 +39,7 @@ pub struct Motion {
     pub(crate) v: Vec<f64>,
     pub(crate) contacts: Contacts,
     pub(crate) systems: Vec<System>,
-    known: HashMap<Contacts, usize>,
+    pub(crate) known: HashMap<Contacts, usize>,
     /// The system of the present phase.
     pub(crate) system: usize,
     pub(crate) rest: Rest,
@@ -144,7 +145,7 @@ impl Motion {
             unresolved: 0,
             fastest_m_per_s: 0.0,
             handled: None,
-            mount,
+            mount: Arc::new(mount),
         };
         motion.base_cubic = Cubic::constant(motion.mount.share * motion.wave.offset) + Cubic::of_powers(base);
         (motion.q, motion.v) = motion.mount.bodies_in(start, motion.base());
@@ -185,17 +186,6 @@ impl Motion {
         let share = self.mount.share;
         let Cubic { value, slope, .. } = self.base_cubic;
         (value + share * self.wave.sine, slope + share * self.turning * self.wave.cosine)
-    }
-
-    /// The base follows z = Σ cₖ tᵏ, m, from the present instant on, counted from there. z and z′ are to go on as before; z″ may jump. Only for a
-    /// motion that began [`Motion::on_base`].
-    ///
-    /// # Errors
-    /// As [`Motion::run`].
-    pub fn follow(&mut self, base: [f64; 4]) -> Result<(), Refused> {
-        self.leave();
-        self.base_cubic = Cubic::of_powers(base);
-        self.resolve(&self.stuck(), &[])
     }
 
     /// Advances to `until_s`, or to where the observer ends the run.
@@ -389,15 +379,18 @@ impl Motion {
         self.next_break_s = self.excitation.next_break_s(self.time.seconds());
         self.wave = self.excitation.wave(self.time);
         self.base_cubic = Cubic::constant(self.mount.share * self.wave.offset);
-        let jump = self.base().1 - before;
+        self.base_has_jumped(self.base().1 - before)
+    }
+
+    /// Goes on after the base's velocity has jumped: absolute velocities go on, those relative to the base jump.
+    pub(crate) fn base_has_jumped(&mut self, jump_m_per_s: f64) -> Result<(), Refused> {
         let mut zero = self.stuck();
-        if jump != 0.0 {
-            // Absolute velocities go on: those relative to the base jump.
+        if jump_m_per_s != 0.0 {
             let (inertia, mass) = (&self.mount.bodies.inertia, &self.mount.bodies.mass);
             self.v
                 .iter_mut()
                 .zip(inertia.iter().zip(mass))
-                .for_each(|(v, (inertia, mass))| *v -= inertia / mass * jump);
+                .for_each(|(v, (inertia, mass))| *v -= inertia / mass * jump_m_per_s);
             zero[..self.mount.joint_of(0)].fill(false);
         }
         self.resolve(&zero, &[])

@@ -23,6 +23,8 @@ pub struct Impact {
     pub approach_speed_m_per_s: f64,
     /// y, m.
     pub y_m: f64,
+    /// Impulse of a hard wall, N·s; 0 or greater. 0 of a soft wall, which pushes over time.
+    pub impulse_n_s: f64,
 }
 
 /// What a piece is made of.
@@ -131,17 +133,21 @@ impl<'a> Piece<'a> {
         }
     }
 
-    /// Whether the particle of an impact damper flies or is held, and whether it is in contact with a soft wall.
+    /// Whether the particle of an impact damper flies or is held.
     #[must_use]
-    pub fn contact(&self, damper: usize) -> (Contact, bool) {
+    pub fn contact(&self, damper: usize) -> Contact {
         let contacts = &self.parts.system.contacts;
-        let touch = contacts.touches[damper];
-        let contact = match (contacts.slides[self.parts.mount.joint_of(damper)], touch) {
+        match (contacts.slides[self.parts.mount.joint_of(damper)], contacts.touches[damper]) {
             (Slide::Free(direction), _) => Contact::Free(direction),
             (Slide::Stuck, Touch::Wall(side)) => Contact::Held(side),
             (Slide::Stuck, _) => Contact::Held(0),
-        };
-        (contact, matches!(touch, Touch::Pressing(_)))
+        }
+    }
+
+    /// The side of the soft wall that the particle of an impact damper presses into.
+    #[must_use]
+    pub fn pressed_side(&self, damper: usize) -> Option<Sign> {
+        if let Touch::Pressing(side) = self.parts.system.contacts.touches[damper] { Some(side) } else { None }
     }
 }
 

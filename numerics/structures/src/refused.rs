@@ -101,3 +101,18 @@ pub enum Refused {
     )]
     Redundant,
 }
+
+impl From<Refused> for Invalid {
+    /// What a motion in progress is refused for, in the words of a simulation.
+    fn from(refused: Refused) -> Self {
+        match refused {
+            Refused::Invalid(invalid) => invalid,
+            _ => Self {
+                parameter: "the structure with its dampers",
+                value: f64::NAN,
+                allowed: "one whose contacts have a motion in closed form: joints that stick together depend on each other, or a motion is \
+                          critically damped or driven at its natural frequency",
+            },
+        }
+    }
+}

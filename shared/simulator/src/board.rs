@@ -15,7 +15,9 @@ use damprig_device::settings_store::Records;
 use damprig_protocol::{Clock, NumberedRequest, PlantKind, StoredPart, Timing};
 
 use crate::messages::ToSimulator;
-use crate::plant::{Plant, PlantConfig};
+use damprig_core::integrator::sampled::Joined;
+
+use crate::plant::{Load, Plant, PlantConfig};
 
 /// A scalar type that a simulated plant can use.
 pub trait PlantScalar: Scalar {
@@ -31,12 +33,12 @@ impl PlantScalar for f64 {
     const KIND: PlantKind = PlantKind::SimulatedF64;
 }
 
-/// The simulated board; by default it has no plant, a granted clock and no credit.
+/// The simulated board; by default it has no plant, a granted clock and no credit. `L` is what stands on the base of its plant.
 #[derive(Debug)]
-pub struct SimulatedBoard<S> {
+pub struct SimulatedBoard<S, L = Joined<S>> {
     clock: Clock,
     timing: Timing,
-    plant: Option<Plant<S>>,
+    plant: Option<Plant<S, L>>,
     sensors: Sensors,
     /// The first tick that may not run yet.
     until_tick: u32,
@@ -48,7 +50,7 @@ pub struct SimulatedBoard<S> {
     records: Records,
 }
 
-impl<S> Default for SimulatedBoard<S> {
+impl<S, L> Default for SimulatedBoard<S, L> {
     fn default() -> Self {
         Self {
             clock: Clock::Granted,
@@ -63,12 +65,12 @@ impl<S> Default for SimulatedBoard<S> {
     }
 }
 
-impl<S: PlantScalar> SimulatedBoard<S> {
+impl<S: PlantScalar, L: Load<S>> SimulatedBoard<S, L> {
     /// A board with its own clock, at the idle rig of the source document.
     #[must_use]
     pub fn real_time() -> Self {
         // Cannot fail: a test makes this plant.
-        let plant = Plant::new(&PlantConfig::source_document()).ok();
+        let plant = Plant::with_load(&PlantConfig::source_document()).ok();
         Self { clock: Clock::RealTime, plant, ..Self::default() }
     }
 
@@ -96,11 +98,11 @@ impl<S: PlantScalar> SimulatedBoard<S> {
 
     /// The simulated plant.
     #[must_use]
-    pub fn plant(&self) -> Option<&Plant<S>> {
+    pub fn plant(&self) -> Option<&Plant<S, L>> {
         self.plant.as_ref()
     }
 
-    fn change(&mut self, change: impl FnOnce(&mut Plant<S>)) -> Result<Simulated, Rejected> {
+    fn change(&mut self, change: impl FnOnce(&mut Plant<S, L>)) -> Result<Simulated, Rejected> {
         match &mut self.plant {
             Some(plant) => {
                 change(plant);
@@ -111,12 +113,12 @@ impl<S: PlantScalar> SimulatedBoard<S> {
     }
 
     /// The simulated plant, to inject faults.
-    pub fn plant_mut(&mut self) -> Option<&mut Plant<S>> {
+    pub fn plant_mut(&mut self) -> Option<&mut Plant<S, L>> {
         self.plant.as_mut()
     }
 }
 
-impl<S: PlantScalar> Board for SimulatedBoard<S> {
+impl<S: PlantScalar, L: Load<S>> Board for SimulatedBoard<S, L> {
     const PLANT: PlantKind = S::KIND;
 
     fn clock(&self) -> Clock {
@@ -173,7 +175,7 @@ impl<S: PlantScalar> Board for SimulatedBoard<S> {
         match ToSimulator::decode(message)? {
             ToSimulator::SetPlant(config) => {
                 rig.must_be_idle()?;
-                self.plant = Some(Plant::new(&config)?);
+                self.plant = Some(Plant::with_load(&config)?);
                 Ok(Simulated::PlantReplaced)
             }
             ToSimulator::Inject(fault) => self.change(|plant| plant.inject(&fault)),

@@ -3,6 +3,7 @@
 //! The virtual rig is this device. The emulated board runs the same loop and the same simulated board in the
 //! firmware's tasks and sends the same bytes.
 
+use damprig_core::integrator::sampled::Joined;
 use damprig_core::settings::{Settings, Source};
 use damprig_device::REQUESTS_WAITING;
 use damprig_device::board::{Board, DeviceInfo};
@@ -18,7 +19,7 @@ use heapless::Deque;
 
 use crate::board::{PlantScalar, SimulatedBoard};
 use crate::line_pace::LinePace;
-use crate::plant::Plant;
+use crate::plant::{Load, Plant};
 
 /// Whether a device's clock can advance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,12 +51,12 @@ impl Requests for RequestQueue {
     }
 }
 
-/// The device.
+/// The device; `L` is what stands on the base of its plant.
 #[derive(Debug)]
-pub struct SimulatedDevice<S> {
+pub struct SimulatedDevice<S, L = Joined<S>> {
     controller: Controller,
     upload: UploadBuffer,
-    board: SimulatedBoard<S>,
+    board: SimulatedBoard<S, L>,
     reader: MessageReader,
     requests: RequestQueue,
     queues: LocalQueues,
@@ -67,18 +68,32 @@ impl<S: PlantScalar> SimulatedDevice<S> {
     /// Makes an idle device without a plant; its clock is stopped.
     #[must_use]
     pub fn new(info: DeviceInfo) -> Self {
-        Self::on(SimulatedBoard::default(), info, BootInfo::default())
+        Self::granted(info)
     }
 
     /// Makes an idle device with its own clock, at the rig of the source document. A tick passes whenever
     /// [`SimulatedDevice::run`] asks for one: the caller keeps the pace.
     #[must_use]
     pub fn real_time(info: DeviceInfo) -> Self {
+        Self::with_clock(info)
+    }
+}
+
+impl<S: PlantScalar, L: Load<S>> SimulatedDevice<S, L> {
+    /// As [`SimulatedDevice::new`], with any load.
+    #[must_use]
+    pub fn granted(info: DeviceInfo) -> Self {
+        Self::on(SimulatedBoard::default(), info, BootInfo::default())
+    }
+
+    /// As [`SimulatedDevice::real_time`], with any load.
+    #[must_use]
+    pub fn with_clock(info: DeviceInfo) -> Self {
         let boot = BootInfo { clock_source: ClockSource::Crystal, ..BootInfo::default() };
         Self::on(SimulatedBoard::real_time(), info, boot)
     }
 
-    fn on(board: SimulatedBoard<S>, info: DeviceInfo, boot: BootInfo) -> Self {
+    fn on(board: SimulatedBoard<S, L>, info: DeviceInfo, boot: BootInfo) -> Self {
         Self {
             controller: Controller::new(info, boot),
             upload: UploadBuffer::new(),
@@ -128,7 +143,7 @@ impl<S: PlantScalar> SimulatedDevice<S> {
     }
 
     /// The simulated plant, to inject faults.
-    pub fn plant_mut(&mut self) -> Option<&mut Plant<S>> {
+    pub fn plant_mut(&mut self) -> Option<&mut Plant<S, L>> {
         self.board.plant_mut()
     }
 
@@ -183,49 +198,4 @@ fn write(message: &FromDevice, frame: &mut [u8; LONGEST], out: &mut impl FnMut(&
     let length = frame::encode(message, frame).unwrap_or(0);
     out(&frame[..length]);
     length
-}
-
-/// A device in single or double precision. Its functions are compiled with this crate, so that a debug build of the
-/// host still runs it optimised.
-#[derive(Debug)]
-#[allow(clippy::large_enum_variant)] // The caller boxes it.
-pub enum VirtualDevice {
-    /// Single precision, as on the emulated board.
-    Single(SimulatedDevice<f32>),
-    /// Double precision.
-    Double(SimulatedDevice<f64>),
-}
-
-impl VirtualDevice {
-    /// See [`SimulatedDevice::start_with`].
-    pub fn start_with(&mut self, settings: &Settings) {
-        match self {
-            Self::Single(device) => device.start_with(settings),
-            Self::Double(device) => device.start_with(settings),
-        }
-    }
-
-    /// See [`SimulatedDevice::lose_ticks`].
-    pub fn lose_ticks(&mut self, ticks: u32) {
-        match self {
-            Self::Single(device) => device.lose_ticks(ticks),
-            Self::Double(device) => device.lose_ticks(ticks),
-        }
-    }
-
-    /// See [`SimulatedDevice::receive`].
-    pub fn receive(&mut self, bytes: &[u8]) {
-        match self {
-            Self::Single(device) => device.receive(bytes),
-            Self::Double(device) => device.receive(bytes),
-        }
-    }
-
-    /// See [`SimulatedDevice::run`].
-    pub fn run(&mut self, most_ticks: u32, out: &mut dyn FnMut(&[u8])) -> Progress {
-        match self {
-            Self::Single(device) => device.run(most_ticks, out),
-            Self::Double(device) => device.run(most_ticks, out),
-        }
-    }
 }

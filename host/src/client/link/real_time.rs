@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use damprig_core::io::TICK_HZ;
 use damprig_core::settings::Settings;
 use damprig_device::board::DeviceInfo;
-use damprig_simulator::device::{SimulatedDevice, VirtualDevice};
+use damprig_motion::virtual_device::VirtualDevice;
 
 use super::{Address, Link};
 
@@ -182,11 +182,7 @@ impl Link for RealTimeRig {
 /// Starts the thread of a new rig.
 fn start(line: Arc<Line>, single: bool, speed: Speed, settings: Option<&Settings>) -> Result<(), String> {
     let info = DeviceInfo::new(env!("CARGO_PKG_VERSION"), "virtual");
-    let mut device = Box::new(if single {
-        VirtualDevice::Single(SimulatedDevice::real_time(info))
-    } else {
-        VirtualDevice::Double(SimulatedDevice::real_time(info))
-    });
+    let mut device = Box::new(VirtualDevice::real_time(single, info));
     settings.into_iter().for_each(|settings| device.start_with(settings));
     let thread = std::thread::Builder::new().name("real-time rig".into());
     thread.spawn(move || live(&mut device, &line, speed)).map_err(|e| format!("its thread cannot be started: {e}"))?;

@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use damprig_core::settings::Settings;
 use damprig_device::board::DeviceInfo;
-use damprig_simulator::device::{Progress, SimulatedDevice, VirtualDevice};
+use damprig_motion::virtual_device::VirtualDevice;
+use damprig_simulator::device::Progress;
 
 use super::Link;
 
@@ -23,11 +24,7 @@ impl VirtualRig {
     #[must_use]
     pub fn new(single: bool, settings: Option<&Settings>) -> Self {
         let info = DeviceInfo::new(env!("CARGO_PKG_VERSION"), "virtual");
-        let mut device = Box::new(if single {
-            VirtualDevice::Single(SimulatedDevice::new(info))
-        } else {
-            VirtualDevice::Double(SimulatedDevice::new(info))
-        });
+        let mut device = Box::new(VirtualDevice::granted(single, info));
         settings.into_iter().for_each(|settings| device.start_with(settings));
         Self { device }
     }

@@ -11,7 +11,7 @@ use crate::report::plot::svg::{Colour, Font, Place, Svg};
 use crate::report::plot::{LABEL, Picture, TITLE};
 use crate::simulation::Case;
 use crate::simulation::frames::{Frame, Frames};
-use crate::simulation::multi_degree::OnBeam;
+use crate::structure::OnBeam;
 
 /// Width of the picture, and the middle of what moves, points.
 const WIDTH: f64 = 640.0;

@@ -97,8 +97,13 @@ mod tests {
 
     #[test]
     fn every_symbol_belongs_to_a_key_of_a_case() {
-        let tables =
-            || crate::setup::TABLES.iter().chain(crate::simulation::TABLES).chain(crate::motion_record::TABLES);
+        let tables = || {
+            crate::setup::TABLES
+                .iter()
+                .chain(crate::structure::TABLES)
+                .chain(crate::simulation::TABLES)
+                .chain(crate::motion_record::TABLES)
+        };
         for (key, _) in SYMBOLS {
             let (path, name) = key.rsplit_once('.').unwrap();
             let mut keys = tables().filter(|t| t.path == path).flat_map(|t| t.quantities).flat_map(|q| q.keys);

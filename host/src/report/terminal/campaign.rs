@@ -61,17 +61,16 @@ pub fn steps(campaign: &Campaign) -> Vec<String> {
     lines
 }
 
-/// What acts in place of walls with Hertz contact, a line for each set-up that has one.
+/// What moves otherwise than stated, or than the board knows it: lines for each set-up with walls of Hertz contact, or a plant.
 #[must_use]
-pub fn hertz_walls(campaign: &Campaign) -> Vec<String> {
-    let line = |set_up: &CampaignSetUp| {
-        let text = set_up.hertz_as_hard()?;
-        Some(
-            shown_in_line(&format!("Set-up {:?}: in prediction, twin and simulated plant {text}", set_up.name))
-                .into_owned(),
-        )
+pub fn what_moves(campaign: &Campaign) -> Vec<String> {
+    let lines = |set_up: &CampaignSetUp| {
+        let hertz = set_up.hertz_as_hard().map(|text| format!("in prediction, twin and simulated plant {text}"));
+        let plant = set_up.moves_as_plant().map(|text| format!("in prediction and on a virtual rig {text}"));
+        let all = [hertz, plant].into_iter().flatten();
+        all.map(|text| shown_in_line(&format!("Set-up {:?}: {text}", set_up.name)).into_owned()).collect::<Vec<_>>()
     };
-    campaign.set_ups.iter().filter_map(line).collect()
+    campaign.set_ups.iter().flat_map(lines).collect()
 }
 
 /// A number, or a dash where nothing is predicted.

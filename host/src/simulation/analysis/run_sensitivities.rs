@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use damprig_core::integrator::exact::Excitation;
+use damprig_motion::placed_motion::powers;
 use damprig_structures::{Derived, Drive, MotionCase, NoDerivatives, SetUp, State, Varied};
 
 use super::sensitivities::{RunKeys, Sensitivities, Sensitivity};
 use crate::failure::Failure;
 use crate::input::{Files, Source};
 use crate::simulation::Case;
-use crate::simulation::multi_degree::driver::powers;
 use crate::simulation::set_values::{SetValues, numbers_of};
 
 /// Most drive periods after which a motion repeats.
@@ -130,7 +130,7 @@ pub(super) fn motion_case(case: &Case, like: Option<&MotionCase>) -> MotionCase 
                 Some(Drive::Samples { powers, .. }) => powers.len(),
                 _ => (duration_s / record.step_s).ceil().max(1.0) as usize + 1,
             };
-            let powers: Vec<[f64; 4]> = (0..count).map(|_| powers(play.next_segment(), record.step_s)).collect();
+            let powers: Vec<[f64; 4]> = (0..count).map(|_| powers(&play.next_segment(), record.step_s)).collect();
             let base = (powers[0][0], powers[0][1]);
             (Drive::Samples { step_s: record.step_s, powers: powers.into() }, base)
         }

@@ -1,9 +1,9 @@
 //! Runs a case with a structure of several degrees of freedom: every event at its instant.
 
-use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::io::Invalid;
+use damprig_motion::placed_motion::powers;
 use damprig_structures::{Impact, Motion, Observer, Piece, Refused, State};
 
 use super::measure::{DamperResult, PlaceMeter, PlacesResult};
@@ -45,7 +45,7 @@ impl Observer for Watch<'_, '_> {
     }
 
     fn impact(&mut self, impact: &Impact) {
-        let Impact { time_s, damper, side, approach_speed_m_per_s, y_m } = *impact;
+        let Impact { time_s, damper, side, approach_speed_m_per_s, y_m, .. } = *impact;
         let (count, fastest_m_per_s) = &mut self.dampers[damper];
         (*count, *fastest_m_per_s) = (*count + 1, fastest_m_per_s.max(approach_speed_m_per_s));
         let is_shown = self.shown.particle == Some(damper);
@@ -88,7 +88,7 @@ impl<'a> CaseMotion<'a> {
             return Ok(Self { motion: Motion::new(&of.set_up, &case.excitation, &of.start)?, on_record: None });
         };
         let mut play = record.play();
-        let first = powers(play.next_segment(), record.step_s);
+        let first = powers(&play.next_segment(), record.step_s);
         let motion = Motion::on_base(&of.set_up, first, &of.start)?;
         Ok(Self { motion, on_record: Some(OnRecord { record, play, begun: 1 }) })
     }
@@ -102,28 +102,9 @@ impl<'a> CaseMotion<'a> {
             if end_s >= until_s || self.motion.time_s() < end_s {
                 return Ok(());
             }
-            self.motion.follow(powers(on_record.play.next_segment(), on_record.record.step_s))?;
+            self.motion.follow(powers(&on_record.play.next_segment(), on_record.record.step_s))?;
             on_record.begun += 1;
         }
-    }
-}
-
-/// A segment over `step_s` as coefficients of the powers of time, m/sᵏ.
-pub(in crate::simulation) fn powers(segment: BaseSegment<f64>, step_s: f64) -> [f64; 4] {
-    let [c0, c1, c2, c3] = segment.0;
-    [c0, c1 / step_s, c2 / (step_s * step_s), c3 / (step_s * step_s * step_s)]
-}
-
-/// What a motion in progress is refused for, in the words of a simulation.
-fn invalid(refused: Refused) -> Invalid {
-    match refused {
-        Refused::Invalid(invalid) => invalid,
-        _ => Invalid {
-            parameter: "the structure with its dampers",
-            value: f64::NAN,
-            allowed: "one whose contacts have a motion in closed form: joints that stick together depend on each other, or a motion is \
-                      critically damped or driven at its natural frequency",
-        },
     }
 }
 
@@ -143,7 +124,7 @@ pub(in crate::simulation) fn run<V: Viewer>(
     collector: &mut Collector<'_, V>,
     options: RunOptions,
 ) -> Result<(Summary, ExactState, PlacesResult), Invalid> {
-    let mut running = CaseMotion::new(case, of).map_err(invalid)?;
+    let mut running = CaseMotion::new(case, of).map_err(Invalid::from)?;
     let mut response = Response::new(wanted);
     let mut places: Vec<_> = (0..of.places.len()).map(|place| PlaceMeter::new(place, of.is_frame())).collect();
     let mut dampers = vec![(0, 0.0); of.set_up.impact_dampers.len()];
@@ -167,7 +148,7 @@ pub(in crate::simulation) fn run<V: Viewer>(
         }
         running.motion.time_s()
     });
-    refused.map_err(invalid)?;
+    refused.map_err(Invalid::from)?;
     let motion = running.motion;
     response.finish(motion.time_s());
     let summary = Summary::of(case, &response, motion.time_s(), motion.unresolved());
@@ -198,7 +179,7 @@ pub fn counted(
     wanted: Wanted,
     go_on: &dyn Fn() -> bool,
 ) -> Result<Option<(Response, u32)>, Invalid> {
-    let mut running = CaseMotion::new(case, of).map_err(invalid)?;
+    let mut running = CaseMotion::new(case, of).map_err(Invalid::from)?;
     let mut go_on = |_: f64| go_on();
     let mut dampers = vec![(0, 0.0); of.set_up.impact_dampers.len()];
     let mut response = Response::new(wanted);
@@ -216,7 +197,7 @@ pub fn counted(
             steps: 0,
             is_stopped,
         };
-        running.run(until_s, &mut watch).map_err(invalid)?;
+        running.run(until_s, &mut watch).map_err(Invalid::from)?;
         is_stopped = watch.is_stopped;
     }
     response.finish(running.motion.time_s());
@@ -235,9 +216,9 @@ pub fn cycles(
     (settle, count): (u32, u32),
     keep: &mut dyn FnMut(&ExactState, f64),
 ) -> Result<State, Invalid> {
-    let mut motion = Motion::new(&of.set_up, &case.excitation, start).map_err(invalid)?;
+    let mut motion = Motion::new(&of.set_up, &case.excitation, start).map_err(Invalid::from)?;
     let cycle_s = case.drive_period_s().unwrap_or_else(|| case.cycle_s());
-    motion.run(f64::from(settle) * cycle_s, &mut ()).map_err(invalid)?;
+    motion.run(f64::from(settle) * cycle_s, &mut ()).map_err(Invalid::from)?;
     let mut dampers = vec![(0, 0.0); of.set_up.impact_dampers.len()];
     for cycle in settle..settle + count {
         let mut response = response_of_cycle(cycle, cycle_s);
@@ -251,7 +232,7 @@ pub fn cycles(
             steps: 0,
             is_stopped: false,
         };
-        motion.run(f64::from(cycle + 1) * cycle_s, &mut watch).map_err(invalid)?;
+        motion.run(f64::from(cycle + 1) * cycle_s, &mut watch).map_err(Invalid::from)?;
         response.finish(motion.time_s());
         keep(&end(of, &motion), response.last_cycle_max_m().unwrap_or(f64::NAN));
     }

@@ -3,14 +3,13 @@
 pub mod driver;
 pub mod measure;
 mod piece;
-mod places;
 pub mod read;
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Initial, SetUp as OneDegree, Structure, Tmd};
-use damprig_structures::{Body, FrictionJoint, Modes, SetUp, State, Support, TunedMass, base_at_start};
+use damprig_structures::{Body, FrictionJoint, SetUp, State, TunedMass, base_at_start};
 
-use crate::simulation::keys::case::STOREYS;
+use crate::structure::{OnBeam, at_place, description};
 
 /// A structure of several degrees of freedom with its dampers, as simulated.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,22 +32,11 @@ pub struct MultiDegree {
     pub place_starts: Vec<Body>,
 }
 
-/// Where the places of a beam are.
-#[derive(Clone, Debug, PartialEq)]
-pub struct OnBeam {
-    /// How it is held.
-    pub support: Support,
-    /// Its length, m.
-    pub length_m: f64,
-    /// Of each place, from the first support, m.
-    pub positions_m: Vec<f64>,
-}
-
 impl MultiDegree {
     /// Whether it is a frame: its places are floors, from below.
     #[must_use]
     pub fn is_frame(&self) -> bool {
-        self.key == STOREYS.name()
+        self.key == description::STOREYS.name()
     }
 
     /// What tables and figures of one degree of freedom show beside the observed place: the first damper of each kind that is there.
@@ -162,18 +150,4 @@ pub struct Shown {
 impl Shown {
     /// Of a place that is not the observed one.
     pub const NOTHING: Self = Self { particle: None, tuned_mass: None, friction_damper: None };
-}
-
-/// The lowest mode that moves a place, as the structure of one degree of freedom that it is there: M = 1/φ², k = ω²M, c = 2ζωM.
-#[must_use]
-pub fn at_place(modes: &Modes, place: usize) -> Option<Structure> {
-    let moves = modes.modes.iter().filter(|mode| mode.shape[place] != 0.0);
-    let lowest = moves.min_by(|a, b| a.angular_frequency_rad_per_s.total_cmp(&b.angular_frequency_rad_per_s))?;
-    let (phi, omega) = (lowest.shape[place], lowest.angular_frequency_rad_per_s);
-    let mass_kg = 1.0 / (phi * phi);
-    Some(Structure {
-        mass_kg,
-        stiffness_n_per_m: omega * omega * mass_kg,
-        damping_n_s_per_m: 2.0 * lowest.damping_ratio * omega * mass_kg,
-    })
 }

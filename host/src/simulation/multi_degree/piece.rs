@@ -79,7 +79,8 @@ impl Piece for PieceAtPlace<'_> {
 
     fn phase(&self) -> Phase {
         let grip = self.shown.friction_damper.map_or(Grip::Absent, |n| self.piece.grip(n));
-        let (contact, pressing) = self.shown.particle.map_or((Contact::Absent, false), |n| self.piece.contact(n));
+        let contact = self.shown.particle.map_or(Contact::Absent, |n| self.piece.contact(n));
+        let pressing = self.shown.particle.is_some_and(|n| self.piece.pressed_side(n).is_some());
         Phase { mode: Mode { grip, contact }, pressing }
     }
 

@@ -1,38 +1,27 @@
 //! Reads a case with a structure of several degrees of freedom.
 
 mod dampers;
-mod matrix_file;
 mod start;
-mod structure;
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_structures::{Body, HarmonicForce, Refused, SetUp, State};
 
-use super::{MultiDegree, at_place, driver};
-use crate::input::key::Quantity;
+use super::{MultiDegree, driver};
 use crate::input::{Problem, Section};
 use crate::setup::{BASE_AMPLITUDE, BaseAmplitude, set_up_keys};
 use crate::simulation::Case;
 use crate::simulation::excitation::CaseExcitation;
 use crate::simulation::keys::{case, force_sine};
 use crate::simulation::read_case::{base_amplitude, check_cycles, read_excitation, read_run};
+use crate::structure::{DESCRIPTIONS, at_place, check_participation, description, description_of, read_structure};
 use dampers::{CONTACT_LEFT_OUT, Dampers, HERTZ_LEFT_OUT, read_places};
 use start::{BaseStart, Start, read_initial, start};
-use structure::{check_participation, read_structure};
-
-/// The keys that describe such a structure, one of which a case has in place of `structure`.
-const DESCRIPTIONS: [&Quantity; 4] = [&case::STOREYS, &case::BEAM, &case::MODES, &case::MATRICES];
-
-/// The key of the description of such a structure, if the case has one.
-pub fn description(root: &Section) -> Option<&'static str> {
-    DESCRIPTIONS.iter().find(|description| root.is_given(description)).map(|description| description.name())
-}
 
 /// Reads the case, whose structure the key `key` describes; `None` after a problem has been reported.
 pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
     refuse_others(root);
     // A structure that cannot be read is told alone, not with what is mounted on it.
-    for quantity in [&case::OBSERVED, &set_up_keys::PARTICLE, &set_up_keys::FRICTION_DAMPER, &set_up_keys::TMD] {
+    for quantity in [&description::OBSERVED, &set_up_keys::PARTICLE, &set_up_keys::FRICTION_DAMPER, &set_up_keys::TMD] {
         root.leave(quantity);
     }
     let stated_m = root.scalar(&BASE_AMPLITUDE);
@@ -52,8 +41,8 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
     let (described, mut places) = read_structure(root, key)?;
     let kind = described.kind();
     let mounted = read_places(root, &mut places);
-    let observed = match root.is_given(&case::OBSERVED) {
-        true => places.named(root, &case::OBSERVED)?,
+    let observed = match root.is_given(&description::OBSERVED) {
+        true => places.named(root, &description::OBSERVED)?,
         false => places.usual(),
     };
     let driven = match force.as_ref().filter(|force| force.is_given(&force_sine::PLACE)) {
@@ -202,7 +191,7 @@ fn refuse<T>(root: &Section, key: &'static str, refused: &Refused) -> Option<T> 
 fn refuse_place(root: &Section, place: &str) {
     root.source().report(Problem {
         title: format!("no mode moves the place {place:?}"),
-        span: description(root).map_or(root.span(), |key| root.span_of(key)),
+        span: description_of(root).map_or(root.span(), |key| root.span_of(key)),
         allowed: "a damper, a force and the observed displacement are at places that the modes move".into(),
         help: Some("take another place, or more modes".into()),
     });

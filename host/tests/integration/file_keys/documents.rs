@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::design_examples::{MORE_CONTINUATION, MORE_OPTIMISATIONS, MORE_STUDIES};
-use super::examples::{MORE_CAMPAIGN, MORE_CASES, MORE_SHEETS, SET_UP_FILE};
+use super::examples::{MORE_CAMPAIGN, MORE_CASES, MORE_SHEETS, PLANTS, SET_UP_FILE};
 use crate::common::{damprig, python};
 use crate::mutations;
 
@@ -52,6 +52,7 @@ pub fn files() -> Vec<(String, &'static str, Value)> {
     files.extend(mutations::CAMPAIGNS.map(|text| ("a seed of mutations".into(), CAMPAIGN, json_of(text))));
     files.push(("more campaigns".into(), CAMPAIGN, json_of(MORE_CAMPAIGN)));
     files.push(("more sheets".into(), CAMPAIGN, json_of(MORE_SHEETS)));
+    files.extend(PLANTS.map(|text| ("plants".into(), CAMPAIGN, json_of(text))));
     files.extend(MORE_CASES.map(|text| ("more cases".into(), CASE, json_of(text))));
     files.push(("set-up file".into(), SET_UP, json_of(SET_UP_FILE)));
     files.extend(MORE_STUDIES.map(|text| ("more studies".into(), STUDY, json_of(text))));

@@ -456,3 +456,81 @@ taken_from = "a run"
 date = "2026-06-01"
 damprig = "damprig 0.1.0"
 "#;
+
+/// Plants of every kind.
+pub const PLANTS: [&str; 4] = [
+    r#"
+name = "frame"
+[plant]
+modal_damping_ratio = 0.01
+storey = [{ mass_kg = 1, stiffness_n_per_m = 400 }, { mass_kg = 1, stiffness_n_per_m = 400 }]
+[[set_up]]
+name = "bare"
+base_amplitude_m = 0.001
+[[experiment]]
+kind = "free_vibration"
+start_m = 0.01
+measure_s = 2
+"#,
+    r#"
+name = "bar"
+[plant]
+observed_position_m = 0.5
+[plant.beam]
+kind = "cantilever"
+length_m = 0.5
+youngs_modulus_pa = 2.1e11
+second_moment_m4 = 1e-11
+density_kg_per_m3 = 7850
+area_m2 = 6e-5
+tip_mass_kg = 0.4
+modes = 3
+damping_ratio = 0.01
+[[set_up]]
+name = "spid"
+base_amplitude_m = 0.001
+particle = { position_m = 0.4, mass_kg = 0.02, clearance_m = 0.004, wall = { kind = "restitution", coefficient = 0.5 } }
+[[experiment]]
+kind = "free_vibration"
+start_m = 0.01
+measure_s = 2
+"#,
+    r#"
+name = "bridge"
+[plant]
+observed_position_m = 1
+beam = { kind = "simply_supported", length_m = 2, bending_stiffness_n_m2 = 400, mass_per_length_kg_per_m = 4, modes = 2, damping_ratio = 0.01 }
+[[set_up]]
+name = "joint"
+base_amplitude_m = 0.001
+friction_damper = { position_m = 1, other_position_m = 0.5, force_n = 1 }
+[[experiment]]
+kind = "free_vibration"
+start_m = 0.01
+measure_s = 2
+"#,
+    r#"
+name = "modes"
+[plant]
+places = ["tip", "middle"]
+observed_place = "tip"
+[[plant.mode]]
+frequency_hz = 3
+damping_ratio = 0.01
+shape_per_root_kg = [1.1, 0.4]
+participation_root_kg = 0.8
+[[plant.mode]]
+angular_frequency_rad_per_s = 120
+damping_ratio = 0.01
+shape_per_root_kg = [1, -0.7]
+participation_root_kg = 0.4
+[[set_up]]
+name = "tmd"
+base_amplitude_m = 0.001
+tmd = { place = "middle", mass_kg = 0.05, tuning = "den_hartog" }
+[[experiment]]
+kind = "free_vibration"
+start_m = 0.01
+measure_s = 2
+"#,
+];

@@ -2,6 +2,7 @@
 
 mod closed_forms;
 mod derivatives;
+mod guided;
 mod laws;
 mod one_degree;
 mod one_mode;

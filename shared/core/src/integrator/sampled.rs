@@ -147,13 +147,6 @@ impl<S: Scalar> Sampled<S> {
     }
 }
 
-impl Joined<f64> {
-    /// As [`Sampled::step`], compiled with this crate: a host built for debugging still runs it fast.
-    pub fn step_observed(&mut self, base: &BaseSegment<f64>, observer: &mut dyn Observer<f64>) {
-        self.step(base, observer);
-    }
-}
-
 impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     fn with_joint(set_up: &SetUp, units: Units, initial: &Initial, joint: J) -> Self {
         let c = Coefficients::in_units(set_up, &units);

@@ -3,10 +3,12 @@
 //! The base either follows the drive exactly (prescribed motion) or is the table of a [`shaker`] that feels its load
 //! ([`table`]). The displacement [`sensors`] are ideal or have a data sheet. If so configured, the [`walls`] have
 //! force sensors and the friction damper has its stepper and [`spring`]. The virtual rig runs the plant in `f64`, the
-//! emulated board in `f32`. [`damprig_core::integrator`] integrates the motion of structure and damper.
+//! emulated board in `f32`. [`damprig_core::integrator`] integrates the motion of structure and damper; a host may put another structure
+//! on the base ([`load`]).
 
 pub mod bench;
 pub mod faults;
+pub mod load;
 mod noise;
 pub mod sensors;
 pub mod shaker;
@@ -16,13 +18,14 @@ pub mod walls;
 
 pub use bench::{Bench, Blow, Target, TrueScales};
 pub use faults::{End, InjectedFault, SensorFault, Supply};
+pub use load::Load;
 pub use sensors::{DataSheet, SensorModel};
 pub use shaker::{Amplifier, Shaker};
 
 use damprig_core::integrator::base::{BaseSegment, BaseTrack};
 use damprig_core::integrator::modes::Sign;
 use damprig_core::integrator::polynomial::{self, Polynomial};
-use damprig_core::integrator::sampled::{Flight, Impact, Joined, Observer, Sampled};
+use damprig_core::integrator::sampled::{Flight, Impact, Joined, Observer};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{
     Actuators, Calibration, Invalid, Reading, Readings, SUBSAMPLES, Sensor, Sensors, TICK_HZ, Usable, WALL_SUBSAMPLES,
@@ -75,6 +78,9 @@ pub struct PlantConfig {
     pub spring: Option<SpringPlant>,
     /// True scales of the sensors and of the drive; `None` if every board's settings are right.
     pub scales: Option<TrueScales>,
+    /// Number of a structure that stands on the base in place of the set-up's, where the host and the simulated rig share one process; the
+    /// set-up is then what the board knows of it. `None` for the set-up's.
+    pub other_structure: Option<u32>,
 }
 
 impl PlantConfig {
@@ -91,6 +97,7 @@ impl PlantConfig {
             walls: None,
             spring: None,
             scales: None,
+            other_structure: None,
         }
     }
 
@@ -107,7 +114,9 @@ impl PlantConfig {
         }
     }
 
-    fn initial(&self) -> Initial {
+    /// Where structure and particle start.
+    #[must_use]
+    pub fn initial(&self) -> Initial {
         Initial {
             x_m: self.structure_start_m,
             y_m: self.structure_start_m + self.particle_start_m,
@@ -116,11 +125,11 @@ impl PlantConfig {
     }
 }
 
-/// The simulated rig.
+/// The simulated rig; `L` is what stands on its base.
 #[derive(Clone, Debug)]
-pub struct Plant<S> {
+pub struct Plant<S, L = Joined<S>> {
     config: PlantConfig,
-    motion: Joined<S>,
+    motion: L,
     steps: u8,
     base: Moving<S>,
     channels: [Channel; 2],
@@ -146,11 +155,21 @@ enum Moving<S> {
 }
 
 impl<S: Scalar> Plant<S> {
+    /// Makes a plant at rest, whose structure has one degree of freedom.
+    ///
+    /// # Errors
+    /// As [`Plant::with_load`].
+    pub fn new(config: &PlantConfig) -> Result<Self, Invalid> {
+        Self::with_load(config)
+    }
+}
+
+impl<S: Scalar, L: Load<S>> Plant<S, L> {
     /// Makes a plant at rest.
     ///
     /// # Errors
     /// A value is not physical, or its motion is too fast for the tick; the error names it.
-    pub fn new(config: &PlantConfig) -> Result<Self, Invalid> {
+    pub fn with_load(config: &PlantConfig) -> Result<Self, Invalid> {
         config.set_up.validate()?;
         config.sensors.validate()?;
         if let Some(sheet) = &config.data_sheet {
@@ -160,7 +179,7 @@ impl<S: Scalar> Plant<S> {
             scales.validate()?;
         }
         let tick_s = 1.0 / f64::from(TICK_HZ);
-        let mut steps = Sampled::<S>::steps_per_sample(&config.set_up, tick_s)?;
+        let mut steps = L::steps_per_sample(config, tick_s)?;
         if let Base::Shaker(shaker) = &config.base {
             shaker.validate()?;
             let allowed = "left out with a force drive, whose base rests";
@@ -168,7 +187,7 @@ impl<S: Scalar> Plant<S> {
             steps = steps.max(Table::<S>::steps_per_sample(shaker, tick_s)?);
         }
         let units = Units::metres(tick_s / f64::from(steps));
-        let motion = Joined::joined(&config.set_up, units, &config.initial())?;
+        let motion = L::mounted(config, units)?;
         let base = match &config.base {
             Base::Prescribed => Moving::Prescribed(BaseTrack::default()),
             Base::Shaker(shaker) => Moving::Shaken(Table::new(shaker, &config.set_up, &units)),
@@ -206,7 +225,7 @@ impl<S: Scalar> Plant<S> {
     /// Sets the friction damper's force to that of its spring.
     fn press(&mut self) {
         if let Some(spring) = &self.spring {
-            self.motion.set_damper_force_n(f64::from(spring.friction_force_n()), &self.config.set_up);
+            self.motion.set_friction_n(f64::from(spring.friction_force_n()), &self.config.set_up);
         }
     }
 
@@ -242,7 +261,7 @@ impl<S: Scalar> Plant<S> {
     /// Resets the motion to its start; the friction damper's seat keeps its position. `stream` selects one of several
     /// independent noises of the same seed, so that a point's noise does not depend on what was measured before it.
     pub fn restart(&mut self, stream: u16) {
-        self.motion.reset(&self.config.initial());
+        self.motion.restart(&self.config.initial());
         match &mut self.base {
             Moving::Prescribed(track) => *track = BaseTrack::default(),
             Moving::Shaken(table) => table.reset(),
@@ -264,9 +283,9 @@ impl<S: Scalar> Plant<S> {
         self.impacts
     }
 
-    /// The integrator's state, for tests and predictions.
+    /// What stands on the base, for tests and predictions.
     #[must_use]
-    pub fn motion(&self) -> &Joined<S> {
+    pub fn motion(&self) -> &L {
         &self.motion
     }
 
@@ -396,7 +415,7 @@ impl<S: Scalar> Plant<S> {
         };
         // Rounding of the instants can leave the last sample just after the end of the last flight.
         for sample in &mut sampler.x[sampler.taken..] {
-            *sample = self.motion.state().x;
+            *sample = self.motion.x();
         }
         self.impacts = self.impacts.wrapping_add(sampler.impacts);
         if let Some(walls) = &mut self.walls {

@@ -20,10 +20,10 @@
 //! closed form at 2 to 3 Hz. Table modes up to [`LARGEST_RATE_PER_STEP`] per step are accurate to 2·10⁻⁴. The end of
 //! the stroke is resolved to one step.
 
+use super::load::Load;
 use super::shaker::Shaker;
 use damprig_core::integrator::base::BaseSegment;
-use damprig_core::integrator::modes::Grip;
-use damprig_core::integrator::sampled::{Joined, Observer};
+use damprig_core::integrator::sampled::Observer;
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Invalid, require};
 use damprig_core::model::SetUp;
@@ -124,26 +124,20 @@ impl<S: Scalar> Table<S> {
 
     /// Advances one step under a constant drive (the demanded displacement, in units of length): moves the table and
     /// the structure on it; returns the table's motion.
-    pub fn step(&mut self, motion: &mut Joined<S>, drive: S, observer: &mut impl Observer<S>) -> BaseSegment<S> {
+    pub fn step(&mut self, motion: &mut impl Load<S>, drive: S, observer: &mut impl Observer<S>) -> BaseSegment<S> {
         let demand = self.force_per_drive * drive;
         let blocked = demand.min(self.voltage_force_limit).max(-self.voltage_force_limit);
         let before = motion.momentum();
         let tolerance = S::EPSILON.max(S::from_f64(1e-11)) * (self.v.abs() + before.abs()) * S::from_u8(4);
-        let mut share = match motion.mode().map(|mode| mode.grip) {
-            Some(Grip::Stuck) => motion.coefficients().moving_mass(mode_contact(motion)),
-            _ => self.slip_share,
-        };
+        let mut share = motion.stuck_mass().unwrap_or(self.slip_share);
         let mut a = self.a;
         let mut last: Option<(S, S)> = None;
         for _ in 0..MAX_EVALUATIONS {
-            let mut trial = *motion;
-            trial.step(&self.segment(a), &mut ());
-            let gained = trial.momentum() - before;
+            let gained = motion.momentum_after(&self.segment(a)) - before;
             if let Some((last_a, last_gained)) = last
                 && (a - last_a).abs() > tolerance
             {
-                let total = S::ONE + motion.second_mass();
-                share = ((gained - last_gained) / (a - last_a)).max(S::ZERO).min(total);
+                share = ((gained - last_gained) / (a - last_a)).max(S::ZERO).min(motion.mass());
             }
             last = Some((a, gained));
             let next = self.balance(blocked, gained, share, a);
@@ -210,8 +204,4 @@ impl<S: Scalar> Table<S> {
         }
         stopped
     }
-}
-
-fn mode_contact<S: Scalar>(motion: &Joined<S>) -> damprig_core::integrator::modes::Contact {
-    motion.mode().map_or(damprig_core::integrator::modes::Contact::Absent, |mode| mode.contact)
 }

@@ -6,8 +6,7 @@ use damprig_structures::{FrictionJoint, ImpactDamper, SetUp, TunedMass};
 use super::refuse_place;
 use crate::input::{Problem, Section};
 use crate::setup::{self, BaseAmplitude, Damper, SetUpSpec, friction_damper_keys, particle_keys, set_up_keys};
-use crate::simulation::multi_degree::at_place;
-use crate::simulation::multi_degree::places::Places;
+use crate::structure::{Places, at_place};
 
 /// A damper's table with its places.
 pub struct Mounted<'a> {
@@ -40,7 +39,7 @@ pub fn read_places<'a>(root: &Section<'a>, places: &mut Places) -> Option<Vec<Mo
             let place = places.named(&table, &particle_keys::PLACE);
             let other = match damper {
                 Damper::Friction if table.is_given(&friction_damper_keys::OTHER_PLACE) => {
-                    Some(other_place(&table, places, place))
+                    Some(setup::other_place(&table, places, place))
                 }
                 _ => None,
             };
@@ -52,17 +51,6 @@ pub fn read_places<'a>(root: &Section<'a>, places: &mut Places) -> Option<Vec<Mo
         }
     }
     is_sound.then_some(mounted)
-}
-
-/// The place of a friction damper's other end; `None` after a problem has been reported.
-fn other_place(s: &Section, places: &mut Places, place: Option<usize>) -> Option<usize> {
-    let other = places.named(s, &friction_damper_keys::OTHER_PLACE)?;
-    if place == Some(other) {
-        let key = s.written(&friction_damper_keys::OTHER_PLACE)?.name;
-        s.reject(key, "must be another place than that of the damper", Some("leave it out for the base".into()));
-        return None;
-    }
-    Some(other)
 }
 
 /// A set-up whose dampers are being read, with y − x of each particle at the start.

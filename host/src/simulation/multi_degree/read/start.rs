@@ -1,13 +1,13 @@
 //! Reads the start of a motion: displacement and velocity in the shape of a mode.
 
 use damprig_core::integrator::exact::Excitation;
+use damprig_motion::placed_motion::powers;
 use damprig_structures::{Body, State, base_at_start};
 
 use super::dampers::Dampers;
 use crate::input::Section;
 use crate::motion_record::Record;
 use crate::simulation::keys::initial;
-use crate::simulation::multi_degree::driver::powers;
 
 /// x and x′ at the observed place in the shape of a mode.
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,7 +34,7 @@ impl BaseStart {
     pub fn of(excitation: &Excitation, record: Option<&Record>) -> Self {
         match record {
             Some(record) => {
-                let [start_m, rate_m_per_s, ..] = powers(record.play().next_segment(), record.step_s);
+                let [start_m, rate_m_per_s, ..] = powers(&record.play().next_segment(), record.step_s);
                 Self { base: (start_m, rate_m_per_s), moved_m: start_m }
             }
             None => Self { base: base_at_start(excitation), moved_m: 0.0 },

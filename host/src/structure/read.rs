@@ -2,12 +2,12 @@
 
 use damprig_structures::{Beam, Damping, MAX_MODES, Mode, Modes, Refused, Storey, Support};
 
+use super::OnBeam;
+use super::keys::{beam, beam_cantilever, beam_supported, description, matrices, mode, storey};
 use super::matrix_file::matrix_of;
+use super::places::Places;
 use crate::input::section::Given;
 use crate::input::{Problem, Section, Text};
-use crate::simulation::keys::{beam, beam_cantilever, beam_supported, case, matrices, mode, storey};
-use crate::simulation::multi_degree::OnBeam;
-use crate::simulation::multi_degree::places::Places;
 
 /// A structure whose places are still being collected.
 pub enum Described {
@@ -34,15 +34,15 @@ impl Described {
     ///
     /// # Errors
     /// What is no structure.
-    pub fn modes(self, places: &Places) -> Result<Modes, Refused> {
+    pub fn modes(&self, places: &Places) -> Result<Modes, Refused> {
         match (self, places) {
-            (Self::Storeys(storeys, None), _) => Modes::storeys(&storeys),
-            (Self::Storeys(storeys, Some(ratio)), _) => Modes::frame(&storeys, &Damping::Ratio(ratio)),
+            (Self::Storeys(storeys, None), _) => Modes::storeys(storeys),
+            (Self::Storeys(storeys, Some(ratio)), _) => Modes::frame(storeys, &Damping::Ratio(*ratio)),
             (Self::Beam(beam), Places::OnBeam(OnBeam { positions_m, .. })) => {
-                Modes::beam(&Beam { places_m: positions_m.clone(), ..*beam })
+                Modes::beam(&Beam { places_m: positions_m.clone(), ..Beam::clone(beam) })
             }
-            (Self::Beam(beam), Places::Named(_)) => Modes::beam(&beam),
-            (Self::Modes(modes), _) => Ok(modes),
+            (Self::Beam(beam), Places::Named(_)) => Modes::beam(beam),
+            (Self::Modes(modes), _) => Ok(modes.clone()),
             (Self::Matrices(of), _) => {
                 Modes::from_matrices(&of.mass_kg, &of.stiffness_n_per_m, &of.damping, &of.influence)
             }
@@ -65,8 +65,8 @@ impl Described {
 
 /// Reads the structure; `key` is that of its description. `None` after a problem has been reported.
 pub fn read_structure(root: &Section, key: &str) -> Option<(Described, Places)> {
-    let modal_damping = root.scalar(&case::MODAL_DAMPING);
-    let names = root.texts_of(&case::PLACES);
+    let modal_damping = root.scalar(&description::MODAL_DAMPING);
+    let names = root.texts_of(&description::PLACES);
     match key {
         "storey" => read_storeys(root, modal_damping),
         "beam" => read_beam(root),
@@ -78,13 +78,13 @@ pub fn read_structure(root: &Section, key: &str) -> Option<(Described, Places)> 
 fn read_storeys(root: &Section, modal_damping: Option<f64>) -> Option<(Described, Places)> {
     let mut storeys = Vec::new();
     let mut names: Vec<String> = Vec::new();
-    for (n, s) in root.tables_of(&case::STOREYS).iter().enumerate() {
+    for (n, s) in root.tables_of(&description::STOREYS).iter().enumerate() {
         let name = s.text_of(&storey::NAME);
         let (mass, stiffness) = (s.scalar(&storey::MASS), s.scalar(&storey::STIFFNESS));
         let damping = s.scalar(&storey::DAMPING);
         if modal_damping.is_some() && s.is_given(&storey::DAMPING) {
             let help = Some("leave out one of them".into());
-            s.reject(storey::DAMPING.name(), format!("`{}` is given too", case::MODAL_DAMPING.name()), help);
+            s.reject(storey::DAMPING.name(), format!("`{}` is given too", description::MODAL_DAMPING.name()), help);
         }
         s.finish();
         let place = name.as_ref().map_or_else(|| format!("floor {}", n + 1), |name| name.value.clone());
@@ -101,16 +101,16 @@ fn read_storeys(root: &Section, modal_damping: Option<f64>) -> Option<(Described
         }));
     }
     if storeys.is_empty() {
-        root.reject(case::STOREYS.name(), "a frame has at least one storey", None);
+        root.reject(description::STOREYS.name(), "a frame has at least one storey", None);
         return None;
     }
-    few_enough(root, case::STOREYS.name(), storeys.len())?;
+    few_enough(root, description::STOREYS.name(), storeys.len())?;
     let storeys: Option<Vec<Storey>> = storeys.into_iter().collect();
     Some((Described::Storeys(storeys?, modal_damping), Places::Named(names)))
 }
 
 fn read_beam(root: &Section) -> Option<(Described, Places)> {
-    let s = root.table_of(&case::BEAM, None)?;
+    let s = root.table_of(&description::BEAM, None)?;
     let support = match s.variant(&[beam_cantilever::TABLE, beam_supported::TABLE])? {
         0 => Support::Cantilever,
         _ => Support::SimplySupported,
@@ -142,8 +142,8 @@ fn read_beam(root: &Section) -> Option<(Described, Places)> {
 }
 
 fn read_modes(root: &Section, names: Vec<Text>) -> Option<(Described, Places)> {
-    let tables = root.tables_of(&case::MODES);
-    few_enough(root, case::MODES.name(), tables.len())?;
+    let tables = root.tables_of(&description::MODES);
+    few_enough(root, description::MODES.name(), tables.len())?;
     let count = names.len();
     let read = |s: &Section| {
         let frequency = s.one_of(&mode::FREQUENCY);
@@ -183,12 +183,12 @@ fn few_enough(root: &Section, key: &'static str, count: usize) -> Option<()> {
 /// The names of places, each of one.
 fn names_of(root: &Section, names: Vec<Text>) -> Option<Vec<String>> {
     if names.is_empty() {
-        root.reject(case::PLACES.name(), "must name at least one place", None);
+        root.reject(description::PLACES.name(), "must name at least one place", None);
         return None;
     }
     for (n, name) in names.iter().enumerate() {
         if names[..n].iter().any(|other| other.value == name.value) {
-            root.refuse(case::PLACES.name(), &name.span, "must be the name of one place", None);
+            root.refuse(description::PLACES.name(), &name.span, "must be the name of one place", None);
             return None;
         }
     }
@@ -196,9 +196,9 @@ fn names_of(root: &Section, names: Vec<Text>) -> Option<Vec<String>> {
 }
 
 fn read_matrices(root: &Section, names: Vec<Text>) -> Option<(Described, Places)> {
-    let s = root.table_of(&case::MATRICES, None)?;
+    let s = root.table_of(&description::MATRICES, None)?;
     let count = names.len();
-    few_enough(root, case::PLACES.name(), count)?;
+    few_enough(root, description::PLACES.name(), count)?;
     let file = |name: Text, key: &str| matrix_of(&s, key, &name, count);
     let mass = s.text_of(&matrices::MASS).and_then(|name| file(name, matrices::MASS.name()));
     let stiffness = s.text_of(&matrices::STIFFNESS).and_then(|name| file(name, matrices::STIFFNESS.name()));
@@ -229,7 +229,7 @@ fn read_matrices(root: &Section, names: Vec<Text>) -> Option<(Described, Places)
 /// The participation of every mode is needed where the base moves.
 pub fn check_participation(root: &Section) -> Option<()> {
     let lacking: Vec<Section> =
-        root.tables_of(&case::MODES).into_iter().filter(|s| !s.is_given(&mode::PARTICIPATION)).collect();
+        root.tables_of(&description::MODES).into_iter().filter(|s| !s.is_given(&mode::PARTICIPATION)).collect();
     for s in &lacking {
         let key = mode::PARTICIPATION.name();
         root.source().report(Problem {

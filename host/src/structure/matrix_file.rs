@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use crate::input::{Section, Text};
-use crate::motion_record::resolve;
+use crate::input::{Section, Text, resolve};
 
 /// A square matrix by rows from a file of comma-separated numbers; `None` after a problem has been reported.
 pub fn matrix_of(s: &Section, key: &str, name: &Text, count: usize) -> Option<Vec<f64>> {

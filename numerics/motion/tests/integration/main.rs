@@ -1,0 +1,3 @@
+//! Checks of motions on a rig.
+
+mod placed_motion;
