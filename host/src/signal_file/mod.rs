@@ -11,6 +11,7 @@ mod csmip;
 mod delimited;
 mod even;
 mod mat;
+pub mod mode_shapes;
 pub(crate) mod number;
 pub mod overview;
 mod parquet;

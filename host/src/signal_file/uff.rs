@@ -121,6 +121,55 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Contents, String> {
     Ok(Contents { kind: "universal file (UFF)", signals, remarks })
 }
 
+/// A dataset that is text.
+pub(super) struct TextDataset<'a> {
+    /// Its number.
+    pub kind: u32,
+    /// Its place in the file, from 1.
+    pub place: usize,
+    /// Its lines after that of the number.
+    pub lines: Vec<&'a str>,
+    /// Whether the file goes on to its end.
+    pub is_whole: bool,
+}
+
+/// The datasets that are text. Reading ends where the file's form does.
+pub(super) fn text_datasets(bytes: &[u8]) -> Vec<TextDataset<'_>> {
+    let mut all = Vec::new();
+    let (mut at, mut place) = (0, 0);
+    while at < bytes.len() {
+        let (first, next) = line(bytes, at);
+        if !is_delimiter(first) {
+            at = next;
+            continue;
+        }
+        place += 1;
+        let (header, body) = line(bytes, next);
+        let end = match number(header) {
+            None => break,
+            Some((58, true)) => match uff_dataset_58::binary(header, bytes, body) {
+                Ok((_, end)) => end,
+                Err(_) => break,
+            },
+            Some((kind, _)) => {
+                let end = end_of_text(bytes, body);
+                // Names in other encodings are passed over with their line.
+                let lines = bytes[body..end].split(|byte| *byte == b'\n');
+                let lines = lines.map(|line| str::from_utf8(line).unwrap_or_default().trim_end_matches('\r'));
+                all.push(TextDataset {
+                    kind,
+                    place,
+                    lines: lines.collect(),
+                    is_whole: is_delimiter(line(bytes, end).0),
+                });
+                end
+            }
+        };
+        at = line(bytes, end).1;
+    }
+    all
+}
+
 /// Where the delimiter after a text begins, or the end of the file.
 fn end_of_text(bytes: &[u8], from: usize) -> usize {
     let mut at = from;

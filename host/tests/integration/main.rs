@@ -40,6 +40,7 @@ mod kills;
 mod limits;
 mod manual;
 mod many_particles;
+mod modal_test;
 mod monitor;
 mod monitor_actions;
 mod monitor_folder;

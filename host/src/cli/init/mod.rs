@@ -40,8 +40,18 @@ pub struct Args {
     #[arg(long, value_name = "KIND", conflicts_with_all = ["damper", "experiment", "record", "ValueArgs"])]
     structure: Option<StructureArg>,
 
+    /// Write a case with the modes of this modal test: a universal file (UFF 55), or a CSV file with the columns frequency_hz, damping_ratio
+    /// and one for each place
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["structure", "damper", "experiment", "record", "ValueArgs"])]
+    modal_test: Option<PathBuf>,
+
+    /// A place of the modal test and its degree of freedom, may be repeated: tip=12:z, or tip=-12:z against the node's direction
+    /// [default: all of them]
+    #[arg(long, value_name = "NAME=FREEDOM", requires = "modal_test", value_parser = structure::place)]
+    place: Vec<structure::TestedPlace>,
+
     /// Write a study of this case, for damprig study run
-    #[arg(long, value_name = "CASE", conflicts_with_all = ["case", "structure", "damper", "experiment", "record", "ValueArgs"])]
+    #[arg(long, value_name = "CASE", conflicts_with_all = ["case", "structure", "modal_test", "damper", "experiment", "record", "ValueArgs"])]
     study: Option<PathBuf>,
 
     /// An axis of the study, may be repeated [default: what the case's damper is designed by]
@@ -49,7 +59,7 @@ pub struct Args {
     axis: Vec<SweepAxis>,
 
     /// Write an optimisation of this case, for damprig optimise
-    #[arg(long, value_name = "CASE", conflicts_with_all = ["case", "structure", "study", "damper", "experiment", "record", "ValueArgs"])]
+    #[arg(long, value_name = "CASE", conflicts_with_all = ["case", "structure", "modal_test", "study", "damper", "experiment", "record", "ValueArgs"])]
     optimise: Option<PathBuf>,
 
     /// A variable of the optimisation, may be repeated [default: what the case's damper is designed by]
@@ -92,6 +102,7 @@ Examples:
   damprig init quake.toml --record quake.AT2
   damprig init steel.toml --damper spid --wall steel --clearance-m 0.0075 --sensors data-sheet
   damprig init bar.toml --structure beam
+  damprig init part.toml --modal-test test.uff --place tip=12:z --place middle=7:z
   damprig init --study case.toml --axis particle.clearance_ratio=4:24:41
   damprig init --optimise case.toml --variable particle.clearance_ratio=4:24
   damprig run my.toml --dry-run
@@ -120,6 +131,9 @@ struct Wanted {
 pub fn run(args: &Args) -> Outcome {
     if let Some(structure) = args.structure {
         return structure.write(args);
+    }
+    if let Some(file) = &args.modal_test {
+        return structure::of_modal_test(file, args);
     }
     if let Some(case) = &args.study {
         return of_case::study(case, args);
