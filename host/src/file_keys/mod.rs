@@ -2,6 +2,7 @@
 //! reference ([`mod@reference`]), as types of Python ([`typed_dicts`]) and as a new file with comments ([`new_file`]).
 
 pub mod fit;
+pub mod modal_case;
 pub mod new_file;
 pub mod new_study;
 mod new_sweep;

@@ -12,6 +12,7 @@ pub mod force_record;
 pub mod friction;
 mod from_run;
 pub mod modal;
+pub mod modes;
 mod motion_of_run;
 pub mod next;
 pub mod response_file;

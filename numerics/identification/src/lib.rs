@@ -10,6 +10,7 @@ mod estimate;
 pub mod flights;
 pub mod lack_of_fit;
 pub mod modal;
+pub mod modes;
 pub mod response;
 pub mod restitution;
 pub mod sensors;

@@ -2,6 +2,7 @@
 
 mod contact;
 mod decay;
+mod modes;
 mod next;
 mod response;
 mod restitution;
@@ -46,6 +47,7 @@ Examples:
   damprig identify response analyser.uff#3 --from-hz 30 --to-hz 40 --plot mode.svg
   damprig identify response case1.mat#Hf_chan_2 --frequencies-hz Freq_domain --coherence Hf_coh_chan_2 --unit g/N
   damprig identify response impact.mat#acceleration --drive force
+  damprig identify modes tip=test.uff#1 middle=test.uff#2 --driven tip --to-hz 800 --out part.toml
   damprig identify restitution runs/20260601-101500-spid-ab12 --out identified.toml --update
   damprig identify restitution drops.csv --out identified.toml --update
   damprig identify restitution film.csv --frame-rate-hz 240 --table impacts.csv --plot impacts.svg
@@ -70,6 +72,8 @@ enum What {
     Decay(decay::DecayArgs),
     /// Natural frequency and damping ratio from a stepped sine, from a frequency response of a file, or from motion and excitation over time
     Response(response::ResponseArgs),
+    /// Natural frequencies, damping ratios and shapes from frequency responses at several places
+    Modes(modes::ModesArgs),
     /// Coefficient of restitution, and over the approach speed, from a run with impacts, from films and tables of drop tests; clearance, contact time
     Restitution(restitution::RestitutionArgs),
     /// Contact time and stiffness of a hard wall from a run or from force records
@@ -219,6 +223,7 @@ pub fn run(args: &Args) -> Outcome {
     match &args.what {
         What::Decay(args) => decay::run(args),
         What::Response(args) => response::run(args),
+        What::Modes(args) => modes::run(args),
         What::Restitution(args) => restitution::run(args),
         What::Contact(args) => contact::run(args),
         What::Friction(args) => {

@@ -6,10 +6,10 @@ use clap::ValueEnum;
 
 use super::{Args, write};
 use crate::failure::{Failure, Outcome};
+use crate::file_keys::modal_case::{self, WrittenMode};
 use crate::input::shipped::{ROOT, text};
 use crate::input::{Source, listed, near};
-use crate::report::numbers::significant;
-use crate::signal_file::mode_shapes::ModalTest;
+use crate::signal_file::mode_shapes::{ModalTest, TestedMode};
 use crate::simulation::Case;
 
 /// Structures with several places, as arguments.
@@ -50,9 +50,6 @@ impl StructureArg {
 /// Degrees of freedom that are all taken as places when none is named.
 const MOST_UNNAMED: usize = 12;
 
-/// Digits of what is written: universal files have six.
-const DIGITS: usize = 8;
-
 /// A place of a modal test.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct TestedPlace {
@@ -79,13 +76,29 @@ pub(super) fn of_modal_test(test_file: &Path, args: &Args) -> Outcome {
     args.force.check(&file)?;
     let test = ModalTest::read(test_file)?;
     let places = places(&test, &args.place, test_file)?;
-    let text = case_of(&test, &places, test_file);
+    let names: Vec<String> = places.iter().map(|place| place.name.clone()).collect();
+    let modes: Vec<WrittenMode> = test.modes.iter().map(|mode| written(mode, &places)).collect();
+    let from = test_file.file_name().unwrap_or_default().to_string_lossy();
+    let text = modal_case::text(&from, &names, &modes);
     let shown = file.display();
     Case::parse(&Source::new(shown.to_string(), text.clone()), "case")?;
     write(&file, &text, args.force)?;
     test.remarks.iter().for_each(|remark| say!("{remark}"));
     say!("Written to {shown}: {} modes at {} places. Next: damprig simulate {shown}", test.modes.len(), places.len());
     Ok(())
+}
+
+fn written(mode: &TestedMode, places: &[TestedPlace]) -> WrittenMode {
+    let phi = |place: &TestedPlace| {
+        let phi = mode.shape_per_root_kg[&place.freedom];
+        if place.is_reversed { -phi } else { phi }
+    };
+    WrittenMode {
+        frequency_hz: mode.frequency_hz,
+        damping_ratio: mode.damping_ratio,
+        shape_per_root_kg: places.iter().map(phi).collect(),
+        participation_root_kg: mode.participation_root_kg,
+    }
 }
 
 /// The places that are asked for, or all degrees of freedom.
@@ -124,51 +137,4 @@ fn places(test: &ModalTest, asked: &[TestedPlace], file: &Path) -> Result<Vec<Te
         }
     }
     Ok(asked.to_vec())
-}
-
-fn case_of(test: &ModalTest, places: &[TestedPlace], file: &Path) -> String {
-    let quoted: Vec<String> = places.iter().map(|place| format!("{:?}", place.name)).collect();
-    let first = &test.modes[0];
-    // A force at the first resonance for as long as its free vibration takes to decay to a hundredth.
-    let decay_s = 4.6 / (first.damping_ratio.max(1e-3) * std::f64::consts::TAU * first.frequency_hz);
-    let mut text = format!(
-        "# The modes of {}: mass-normalised shapes at {} places. A force at the first resonance; add dampers below.\n\n\
-         places = [{}]\nobserved_place = {}\nforce = {{ kind = \"sine\", amplitude_n = 1, frequency_hz = {} }}\n\
-         run = {{ duration_s = {} }}\n",
-        file.file_name().unwrap_or_default().to_string_lossy(),
-        places.len(),
-        quoted.join(", "),
-        quoted[0],
-        significant(first.frequency_hz, DIGITS),
-        two_digits_up(decay_s)
-    );
-    for mode in &test.modes {
-        let shape = places.iter().map(|place| {
-            let phi = mode.shape_per_root_kg[&place.freedom];
-            significant(if place.is_reversed { -phi } else { phi }, DIGITS)
-        });
-        let shape: Vec<String> = shape.collect();
-        text += &format!(
-            "\n[[mode]]\nfrequency_hz = {}\ndamping_ratio = {}\nshape_per_root_kg = [{}]\n",
-            significant(mode.frequency_hz, DIGITS),
-            significant(mode.damping_ratio, DIGITS),
-            shape.join(", ")
-        );
-        if let Some(participation) = mode.participation_root_kg {
-            text += &format!("participation_root_kg = {}\n", significant(participation, DIGITS));
-        }
-    }
-    text + &format!(
-        "\n# [[particle]]\n# place = {}\n# mass_ratio = 0.05                     # of the modal mass of the first mode there\n\
-         # clearance_m = 0.0002\n# wall = {{ kind = \"restitution\", coefficient = 0.5 }}\n",
-        quoted[0]
-    )
-}
-
-/// Rounded up to two digits.
-fn two_digits_up(value: f64) -> f64 {
-    let step = 10_f64.powf(value.log10().floor() - 1.0);
-    let rounded = (value / step).ceil() * step;
-    // Of a step below 1 the product has digits that it should not have.
-    format!("{rounded:.6}").parse().unwrap_or(rounded)
 }

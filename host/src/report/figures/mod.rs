@@ -15,6 +15,7 @@ mod extremes;
 pub mod force_surface;
 pub mod frequency_response;
 pub mod modal_response;
+pub mod modes_response;
 pub mod next_points;
 pub mod peak_motion;
 pub mod resonance;

@@ -12,6 +12,7 @@ mod flights;
 mod misfit;
 mod modal;
 mod modal_files;
+mod modes;
 mod next;
 mod nonlinear;
 mod refusals;

@@ -79,7 +79,8 @@ impl Quantity {
 
     /// What is added to, and what multiplies Σ Aₘ/(ωₘ² − ω² + 2ζₘωₘωj) to give H: (jω)ⁿ of a displacement's n-th derivative per force; of a
     /// transmissibility 1 and ω², since the base pushes by −z″ and x is absolute.
-    pub(super) fn of_receptance(&self, omega: f64) -> (Complex<f64>, Complex<f64>) {
+    #[must_use]
+    pub fn of_receptance(&self, omega: f64) -> (Complex<f64>, Complex<f64>) {
         let real = |value: f64| Complex::new(value, 0.0);
         match (self.is_per_force, self.motion) {
             (false, _) => (real(1.0), real(omega * omega)),
