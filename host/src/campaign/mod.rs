@@ -161,8 +161,8 @@ fn parts(root: &Section) -> Option<Parts> {
     };
     if let Some(set_ups) = &set_ups {
         let moving = match (&rig, &plant) {
-            (_, Some(Some(_))) => Some("plant"),
-            (Some(RigSettings { shaker: Some(_), .. }), _) => Some("rig.shaker"),
+            (_, Some(Some(_))) => Some(("plant", "stands on a base that moves")),
+            (Some(RigSettings { shaker: Some(_), .. }), _) => Some(("rig.shaker", "moves the base")),
             _ => None,
         };
         moving.into_iter().for_each(|table| set_up::refuse_forces(source, set_ups, table));

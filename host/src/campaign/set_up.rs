@@ -256,11 +256,11 @@ fn read<'a>(
     Some((own, at))
 }
 
-/// Refuses set-ups with a force drive on a rig whose base moves, as the campaign's `table` says.
-pub(super) fn refuse_forces(source: &Source, set_ups: &[CampaignSetUp], table: &str) {
+/// Refuses set-ups with a force drive on a rig whose base moves, as the campaign's `table` has it in words.
+pub(super) fn refuse_forces(source: &Source, set_ups: &[CampaignSetUp], (table, words): (&str, &str)) {
     for set_up in set_ups.iter().filter(|set_up| set_up.model().is_force_driven) {
         source.report(Problem {
-            title: format!("set-up {:?} is driven by a force, and the base of `[{table}]` moves", set_up.name),
+            title: format!("set-up {:?} is driven by a force, and `[{table}]` {words}", set_up.name),
             span: set_up.base_amplitude_span.clone(),
             allowed: "one of both".into(),
             help: Some(format!("leave out `[{table}]`, or give base_amplitude_m")),

@@ -82,7 +82,8 @@ impl Case {
             Some(StatedContact::HertzWall(law)) => Some(law),
             _ => None,
         };
-        setup::hertz_as_hard(self.contacts.into_iter().filter_map(replaced))
+        let several = self.multi_degree.iter().flat_map(|several| several.contacts.concat());
+        setup::hertz_as_hard(self.contacts.into_iter().chain(several).filter_map(replaced))
     }
 
     /// Reads a file; also the warnings of unusual values, each with file, line, key, value and usual range.

@@ -417,6 +417,41 @@ fn contacts_that_are_not_told_apart_are_passed_in_few_steps_and_a_study_says_so(
     assert!(best.ends_with(" at") && best.split(' ').count() == 4, "{best}");
 }
 
+/// Forces on the walls of one storey are those of one degree of freedom: of spring and dashpot, of a stated contact by the impulse, and of a Hertz
+/// wall, which acts as a hard one, to within what its contacts last (0.2 ms of the period).
+#[test]
+fn forces_on_walls_are_those_of_one_degree_of_freedom() {
+    let case = |structure: &str, place: &str, wall: &str| {
+        format!(
+            "{structure}\nparticle = {{ {place} mass_kg = 0.16, clearance_m = 0.006, wall = {{ {wall} }} }}\n\
+             base = {{ kind = \"sine\", amplitude_m = 0.001, frequency_hz = 2.4 }}\nrun = {{ duration_s = 2 }}\n"
+        )
+    };
+    let one = "structure = { mass_kg = 1.6, stiffness_n_per_m = 394.8, damping_n_s_per_m = 0.191 }";
+    let storey = "storey = [{ mass_kg = 1.6, stiffness_n_per_m = 394.8, damping_n_s_per_m = 0.191 }]";
+    for (wall, tolerance) in [
+        ("kind = \"voigt\", stiffness_n_per_m = 4000, damping_n_s_per_m = 3, release = \"zero_force\"", 1e-9),
+        ("kind = \"restitution\", coefficient = 0.5, contact_time_s = 0.002", 1e-9),
+        ("kind = \"hertz\", stiffness_n_per_m15 = 1e9, hunt_crossley_s_per_m = 0.3", 1e-2),
+    ] {
+        let own = answer(&case(one, "", wall), &[]);
+        let several = answer(&case(storey, "place = \"floor 1\",", wall), &[]);
+        let expected = own["summary"]["peak_contact_force_n"].as_f64().unwrap();
+        let found = several["impact_dampers"][0]["peak_contact_force_n"].as_f64().unwrap();
+        assert!(expected > 1.0 && (found / expected - 1.0).abs() < tolerance, "{wall}: {found} {expected}");
+        assert_eq!(own["summary"]["impact_count"], several["summary"]["impact_count"], "{wall}");
+    }
+    let hertz = case(
+        storey,
+        "place = \"floor 1\",",
+        "kind = \"hertz\", stiffness_n_per_m15 = 1e9, hunt_crossley_s_per_m = 0.3",
+    );
+    let folder = folder(&[("case.toml", &hertz)]);
+    let said = damprig(&folder).args(["simulate", "case.toml"]).assert().success();
+    let printed = String::from_utf8_lossy(&said.get_output().stdout).into_owned();
+    assert!(printed.contains("acts as a hard wall"), "{printed}");
+}
+
 #[test]
 fn what_a_structure_with_several_places_does_not_have_is_refused_with_a_reason() {
     let frame = |more: &str| format!("{FRAME}{more}");
@@ -432,7 +467,6 @@ fn what_a_structure_with_several_places_does_not_have_is_refused_with_a_reason()
         (top("initial = { x_m = 1e-3, mode = 3 }"), &["initial.mode", "at most 2"]),
         (top("modal_damping_ratio = 0.01"), &["storey[1].damping_n_s_per_m", "`modal_damping_ratio` is given too"]),
         (top("places = [\"a\"]"), &["places", "goes with `mode`"]),
-        (frame(&PARTICLE.replace("coefficient = 0.5", "coefficient = 0.5, contact_time_s = 1e-3")), &["particle[1].wall", "force of a hard wall"]),
         (frame("[friction_damper]\nplace = \"floor 1\"\nother_place = \"floor 1\"\nforce_n = 2\n"), &["friction_damper.other_place", "another place than that of the damper"]),
         (frame("[particle]\nplace = \"floor 1\"\nmass_kg = 1\nclearance_m = 0.01\nstart_m = 0.02\nwall = { kind = \"restitution\", coefficient = 0.5 }\n"), &["particle.start_m", "within the clearance"]),
         ("[[storey]]\nmass_kg = 1\nstiffness_n_per_m = 1e3\n".repeat(201) + "[run]\nduration_s = 1\n", &["storey", "there are 201", "at most 200"]),

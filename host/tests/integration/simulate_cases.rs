@@ -188,10 +188,11 @@ fn a_force_beside_a_moving_base_is_a_sine_of_its_frequency() {
     let words = ["`force` and a moving `base` are both given", "if both are sines"];
     let pulse = SINE.replace("sine", "versine").replace("frequency_hz = 2.3", "duration_s = 0.1");
     Bench::new().refused(&format!("{STRUCTURE}{pulse}{RUN}{sine}"), &words);
-    let hertz = "particle = { mass_ratio = 0.1, clearance_m = 0.02, wall = { kind = \"restitution\", coefficient = 0.5, contact_time_s = 0.002 } }\n";
-    let contact = ["`force` beside a moving `base`", "leave its contact out"];
+    let spheres = "many_particles = { count = 4, diameter_m = 0.01, mass_ratio = 0.1, restitution = 0.5, stiffness_n_per_m = 10000, \
+                   clearance_m = 0.01, width_m = 0.03, height_m = 0.03 }\n";
     let beside = sine.replace(", frequency_hz = 2", "");
-    Bench::new().refused(&format!("{STRUCTURE}{hertz}{SINE}{RUN}{beside}"), &contact);
+    let words = ["`force` beside a moving `base`", "spheres in a box"];
+    Bench::new().refused(&format!("{STRUCTURE}{spheres}{SINE}{RUN}{beside}"), &words);
     let kind = ["`force.kind` = \"half-sine\"", "did you mean \"half_sine\"?"];
     Bench::new().refused(&format!("{STRUCTURE}{RUN}{}", force.replace("half_sine", "half-sine")), &kind);
 }

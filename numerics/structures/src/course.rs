@@ -115,6 +115,17 @@ impl Course {
         Self::new(terms, self.cubic.rate().rate(), self.length_s)
     }
 
+    /// The course of `of` times the displacement, `of_rate` times its velocity, and a constant.
+    #[must_use]
+    pub fn with_rate(&self, of: f64, of_rate: f64, constant: f64) -> Self {
+        let terms = self.terms.iter().map(|Term { start, end, rate }| {
+            let factor = rate * of_rate + of;
+            (factor * start, factor * end, *rate)
+        });
+        let cubic = of * self.cubic + of_rate * self.cubic.rate() + Cubic::constant(constant);
+        Self::new(terms, cubic, self.length_s)
+    }
+
     /// The difference of two courses of one piece.
     #[must_use]
     pub fn minus(&self, other: &Self) -> Self {

@@ -1,13 +1,13 @@
 //! Observers of a motion: smooth pieces and impacts.
 
-use damprig_core::integrator::modes::{Contact, Grip, Sign};
+use damprig_core::integrator::modes::{Contact, Grip, Sign, signed};
 
 use crate::contacts::{Slide, Touch};
 use crate::course::Course;
 use crate::cubic::Cubic;
 use crate::flight::Flight;
 use crate::linear::{C64, Rest};
-use crate::mount::Mount;
+use crate::mount::{Mount, WallLaw};
 use crate::system::System;
 
 /// A particle meets a wall at a speed greater than zero: an impact on a hard wall, the first touch of a soft wall.
@@ -142,6 +142,27 @@ impl<'a> Piece<'a> {
             (Slide::Stuck, Touch::Wall(side)) => Contact::Held(side),
             (Slide::Stuck, _) => Contact::Held(0),
         }
+    }
+
+    /// Force of the soft wall that the particle of an impact damper presses into, inwards, N.
+    #[must_use]
+    pub fn wall_force_n(&self, damper: usize) -> Option<Course> {
+        let side = self.pressed_side(damper)?;
+        let WallLaw::Soft { stiffness, damping, .. } = *self.parts.mount.cavities[damper].wall(side) else {
+            return None;
+        };
+        let offset = self.particle(damper).minus(&self.place_of_cavity(damper));
+        let along = signed(side, 1.0);
+        let at_rest = -stiffness * self.parts.mount.cavities[damper].end(side);
+        Some(offset.with_rate(along * stiffness, along * damping, at_rest))
+    }
+
+    /// The absolute displacement of the place of an impact damper.
+    fn place_of_cavity(&self, damper: usize) -> Course {
+        let Parts { mount, system, rest, base, .. } = self.parts;
+        let cavity = &mount.cavities[damper];
+        let signal = system.place(&cavity.place, cavity.influence);
+        self.course(&signal.coefficients, signal.cubic(rest) + cavity.influence * base)
     }
 
     /// The side of the soft wall that the particle of an impact damper presses into.

@@ -79,7 +79,9 @@ pub fn results(result: &PlacesResult) -> Vec<(&'static str, String)> {
     };
     let damper = |of: &DamperResult| {
         let speed = significant(of.max_approach_speed_m_per_s, 4);
-        ("particle", format!("at {}: {} impacts, at most {speed} m/s", of.place, of.impact_count))
+        let force = of.peak_contact_force_n.map(|force_n| format!(", at most {} N on a wall", significant(force_n, 4)));
+        let force = force.unwrap_or_default();
+        ("particle", format!("at {}: {} impacts, at most {speed} m/s{force}", of.place, of.impact_count))
     };
     result.places.iter().map(place).chain(result.impact_dampers.iter().map(damper)).collect()
 }

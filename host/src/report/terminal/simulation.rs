@@ -67,6 +67,7 @@ fn set_up(case: &Case) -> Vec<(&'static str, String)> {
         let mut lines = multi_degree::set_up(several);
         let place = several.set_up.driven_place.or(several.set_up.force_beside_base.map(|force| force.place));
         let driven = place.map_or(String::new(), |place| format!(" at {}", several.places[place]));
+        lines.extend(case.hertz_as_hard().map(|text| ("walls", text)));
         lines.push(("excitation", describe::excitation(case) + &driven));
         return lines;
     }

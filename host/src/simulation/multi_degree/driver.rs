@@ -6,7 +6,7 @@ use damprig_core::io::Invalid;
 use damprig_motion::placed_motion::powers;
 use damprig_structures::{Impact, Motion, Observer, Piece, Refused, State};
 
-use super::measure::{DamperResult, PlaceMeter, PlacesResult};
+use super::measure::{DamperMeter, PlaceMeter, PlacesResult};
 use super::piece::PieceAtPlace;
 use super::{MultiDegree, Shown};
 use crate::motion_record::{Play, Record};
@@ -25,8 +25,8 @@ struct Watch<'a, 'v> {
     viewer: &'a mut (dyn Viewer + 'v),
     /// Of every place; none if only the viewer is to see the motion.
     places: &'a mut [PlaceMeter],
-    /// Impacts and the largest approach speed of every impact damper.
-    dampers: &'a mut [(u64, f64)],
+    /// Of every impact damper; none if only the viewer is to see the motion.
+    dampers: &'a mut [DamperMeter],
     go_on: &'a mut dyn FnMut(f64) -> bool,
     steps: u32,
     is_stopped: bool,
@@ -39,15 +39,15 @@ impl Observer for Watch<'_, '_> {
         if piece.start_s + piece.length_s >= self.viewer.pieces_from_s() {
             self.viewer.piece(&PieceAtPlace::new(piece, self.of.observed, self.shown));
         }
-        for meter in &mut *self.places {
-            meter.piece(piece);
-        }
+        self.places.iter_mut().for_each(|meter| meter.piece(piece));
+        self.dampers.iter_mut().for_each(|meter| meter.piece(piece));
     }
 
     fn impact(&mut self, impact: &Impact) {
         let Impact { time_s, damper, side, approach_speed_m_per_s, y_m, .. } = *impact;
-        let (count, fastest_m_per_s) = &mut self.dampers[damper];
-        (*count, *fastest_m_per_s) = (*count + 1, fastest_m_per_s.max(approach_speed_m_per_s));
+        if let Some(meter) = self.dampers.get_mut(damper) {
+            meter.impact(impact);
+        }
         let is_shown = self.shown.particle == Some(damper);
         self.viewer.impact(&ImpactRecord {
             t_s: time_s,
@@ -127,7 +127,7 @@ pub(in crate::simulation) fn run<V: Viewer>(
     let mut running = CaseMotion::new(case, of).map_err(Invalid::from)?;
     let mut response = Response::new(wanted);
     let mut places: Vec<_> = (0..of.places.len()).map(|place| PlaceMeter::new(place, of.is_frame())).collect();
-    let mut dampers = vec![(0, 0.0); of.set_up.impact_dampers.len()];
+    let mut dampers = DamperMeter::all(of);
     let mut refused = Ok(());
     let shown = of.shown();
     run_in_parts(case.run.duration_s, options, collector, |until_s, collector, go_on| {
@@ -155,13 +155,7 @@ pub(in crate::simulation) fn run<V: Viewer>(
     let impact_dampers = of.set_up.impact_dampers.iter().zip(dampers);
     let result = PlacesResult {
         places: of.places.iter().zip(&places).map(|(name, meter)| meter.result(name)).collect(),
-        impact_dampers: impact_dampers
-            .map(|(damper, (impact_count, max_approach_speed_m_per_s))| DamperResult {
-                place: of.places[damper.place].clone(),
-                impact_count,
-                max_approach_speed_m_per_s,
-            })
-            .collect(),
+        impact_dampers: impact_dampers.map(|(damper, meter)| meter.result(&of.places[damper.place])).collect(),
     };
     Ok((summary, end(of, &motion), result))
 }
@@ -181,22 +175,13 @@ pub fn counted(
 ) -> Result<Option<(Response, u32)>, Invalid> {
     let mut running = CaseMotion::new(case, of).map_err(Invalid::from)?;
     let mut go_on = |_: f64| go_on();
-    let mut dampers = vec![(0, 0.0); of.set_up.impact_dampers.len()];
     let mut response = Response::new(wanted);
     response.skip_to(first_cycle);
     let (mut nothing, mut is_stopped, shown) = ((), false, of.shown());
     for (until_s, is_counted) in [(from_s, false), (end_s, true)] {
         let viewer: &mut dyn Viewer = if is_counted { &mut response } else { &mut nothing };
-        let mut watch = Watch {
-            of,
-            shown,
-            viewer,
-            places: &mut [],
-            dampers: &mut dampers,
-            go_on: &mut go_on,
-            steps: 0,
-            is_stopped,
-        };
+        let mut watch =
+            Watch { of, shown, viewer, places: &mut [], dampers: &mut [], go_on: &mut go_on, steps: 0, is_stopped };
         running.run(until_s, &mut watch).map_err(Invalid::from)?;
         is_stopped = watch.is_stopped;
     }
@@ -219,7 +204,6 @@ pub fn cycles(
     let mut motion = Motion::new(&of.set_up, &case.excitation, start).map_err(Invalid::from)?;
     let cycle_s = case.drive_period_s().unwrap_or_else(|| case.cycle_s());
     motion.run(f64::from(settle) * cycle_s, &mut ()).map_err(Invalid::from)?;
-    let mut dampers = vec![(0, 0.0); of.set_up.impact_dampers.len()];
     for cycle in settle..settle + count {
         let mut response = response_of_cycle(cycle, cycle_s);
         let mut watch = Watch {
@@ -227,7 +211,7 @@ pub fn cycles(
             shown: of.shown(),
             viewer: &mut response,
             places: &mut [],
-            dampers: &mut dampers,
+            dampers: &mut [],
             go_on: &mut |_| true,
             steps: 0,
             is_stopped: false,

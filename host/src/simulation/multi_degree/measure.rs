@@ -1,11 +1,13 @@
 //! What is measured at each place and of each impact damper.
 
 use damprig_core::integrator::exact::response::{Response, Wanted};
-use damprig_structures::Piece;
+use damprig_core::model::{Particle, Wall};
+use damprig_structures::{Impact, ImpactDamper, Piece};
 use serde::Serialize;
 
 use super::piece::PieceAtPlace;
 use super::{MultiDegree, Shown};
+use crate::setup::StatedContact;
 use crate::simulation::motion::Viewer;
 use crate::table::Column;
 
@@ -45,6 +47,70 @@ pub struct DamperResult {
     pub impact_count: u64,
     /// Largest approach speed, m/s; 0 without an impact.
     pub max_approach_speed_m_per_s: f64,
+    /// Largest force on a wall, N: of soft walls that of spring and dashpot, of hard ones that of their stated contact. Left out where no wall was
+    /// touched, or the contact of a hard one is not stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub peak_contact_force_n: Option<f64>,
+}
+
+/// Counts the impacts of an impact damper, and takes the largest force on its walls.
+pub(super) struct DamperMeter {
+    damper: usize,
+    particle: Particle,
+    contacts: [Option<StatedContact>; 2],
+    /// mM/(M + m) of particle and structure at its place, whose mass is that of all modes, kg.
+    reduced_mass_kg: f64,
+    impact_count: u64,
+    max_approach_speed_m_per_s: f64,
+    peak_n: f64,
+}
+
+impl DamperMeter {
+    /// Of every impact damper.
+    pub fn all(of: &MultiDegree) -> Vec<Self> {
+        let meter = |(damper, (own, contacts)): (usize, (&ImpactDamper, &[Option<StatedContact>; 2]))| {
+            let of_modes: f64 = of.set_up.structure.modes.iter().map(|mode| mode.shape[own.place].powi(2)).sum();
+            Self {
+                damper,
+                particle: own.particle,
+                contacts: *contacts,
+                reduced_mass_kg: 1.0 / (1.0 / own.particle.mass_kg + of_modes),
+                impact_count: 0,
+                max_approach_speed_m_per_s: 0.0,
+                peak_n: 0.0,
+            }
+        };
+        of.set_up.impact_dampers.iter().zip(&of.contacts).enumerate().map(meter).collect()
+    }
+
+    /// Takes an impact on a hard wall, or the first touch of a soft one.
+    pub fn impact(&mut self, impact: &Impact) {
+        let (side, speed) = (usize::from(impact.side > 0), impact.approach_speed_m_per_s);
+        self.impact_count += 1;
+        self.max_approach_speed_m_per_s = self.max_approach_speed_m_per_s.max(speed);
+        if let Some((contact, law)) = self.contacts[side].zip(self.particle.walls()[side].impact_law(1.0)) {
+            self.peak_n = self.peak_n.max(contact.peak_force_n(&law, self.reduced_mass_kg, speed));
+        }
+    }
+
+    /// Takes the force of a soft wall during a piece of motion.
+    pub fn piece(&mut self, piece: &Piece) {
+        if let Some(force) = piece.wall_force_n(self.damper) {
+            self.peak_n = force.largest_abs((0.0, piece.length_s), self.peak_n);
+        }
+    }
+
+    /// The result of the damper at the place of this name.
+    pub fn result(&self, place: &str) -> DamperResult {
+        let is_known = |(wall, contact): (Wall, Option<StatedContact>)| wall.is_soft() || contact.is_some();
+        let is_known = self.particle.walls().into_iter().zip(self.contacts).all(is_known);
+        DamperResult {
+            place: place.to_string(),
+            impact_count: self.impact_count,
+            max_approach_speed_m_per_s: self.max_approach_speed_m_per_s,
+            peak_contact_force_n: Some(self.peak_n).filter(|peak_n| is_known && *peak_n > 0.0),
+        }
+    }
 }
 
 impl MultiDegree {

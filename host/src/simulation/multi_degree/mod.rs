@@ -9,6 +9,7 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Initial, SetUp as OneDegree, Structure, Tmd};
 use damprig_structures::{Body, FrictionJoint, SetUp, State, TunedMass, base_at_start};
 
+use crate::setup::StatedContact;
 use crate::structure::{OnBeam, at_place, description};
 
 /// A structure of several degrees of freedom with its dampers, as simulated.
@@ -20,6 +21,8 @@ pub struct MultiDegree {
     pub kind: String,
     /// Structure and dampers.
     pub set_up: SetUp,
+    /// Contacts of the walls of each impact damper: what turns the impulse of a hard one into a force.
+    pub contacts: Vec<[Option<StatedContact>; 2]>,
     /// Names of the places, in the order of the structure's.
     pub places: Vec<String>,
     /// Where they are on a beam; `None` of another structure.
@@ -104,6 +107,7 @@ impl MultiDegree {
         let impact = self.set_up.impact_dampers.first().map(|damper| damper.place);
         let place = impact.or(self.set_up.tuned_masses.first().map(|damper| damper.place)).unwrap_or(self.observed);
         self.set_up.impact_dampers.clear();
+        self.contacts.clear();
         self.set_up.friction_dampers.clear();
         self.set_up.tuned_masses = tmd.map(|tmd| TunedMass { place, tmd }).into_iter().collect();
         self.start.particles.clear();

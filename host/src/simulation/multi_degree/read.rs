@@ -14,7 +14,7 @@ use crate::simulation::excitation::CaseExcitation;
 use crate::simulation::keys::{case, force_sine};
 use crate::simulation::read_case::{base_amplitude, check_cycles, read_excitation, read_run};
 use crate::structure::{DESCRIPTIONS, at_place, check_participation, description, description_of, read_structure};
-use dampers::{CONTACT_LEFT_OUT, Dampers, HERTZ_LEFT_OUT, read_places};
+use dampers::{Dampers, contacts_of, read_places};
 use start::{BaseStart, Start, read_initial, start};
 
 /// Reads the case, whose structure the key `key` describes; `None` after a problem has been reported.
@@ -75,7 +75,7 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
         force_beside_base: beside,
         ..SetUp::bare(modes)
     };
-    let mut read = Dampers { set_up, starts_m: Vec::new() };
+    let mut read = Dampers { set_up, contacts: Vec::new(), starts_m: Vec::new() };
     let mut is_sound = true;
     for mounted in mounted {
         is_sound &= read.add(mounted, base, &places).is_some();
@@ -90,6 +90,7 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
         key,
         kind,
         set_up: read.set_up,
+        contacts: read.contacts,
         places: places.names(),
         on_beam: places.on_beam(),
         observed,
@@ -120,30 +121,22 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
 /// has been reported.
 pub fn force_beside_base(root: &Section, case: &Case, (amplitude_n, phase_rad): (f64, f64)) -> Option<MultiDegree> {
     let key = case::FORCE.name();
-    let others = [
-        (case.many_particles.is_some(), "spheres in a box follow a moving base or a force"),
-        (
-            case.set_up.particle.is_some_and(|particle| particle.walls().iter().any(|wall| wall.hertz().is_some())),
-            HERTZ_LEFT_OUT,
-        ),
-        (case.contacts.iter().any(Option::is_some), CONTACT_LEFT_OUT),
-    ];
-    let allowed = others.iter().find(|(is_given, _)| *is_given).map(|(_, allowed)| *allowed);
-    if let Some(allowed) = allowed {
+    if case.many_particles.is_some() {
         root.source().report(Problem {
             title: "`force` beside a moving `base` is not available for this damper".into(),
             span: root.span_of(key),
-            allowed: allowed.into(),
+            allowed: "spheres in a box follow a moving base or a force".into(),
             help: None,
         });
         return None;
     }
     let force = HarmonicForce { place: 0, amplitude_n, phase_rad };
-    let set_up = SetUp { force_beside_base: Some(force), ..SetUp::from(&case.set_up) };
+    let set_up = SetUp { force_beside_base: Some(force), ..SetUp::from(&case.set_up.without_hertz()) };
     let several = MultiDegree {
         key,
         kind: "one degree of freedom".into(),
         set_up,
+        contacts: case.set_up.particle.iter().map(|particle| contacts_of(particle, case.contacts)).collect(),
         places: vec![set_up_keys::STRUCTURE.name().into()],
         on_beam: None,
         observed: 0,

@@ -1,11 +1,11 @@
 //! Reads the dampers of a structure, each at its place.
 
-use damprig_core::model::Wall;
+use damprig_core::model::Particle;
 use damprig_structures::{FrictionJoint, ImpactDamper, SetUp, TunedMass};
 
 use super::refuse_place;
 use crate::input::{Problem, Section};
-use crate::setup::{self, BaseAmplitude, Damper, SetUpSpec, friction_damper_keys, particle_keys, set_up_keys};
+use crate::setup::{self, BaseAmplitude, Damper, StatedContact, friction_damper_keys, particle_keys, set_up_keys};
 use crate::structure::{Places, at_place};
 
 /// A damper's table with its places.
@@ -56,6 +56,8 @@ pub fn read_places<'a>(root: &Section<'a>, places: &mut Places) -> Option<Vec<Mo
 /// A set-up whose dampers are being read, with y − x of each particle at the start.
 pub struct Dampers {
     pub set_up: SetUp,
+    /// Contacts of the walls of each particle.
+    pub contacts: Vec<[Option<StatedContact>; 2]>,
     pub starts_m: Vec<f64>,
 }
 
@@ -79,12 +81,11 @@ impl Dampers {
             s.reject("start", "\"unknown\" is for campaigns", Some(help.into()));
             return None;
         }
-        let read = spec.at(z_m);
-        if let Some(particle) = read.particle {
-            if let Some(why) = left_out(&spec, &particle.walls()) {
-                s.reject("wall", why, None);
-                return None;
-            }
+        let stated = spec.at(z_m);
+        // A Hertz wall acts as a hard one, whose force is that of the contact.
+        let read = stated.without_hertz();
+        if let Some((particle, stated)) = read.particle.zip(stated.particle) {
+            self.contacts.push(contacts_of(&stated, spec.contacts()));
             self.set_up.impact_dampers.push(ImpactDamper { place, particle });
             self.starts_m.push(spec.particle_start_m(z_m));
         }
@@ -97,18 +98,8 @@ impl Dampers {
     }
 }
 
-/// Why Hertz walls are refused.
-pub const HERTZ_LEFT_OUT: &str =
-    "Hertz contact is not available with several places, or with a force beside a moving base; state the restitution";
-
-/// Why the contact of a hard wall is refused.
-pub const CONTACT_LEFT_OUT: &str = "the force of a hard wall is not available with several places, or with a force beside a moving base; leave its contact out";
-
-/// What of walls a structure of several degrees of freedom does not follow.
-fn left_out(spec: &SetUpSpec, walls: &[Wall; 2]) -> Option<&'static str> {
-    if walls.iter().any(|wall| wall.hertz().is_some()) {
-        return Some(HERTZ_LEFT_OUT);
-    }
-    let is_stated = spec.contacts().iter().any(Option::is_some);
-    is_stated.then_some(CONTACT_LEFT_OUT)
+/// The contacts of the walls of a particle as stated: of a hard wall that of the file, of one with Hertz contact its own.
+pub fn contacts_of(stated: &Particle, of_hard: [Option<StatedContact>; 2]) -> [Option<StatedContact>; 2] {
+    let [negative, positive] = stated.walls().map(|wall| wall.hertz().map(StatedContact::HertzWall));
+    [negative.or(of_hard[0]), positive.or(of_hard[1])]
 }
