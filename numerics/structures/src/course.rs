@@ -105,14 +105,27 @@ impl Course {
         self.terms.iter().map(|term| term.start.norm()).sum()
     }
 
+    /// The course of the velocity, m/s.
+    #[must_use]
+    pub fn rate(&self) -> Self {
+        self.with_rate(0.0, 1.0, 0.0)
+    }
+
     /// The course of the acceleration, m/s².
     #[must_use]
     pub fn acceleration(&self) -> Self {
-        let terms = self.terms.iter().map(|Term { start, end, rate }| {
-            let square = rate * rate;
-            (square * start, square * end, *rate)
-        });
-        Self::new(terms, self.cubic.rate().rate(), self.length_s)
+        self.rate().rate()
+    }
+
+    /// ∫ab dt of two courses of one piece: a quarter of the difference of the squares of a + b and a − b, which are made of one size.
+    #[must_use]
+    pub fn product_m2_s(&self, other: &Self) -> f64 {
+        let scale = (self.square_m2_s() / other.square_m2_s()).sqrt();
+        if !(scale.is_finite() && scale > 0.0) {
+            return 0.0;
+        }
+        let [sum, difference] = [-scale, scale].map(|by| self.minus(&other.with_rate(by, 0.0, 0.0)).square_m2_s());
+        (sum - difference) / (4.0 * scale)
     }
 
     /// The course of `of` times the displacement, `of_rate` times its velocity, and a constant.

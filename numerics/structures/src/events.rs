@@ -238,9 +238,12 @@ impl Motion {
 
     /// What an observer is told of an impact now.
     fn impact(&self, damper: usize, side: Sign, approach_speed_m_per_s: f64, impulse_n_s: f64) -> Impact {
+        // The impulse acts against the mean of approach and separation.
+        let separation_m_per_s = -signed(side, self.offset(damper).1);
+        let lost_j = 0.5 * impulse_n_s * (approach_speed_m_per_s - separation_m_per_s);
         let base_m = self.mount.cavities[damper].influence * self.base().0;
         let y_m = self.q[self.mount.permanent + damper] + base_m;
-        Impact { time_s: self.time_s(), damper, side, approach_speed_m_per_s, y_m, impulse_n_s }
+        Impact { time_s: self.time_s(), damper, side, approach_speed_m_per_s, y_m, impulse_n_s, lost_j }
     }
 
     /// Impacts at one instant: of the particles in `hits`, together with those that rest at a wall.

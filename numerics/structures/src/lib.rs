@@ -32,6 +32,7 @@ mod course;
 mod cubic;
 mod derivatives;
 mod describe;
+mod energy;
 mod events;
 mod flight;
 mod guard;
@@ -53,6 +54,7 @@ pub use derivatives::{
     Derivatives, Derived, DerivedImpact, Drive, Largest, MotionCase, NoDerivatives, Orbit, Returned, Section, Varied,
 };
 pub use describe::{Beam, Damping, MAX_MODES, Storey, Support};
+pub use energy::EnergyBook;
 pub use motion::Motion;
 pub use observe::{Impact, Observer, Piece};
 pub use refused::Refused;

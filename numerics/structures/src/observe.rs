@@ -25,6 +25,8 @@ pub struct Impact {
     pub y_m: f64,
     /// Impulse of a hard wall, N·s; 0 or greater. 0 of a soft wall, which pushes over time.
     pub impulse_n_s: f64,
+    /// Energy that is lost in it, J.
+    pub lost_j: f64,
 }
 
 /// What a piece is made of.
@@ -43,7 +45,7 @@ pub(crate) struct Parts<'a> {
 
 /// A piece of motion without an event inside.
 pub struct Piece<'a> {
-    parts: Parts<'a>,
+    pub(crate) parts: Parts<'a>,
     /// Start time, s.
     pub start_s: f64,
     /// Duration, s.
@@ -117,7 +119,8 @@ impl<'a> Piece<'a> {
         self.course(&signal.coefficients, signal.cubic(rest) + influence * base)
     }
 
-    fn course(&self, coefficients: &[C64], cubic: Cubic) -> Course {
+    /// The course with these coefficients on the natural motions, and a cubic.
+    pub(crate) fn course(&self, coefficients: &[C64], cubic: Cubic) -> Course {
         let Parts { system, z, end, .. } = self.parts;
         let ends = z.iter().zip(end).zip(&system.linear.natural.rates);
         let terms = coefficients.iter().zip(ends).map(|(c, ((z, end), rate))| (c * z, c * end, *rate));
@@ -158,7 +161,7 @@ impl<'a> Piece<'a> {
     }
 
     /// The absolute displacement of the place of an impact damper.
-    fn place_of_cavity(&self, damper: usize) -> Course {
+    pub(crate) fn place_of_cavity(&self, damper: usize) -> Course {
         let Parts { mount, system, rest, base, .. } = self.parts;
         let cavity = &mount.cavities[damper];
         let signal = system.place(&cavity.place, cavity.influence);

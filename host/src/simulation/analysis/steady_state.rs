@@ -18,6 +18,7 @@ use super::run_sensitivities::{WrittenCase, motion_case};
 use super::sensitivities::Sensitivities;
 use crate::simulation::Case;
 use crate::simulation::motion::ExactObserver;
+use crate::simulation::multi_degree::driver;
 use crate::simulation::statistics::{LastCyclesMeter, STEADY};
 
 /// Most drive periods at the end of the run that are analysed.
@@ -285,6 +286,9 @@ impl Analysis {
         let driven = analysis.driven.as_ref();
         let is_chaotic = driven.and_then(|driven| driven.lyapunov.as_ref()).is_some_and(Lyapunov::is_chaotic);
         let goes_on: &mut dyn FnMut(f64) -> bool = &mut |t_s| watch.goes_on(t_s);
+        if let Some(several) = &case.multi_degree {
+            analysis.energy = driver::energy(case, several, goes_on);
+        }
         if is_chaotic {
             analysis.no_sensitivities = Some("none: the motion is chaotic".into());
         } else if driven.is_none_or(|driven| driven.sensitivities.is_none()) {

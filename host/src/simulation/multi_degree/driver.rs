@@ -1,10 +1,11 @@
 //! Runs a case with a structure of several degrees of freedom: every event at its instant.
 
+use damprig_core::analysis::energy::Balance;
 use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::io::Invalid;
 use damprig_motion::placed_motion::powers;
-use damprig_structures::{Impact, Motion, Observer, Piece, Refused, State};
+use damprig_structures::{EnergyBook, Impact, Motion, Observer, Piece, Refused, State};
 
 use super::measure::{DamperMeter, PlaceMeter, PlacesResult};
 use super::piece::PieceAtPlace;
@@ -158,6 +159,43 @@ pub(in crate::simulation) fn run<V: Viewer>(
         impact_dampers: impact_dampers.map(|(damper, meter)| meter.result(&of.places[damper.place])).collect(),
     };
     Ok((summary, end(of, &motion), result))
+}
+
+/// Keeps the energy book of a run.
+struct Booked<'a> {
+    book: EnergyBook,
+    go_on: &'a mut dyn FnMut(f64) -> bool,
+    steps: u32,
+    is_stopped: bool,
+}
+
+impl Observer for Booked<'_> {
+    const PIECES: bool = true;
+
+    fn piece(&mut self, piece: &Piece) {
+        self.book.piece(piece);
+    }
+
+    fn impact(&mut self, impact: &Impact) {
+        self.book.impact(impact);
+    }
+
+    fn goes_on(&mut self, time_s: f64) -> bool {
+        self.steps += 1;
+        if self.steps.is_multiple_of(STEPS_PER_QUESTION) {
+            self.is_stopped |= !(self.go_on)(time_s);
+        }
+        !self.is_stopped
+    }
+}
+
+/// The energy balance of the whole run; `None` if it was stopped, or is not known ([`EnergyBook::new`]).
+pub fn energy(case: &Case, of: &MultiDegree, go_on: &mut dyn FnMut(f64) -> bool) -> Option<Balance> {
+    let mut running = CaseMotion::new(case, of).ok()?;
+    let book = EnergyBook::new(&running.motion)?;
+    let mut booked = Booked { book, go_on, steps: 0, is_stopped: false };
+    running.run(case.run.duration_s, &mut booked).ok()?;
+    (!booked.is_stopped).then(|| booked.book.balance(&running.motion))
 }
 
 /// Runs a case up to `end_s`, s, and gives its response from the cycle `first_cycle` on, which begins at `from_s`, with how often the event search

@@ -2,6 +2,7 @@
 
 mod closed_forms;
 mod derivatives;
+mod energy;
 mod guided;
 mod laws;
 mod one_degree;
