@@ -1,10 +1,12 @@
 //! `[plant]`: a structure with several places on the rig, for the virtual rig, the predictions and `damprig compare`. The board knows the
 //! structure of one degree of freedom of a set-up.
 
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use damprig_core::model::Structure;
 use damprig_motion::placed_motion::PlacedStructure;
+use damprig_structures::Modes;
 
 use super::keys::campaign;
 use crate::input::key::Quantity;
@@ -60,7 +62,7 @@ pub(super) fn read(root: &Section) -> Option<Option<Plant>> {
         true => places.named(&s, &description::OBSERVED)?,
         false => places.usual(),
     };
-    check_participation(&s)?;
+    check_participation(&s, None)?;
     s.finish();
     match described.modes(&places) {
         Err(refused) => report(&s, "the plant cannot be simulated", refused.to_string()),
@@ -99,9 +101,20 @@ impl Plant {
             words.extend(place.map(|place| format!("{what} at {}", names[place])));
         }
         words.extend(at.other_end.map(|place| format!("its other end at {}", names[place])));
+        words.push(modes_in_words(&placed.structure));
         Some(SetUpPlant {
             placed: Arc::new(placed),
             in_words: format!("{} ({})", self.described.kind(), words.join(", ")),
         })
     }
+}
+
+fn modes_in_words(structure: &Modes) -> String {
+    const LISTED: usize = 5;
+    let mut modes_hz: Vec<f64> = structure.modes.iter().map(|mode| mode.angular_frequency_rad_per_s / TAU).collect();
+    modes_hz.sort_by(f64::total_cmp);
+    let lowest: Vec<String> = modes_hz.iter().take(LISTED).map(|hz| format!("{hz:.4}")).collect();
+    let left = modes_hz.len().saturating_sub(LISTED);
+    let more = if left == 0 { String::new() } else { format!(" and {left} more") };
+    format!("modes at {} Hz{more}", lowest.join(", "))
 }

@@ -89,7 +89,14 @@ impl CampaignSetUp {
     #[must_use]
     pub fn moves_as_plant(&self) -> Option<String> {
         let plant = self.plant.as_ref()?;
-        Some(format!("a {} moves; the board knows its `structure` of one degree of freedom", plant.in_words))
+        let structure = self.model().structure;
+        Some(format!(
+            "a {} moves; the board, equivalent fn and ζ, and decrements take it for one degree of freedom of {:.4} kg, {:.4} Hz and ζ = {:.5}",
+            plant.in_words,
+            structure.mass_kg,
+            self.natural_frequency_hz(),
+            structure.damping_ratio()
+        ))
     }
 
     /// P, N, if a force drives the structure.

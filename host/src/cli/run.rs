@@ -190,6 +190,9 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     }
     if args.dry_run {
         terminal::campaign::peak_points(&campaign, &predicted.responses).iter().for_each(|line| say!("{line}"));
+        terminal::campaign::unresolved_predictions(&campaign, &predicted.responses)
+            .iter()
+            .for_each(|line| say!("{line}"));
     }
     terminal::transients::plan(&campaign, &predicted.expected).iter().for_each(|plan| say!("{plan}"));
     check(&campaign, &predicted, &session)?;

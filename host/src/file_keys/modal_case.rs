@@ -44,9 +44,10 @@ pub fn text(from: &str, places: &[String], modes: &[WrittenMode]) -> String {
         }
     }
     text + &format!(
-        "\n# [[particle]]\n# place = {}\n# mass_ratio = 0.05                     # of the modal mass of the first mode there\n\
+        "\n# [[particle]]\n# place = {}\n# mass_kg = {:?}                      # 5 % of the modal mass of the first mode there, 1/φ²\n\
          # clearance_m = 0.0002\n# wall = {{ kind = \"restitution\", coefficient = 0.5 }}\n",
-        names[0]
+        names[0],
+        rounded(0.05 / first.shape_per_root_kg[0].powi(2), 2)
     )
 }
 

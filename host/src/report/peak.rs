@@ -37,8 +37,13 @@ pub struct Peak {
 pub enum Resolution {
     /// A smooth curve through it and its neighbours is higher by at most the tolerance.
     Resolved,
-    /// X/Z falls steeply to the first, lower neighbour: frequency (Hz) and X/Z of the lower one.
-    NotResolved((f64, f64)),
+    /// X/Z falls steeply to a neighbour, the lower one.
+    NotResolved {
+        /// Frequency (Hz) and X/Z of the neighbour.
+        beside: (f64, f64),
+        /// The step, Hz, with which the neighbours of such a resonance are within the tolerance.
+        resolving_step_hz: f64,
+    },
     /// X/Z jumps to this neighbour, the lower one if it jumps on both sides: frequency (Hz) and X/Z.
     Jump((f64, f64)),
     /// It is the first or the last point: the peak may lie outside.
@@ -69,7 +74,13 @@ impl Peak {
             fall(other) > MIN_JUMP.max(2.0 * gradual)
         };
         match (steep.iter().find(|other| !is_jump(other)), steep.first()) {
-            (Some(other), _) => peak(Resolution::NotResolved(*other)),
+            (Some(other), _) => {
+                // X/Z of a resonance falls by 1 − 1/√(1 + (δ/w)²) at a distance δ.
+                let squared = |fall: f64| 1.0 / ((1.0 - fall) * (1.0 - fall)) - 1.0;
+                let least = squared(tolerance / RISE_BETWEEN_POINTS);
+                let resolving_step_hz = (other.0 - frequency_hz).abs() * (least / squared(fall(other))).sqrt();
+                peak(Resolution::NotResolved { beside: *other, resolving_step_hz })
+            }
             (None, Some(other)) => peak(Resolution::Jump(*other)),
             (None, None) => peak(Resolution::Resolved),
         }
@@ -99,10 +110,14 @@ impl Peak {
     /// A line for each peak of a campaign that its results do not resolve.
     #[must_use]
     pub fn notes(campaign: &Campaign, rows: &[ResultRow]) -> Vec<String> {
+        Self::notes_of(campaign, |set_up: &str, experiment: &str| points_of(rows, set_up, experiment))
+    }
+
+    /// A line for each peak that the points of a set-up and an experiment do not resolve; `points_of` as of [`Self::all`].
+    pub fn notes_of(campaign: &Campaign, points_of: impl Fn(&str, &str) -> Vec<(f64, f64)>) -> Vec<String> {
         let line = |(set_up, experiment, peak): (&CampaignSetUp, &Experiment, Self)| {
             Some(format!("Set-up {:?}, experiment {:?}: {}.", set_up.name, experiment.name, peak.note()?))
         };
-        let points_of = |set_up: &str, experiment: &str| points_of(rows, set_up, experiment);
         Self::all(campaign, points_of).into_iter().filter_map(line).collect()
     }
 
@@ -138,7 +153,7 @@ impl Peak {
     pub fn verdict(&self) -> &'static str {
         match self.resolution {
             Resolution::Resolved => "resolved",
-            Resolution::NotResolved(_) => "not resolved",
+            Resolution::NotResolved { .. } => "not resolved",
             Resolution::Jump(_) => "at a jump",
             Resolution::AtEnd => "not resolved (end)",
         }
@@ -151,10 +166,11 @@ impl Peak {
             format!("the highest X/Z (cycle maxima), {:.2} at {} Hz", self.x_over_z, trimmed(self.frequency_hz, 4));
         match self.resolution {
             Resolution::Resolved => None,
-            Resolution::NotResolved((beside_hz, ratio)) => Some(format!(
-                "the peak is not resolved: beside {at}, it is {:.0} % lower at {} Hz; write more peak_points or a smaller step",
+            Resolution::NotResolved { beside: (beside_hz, ratio), resolving_step_hz } => Some(format!(
+                "the peak is not resolved: beside {at}, it is {:.0} % lower at {} Hz; write more peak_points or a smaller step, about {} Hz",
                 100.0 * (1.0 - ratio / self.x_over_z),
                 trimmed(beside_hz, 4),
+                significant(resolving_step_hz, 1)
             )),
             Resolution::Jump((beside_hz, ratio)) => Some(format!(
                 "X/Z jumps beside its peak: from {at}, to {ratio:.2} at {} Hz; the motion changes between the two, where X/Z may be higher",

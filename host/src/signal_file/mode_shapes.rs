@@ -89,6 +89,12 @@ fn of_table(bytes: &[u8]) -> Result<ModalTest, String> {
         Ok(header) => header.iter().map(str::to_string).collect(),
         Err(error) => return Err(format!("it cannot be read as a table: {error}\n  {needed}")),
     };
+    if header.iter().all(String::is_empty) {
+        return Err(format!("it has no columns\n  {needed}"));
+    }
+    if let Some((_, twice)) = header.iter().enumerate().find(|(n, name)| header[..*n].contains(name)) {
+        return Err(format!("two columns have the name {twice:?}; give each place one of its own"));
+    }
     for column in [FREQUENCY, DAMPING] {
         if !header.iter().any(|name| name == column) {
             return Err(format!("it has no column {column}; it has {}\n  {needed}", header.join(", ")));

@@ -57,7 +57,10 @@ impl Described {
                 let held = if beam.support == Support::Cantilever { "cantilever" } else { "simply supported beam" };
                 format!("{held} of {} m", beam.length_m)
             }
-            Self::Modes(modes) => format!("{} stated modes", modes.modes.len()),
+            Self::Modes(modes) => match modes.modes.len() {
+                1 => "stated mode".into(),
+                count => format!("structure of {count} stated modes"),
+            },
             Self::Matrices(of) => format!("matrices of {0} × {0}", of.influence.len()),
         }
     }
@@ -226,8 +229,8 @@ fn read_matrices(root: &Section, names: Vec<Text>) -> Option<(Described, Places)
     Some((Described::Matrices(read), Places::Named(names_of(root, names)?)))
 }
 
-/// The participation of every mode is needed where the base moves.
-pub fn check_participation(root: &Section) -> Option<()> {
+/// The participation of every mode is needed where the base moves; `help` names another way.
+pub fn check_participation(root: &Section, help: Option<&str>) -> Option<()> {
     let lacking: Vec<Section> =
         root.tables_of(&description::MODES).into_iter().filter(|s| !s.is_given(&mode::PARTICIPATION)).collect();
     for s in &lacking {
@@ -236,7 +239,7 @@ pub fn check_participation(root: &Section) -> Option<()> {
             title: format!("`{}` is missing", s.full(key)),
             span: s.span(),
             allowed: mode::PARTICIPATION.keys[0].doc.into(),
-            help: Some("or let a `force` act in place of the base's motion".into()),
+            help: help.map(str::to_string),
         });
     }
     lacking.is_empty().then_some(())

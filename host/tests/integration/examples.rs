@@ -170,7 +170,6 @@ fn a_shipped_campaign_with_a_record_runs_and_keeps_the_record() {
 fn a_shipped_optimisation_study_and_continuation_find_their_cases() {
     let folder = empty();
     done(&folder, &["optimise", "hybrid-band", "--dry-run"]);
-    done(&folder, &["study", "run", "many-particles", "--dry-run"]);
     done(&folder, &["study", "run", "clearance-and-restitution", "--dry-run"]);
     let (shipped, _) = done(&folder, &["continue", "clearance", "--json"]);
     done(&folder, &["examples", "clearance"]);

@@ -80,7 +80,7 @@ fn the_written_case_runs() {
     let folder = folder(&[("test.uff", &text("real-mm-n.uff"))]);
     let said = damprig(&folder).args(["init", "part.toml", "--modal-test", "test.uff"]).assert().success();
     let printed = String::from_utf8_lossy(&said.get_output().stdout).into_owned();
-    assert!(printed.contains("3 modes at 3 places") && printed.contains("6 degrees of freedom"), "{printed}");
+    assert!(printed.contains("modes: 3, places: 3") && printed.contains("6 degrees of freedom"), "{printed}");
     let written = std::fs::read_to_string(folder.path().join("part.toml")).unwrap();
     let answer = simulated(&written, &[]);
     assert_eq!(answer["places"].as_array().unwrap().len(), 3);
@@ -93,9 +93,10 @@ fn what_is_no_modal_test_is_refused_with_what_is_needed() {
     let real = text("real-mm-n.uff");
     let header = "frequency_hz,damping_ratio,tip\n";
     let cases: &[(String, &[&str], &[&str])] = &[
-        (String::new(), &[], &["no column frequency_hz"]),
+        (String::new(), &[], &["no columns", "frequency_hz"]),
         ("f,zeta,tip\n3,0.01,1\n".into(), &[], &["no column frequency_hz", "f, zeta, tip"]),
         (header.into(), &[], &["no mode"]),
+        ("frequency_hz,damping_ratio,tip,tip\n3,0.01,1,2\n".into(), &[], &["two columns", "\"tip\""]),
         (format!("{header}3,0.01,one\n"), &[], &["line 2, tip", "\"one\""]),
         (format!("{header}0,0.01,1\n"), &[], &["line 2", "rigid motions"]),
         (format!("{header}3,1.5,1\n"), &[], &["damping ratio of 1.5"]),

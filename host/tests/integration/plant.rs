@@ -151,9 +151,12 @@ fn a_run_on_a_plant_is_as_predicted_and_agrees_with_its_simulation() {
         })
         .expect("a verdict");
     assert_eq!(agree, all, "{printed}");
-    assert!(printed.contains("frame of 2 storeys (x at floor 2, particle at floor 1) moves"), "{printed}");
+    assert!(printed.contains("frame of 2 storeys (x at floor 2, particle at floor 1, modes at "), "{printed}");
     let page = std::fs::read_to_string(ran.folder.path().join("out/report.html")).unwrap();
-    assert!(page.contains("friction damper at floor 2, its other end at floor 1) moves"), "the page names the plant");
+    assert!(
+        page.contains("friction damper at floor 2, its other end at floor 1, modes at "),
+        "the page names the plant"
+    );
     let names = texts(&read_parquet(ran.folder.path().join("out/transients.parquet"))[0], "set_up").unwrap();
     assert_eq!(names.len(), 4);
 }

@@ -98,6 +98,11 @@ pub fn identify(places: &[FrequencyResponse], driven: usize, near_hz: &[f64], ba
     };
     let lines: Vec<Vec<Line>> =
         places.iter().map(|place| place.lines.iter().filter(inside).copied().collect()).collect();
+    if let Some((at_rest, _)) =
+        places.iter().zip(&lines).find(|(_, own)| !own.is_empty() && own.iter().all(|line| line.h.norm_sqr() == 0.0))
+    {
+        return Err(Refused(format!("{}: has no motion in the band\n  leave out that place", at_rest.taken_from)));
+    }
     let fewest = lines.iter().map(Vec::len).min().unwrap_or(0);
     let peaks;
     let near_hz = if near_hz.is_empty() {

@@ -17,6 +17,7 @@ use clap::{Args as ClapArgs, Subcommand};
 use super::arguments::{ForceArg, JsonArg, positive};
 use crate::failure::{Failure, Outcome};
 use crate::identify::backbone::Row;
+use crate::identify::modal::Wish;
 use crate::identify::restitution::OverSpeed;
 use crate::identify::table::Table;
 use crate::identify::wall::Pad;
@@ -261,6 +262,16 @@ fn wall(args: &WallArgs) -> Result<Identification, Failure> {
         identified.remarks = vec![remark.into()];
     }
     Ok(identified)
+}
+
+/// Refuses a band without width.
+fn check_band(band: Wish) -> Result<(), Failure> {
+    match (band.from_hz, band.to_hz) {
+        (Some(from), Some(to)) if from >= to => {
+            Err(Failure::Input(format!("--from-hz {from} must be less than --to-hz {to}")))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Prints the results, and writes the set-up file unless something contradicts them; `help` says what to do then.

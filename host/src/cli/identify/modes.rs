@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 
-use super::{digits_of, shown};
+use super::{check_band, digits_of, shown};
 use crate::cli::arguments::{ForceArg, JsonArg, positive};
 use crate::cli::simulate::picture;
 use crate::failure::{Failure, Outcome};
@@ -91,11 +91,13 @@ pub(super) fn run(args: &ModesArgs) -> Outcome {
             return Err(Failure::Input(format!("two places have the name {:?}; give each one of its own", place.name)));
         }
     }
+    let band = Wish { from_hz: args.from_hz, to_hz: args.to_hz };
+    check_band(band)?;
     let found = of_files(&Wanted {
         places: &args.places,
         driven: args.driven.as_deref().unwrap_or(&args.places[0].name),
         near_hz: &args.near_hz,
-        band: Wish { from_hz: args.from_hz, to_hz: args.to_hz },
+        band,
         unit: args.unit.as_deref(),
         frequencies_hz: args.frequencies_hz.as_deref(),
     })?;

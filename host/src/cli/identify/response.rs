@@ -5,14 +5,14 @@ use std::slice::from_ref;
 
 use clap::Args as ClapArgs;
 
-use super::{ChoiceArgs, OutArgs, SensorArgs, finish, finish_if_consistent};
+use super::{ChoiceArgs, OutArgs, SensorArgs, check_band, finish, finish_if_consistent};
 use crate::cli::arguments::{not_negative, positive};
 use crate::cli::simulate::picture;
 use crate::failure::{Failure, Outcome};
 use crate::identify::modal::h1::{Channels, Found};
 use crate::identify::modal::read::{Source, has_one};
 use crate::identify::modal::{self, FrequencyResponse, Modal, Wish};
-use crate::identify::response::Response;
+use crate::identify::response::{DrivenBy, Response};
 use crate::identify::table::{TIME, Table, X, Z};
 use crate::identify::time_response::{self, Motion, Wanted};
 use crate::identify::{Identification, OfRun, response, response_file, response_of_run};
@@ -52,7 +52,7 @@ pub(super) struct ResponseArgs {
     #[arg(long, value_name = "FILE", value_parser = picture)]
     plot: Option<PathBuf>,
 
-    /// Let --out write values that another method of this command contradicts
+    /// Let --out write values that another method of this command, or the points themselves, contradict
     #[arg(long, requires = "out")]
     despite_misfit: bool,
 
@@ -155,16 +155,15 @@ enum Given {
 /// A source from which nothing can be identified; an option that does not go with it; values that another method contradicts and --out; a file that
 /// cannot be written.
 pub(super) fn run(args: &ResponseArgs) -> Outcome {
-    if let (Some(from), Some(to)) = (args.file.from_hz, args.file.to_hz)
-        && from >= to
-    {
-        return Err(Failure::Input(format!("--from-hz {from} must be less than --to-hz {to}")));
-    }
+    check_band(args.file.band())?;
     args.out.check(from_ref(&args.source), &[&args.plot])?;
     let from = from_source(args)?;
     check_options(args, &from)?;
     match from {
-        Given::Points(points) => finish(&args.out, of_points(args, points)?),
+        Given::Points(points) => {
+            let help = "mount the sensor where Γφ is 1, or write the values of one degree of freedom";
+            finish_if_consistent(&args.out, of_points(args, points)?, args.despite_misfit, help)
+        }
         Given::Motion(motion) => finish(&args.out, of_motion(args, &motion)?),
         Given::Lines(lines) => {
             let found = modal::identify(&lines, args.file.band())?;
@@ -307,7 +306,9 @@ fn of_points(args: &ResponseArgs, found: Response) -> Result<Identification, Fai
     let estimates = response::identify(&points, driven_by, &sensors)
         .map_err(|error| Failure::input(format!("{taken_from}: {error}")))?;
     remarks.extend([response::REPORT.into(), sensors.remark()]);
-    Ok(Identification { remarks, ..Identification::new(taken_from, estimates) })
+    let contradiction = response::contradiction(&points, &sensors, &estimates).filter(|_| driven_by == DrivenBy::Base);
+    let lack_of_fit = contradiction.clone().map(|sentence| vec![sentence]);
+    Ok(Identification { remarks, lack_of_fit, contradiction, ..Identification::new(taken_from, estimates) })
 }
 
 fn of_motion(args: &ResponseArgs, motion: &Motion) -> Result<Identification, Failure> {

@@ -84,7 +84,7 @@ pub(super) fn of_modal_test(test_file: &Path, args: &Args) -> Outcome {
     Case::parse(&Source::new(shown.to_string(), text.clone()), "case")?;
     write(&file, &text, args.force)?;
     test.remarks.iter().for_each(|remark| say!("{remark}"));
-    say!("Written to {shown}: {} modes at {} places. Next: damprig simulate {shown}", test.modes.len(), places.len());
+    say!("Written to {shown}: modes: {}, places: {}. Next: damprig simulate {shown}", test.modes.len(), places.len());
     Ok(())
 }
 

@@ -265,7 +265,7 @@ impl<'a> Section<'a> {
         match self.given(quantity)? {
             (place, Given::Table(_)) => self.table(quantity.keys[place].name, inherited),
             (place, Given::Tables(_)) => {
-                let help = "several are mounted on a structure with several places: `storey`, `beam`, `mode` or `matrices` in a case";
+                let help = "several of a kind are mounted in a case with `storey`, `beam`, `mode` or `matrices`";
                 self.reject(quantity.keys[place].name, "must be one table here", Some(help.into()));
                 None
             }

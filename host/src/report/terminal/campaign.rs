@@ -133,6 +133,19 @@ pub fn peak_points(campaign: &Campaign, responses: &[Response]) -> Vec<String> {
     lines
 }
 
+/// A line for each peak that the predicted points do not resolve.
+#[must_use]
+pub fn unresolved_predictions(campaign: &Campaign, responses: &[Response]) -> Vec<String> {
+    let points_of = |set_up: &str, experiment: &str| {
+        let is_own = |r: &&Response| {
+            campaign.set_ups[r.set_up].name == set_up && campaign.experiments[r.experiment].name == experiment
+        };
+        responses.iter().find(is_own).map_or(Vec::new(), |response| response.points.clone())
+    };
+    let lines = Peak::notes_of(campaign, points_of);
+    lines.iter().map(|line| shown_in_line(&format!("Predicted: {line}")).into_owned()).collect()
+}
+
 /// A line for each peak that its points do not resolve.
 #[must_use]
 pub fn unresolved_peaks(campaign: &Campaign, rows: &[ResultRow]) -> Vec<String> {

@@ -65,7 +65,7 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
         CaseExcitation::Recorded(record) => (Excitation::Fixed, Some(record)),
     };
     if record.is_some() || (excitation.moves_base() && excitation != Excitation::Fixed) {
-        check_participation(root)?;
+        check_participation(root, Some("or let a `force` act in place of the base's motion"))?;
     }
     let beside =
         beside.zip(driven).map(|((amplitude_n, phase_rad), place)| HarmonicForce { place, amplitude_n, phase_rad });
