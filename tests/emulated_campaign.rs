@@ -17,6 +17,9 @@ pub const LONG: [&str; 2] = ["closed-loop", "dampers"];
 /// `hidden-branch`.
 pub const TOO_LONG: [&str; 4] = ["hybrid", "hidden-branch", "resonance", "source-document"];
 
+/// Campaigns with a `[plant]`, which only the virtual rig in double precision moves: never on the emulator.
+pub const WITH_PLANT: [&str; 1] = ["frame-rig"];
+
 const TABLES: [&str; 4] = ["results.parquet", "samples.parquet", "impacts.parquet", "transients.parquet"];
 
 /// Longest silence of the emulator on a busy machine, s.
@@ -39,7 +42,7 @@ fn campaigns() -> Vec<String> {
     let paths = std::fs::read_dir(project().join("host/campaigns")).unwrap().map(|entry| entry.unwrap().path());
     let files = paths.filter(|path| path.extension().is_some_and(|extension| extension == "toml"));
     let names = files.map(|path| path.file_stem().unwrap().to_string_lossy().into_owned());
-    let names = names.filter(|name| !TOO_LONG.contains(&name.as_str()));
+    let names = names.filter(|name| !TOO_LONG.contains(&name.as_str()) && !WITH_PLANT.contains(&name.as_str()));
     println!("skipped, because they take too long on the emulator: {}", TOO_LONG.join(", "));
     names.filter(|name| is_full || !LONG.contains(&name.as_str())).collect()
 }

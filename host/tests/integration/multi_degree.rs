@@ -482,7 +482,7 @@ fn what_a_structure_with_several_places_does_not_have_is_refused_with_a_reason()
     refused(
         &[("case.toml", &format!("{one}{PARTICLE}"))],
         &simulate,
-        &["`particle`", "must be one table here", "several are mounted"],
+        &["`particle`", "must be one table here", "several of a kind are mounted"],
     );
     let placed = PARTICLE.replace("[[particle]]", "[particle]");
     refused(

@@ -24,6 +24,9 @@ struct Term {
     rate: C64,
 }
 
+/// Share of the terms of a sum that its rounding, and that of slopes from it, may reach.
+const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
+
 /// Least share of an interval that is still divided: an extremum closer to an end is the end.
 const NARROW: f64 = 1e-9;
 
@@ -66,8 +69,19 @@ impl Course {
     /// Acceleration, m/s², at `after_s` from the start of the piece.
     #[must_use]
     pub fn acceleration_m_per_s2(&self, after_s: f64) -> f64 {
-        let terms = self.terms.iter().map(|Term { start, rate, .. }| (rate * rate * start * (rate * after_s).exp()).re);
-        self.cubic.bend_at(after_s) + terms.sum::<f64>()
+        self.with_bend(after_s).1
+    }
+
+    /// Displacement with velocity, and acceleration.
+    fn with_bend(&self, after_s: f64) -> (Here, f64) {
+        let (mut here, mut bend) = (self.cubic.at(after_s), self.cubic.bend_at(after_s));
+        for Term { start, rate, .. } in &self.terms {
+            let term = start * (rate * after_s).exp();
+            let slope = rate * term;
+            here = here.plus(Here { value: term.re, slope: slope.re });
+            bend += rate.re * slope.re - rate.im * slope.im;
+        }
+        (here, bend)
     }
 
     /// Coefficients of the powers of time from `after_s` on, m/sᵏ: Taylor's polynomial of degree N − 1, which is off by at most
@@ -114,7 +128,8 @@ impl Course {
     /// The course of the acceleration, m/s².
     #[must_use]
     pub fn acceleration(&self) -> Self {
-        self.rate().rate()
+        let terms = self.terms.iter().map(|Term { start, end, rate }| (rate * rate * start, rate * rate * end, *rate));
+        Self::new(terms, self.cubic.rate().rate(), self.length_s)
     }
 
     /// ∫ab dt of two courses of one piece: a quarter of the difference of the squares of a + b and a − b, which are made of one size.
@@ -142,10 +157,22 @@ impl Course {
     /// The difference of two courses of one piece.
     #[must_use]
     pub fn minus(&self, other: &Self) -> Self {
-        let taken = other.terms.iter().map(|term| Term { start: -term.start, end: -term.end, ..*term });
+        let mut terms = self.terms.clone();
+        // Courses of one piece have their exponentials in one order.
+        let mut from = 0;
+        for Term { start, end, rate } in &other.terms {
+            match terms[from..].iter().position(|term| term.rate == *rate) {
+                Some(more) => {
+                    let own = &mut terms[from + more];
+                    (own.start, own.end) = (own.start - start, own.end - end);
+                    from += more + 1;
+                }
+                None => terms.push(Term { start: -start, end: -end, rate: *rate }),
+            }
+        }
         let less = |a: Here, b: Here| Here { value: a.value - b.value, slope: a.slope - b.slope };
         Self {
-            terms: self.terms.iter().copied().chain(taken).collect(),
+            terms,
             cubic: self.cubic + -1.0 * other.cubic,
             length_s: self.length_s,
             start: less(self.start, other.start),
@@ -163,7 +190,7 @@ impl Course {
         square += h * d * (0.5 * value + 0.4 * b + c / 3.0 + d / 7.0);
         for (n, term) in self.terms.iter().enumerate() {
             let Term { start, end, rate } = *term;
-            square += 2.0 * value * integral(start, end, rate, h).re;
+            square += 2.0 * value * integral(start, end, rate, h);
             if !self.cubic.is_constant() {
                 let [first, second, third] = moments(rate, h);
                 square += 2.0 * (start * (first * slope + second * (0.5 * bend) + third * (jerk / 6.0))).re;
@@ -177,9 +204,9 @@ impl Course {
 
     /// The largest magnitude between two times, s, if above `least_m`, else `least_m`.
     ///
-    /// An interval is left out when the cubic with the values and slopes of its ends, and Hermite's remainder `max|x⁗| h⁴/384` of it, stay
-    /// below what was found, or when its slope, which deviates from its chord by at most `max|x‴| h²/8`, keeps its sign. It is searched for its turning
-    /// point when x″ keeps its sign, which `|x″| > max|x‴| h/2` in its middle proves; otherwise it is halved.
+    /// The motion, its velocity and its acceleration deviate from the cubic with the values and slopes of an interval's ends by at most
+    /// `max|x⁗|` times h⁴/384, √3 h³/216 and h²/12 (Birkhoff and Priver 1967). An interval is left out when the motion stays below what was found, but for rounding, or the velocity keeps
+    /// its sign. It is searched for its turning point when the acceleration keeps its sign; otherwise it is halved.
     #[must_use]
     pub fn largest_abs(&self, (from_s, to_s): (f64, f64), least_m: f64) -> f64 {
         let (from, to) = (self.here(from_s), self.here(to_s));
@@ -187,21 +214,21 @@ impl Course {
         let whole = Interval { start_s: from_s, start: from, end_s: to_s, end: to };
         let mut open = Vec::new();
         let mut next = Some(whole);
+        let [size, fourth] = self.sizes();
+        let rounding = ROUNDINGS * (size + self.cubic.size(self.length_s));
         while let Some(interval) = next {
             let Interval { start_s, start, end_s, end } = interval;
             next = None;
             let h = end_s - start_s;
-            let [third, fourth] = self.bounds(start_s);
-            let keeps_sign =
-                start.slope * end.slope > 0.0 && start.slope.abs().min(end.slope.abs()) > third * h * h / 8.0;
-            let is_below = interval.largest_of_cubic() + fourth * h.powi(4) / 384.0 <= largest;
-            if !(keeps_sign || is_below || h <= NARROW * (to_s - from_s)) {
-                let middle_s = 0.5 * (start_s + end_s);
-                if self.acceleration_m_per_s2(middle_s).abs() > 0.5 * third * h {
+            let is_below = interval.largest_of_cubic() + fourth * h.powi(4) / 384.0 <= largest + rounding;
+            let turns = || !keep_sign(&interval.slopes_of_cubic(), fourth * h.powi(3) * (3.0_f64.sqrt() / 216.0));
+            if !is_below && h > NARROW * (to_s - from_s) && turns() {
+                if keep_sign(&interval.bends_of_cubic(), fourth * h * h / 12.0) {
                     if start.slope * end.slope < 0.0 {
                         largest = largest.max(self.turning_point(&interval));
                     }
                 } else {
+                    let middle_s = 0.5 * (start_s + end_s);
                     let middle = self.here(middle_s);
                     largest = largest.max(middle.value.abs());
                     open.push(Interval { start_s: middle_s, start: middle, end_s, end });
@@ -213,16 +240,12 @@ impl Course {
         largest
     }
 
-    /// Bounds of the third and the fourth derivative from `after_s` on.
-    fn bounds(&self, after_s: f64) -> [f64; 2] {
-        let mut bounds = [self.cubic.jerk.abs(), 0.0];
-        for Term { start, rate, .. } in &self.terms {
-            let size = rate.norm_sqr().sqrt();
-            let decay = if after_s == 0.0 { 1.0 } else { (rate.re * after_s).exp() };
-            let most = start.norm_sqr().sqrt() * decay * size * size * size;
-            bounds = [bounds[0] + most, bounds[1] + most * size];
-        }
-        bounds
+    /// Bounds of the sum of the exponentials and of its fourth derivative.
+    fn sizes(&self) -> [f64; 2] {
+        self.terms.iter().fold([0.0; 2], |[sum, fourth], Term { start, rate, .. }| {
+            let size = start.norm_sqr().sqrt();
+            [sum + size, fourth + size * rate.norm_sqr().powi(2)]
+        })
     }
 
     /// The magnitude where the velocity is zero in an interval whose ends have velocities of different sign: from where it is zero in the cubic,
@@ -233,9 +256,8 @@ impl Course {
         let mut at_s = of.turning_point_of_cubic_s();
         let mut largest = 0.0_f64;
         for _ in 0..MAX_STEPS {
-            let here = self.here(at_s);
+            let (here, bend) = self.with_bend(at_s);
             largest = largest.max(here.value.abs());
-            let bend = self.acceleration_m_per_s2(at_s);
             // A further step would change the value by less than rounding.
             if here.slope * here.slope <= 2.0 * bend.abs() * f64::EPSILON * here.value.abs() {
                 break;
@@ -269,6 +291,18 @@ impl Interval {
         ends.max(inner[0].abs()).max(inner[1].abs())
     }
 
+    /// The slope of that cubic is within these: its Bernstein coefficients.
+    fn slopes_of_cubic(&self) -> [f64; 3] {
+        let (start, end) = (self.start.slope, self.end.slope);
+        [start, 3.0 * (self.end.value - self.start.value) / (self.end_s - self.start_s) - start - end, end]
+    }
+
+    /// The second derivative of that cubic is between these.
+    fn bends_of_cubic(&self) -> [f64; 2] {
+        let [start, middle, end] = self.slopes_of_cubic();
+        [middle - start, end - middle].map(|rise| 2.0 * rise / (self.end_s - self.start_s))
+    }
+
     /// Where the slope of that cubic is zero, if it has different signs at the ends, s.
     fn turning_point_of_cubic_s(&self) -> f64 {
         let h = self.end_s - self.start_s;
@@ -283,27 +317,33 @@ impl Interval {
     }
 }
 
+/// Whether all values that deviate from these by at most `off` have one sign.
+fn keep_sign(values: &[f64], off: f64) -> bool {
+    values.iter().all(|value| *value > off) || values.iter().all(|value| *value < -off)
+}
+
 /// Value and slope of a term.
 fn here_of(term: C64, rate: C64) -> Here {
     Here { value: term.re, slope: rate.re * term.re - rate.im * term.im }
 }
 
-/// ∫ of an exponential from `start` to `end` over h: their difference over the rate, or for a slow one its series.
-fn integral(start: C64, end: C64, rate: C64, h: f64) -> C64 {
-    let turn = rate * h;
-    if turn.norm_sqr() > 1e-4 {
-        return (end - start) / rate;
+/// Re ∫ of an exponential from `start` to `end` over h: their difference over the rate, or for a slow one its series.
+fn integral(start: C64, end: C64, rate: C64, h: f64) -> f64 {
+    let square = rate.norm_sqr();
+    if square * h * h > 1e-4 {
+        let more = end - start;
+        return (more.re * rate.re + more.im * rate.im) / square;
     }
+    let turn = rate * h;
     // Σ (λh)^k/(k + 1)!: the next term is below 10⁻¹⁴/5040.
     let series = 1.0 + turn * (0.5 + turn * (1.0 / 6.0 + turn * (1.0 / 24.0 + turn * (1.0 / 120.0 + turn / 720.0))));
-    start * series * h
+    (start * series).re * h
 }
 
 /// Re ∫ (ab + ab̄) dt of two terms.
 fn pair(a: &Term, b: &Term, h: f64) -> f64 {
     let sum = integral(a.start * b.start, a.end * b.end, a.rate + b.rate, h);
-    let difference = integral(a.start * b.start.conj(), a.end * b.end.conj(), a.rate + b.rate.conj(), h);
-    sum.re + difference.re
+    sum + integral(a.start * b.start.conj(), a.end * b.end.conj(), a.rate + b.rate.conj(), h)
 }
 
 /// ∫ tⁿ e^{λt} dt from 0 to h for n = 1, 2, 3.

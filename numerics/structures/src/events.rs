@@ -3,6 +3,7 @@
 use damprig_core::integrator::modes::{Sign, sign, signed};
 use damprig_core::model::Release;
 use nalgebra::DMatrix;
+use smallvec::{SmallVec, smallvec};
 
 use crate::Refused;
 use crate::bodies::{add, dot};
@@ -20,12 +21,15 @@ const SLOW: f64 = 1e-4;
 /// two equal particles by less.
 const ONE_INSTANT: f64 = 1e-12;
 
+/// A list of what takes part in one instant: mostly few.
+pub(crate) type Few<T> = SmallVec<[T; 8]>;
+
 impl Motion {
     /// Decides at an instant which joints of zero relative velocity stick, and starts the next phase. `hints`: guards that are zero by
     /// definition besides those that follow from this decision.
     pub(crate) fn resolve(&mut self, zero: &[bool], hints: &[(Event, usize)]) -> Result<(), Refused> {
-        let mut hints = hints.to_vec();
-        let mut candidates = Vec::new();
+        let mut hints: Few<(Event, usize)> = hints.into();
+        let mut candidates: Few<usize> = Few::new();
         for (joint, &is_zero) in zero.iter().enumerate() {
             let may_stick = self.contacts.may_stick(&self.mount, joint);
             let slip = if may_stick && !is_zero { self.slip_beyond_rounding(joint) } else { 0.0 };
@@ -64,7 +68,7 @@ impl Motion {
     }
 
     /// A joint starts to slide from rest in `direction`; the relative velocity grows with the power `order` of time.
-    fn start_sliding(&mut self, joint: usize, direction: Sign, order: usize, hints: &mut Vec<(Event, usize)>) {
+    fn start_sliding(&mut self, joint: usize, direction: Sign, order: usize, hints: &mut Few<(Event, usize)>) {
         hints.push((Event::Stops(joint), order));
         if let Some(particle) = self.mount.particle_of(joint)
             && let Touch::Wall(side) = self.contacts.touches[particle]
@@ -92,13 +96,15 @@ impl Motion {
         };
         push(-1.0, &bodies.dashpots(&self.v));
         let wave = C64::new(self.wave.cosine, self.wave.sine);
-        let driven: Vec<f64> = mount.force.iter().map(|f| (f * wave).re).collect();
+        let driven: Few<f64> = mount.force.iter().map(|f| (f * wave).re).collect();
         push(1.0, &driven);
         push(-self.base_cubic.bend, &bodies.inertia);
         for (i, cavity) in mount.cavities.iter().enumerate() {
-            let mut unit = vec![0.0; bodies.len()];
-            unit[mount.permanent + i] = 1.0;
-            push(-cavity.weight_n, &unit);
+            if cavity.weight_n != 0.0 {
+                let mut unit: Few<f64> = smallvec![0.0; bodies.len()];
+                unit[mount.permanent + i] = 1.0;
+                push(-cavity.weight_n, &unit);
+            }
             if let Touch::Pressing(side) = self.contacts.touches[i]
                 && let WallLaw::Soft { stiffness, damping, .. } = *cavity.wall(side)
             {
@@ -160,7 +166,7 @@ impl Motion {
                 self.resolve(&zero, &[])
             }
             Event::Breaks(joint, direction) => {
-                let mut hints = Vec::new();
+                let mut hints = Few::new();
                 for (joint, direction) in self.breaking(joint, direction) {
                     self.start_sliding(joint, direction, 2, &mut hints);
                 }
@@ -177,7 +183,7 @@ impl Motion {
                     return self.resolve(&zero, &[(Event::Releases(particle, side), 1)]);
                 }
                 self.contacts.touches[particle] = Touch::Wall(side);
-                let mut hits = vec![(particle, side)];
+                let mut hits: Few<(usize, Sign)> = smallvec![(particle, side)];
                 self.others_at_walls(particle, &mut hits);
                 self.hit(&hits, zero, observer)
             }
@@ -203,13 +209,13 @@ impl Motion {
     }
 
     /// All joints whose force reaches its limit at this instant, to within rounding, with the direction in which each will slide.
-    fn breaking(&self, joint: usize, direction: Sign) -> Vec<(usize, Sign)> {
-        let mut all = vec![(joint, direction)];
-        for (guard, live) in self.systems[self.system].guards.iter().zip(&self.guards) {
+    fn breaking(&self, joint: usize, direction: Sign) -> Few<(usize, Sign)> {
+        let mut all: Few<(usize, Sign)> = smallvec![(joint, direction)];
+        for (n, (guard, live)) in self.systems[self.system].guards.iter().zip(&self.guards).enumerate() {
             let Event::Breaks(other, direction) = guard.event else { continue };
             let here = guard.guard.at(&self.z, self.z.len(), guard.with_flight(&self.free, live.cubic).at(0.0));
             // The size of what cancels in the guard: forces may be limited to 0.
-            let size = guard.guard.size(&self.amplitudes);
+            let size = self.reach(n).size();
             if other != joint && here.value <= ONE_INSTANT * size && here.slope < 0.0 {
                 all.push((other, direction));
             }
@@ -218,7 +224,7 @@ impl Motion {
     }
 
     /// Other particles that meet a hard wall at this instant, to within rounding.
-    fn others_at_walls(&mut self, except: usize, hits: &mut Vec<(usize, Sign)>) {
+    fn others_at_walls(&mut self, except: usize, hits: &mut Few<(usize, Sign)>) {
         for i in (0..self.mount.cavities.len()).filter(|&i| i != except) {
             let is_stuck = self.contacts.slides[self.mount.joint_of(i)] == Slide::Stuck;
             if is_stuck || self.contacts.touches[i] != Touch::None {
@@ -250,10 +256,10 @@ impl Motion {
     pub(crate) fn hit<O: Observer>(
         &mut self,
         hits: &[(usize, Sign)],
-        mut zero: Vec<bool>,
+        mut zero: Few<bool>,
         observer: &mut O,
     ) -> Result<(), Refused> {
-        let mut closed: Vec<Closed> = Vec::new();
+        let mut closed: Few<Closed> = Few::new();
         for (particle, touch) in self.contacts.touches.iter().enumerate() {
             if let Touch::Wall(side) = *touch {
                 let rests = self.contacts.slides[self.mount.joint_of(particle)] == Slide::Stuck;
@@ -268,7 +274,7 @@ impl Motion {
         let is_hit = |closed: &Closed| hits.iter().any(|(particle, _)| *particle == closed.particle);
         let fastest = closed.iter().filter(|closed| is_hit(closed)).map(|closed| closed.approach).fold(0.0, f64::max);
         self.fastest_m_per_s = self.fastest_m_per_s.max(fastest);
-        let before = self.v.clone();
+        let before: Few<f64> = self.v[..].into();
         let mut pushed = self.impulses(&closed)?;
         let speed = before.iter().chain(&self.v).fold(0.0, |most: f64, v| most.max(v.abs()));
         // Bounces that rounding hides end: these particles stay on their walls.
@@ -286,7 +292,7 @@ impl Motion {
                 observer.impact(&self.impact(damper, side, closed.approach, pushed.impulse_n_s));
             }
         }
-        let mut hints = Vec::new();
+        let mut hints: Few<(Event, usize)> = Few::new();
         for (&Closed { particle, side, e, stays, .. }, pushed) in closed.iter().zip(pushed) {
             let joint = self.mount.joint_of(particle);
             zero[joint] = stays || (pushed.is_pushed && e == 0.0) || self.slip_beyond_rounding(joint) == 0.0;
@@ -311,11 +317,11 @@ impl Motion {
 
     /// Applies the impulses of closed contacts (Moreau's law): each separates at least at e times its approach, at exactly that where it
     /// has an impulse; one that stays does not separate.
-    fn impulses(&mut self, closed: &[Closed]) -> Result<Vec<Pushed>, Refused> {
-        let (impulse, at) = if let [only] = closed {
+    fn impulses(&mut self, closed: &[Closed]) -> Result<Few<Pushed>, Refused> {
+        let (impulse, at): (Few<f64>, Few<At>) = if let [only] = closed {
             let joint = self.mount.joint_of(only.particle);
             let w = self.mount.compliance[(joint, joint)];
-            (vec![only.bounce() / w], vec![At::Inside])
+            (smallvec![only.bounce() / w], smallvec![At::Inside])
         } else {
             let joints: Vec<usize> = closed.iter().map(|closed| self.mount.joint_of(closed.particle)).collect();
             let w = self.compliance(&joints, |i| f64::from(closed[i].side));
@@ -325,7 +331,8 @@ impl Motion {
                 closed.iter().map(|closed| Limits { low: low(closed), high: f64::INFINITY }).collect();
             let speed = self.v.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
             let tolerance = vec![f64::EPSILON * speed; closed.len()];
-            solve(&w, &a0, &limits, &tolerance).ok_or(Refused::Redundant)?
+            let (impulse, at) = solve(&w, &a0, &limits, &tolerance).ok_or(Refused::Redundant)?;
+            (impulse.into(), at.into())
         };
         for (closed, impulse) in closed.iter().zip(&impulse) {
             let row = self.mount.offset_row(closed.particle);
@@ -342,7 +349,7 @@ impl Motion {
     fn is_hidden(&self, closed: &Closed, speed: f64, zero: &[bool]) -> Result<bool, Refused> {
         let own = self.mount.joint_of(closed.particle);
         let can_stick = |joint: &usize| zero[*joint] && *joint != own && self.contacts.may_stick(&self.mount, *joint);
-        let candidates: Vec<usize> = (0..zero.len()).filter(can_stick).collect();
+        let candidates: Few<usize> = (0..zero.len()).filter(can_stick).collect();
         let Sticking { force, acceleration, .. } = self.sticking(&candidates, &[own])?;
         let held = candidates.iter().zip(force).map(|(joint, force)| self.mount.compliance[(own, *joint)] * force);
         let pressing = signed(closed.side, dot(&self.mount.joints[own].row, &acceleration) + held.sum::<f64>());

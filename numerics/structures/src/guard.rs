@@ -2,7 +2,8 @@
 //!
 //! Over a step of length h a guard is a cubic in time (of a free particle, of a recorded base) and `Re Σ cⱼ zⱼ`. With rates |λⱼ| and
 //! amplitudes |zⱼ|, which never grow, its fourth derivative is at most `Σ |cⱼ||λⱼ|⁴|zⱼ|`: it lies within that times h⁴/384 of the cubic with the
-//! values and slopes of both ends (Hermite's remainder), and its slope within `(Σ |cⱼ||λⱼ|³|zⱼ| + |jerk of the cubic|) h²/8` of its chord. Natural motions that turn
+//! values and slopes of both ends (Hermite's remainder), and its slope within that times √3 h³/216 of the cubic's (Birkhoff and Priver 1967), or within
+//! `(Σ |cⱼ||λⱼ|³|zⱼ| + |jerk of the cubic|) h²/8` of its chord, which values within rounding do not disturb. Natural motions that turn
 //! by more than [`FAST_RAD`] in a step are left out of cubic and chord; they add at most their amplitude. So a
 //! fast but small natural motion does not shorten the steps.
 
@@ -10,6 +11,8 @@ use crate::linear::C64;
 
 /// A natural motion that turns further than this within a step counts with its amplitude.
 const FAST_RAD: f64 = 4.0;
+
+const ROOT_3: f64 = 1.732_050_807_568_877_2;
 
 /// The natural motions over a step of one length.
 #[derive(Clone, Debug)]
@@ -20,26 +23,13 @@ pub(crate) struct Step {
     pub turn: Vec<C64>,
     /// How many natural motions are slow: they come first.
     pub slow: usize,
-    /// Deviation from the cubic per amplitude, of each natural motion.
-    bend: Vec<f64>,
-    /// Deviation of the slope from its chord per amplitude, 1/s.
-    slope: Vec<f64>,
 }
 
 impl Step {
     pub fn new(rates: &[C64], length_s: f64) -> Self {
-        let angle = |rate: &C64| rate.norm() * length_s;
-        let slow = rates.iter().take_while(|rate| angle(rate) <= FAST_RAD).count();
-        let bend = rates.iter().enumerate().map(|(j, rate)| if j < slow { angle(rate).powi(4) / 384.0 } else { 1.0 });
-        let slope = rates.iter().enumerate().map(|(j, rate)| {
-            let size = rate.norm();
-            if j < slow { size * angle(rate).powi(2) / 8.0 } else { size }
-        });
         Self {
             length_s,
-            slow,
-            bend: bend.collect(),
-            slope: slope.collect(),
+            slow: rates.iter().take_while(|rate| rate.norm() * length_s <= FAST_RAD).count(),
             turn: rates.iter().map(|rate| (rate * length_s).exp()).collect(),
         }
     }
@@ -50,10 +40,12 @@ impl Step {
 pub(crate) struct Guard {
     /// c.
     pub coefficients: Vec<C64>,
-    /// c λ.
-    slopes: Vec<C64>,
-    /// |c|.
-    sizes: Vec<f64>,
+    /// Real parts and negative imaginary parts of c and c λ, which a real part of a product needs.
+    terms: Vec<[f64; 4]>,
+    /// c λ².
+    bends: Vec<C64>,
+    /// |c|, |c λ|, |c λ³| and |c λ⁴|.
+    sizes: Vec<[f64; 4]>,
 }
 
 /// A guard at an instant: value, and derivatives by time.
@@ -70,15 +62,25 @@ impl Here {
     }
 }
 
-/// Bounds of a guard over any step of one length while the amplitudes last.
-#[derive(Clone, Copy, Debug, Default)]
+/// What the natural motions of a guard can do while their amplitudes last, by how many of them count as slow.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Reach {
+    /// `Σ |c||λ|³|z|` and `Σ |c||λ|⁴|z|` of the slow ones.
+    slow: Vec<[f64; 2]>,
+    /// `Σ |c||z|` and `Σ |c||λ||z|` of the fast ones.
+    fast: Vec<[f64; 2]>,
+}
+
+/// Bounds of a guard over a step.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
     /// Deviation from the cubic by the slow motions.
     smooth: f64,
     /// Amplitude of the fast motions.
     ripple: f64,
-    /// Deviation of the slope from its chord, 1/s.
+    /// Deviation of the slope from that of the cubic and from its chord, 1/s.
     slope: f64,
+    chord: f64,
 }
 
 /// What is known of a guard over a step.
@@ -95,8 +97,23 @@ pub(crate) enum Verdict {
 impl Guard {
     pub fn new(coefficients: Vec<C64>, rates: &[C64]) -> Self {
         Self {
-            slopes: coefficients.iter().zip(rates).map(|(c, rate)| c * rate).collect(),
-            sizes: coefficients.iter().map(|c| c.norm()).collect(),
+            terms: coefficients
+                .iter()
+                .zip(rates)
+                .map(|(c, rate)| {
+                    let slope = c * rate;
+                    [c.re, -c.im, slope.re, -slope.im]
+                })
+                .collect(),
+            bends: coefficients.iter().zip(rates).map(|(c, rate)| c * rate * rate).collect(),
+            sizes: coefficients
+                .iter()
+                .zip(rates)
+                .map(|(c, rate)| {
+                    let (size, fast) = (c.norm(), rate.norm());
+                    [size, size * fast, size * fast.powi(3), size * fast.powi(4)]
+                })
+                .collect(),
             coefficients,
         }
     }
@@ -104,47 +121,65 @@ impl Guard {
     /// Value and slope by the first `count` natural motions, with the cubic.
     #[inline]
     pub fn at(&self, z: &[C64], count: usize, cubic: Here) -> Here {
-        let mut here = Here::default();
-        for ((z, c), slope) in z[..count].iter().zip(&self.coefficients).zip(&self.slopes) {
-            here.value += c.re * z.re - c.im * z.im;
-            here.slope += slope.re * z.re - slope.im * z.im;
+        let mut sums = [0.0; 4];
+        for (z, [c, c_im, slope, slope_im]) in z[..count].iter().zip(&self.terms) {
+            let more = [c * z.re, c_im * z.im, slope * z.re, slope_im * z.im];
+            sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
         }
         // In this order wherever a guard is evaluated: a value that rounding makes zero is zero everywhere.
-        here.plus(cubic)
+        Here { value: sums[0] + sums[1], slope: sums[2] + sums[3] }.plus(cubic)
     }
 
     /// Its second derivative at z, without that of the cubic.
-    pub fn bend(&self, z: &[C64], rates: &[C64]) -> f64 {
-        let terms = z.iter().zip(&self.slopes).zip(rates).map(|((z, slope), rate)| (slope * rate * z).re);
-        terms.sum()
+    pub fn bend(&self, z: &[C64]) -> f64 {
+        z.iter().zip(&self.bends).map(|(z, bend)| bend.re * z.re - bend.im * z.im).sum()
     }
+}
 
-    /// The size of its natural motions with these amplitudes.
-    pub fn size(&self, amplitudes: &[f64]) -> f64 {
-        self.sizes.iter().zip(amplitudes).map(|(size, amplitude)| size * amplitude).sum()
-    }
-
-    /// Bounds over steps like `step` with these amplitudes.
-    pub fn bounds(&self, step: &Step, amplitudes: &[f64]) -> Bounds {
-        let mut bounds = Bounds::default();
-        for (j, (size, amplitude)) in self.sizes.iter().zip(amplitudes).enumerate() {
-            let most = size * amplitude;
-            if j < step.slow {
-                bounds.smooth += most * step.bend[j];
-            } else {
-                bounds.ripple += most * step.bend[j];
-            }
-            bounds.slope += most * step.slope[j];
+impl Reach {
+    /// Of a guard with these amplitudes of the natural motions.
+    pub fn take(&mut self, guard: &Guard, amplitudes: &[f64]) {
+        self.slow.clear();
+        self.slow.push([0.0; 2]);
+        self.fast.resize(amplitudes.len() + 1, [0.0; 2]);
+        self.fast[amplitudes.len()] = [0.0; 2];
+        let mut most = [0.0; 2];
+        for ([.., third, fourth], amplitude) in guard.sizes.iter().zip(amplitudes) {
+            most = [most[0] + third * amplitude, most[1] + fourth * amplitude];
+            self.slow.push(most);
         }
-        bounds
+        let [mut ripple, mut slope] = [0.0; 2];
+        for (([size, rate, ..], amplitude), fast) in guard.sizes.iter().zip(amplitudes).zip(&mut self.fast).rev() {
+            ripple += size * amplitude;
+            slope += rate * amplitude;
+            *fast = [ripple, slope];
+        }
+    }
+
+    /// The size of all natural motions.
+    pub fn size(&self) -> f64 {
+        self.fast[0][0]
+    }
+
+    /// Bounds over a step of length h in which the first `slow` natural motions are slow. `jerk`: the cubic's.
+    #[inline]
+    pub fn over(&self, h: f64, slow: usize, jerk: f64) -> Bounds {
+        let ([third, fourth], [ripple, fast]) = (self.slow[slow], self.fast[slow]);
+        let square = h * h;
+        Bounds {
+            smooth: fourth * square * square / 384.0,
+            ripple,
+            slope: fourth * square * h * (ROOT_3 / 216.0) + fast,
+            chord: (third + jerk.abs()) * square / 8.0 + fast,
+        }
     }
 }
 
 impl Bounds {
-    /// Decides about a step of length h from what the slow motions with the cubic are at both ends. `jerk`: the cubic's. `is_zero`: the guard is zero
-    /// at the start by definition.
+    /// Decides about a step of length h from what the slow motions with the cubic are at both ends. `is_zero`: the guard is zero at the start by
+    /// definition.
     #[inline]
-    pub fn judge(&self, h: f64, start: Here, end: Here, jerk: f64, is_zero: bool) -> Verdict {
+    pub fn judge(&self, h: f64, start: Here, end: Here, is_zero: bool) -> Verdict {
         let (first, second) = (start.value + start.slope * h / 3.0, end.value - end.slope * h / 3.0);
         let inner = first.min(second);
         let off = self.smooth + self.ripple;
@@ -156,11 +191,13 @@ impl Bounds {
             return Verdict::Clear;
         }
         let (low, high) = (start.slope.min(end.slope), start.slope.max(end.slope));
-        let off_chord = self.slope + jerk.abs() * h * h / 8.0;
-        if low > off_chord && (is_zero || start.value >= self.ripple) {
+        // The slope of the cubic is within its three Bernstein coefficients.
+        let middle = 3.0 * (end.value - start.value) / h - start.slope - end.slope;
+        let rises = low > self.chord || (low.min(middle) > self.slope && !is_zero);
+        if rises && (is_zero || start.value >= self.ripple) {
             return Verdict::Clear;
         }
-        if high < -off_chord {
+        if high < -self.chord || high.max(middle) < -self.slope {
             if end.value > self.ripple {
                 return Verdict::Clear;
             }

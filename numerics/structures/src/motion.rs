@@ -11,8 +11,9 @@ use damprig_core::integrator::modes::{Sign, signed};
 use crate::bodies::dot;
 use crate::contacts::{Contacts, Event, Slide, Touch};
 use crate::cubic::Cubic;
+use crate::events::Few;
 use crate::flight::Flight;
-use crate::guard::Bounds;
+use crate::guard::Reach;
 use crate::linear::{C64, Rest};
 use crate::mount::Mount;
 use crate::observe::{Observer, Parts};
@@ -46,6 +47,8 @@ pub struct Motion {
     /// The natural motions, now and at the end of a step that is being judged.
     pub(crate) z: Vec<C64>,
     pub(crate) ahead: Vec<C64>,
+    /// Those at the root of a guard that is being searched.
+    pub(crate) root: Vec<C64>,
     /// Rounding of each natural motion at the start of the phase.
     pub(crate) roundings: Vec<f64>,
     pub(crate) amplitudes: Vec<f64>,
@@ -53,8 +56,8 @@ pub struct Motion {
     pub(crate) guards: Vec<Live>,
     /// Guards that are zero by definition at the present instant, and how many of their derivatives.
     pub(crate) zeros: Vec<(Event, usize)>,
-    /// Bounds of the guards by level of step; empty where not yet known.
-    pub(crate) bounds: Vec<Vec<Bounds>>,
+    /// What the natural motions can do to each guard; of one that is mirrored, that before it holds.
+    pub(crate) reaches: Vec<Reach>,
     pub(crate) here: AtEnds,
     /// Guards that fall through zero in the step being judged.
     pub(crate) falls: Vec<usize>,
@@ -127,12 +130,13 @@ impl Motion {
             rest: Rest::default(),
             z: Vec::new(),
             ahead: Vec::new(),
+            root: Vec::new(),
             roundings: Vec::new(),
             amplitudes: Vec::new(),
             steps_since_amplitudes: 0,
             guards: Vec::new(),
             zeros: Vec::new(),
-            bounds: Vec::new(),
+            reaches: Vec::new(),
             falls: Vec::new(),
             here: AtEnds::default(),
             free: Vec::new(),
@@ -210,7 +214,7 @@ impl Motion {
 
     /// Contacts of the first instant.
     fn begin(&mut self) -> Result<(), Refused> {
-        let zero: Vec<bool> = (0..self.mount.joints.len()).map(|joint| self.slip(joint) == 0.0).collect();
+        let zero: Few<bool> = (0..self.mount.joints.len()).map(|joint| self.slip(joint) == 0.0).collect();
         let mut hits = Vec::new();
         for particle in 0..self.mount.cavities.len() {
             let (offset, slide) = self.offset(particle);
@@ -352,12 +356,21 @@ impl Motion {
         Ok(self.systems.len() - 1)
     }
 
-    /// Takes the amplitudes of the natural motions, which the bounds of the guards follow from.
+    /// Takes the amplitudes of the natural motions, and what these can do to the guards.
     pub(crate) fn take_amplitudes(&mut self) {
         self.amplitudes.clear();
         self.amplitudes.extend(self.z.iter().map(|z| z.norm_sqr().sqrt()));
-        self.bounds.iter_mut().for_each(Vec::clear);
+        let guards = &self.systems[self.system].guards;
+        self.reaches.resize_with(guards.len().max(self.reaches.len()), Reach::default);
+        for (reach, guard) in self.reaches.iter_mut().zip(guards).filter(|(_, guard)| !guard.is_mirrored) {
+            reach.take(&guard.guard, &self.amplitudes);
+        }
         self.steps_since_amplitudes = 0;
+    }
+
+    /// What the natural motions can do to a guard.
+    pub(crate) fn reach(&self, guard: usize) -> &Reach {
+        &self.reaches[guard - usize::from(self.systems[self.system].guards[guard].is_mirrored)]
     }
 
     pub(crate) fn parts(&self) -> Parts<'_> {
@@ -397,7 +410,7 @@ impl Motion {
     }
 
     /// Joints that stick now.
-    pub(crate) fn stuck(&self) -> Vec<bool> {
+    pub(crate) fn stuck(&self) -> Few<bool> {
         self.contacts.slides.iter().map(|slide| *slide == Slide::Stuck).collect()
     }
 }

@@ -34,15 +34,28 @@ enum Kind {
     /// Every natural motion is part of one coordinate; `None`: the excitation.
     Uncoupled(Vec<Option<Part>>),
     /// η = Re(right · z); z = left · η + left_rate · η′.
-    Coupled { right: DMatrix<C64>, left: DMatrix<C64>, left_rate: DMatrix<C64> },
+    Coupled { right: DMatrix<C64>, left: DMatrix<Share>, left_rate: DMatrix<Share> },
 }
 
 /// A natural motion `z = of · η + of_rate · η′` of one coordinate, which contains Re z.
 #[derive(Clone, Copy, Debug)]
 struct Part {
     coordinate: usize,
-    of: C64,
-    of_rate: C64,
+    of: Share,
+    of_rate: Share,
+}
+
+/// What a natural motion takes of a coordinate or its rate.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Share {
+    share: C64,
+    size: f64,
+}
+
+impl From<C64> for Share {
+    fn from(share: C64) -> Self {
+        Self { share, size: share.norm() }
+    }
 }
 
 impl NaturalMotions {
@@ -62,8 +75,8 @@ impl NaturalMotions {
             Kind::Uncoupled(parts) => parts.insert(wave, None),
             Kind::Coupled { right, left, left_rate } => {
                 *right = right.clone().insert_column(wave, C64::ZERO);
-                *left = left.clone().insert_row(wave, C64::ZERO);
-                *left_rate = left_rate.clone().insert_row(wave, C64::ZERO);
+                *left = left.clone().insert_row(wave, Share::default());
+                *left_rate = left_rate.clone().insert_row(wave, Share::default());
             }
         }
         Ok(Self { rates, wave, kind })
@@ -81,10 +94,9 @@ impl NaturalMotions {
         z.resize(self.rates.len(), C64::ZERO);
         roundings.clear();
         roundings.resize(self.rates.len(), 0.0);
-        let mut add = |n: usize, (share, eta): (C64, Sum), (share_of_rate, rate): (C64, Sum)| {
-            z[n] += share * eta.value() + share_of_rate * rate.value();
-            let size = share.norm_sqr().sqrt() * eta.size + share_of_rate.norm_sqr().sqrt() * rate.size;
-            roundings[n] += f64::EPSILON * size;
+        let mut add = |n: usize, (of, eta): (Share, Sum), (of_rate, rate): (Share, Sum)| {
+            z[n] += of.share * eta.value() + of_rate.share * rate.value();
+            roundings[n] += f64::EPSILON * (of.size * eta.size + of_rate.size * rate.size);
         };
         match &self.kind {
             Kind::Uncoupled(parts) => {
@@ -160,7 +172,7 @@ fn uncoupled(square: &[f64], damping: &[f64]) -> Result<(Vec<C64>, Kind), Refuse
             return Err(Refused::Critical);
         } else if left > 0.0 {
             let turning = left.sqrt();
-            let (of, of_rate) = (C64::new(1.0, decay / turning), C64::new(0.0, -1.0 / turning));
+            let (of, of_rate) = (C64::new(1.0, decay / turning).into(), C64::new(0.0, -1.0 / turning).into());
             list.push((C64::new(decay, turning), Some(Part { coordinate: i, of, of_rate })));
         } else {
             let split = (-left).sqrt();
@@ -169,7 +181,8 @@ fn uncoupled(square: &[f64], damping: &[f64]) -> Result<(Vec<C64>, Kind), Refuse
             let slow = square / fast;
             for (rate, other) in [(fast, slow), (slow, fast)] {
                 let of_rate = C64::from(1.0 / (rate - other));
-                list.push((C64::from(rate), Some(Part { coordinate: i, of: -other * of_rate, of_rate })));
+                let part = Part { coordinate: i, of: (-other * of_rate).into(), of_rate: of_rate.into() };
+                list.push((C64::from(rate), Some(part)));
             }
         }
     }
@@ -215,8 +228,8 @@ fn coupled(square: &[f64], damping: &DMatrix<f64>) -> Result<(Vec<C64>, Kind), R
         kept.iter().map(|(_, rate, _)| C64::new(rate.re.min(0.0), rate.im)).collect(),
         Kind::Coupled {
             right: DMatrix::from_fn(n, count, |i, j| vectors[(i, kept[j].0)] * (kept[j].2 / omega[i])),
-            left: DMatrix::from_fn(count, n, |j, i| inverse[(kept[j].0, i)] * omega[i]),
-            left_rate: DMatrix::from_fn(count, n, |j, i| inverse[(kept[j].0, n + i)]),
+            left: DMatrix::from_fn(count, n, |j, i| (inverse[(kept[j].0, i)] * omega[i]).into()),
+            left_rate: DMatrix::from_fn(count, n, |j, i| inverse[(kept[j].0, n + i)].into()),
         },
     ))
 }

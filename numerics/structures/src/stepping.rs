@@ -25,13 +25,19 @@ const LAST_LEVEL: usize = FIRST_BLIND_LEVEL + 8;
 const LONGER_BLIND: usize = 2;
 
 /// Steps of a length after a longer one was not decided.
-const PATIENCE: u32 = 2;
+const PATIENCE: u32 = 5;
 
 /// Steps after which amplitudes and excitation are taken anew.
 const STEPS_PER_ANCHOR: u32 = 16;
 
 /// Roundings that a coordinate may have when a phase begins: it is a sum of the natural motions of the phase before.
 const STORED: f64 = 8.0;
+
+/// Turns up to this, rad, are taken by a series.
+const NEAR: f64 = 0.02;
+
+/// The root of a cubic is that of a guard to about this share of the step.
+const NEAR_ROOT: f64 = 1e-4;
 
 /// The highest derivative that is looked at where a guard begins at zero.
 const HIGHEST: usize = 6;
@@ -154,11 +160,16 @@ impl Motion {
     fn immediate(&mut self) -> Option<Event> {
         let system = &self.systems[self.system];
         let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
-        for (guard, live) in system.guards.iter().zip(&mut self.guards).filter(|(_, live)| live.fresh == 0) {
+        for (n, (guard, live)) in system.guards.iter().zip(&mut self.guards).enumerate() {
+            if live.fresh > 0 {
+                continue;
+            }
             let cubic = guard.with_flight(&self.free, live.cubic);
             let here = guard.guard.at(&self.z, self.z.len(), cubic.at(0.0));
             let rounding = guard.rounding(&now, &cubic, &self.free);
-            if here.value > rounding || guard.is_constant(&self.amplitudes, &cubic) {
+            // What does not change cannot fall, even where it is zero, as at a wall that touches a particle at rest.
+            let is_constant = cubic.is_constant() && self.reaches[n - usize::from(guard.is_mirrored)].size() == 0.0;
+            if here.value > rounding || is_constant {
                 continue;
             }
             // Only the force of a dashpot jumps, with the velocities at an impact; all else below zero is rounding.
@@ -199,20 +210,6 @@ impl Motion {
         if self.is_unguarded {
             return Judged::Clear;
         }
-        let (own_bounds, bounds);
-        if let Length::Level(level) = length {
-            if self.bounds.len() <= level {
-                self.bounds.resize(level + 1, Vec::new());
-            }
-            if self.bounds[level].is_empty() {
-                let amplitudes = &self.amplitudes;
-                self.bounds[level].extend(system.guards.iter().map(|guard| guard.guard.bounds(step, amplitudes)));
-            }
-            bounds = &self.bounds[level];
-        } else {
-            own_bounds = system.guards.iter().map(|guard| guard.guard.bounds(step, &self.amplitudes)).collect();
-            bounds = &own_bounds;
-        }
         // What the guards' slow motions are at the start is what they were at the end of the last step.
         if self.here.slow != Some(step.slow) {
             self.here.slow = Some(step.slow);
@@ -226,11 +223,12 @@ impl Motion {
         self.here.of_end.clear();
         self.falls.clear();
         let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
-        for (n, ((guard, live), bounds)) in system.guards.iter().zip(&self.guards).zip(bounds).enumerate() {
+        for (n, (guard, live)) in system.guards.iter().zip(&self.guards).enumerate() {
+            let reach = &self.reaches[n - usize::from(guard.is_mirrored)];
             let cubic = guard.with_flight(&self.free, live.cubic);
             let of_end = guard.follow(&self.ahead, step.slow, self.here.of_end.last());
             self.here.of_end.push(of_end);
-            if guard.is_constant(&self.amplitudes, &cubic) {
+            if cubic.is_constant() && reach.size() == 0.0 {
                 continue;
             }
             if self.does_without(guard, live, &now, &cubic) {
@@ -249,7 +247,7 @@ impl Motion {
                 start.value = 0.0;
             }
             let end = of_end.plus(cubic.at(h));
-            match bounds.judge(h, start, end, cubic.jerk, is_zero) {
+            match reach.over(h, step.slow, cubic.jerk).judge(h, start, end, is_zero) {
                 Verdict::Clear => {}
                 Verdict::Falls => self.falls.push(n),
                 Verdict::Unsure => return Judged::Undecided,
@@ -277,12 +275,13 @@ impl Motion {
         if end.value > 0.0 {
             return None;
         }
-        let noise = 4.0 * f64::EPSILON * (guard.guard.size(&self.amplitudes) + cubic.size(end_s));
+        let noise = 4.0 * f64::EPSILON * (self.reach(which).size() + cubic.size(end_s));
         let (mut low, mut high) = (0.0, end_s);
         let mut t = root_of_cubic(start, end, end_s);
-        let mut z: Vec<C64> = self.z.iter().zip(rates).map(|(z, rate)| z * (rate * t).exp()).collect();
+        self.root.clear();
+        self.root.extend(self.z.iter().zip(rates).map(|(z, rate)| z * (rate * t).exp()));
         for _ in 0..MAX_NEWTON_STEPS {
-            let here = guard.guard.at(&z, z.len(), cubic.at(t));
+            let here = guard.guard.at(&self.root, self.root.len(), cubic.at(t));
             if here.value > 0.0 {
                 low = t;
             } else {
@@ -292,7 +291,7 @@ impl Motion {
                 break;
             }
             // Halley's step: Newton's with the change of the slope.
-            let bend = guard.guard.bend(&z, rates) + cubic.bend_at(t);
+            let bend = guard.guard.bend(&self.root) + cubic.bend_at(t);
             let newton = here.value / here.slope;
             let next = t - newton / (1.0 - 0.5 * newton * bend / here.slope);
             let next = if next > low && next < high { next } else { 0.5 * (low + high) };
@@ -300,10 +299,10 @@ impl Motion {
             if more.abs() <= 4.0 * f64::EPSILON * t || !(low < next && next < high) {
                 break;
             }
-            for (z, (start, rate)) in z.iter_mut().zip(self.z.iter().zip(rates)) {
+            for (z, (start, rate)) in self.root.iter_mut().zip(self.z.iter().zip(rates)) {
                 let turn = rate * more;
                 // Near its target a motion is turned by its series, which is exact there.
-                *z = if turn.norm_sqr() < 1e-6 { *z * exp_near_zero(turn) } else { start * (rate * next).exp() };
+                *z = if turn.norm_sqr() < NEAR * NEAR { *z * exp_near_zero(turn) } else { start * (rate * next).exp() };
             }
             t = next;
         }
@@ -311,7 +310,7 @@ impl Motion {
         if t >= limit_s && limit_s < length_s {
             return None;
         }
-        self.ahead = z;
+        std::mem::swap(&mut self.ahead, &mut self.root);
         Some(First { at_s: t, event: guard.event })
     }
 
@@ -374,12 +373,12 @@ impl Length {
     }
 }
 
-/// e^x for |x| up to 10⁻³: the next term is 10⁻²¹/5040 at most.
+/// e^x for |x| up to [`NEAR`]: the next term is 0.02⁸/40320 = 6·10⁻¹⁹ at most.
 fn exp_near_zero(x: C64) -> C64 {
-    const PER: [f64; 6] = [1.0, 1.0 / 2.0, 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0];
+    const PER: [f64; 7] = [1.0, 1.0 / 2.0, 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0, 1.0 / 5040.0];
     let square = x * x;
     let even = square * (square * (square * PER[5] + PER[3]) + PER[1]);
-    even + x * (square * (square * PER[4] + PER[2]) + PER[0]) + 1.0
+    even + x * (square * (square * (square * PER[6] + PER[4]) + PER[2]) + PER[0]) + 1.0
 }
 
 /// A root of the cubic that falls from a positive value to one that is not, with these values and slopes at 0 and `end_s`: near that of the guard.
@@ -387,7 +386,8 @@ fn root_of_cubic(start: Here, end: Here, end_s: f64) -> f64 {
     let (rise, m0, m1) = (end.value - start.value, start.slope * end_s, end.slope * end_s);
     let (square, cube) = (3.0 * rise - 2.0 * m0 - m1, m0 + m1 - 2.0 * rise);
     let (mut low, mut high) = (0.0, 1.0);
-    let mut at = 0.5;
+    // Where the line through both ends is zero.
+    let mut at = start.value / -rise;
     for _ in 0..8 {
         let value = start.value + at * (m0 + at * (square + at * cube));
         let slope = m0 + at * (2.0 * square + 3.0 * at * cube);
@@ -397,7 +397,11 @@ fn root_of_cubic(start: Here, end: Here, end_s: f64) -> f64 {
             high = at;
         }
         let newton = at - value / slope;
-        at = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        if (next - at).abs() < NEAR_ROOT {
+            return next * end_s;
+        }
+        at = next;
     }
     at * end_s
 }
@@ -409,11 +413,6 @@ impl Watched {
             Some(Here { value, slope }) if self.is_mirrored => Here { value: -value, slope: -slope },
             _ => self.guard.at(z, count, Here::default()),
         }
-    }
-
-    /// Whether a guard does not change: it cannot fall then, even where it is zero, as at a wall that touches a particle at rest.
-    fn is_constant(&self, amplitudes: &[f64], cubic: &Cubic) -> bool {
-        cubic.is_constant() && self.guard.size(amplitudes) == 0.0
     }
 
     /// What of its value may be rounding.
@@ -441,7 +440,8 @@ impl Watched {
         let power = i32::try_from(order).unwrap_or(i32::MAX);
         let roundings = now.roundings.iter().zip(now.rates);
         for ((z, c), (rounding, rate)) in now.z.iter().zip(&self.guard.coefficients).zip(roundings) {
-            let factor = c * rate.powi(power);
+            // An integer power of a complex number takes its time.
+            let factor = if power == 0 { *c } else { c * rate.powi(power) };
             let size = factor.norm_sqr().sqrt();
             of.value += (factor * z).re;
             of.most += size * z.norm_sqr().sqrt();

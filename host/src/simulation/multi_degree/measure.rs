@@ -1,14 +1,11 @@
 //! What is measured at each place and of each impact damper.
 
-use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::model::{Particle, Wall};
-use damprig_structures::{Impact, ImpactDamper, Piece};
+use damprig_structures::{Course, Impact, ImpactDamper, Piece};
 use serde::Serialize;
 
-use super::piece::PieceAtPlace;
-use super::{MultiDegree, Shown};
+use super::MultiDegree;
 use crate::setup::StatedContact;
-use crate::simulation::motion::Viewer;
 use crate::table::Column;
 
 /// What happened at each place and to each impact damper.
@@ -137,10 +134,14 @@ impl MultiDegree {
 }
 
 /// Measures the motion of a place.
+#[derive(Default)]
 pub(super) struct PlaceMeter {
     place: usize,
     is_of_frame: bool,
-    response: Response,
+    measured_s: f64,
+    square_m2_s: f64,
+    max_abs_x_m: f64,
+    max_abs_x_minus_z_m: f64,
     max_abs_acceleration_m_per_s2: f64,
     max_abs_drift_m: f64,
 }
@@ -148,20 +149,21 @@ pub(super) struct PlaceMeter {
 impl PlaceMeter {
     /// Of a place; those of a frame have a drift.
     pub fn new(place: usize, is_of_frame: bool) -> Self {
-        let response = Response::new(Wanted { whole_run: true, ..Wanted::default() });
-        Self { place, is_of_frame, response, max_abs_acceleration_m_per_s2: 0.0, max_abs_drift_m: 0.0 }
+        Self { place, is_of_frame, ..Self::default() }
     }
 
     /// Takes a piece of motion.
     pub fn piece(&mut self, piece: &Piece) {
-        let here = PieceAtPlace::new(piece, self.place, Shown::NOTHING);
-        self.response.piece(&here);
-        let whole = (0.0, piece.length_s);
-        let most = &mut self.max_abs_acceleration_m_per_s2;
-        *most = here.x().acceleration().largest_abs(whole, *most);
+        let (x, base) = (piece.place(self.place), piece.base());
+        let take = |course: &Course, most: &mut f64| *most = course.largest_abs((0.0, piece.length_s), *most);
+        self.measured_s += piece.length_s;
+        self.square_m2_s += x.square_m2_s();
+        take(&x, &mut self.max_abs_x_m);
+        take(&x.minus(&base), &mut self.max_abs_x_minus_z_m);
+        take(&x.acceleration(), &mut self.max_abs_acceleration_m_per_s2);
         if self.is_of_frame {
-            let below = self.place.checked_sub(1).map_or_else(|| piece.base(), |below| piece.place(below));
-            self.max_abs_drift_m = here.x().minus(&below).largest_abs(whole, self.max_abs_drift_m);
+            let below = self.place.checked_sub(1).map_or(base, |below| piece.place(below));
+            take(&x.minus(&below), &mut self.max_abs_drift_m);
         }
     }
 
@@ -169,9 +171,9 @@ impl PlaceMeter {
     pub fn result(&self, place: &str) -> PlaceResult {
         PlaceResult {
             place: place.to_string(),
-            max_abs_x_m: self.response.max_abs_x_m(),
-            max_abs_x_minus_z_m: self.response.max_abs_x_minus_z_m(),
-            rms_x_m: self.response.rms_x_m(),
+            max_abs_x_m: self.max_abs_x_m,
+            max_abs_x_minus_z_m: self.max_abs_x_minus_z_m,
+            rms_x_m: if self.measured_s > 0.0 { (self.square_m2_s.max(0.0) / self.measured_s).sqrt() } else { 0.0 },
             max_abs_acceleration_m_per_s2: self.max_abs_acceleration_m_per_s2,
             max_abs_drift_m: self.is_of_frame.then_some(self.max_abs_drift_m),
         }

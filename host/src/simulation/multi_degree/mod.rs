@@ -150,8 +150,3 @@ pub struct Shown {
     /// Of the friction damper, between the observed place and the base.
     pub friction_damper: Option<usize>,
 }
-
-impl Shown {
-    /// Of a place that is not the observed one.
-    pub const NOTHING: Self = Self { particle: None, tuned_mass: None, friction_damper: None };
-}

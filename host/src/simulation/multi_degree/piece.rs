@@ -32,11 +32,6 @@ impl<'a> PieceAtPlace<'a> {
         }
     }
 
-    /// Displacement of the place.
-    pub fn x(&self) -> &Course {
-        &self.x
-    }
-
     fn z(&self) -> &Course {
         self.z.get_or_init(|| self.piece.base())
     }

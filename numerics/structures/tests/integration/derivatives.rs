@@ -459,10 +459,17 @@ fn derivatives_of_an_orbit_are_those_between_settled_motions() {
             })
             .collect();
         let Ok(found) = settled(&case, case.cycle_s).orbit_derivatives(1, &varied, &mut |_| true) else { continue };
+        let on_orbit = {
+            let mut motion = Motion::new(&case.set_up, &case.excitation, &case.start).expect("it starts");
+            motion.run(settle * case.cycle_s, &mut ()).expect("it goes on");
+            motion.state()
+        };
         let measured = |case: &Case| {
             let turning = case.excitation.angular_frequency_rad_per_s();
             let periods = f64::from(found.periods);
-            let mut motion = Motion::new(&case.set_up, &case.excitation, &case.start).expect("it starts");
+            // From the orbit, as the same set-up may have another; a particle that presses its wall there starts as the case does.
+            let start = |start: &State| Motion::new(&case.set_up, &case.excitation, start);
+            let mut motion = start(&on_orbit).or_else(|_| start(&case.start)).expect("it starts");
             motion.run(settle * TAU / turning, &mut ()).expect("it goes on");
             let mut of = OfPeriod::default();
             motion.run((settle + periods) * TAU / turning, &mut of).expect("it goes on");
