@@ -38,7 +38,7 @@ const DIRECTIONS: [(&str, &[&str]); 17] = [
     ("damprig-thesis", &["damprig", "damprig-core"]),
     ("damprig-tests", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-fuzzing", &["damprig", "damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
-    ("damprig-benches", &["damprig", "damprig-core", "damprig-protocol", "damprig-structures"]),
+    ("damprig-benches", &["damprig", "damprig-core", "damprig-protocol"]),
     ("damprig-python", &["damprig", "damprig-core", "damprig-protocol", "damprig-simulator"]),
 ];
 

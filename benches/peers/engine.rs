@@ -1,4 +1,4 @@
-//! Compares the speed of the exact integrator with that of other methods, in one run: `cargo bench -p damprig-benches --features peers --bench engine`.
+//! Compares the speed of the exact integrator with that of other methods, in one run: `cargo bench --manifest-path benches/peers/Cargo.toml --bench engine`.
 //!
 //! Every line is the best of several short, interleaved rounds, because other processes on the machine slow some
 //! rounds down. Compare the ratios. Figures are cycles of the base per second on a single thread. Units: Z = 1.

@@ -1,8 +1,8 @@
 //! Speed of structures with several places: an impact damper, alone and with a friction damper, at the top of frames of 1 to 20 storeys that are
-//! driven at their first natural frequency: `cargo bench -p damprig-benches --bench structures`.
+//! driven at their first natural frequency: `cargo bench --manifest-path benches/peers/Cargo.toml --bench structures`.
 //!
-//! Beside one storey the engine for one degree of freedom moves the same; with `--features peers` an adaptive Runge–Kutta method with root finding
-//! from a crate moves the frames that have two impacts a cycle, from the same settled state. Million cycles a second on one thread, the best of several
+//! Beside one storey the engine for one degree of freedom moves the same; an adaptive Runge–Kutta method with root finding from a crate moves the
+//! frames that have two impacts a cycle, from the same settled state. Million cycles a second on one thread, the best of several
 //! interleaved rounds; compare the ratios.
 
 use std::f64::consts::TAU;
@@ -10,10 +10,9 @@ use std::time::Instant;
 
 use damprig_core::integrator::exact::{Exact, Excitation};
 use damprig_core::model::{Cavity, FrictionDamper, Particle, SetUp as One, Structure, Wall};
-#[cfg(feature = "peers")]
-use damprig_structures::State;
-use damprig_structures::{FrictionJoint, Impact, ImpactDamper, Modes, Motion, Observer, SetUp, Storey, base_at_start};
-#[cfg(feature = "peers")]
+use damprig_structures::{
+    FrictionJoint, Impact, ImpactDamper, Modes, Motion, Observer, SetUp, State, Storey, base_at_start,
+};
 use diffsol::{NalgebraMat, OdeBuilder, OdeSolverMethod, OdeSolverStopReason};
 
 /// Cycles before the time is taken, rounds, and cycles of each.
@@ -150,12 +149,10 @@ fn main() {
             rate * 1e-6
         );
     }
-    #[cfg(feature = "peers")]
     beside_diffsol();
 }
 
 /// Prints times and last impact speeds of a few cycles from the settled state, beside those of another solver.
-#[cfg(feature = "peers")]
 fn beside_diffsol() {
     /// Approach speed of the last impact, m/s.
     struct Last(f64);
@@ -199,7 +196,6 @@ fn beside_diffsol() {
 
 /// Adaptive Runge–Kutta method of order 5(4) from the crate `diffsol` with its root finding, restarted after every impact. Returns the approach speed
 /// of the last impact, m/s.
-#[cfg(feature = "peers")]
 fn diffsol_of_modes(set_up: &SetUp, turning: f64, start: &State, end_s: f64, tolerance: f64) -> f64 {
     let modes = &set_up.structure.modes;
     let n = modes.len();
