@@ -238,6 +238,7 @@ impl Item {
             "table" => "Table",
             "eq" => "Equation",
             "section" => "Section",
+            "future" => "Future work",
             _ => return self.name.clone(),
         };
         format!("{kind} {}", number.to_uppercase())
