@@ -43,11 +43,17 @@ pub fn text(from: &str, places: &[String], modes: &[WrittenMode]) -> String {
             text += &format!("participation_root_kg = {:?}\n", rounded(participation, 7));
         }
     }
+    // Where the first mode moves most.
+    let most = (0..names.len()).max_by(|a, b| {
+        let [a, b] = [a, b].map(|place| first.shape_per_root_kg[*place].abs());
+        a.total_cmp(&b)
+    });
+    let place = most.unwrap_or(0);
     text + &format!(
         "\n# [[particle]]\n# place = {}\n# mass_kg = {:?}                      # 5 % of the modal mass of the first mode there, 1/φ²\n\
          # clearance_m = 0.0002\n# wall = {{ kind = \"restitution\", coefficient = 0.5 }}\n",
-        names[0],
-        rounded(0.05 / first.shape_per_root_kg[0].powi(2), 2)
+        names[place],
+        rounded(0.05 / first.shape_per_root_kg[place].powi(2), 2)
     )
 }
 

@@ -25,7 +25,7 @@ pub struct PlaceFile {
 
 /// What is asked for.
 #[derive(Clone, Debug)]
-pub struct Wanted<'a> {
+pub struct ModesOptions<'a> {
     /// The places.
     pub places: &'a [PlaceFile],
     /// Name of the place where the force acts.
@@ -42,7 +42,7 @@ pub struct Wanted<'a> {
 
 /// A value with its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Found {
+pub struct IdentifiedValue {
     /// The value.
     pub value: f64,
     /// Its standard uncertainty.
@@ -51,7 +51,7 @@ pub struct Found {
     pub interval_95: [f64; 2],
 }
 
-impl From<&Value> for Found {
+impl From<&Value> for IdentifiedValue {
     fn from(of: &Value) -> Self {
         Self { value: of.value, standard_uncertainty: of.standard_uncertainty, interval_95: of.interval_95() }
     }
@@ -59,18 +59,18 @@ impl From<&Value> for Found {
 
 /// A mode.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FoundMode {
+pub struct IdentifiedMode {
     /// fn, Hz.
-    pub natural_frequency_hz: Found,
+    pub natural_frequency_hz: IdentifiedValue,
     /// ζ.
-    pub damping_ratio: Found,
+    pub damping_ratio: IdentifiedValue,
     /// φ of each place for a modal mass of 1 kg, 1/√kg.
-    pub shape_per_root_kg: Vec<Found>,
+    pub shape_per_root_kg: Vec<IdentifiedValue>,
 }
 
 /// The answer.
 #[derive(Clone, Debug, Serialize)]
-pub struct FoundModes {
+pub struct IdentifiedModes {
     /// Name and version of the program.
     pub damprig: &'static str,
     /// When it was identified, local time with its zone.
@@ -84,7 +84,7 @@ pub struct FoundModes {
     /// First and last line that were fitted, Hz.
     pub band_hz: [f64; 2],
     /// The modes, by rising frequency.
-    pub modes: Vec<FoundMode>,
+    pub modes: Vec<IdentifiedMode>,
     /// What a person has to know about them.
     pub remarks: Vec<String>,
     /// The fit, for figures.
@@ -102,26 +102,26 @@ const NOTABLE_PHASE: f64 = 0.1;
 ///
 /// # Errors
 /// A file that cannot be read, a name of no place, what [`identify`] refuses.
-pub fn of_files(wanted: &Wanted) -> Result<FoundModes, Failure> {
-    let names: Vec<&str> = wanted.places.iter().map(|place| place.name.as_str()).collect();
-    let Some(driven) = names.iter().position(|name| *name == wanted.driven) else {
+pub fn of_files(options: &ModesOptions) -> Result<IdentifiedModes, Failure> {
+    let names: Vec<&str> = options.places.iter().map(|place| place.name.as_str()).collect();
+    let Some(driven) = names.iter().position(|name| *name == options.driven) else {
         return Err(Failure::Input(format!(
             "--driven {}: it is none of the places; they are {}",
-            wanted.driven,
+            options.driven,
             names.join(", ")
         )));
     };
     let read = |place: &PlaceFile| {
         let file: &Path = &place.file;
-        let Wanted { unit, frequencies_hz, band, .. } = *wanted;
+        let ModesOptions { unit, frequencies_hz, band, .. } = *options;
         let mut response = Source { file, unit, frequencies_hz, coherence: None, averages: None, band }.read()?;
         if place.is_reversed {
             response.lines.iter_mut().for_each(|line| line.h = -line.h);
         }
         Ok(response)
     };
-    let responses = wanted.places.iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
-    let fit = identify(&responses, driven, wanted.near_hz, wanted.band)?;
+    let responses = options.places.iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
+    let fit = identify(&responses, driven, options.near_hz, options.band)?;
     let mut remarks: Vec<String> = responses.iter().flat_map(|response| response.remarks.clone()).collect();
     if fit.inflation > NOTABLE_INFLATION {
         remarks.push(format!(
@@ -152,17 +152,17 @@ pub fn of_files(wanted: &Wanted) -> Result<FoundModes, Failure> {
     }
     remarks
         .push("Errors of scale of force and motion are not in the intervals: they act on shapes in proportion.".into());
-    let of_mode = |mode: &Mode| FoundMode {
+    let of_mode = |mode: &Mode| IdentifiedMode {
         natural_frequency_hz: (&mode.natural_frequency_hz).into(),
         damping_ratio: (&mode.damping_ratio).into(),
-        shape_per_root_kg: mode.shape_per_root_kg.iter().map(Found::from).collect(),
+        shape_per_root_kg: mode.shape_per_root_kg.iter().map(IdentifiedValue::from).collect(),
     };
-    Ok(FoundModes {
+    Ok(IdentifiedModes {
         damprig: crate::VERSION_LINE,
         date: crate::host_time::now_text(),
         places: names.into_iter().map(String::from).collect(),
         taken_from: responses.iter().map(|response| response.taken_from.clone()).collect(),
-        driven: wanted.driven.into(),
+        driven: options.driven.into(),
         band_hz: fit.band_hz,
         modes: fit.modes.iter().map(of_mode).collect(),
         remarks,

@@ -11,7 +11,7 @@ use crate::cli::simulate::picture;
 use crate::failure::{Failure, Outcome};
 use crate::file_keys::modal_case::{self, WrittenMode};
 use crate::identify::modal::Wish;
-use crate::identify::modes::{Found, FoundMode, FoundModes, PlaceFile, Wanted, of_files};
+use crate::identify::modes::{IdentifiedMode, IdentifiedModes, IdentifiedValue, ModesOptions, PlaceFile, of_files};
 use crate::report::figures::modes_response;
 use crate::report::numbers::significant;
 use crate::report::terminal::{plain_table, table};
@@ -93,7 +93,7 @@ pub(super) fn run(args: &ModesArgs) -> Outcome {
     }
     let band = Wish { from_hz: args.from_hz, to_hz: args.to_hz };
     check_band(band)?;
-    let found = of_files(&Wanted {
+    let found = of_files(&ModesOptions {
         places: &args.places,
         driven: args.driven.as_deref().unwrap_or(&args.places[0].name),
         near_hz: &args.near_hz,
@@ -115,7 +115,7 @@ pub(super) fn run(args: &ModesArgs) -> Outcome {
     Ok(())
 }
 
-fn written(mode: &FoundMode) -> WrittenMode {
+fn written(mode: &IdentifiedMode) -> WrittenMode {
     WrittenMode {
         frequency_hz: mode.natural_frequency_hz.value,
         damping_ratio: mode.damping_ratio.value,
@@ -125,9 +125,9 @@ fn written(mode: &FoundMode) -> WrittenMode {
 }
 
 /// The modes, and their shapes.
-fn text_of(found: &FoundModes) -> String {
+fn text_of(found: &IdentifiedModes) -> String {
     let mut modes = plain_table(&["mode", "fn (Hz)", "95 % interval", "damping ratio", "95 % interval"]);
-    let of = |found: &Found| shown(found.value, found.standard_uncertainty, found.interval_95);
+    let of = |found: &IdentifiedValue| shown(found.value, found.standard_uncertainty, found.interval_95);
     for (n, mode) in found.modes.iter().enumerate() {
         let ([hertz, _, hertz_interval], [zeta, _, zeta_interval]) =
             (of(&mode.natural_frequency_hz), of(&mode.damping_ratio));
@@ -139,8 +139,8 @@ fn text_of(found: &FoundModes) -> String {
         .collect();
     let mut shapes = table(&head);
     for (place, name) in found.places.iter().enumerate() {
-        let phi = |mode: &FoundMode| {
-            let Found { value, standard_uncertainty, .. } = mode.shape_per_root_kg[place];
+        let phi = |mode: &IdentifiedMode| {
+            let IdentifiedValue { value, standard_uncertainty, .. } = mode.shape_per_root_kg[place];
             let value = significant(value, digits_of(value, standard_uncertainty));
             format!("{value} ± {}", significant(2.0 * standard_uncertainty, 2))
         };

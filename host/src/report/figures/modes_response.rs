@@ -2,7 +2,7 @@
 
 use super::transfer_function::{LEFT, RIGHT, TOP, WIDTH, curve};
 use crate::failure::Failure;
-use crate::identify::modes::FoundModes;
+use crate::identify::modes::IdentifiedModes;
 use crate::report::numbers::significant;
 use crate::report::plot::axis::{Axis, Frame, Scale};
 use crate::report::plot::legend::{self, Entry};
@@ -17,7 +17,7 @@ const HEIGHT: f64 = 460.0;
 ///
 /// # Errors
 /// Nothing to draw.
-pub fn draw(found: &FoundModes) -> Result<Picture, Failure> {
+pub fn draw(found: &IdentifiedModes) -> Result<Picture, Failure> {
     let places = &found.fit.fitted;
     let [from, to] = found.band_hz;
     if places.is_empty() || from >= to {

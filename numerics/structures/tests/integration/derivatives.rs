@@ -4,19 +4,17 @@ use crate::random_set_ups::{Case, Draw, cubic};
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Cavity, Particle, Wall};
 use damprig_structures::{
-    Body, Drive, Impact, ImpactDamper, Mode, Modes, Motion, MotionCase, NoDerivatives, Observer, Piece, SetUp, State,
-    Varied,
+    Body, Drive, ImpactDamper, Mode, Modes, Motion, MotionCase, NoDerivatives, Observer, Piece, SetUp, State, Varied,
 };
 use fastrand::Rng;
-use std::f64::consts::TAU;
 
 /// Cycles of each motion.
 const CYCLES: f64 = 6.0;
 
 /// A change of a case by a factor of one of its quantities; whether it has it.
-type Change = fn(&mut Case, f64) -> bool;
+pub type Change = fn(&mut Case, f64) -> bool;
 
-const QUANTITIES: [(&str, Change); 13] = [
+pub const QUANTITIES: [(&str, Change); 13] = [
     ("frequency of the first mode", |case, by| {
         case.set_up.structure.modes[0].angular_frequency_rad_per_s *= by;
         true
@@ -86,7 +84,7 @@ const QUANTITIES: [(&str, Change); 13] = [
     }),
 ];
 
-fn motion_case(case: &Case) -> MotionCase {
+pub fn motion_case(case: &Case) -> MotionCase {
     MotionCase {
         set_up: case.set_up.clone(),
         drive: Drive::ClosedForm(case.excitation),
@@ -95,7 +93,7 @@ fn motion_case(case: &Case) -> MotionCase {
     }
 }
 
-fn changed(case: &Case, change: Change, by: f64) -> Case {
+pub fn changed(case: &Case, change: Change, by: f64) -> Case {
     let mut case = case.clone();
     change(&mut case, by);
     case
@@ -267,9 +265,9 @@ fn times_and_speeds_of_a_bouncing_mass_have_the_derivatives_of_the_closed_form()
 
 /// The largest displacements and mean squares from pieces of a motion.
 #[derive(Default)]
-struct Measured {
-    largest_m: Vec<f64>,
-    squares: Vec<f64>,
+pub struct Measured {
+    pub largest_m: Vec<f64>,
+    pub squares: Vec<f64>,
 }
 
 impl Observer for Measured {
@@ -418,90 +416,4 @@ fn motions_without_derivatives_are_refused_with_the_reason() {
     let varied = Varied { value, cases: Varied::AT.map(|by| grazing(by * value)) };
     let refused = grazing(value).derivatives(&[varied], &mut |_| true);
     assert!(matches!(refused, Err(NoDerivatives::Grazing { change }) if change < 1e-6), "{refused:?}");
-}
-
-/// Of settled motions with impacts, friction and a tuned mass: RMS and fastest impact of the orbit by every quantity, against those of settled motions
-/// beside it; all of them with `DAMPRIG_FULL`, else every fourth. (The largest displacement has nearly equal peaks on both sides, between which differences choose.)
-#[test]
-fn derivatives_of_an_orbit_are_those_between_settled_motions() {
-    /// Of a period: the mean square of the first place, and the fastest impact.
-    #[derive(Default)]
-    struct OfPeriod(Measured, f64);
-    impl Observer for OfPeriod {
-        const PIECES: bool = true;
-        fn piece(&mut self, piece: &Piece) {
-            self.0.piece(piece);
-        }
-        fn impact(&mut self, impact: &Impact) {
-            self.1 = self.1.max(impact.approach_speed_m_per_s);
-        }
-    }
-    // The slowest mode decays by e⁻³⁰, and its part in a derivative, which grows with time, to 10⁻⁹.
-    let settle = 1000.0;
-    let (mut compared, mut impacts) = (0, 0);
-    let (count, every) = if std::env::var_os("DAMPRIG_FULL").is_some() { (120, 1) } else { (80, 4) };
-    for number in 0..count {
-        let case = Draw(Rng::with_seed(number)).case(number as usize);
-        let settled = |case: &Case, period_s: f64| {
-            let duration_s = settle * period_s;
-            MotionCase { duration_s, ..motion_case(case) }
-        };
-        if !matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. }) {
-            continue;
-        }
-        let own: Vec<_> =
-            QUANTITIES.iter().filter(|(name, change)| *name != "start" && change(&mut case.clone(), 1.0)).collect();
-        let varied: Vec<Varied> = own
-            .iter()
-            .map(|(_, change)| {
-                let at = |by: f64| settled(&changed(&case, *change, by), case.cycle_s);
-                Varied { value: 1.0, cases: Varied::AT.map(at) }
-            })
-            .collect();
-        let Ok(found) = settled(&case, case.cycle_s).orbit_derivatives(1, &varied, &mut |_| true) else { continue };
-        let on_orbit = {
-            let mut motion = Motion::new(&case.set_up, &case.excitation, &case.start).expect("it starts");
-            motion.run(settle * case.cycle_s, &mut ()).expect("it goes on");
-            motion.state()
-        };
-        let measured = |case: &Case| {
-            let turning = case.excitation.angular_frequency_rad_per_s();
-            let periods = f64::from(found.periods);
-            // From the orbit, as the same set-up may have another; a particle that presses its wall there starts as the case does.
-            let start = |start: &State| Motion::new(&case.set_up, &case.excitation, start);
-            let mut motion = start(&on_orbit).or_else(|_| start(&case.start)).expect("it starts");
-            motion.run(settle * TAU / turning, &mut ()).expect("it goes on");
-            let mut of = OfPeriod::default();
-            motion.run((settle + periods) * TAU / turning, &mut of).expect("it goes on");
-            [(of.0.squares[0] / (periods * TAU / turning)).sqrt(), of.1]
-        };
-        let fastest = found.derivatives.fastest_impact_m_per_s.as_ref();
-        let exact = |which: usize| {
-            let alone = fastest.filter(|fastest| !fastest.is_tie);
-            [Some(&found.derivatives.rms_m[0]), alone.map(|it| &it.of)].map(|of| of.map(|of| (of.value, of.by[which])))
-        };
-        for (which, (name, change)) in own.iter().enumerate().step_by(every) {
-            let h = (0.05 * found.derivatives.holds_within[which]).min(1e-3);
-            if h < 1e-5 {
-                continue;
-            }
-            let central = |h: f64| {
-                let [low, high] = [1.0 - h, 1.0 + h].map(|by| measured(&changed(&case, *change, by)));
-                [0, 1].map(|n| (high[n] - low[n]) / (2.0 * h))
-            };
-            let (coarse, fine) = (central(h), central(0.5 * h));
-            for (n, exact) in exact(which).into_iter().enumerate() {
-                let Some((value, by)) = exact else { continue };
-                let difference = (4.0 * fine[n] - coarse[n]) / 3.0;
-                // What is left of the transient is below 10⁻⁶, of the motion and, by the bend of the results, of the derivatives.
-                let allowed = (fine[n] - coarse[n]).abs() + 1e-5 * (by.abs() + value) + 1e-9 * value / h;
-                let apart = (by - difference).abs();
-                assert!(apart <= allowed, "{number}, {name}, {n}: {by}, {difference}, {allowed:.1e} allowed");
-                compared += 1;
-            }
-        }
-        impacts += usize::from(fastest.is_some());
-    }
-    println!("{compared} compared, {impacts} orbits with impacts");
-    assert!(compared > 20 && impacts >= 4, "{compared} {impacts}");
 }

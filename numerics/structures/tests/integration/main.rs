@@ -7,6 +7,7 @@ mod guided;
 mod laws;
 mod one_degree;
 mod one_mode;
+mod orbit_derivatives;
 mod random_set_ups;
 mod refusals;
 mod second_method;

@@ -9,22 +9,22 @@
 //! mode, noise that is not white) widens the intervals, and so does what the last residual terms change: the modes outside of the band are more than these
 //! terms. Errors of scale of the sensors are not in them.
 
-use std::f64::consts::TAU;
+mod peaks;
+mod place;
 
 use damprig_fourier::Complex;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::modal::{FrequencyResponse, Line, Wish};
-use super::statistics::{self, Fit, Value, variance_parts};
+use super::statistics::{self, Fit, Value};
 use crate::Refused;
+use peaks::peaks_of;
+use place::{Constants, Place, Poles};
 
 type C64 = Complex<f64>;
 
 /// Modes at most.
 pub const MAX_MODES: usize = 20;
-
-/// Powers of f/f₀ of the residual terms; the last of either end show what further ones would change.
-const POWERS: [i32; 5] = [0, -2, 2, -4, 4];
 
 /// Residual terms without the last of either end.
 const FEWER: usize = 3;
@@ -41,14 +41,8 @@ const RATIOS: (f64, f64, i32) = (2e-4, 2.0, 11);
 /// Frequencies of that search to either side, in half-power half-widths.
 const PLACES: i32 = 2;
 
-/// By this factor of |H|² a peak is above both valleys beside it.
-const PROMINENCE: f64 = 4.0;
-
 /// A mode that is this far from its peak, as a logarithm, is another one.
 const ASTRAY: f64 = 0.1;
-
-/// Least standard deviation of a line as a share of the median |H|.
-const MIN_DEVIATION: f64 = 1e-7;
 
 /// Lines in common that widen an interval.
 const BLOCK: usize = 6;
@@ -156,141 +150,6 @@ pub fn identify(places: &[FrequencyResponse], driven: usize, near_hz: &[f64], ba
         mode.shape_per_root_kg.iter_mut().zip(&other.shape_per_root_kg).for_each(|(own, other)| widen(own, other));
     }
     Ok(found)
-}
-
-/// Peaks of the sum over the places of |H|² over its median, in which neighbouring lines are averaged.
-fn peaks_of(lines: &[Vec<Line>]) -> Vec<f64> {
-    // Places with the lines of the first one; others are looked at where they have them.
-    let mut power = vec![0.0; lines[0].len()];
-    for own in lines.iter().filter(|own| own.len() == lines[0].len()) {
-        let mut all: Vec<f64> = own.iter().map(|line| line.h.norm_sqr()).collect();
-        all.sort_by(f64::total_cmp);
-        let median = all[all.len() / 2].max(f64::MIN_POSITIVE);
-        power.iter_mut().zip(own).for_each(|(power, line)| *power += line.h.norm_sqr() / median);
-    }
-    let smooth: Vec<f64> = (0..power.len())
-        .map(|n| {
-            let around = &power[n.saturating_sub(1)..(n + 2).min(power.len())];
-            around.iter().sum::<f64>() / around.len() as f64
-        })
-        .collect();
-    let valley = |side: &mut dyn Iterator<Item = usize>, top: f64| {
-        let mut least = top;
-        for n in side {
-            if smooth[n] > top {
-                break;
-            }
-            least = least.min(smooth[n]);
-        }
-        least
-    };
-    let is_peak = |n: &usize| {
-        let top = smooth[*n];
-        let sides = [valley(&mut (0..*n).rev(), top), valley(&mut (n + 1..smooth.len()), top)];
-        top > 0.0 && sides.iter().all(|least| top >= PROMINENCE * least) && (*n == 0 || smooth[n - 1] < top)
-    };
-    (1..smooth.len() - 1).filter(is_peak).map(|n| lines[0][n].frequency_hz).collect()
-}
-
-/// The measured lines of a place.
-struct Place {
-    lines: Vec<Line>,
-    /// What multiplies receptances.
-    factors: Vec<C64>,
-    middle_hz: f64,
-    median: f64,
-    /// Residual terms.
-    terms: usize,
-}
-
-/// Frequencies and damping ratios in turn.
-type Poles = [f64];
-
-impl Place {
-    fn new(response: &FrequencyResponse, lines: Vec<Line>, middle_hz: f64) -> Self {
-        let factors = lines.iter().map(|line| response.quantity.of_receptance(TAU * line.frequency_hz).1).collect();
-        let mut all: Vec<f64> = lines.iter().map(|line| line.h.norm()).collect();
-        all.sort_by(f64::total_cmp);
-        let median = all[all.len() / 2];
-        Self { lines, factors, middle_hz, median, terms: POWERS.len() }
-    }
-
-    /// What multiplies A of each mode and each B at each line.
-    fn columns(&self, poles: &Poles) -> DMatrix<C64> {
-        let count = poles.len() / 2;
-        DMatrix::from_fn(self.lines.len(), count + self.terms, |n, k| {
-            let hz = self.lines[n].frequency_hz;
-            self.factors[n]
-                * match k.checked_sub(count) {
-                    None => {
-                        let (natural, omega) = (TAU * poles[2 * k], TAU * hz);
-                        Complex::new(natural * natural - omega * omega, 2.0 * poles[2 * k + 1] * natural * omega).inv()
-                    }
-                    Some(term) => C64::from((hz / self.middle_hz).powi(POWERS[term])),
-                }
-        })
-    }
-
-    /// A of each mode and B that fit best.
-    fn constants(&self, poles: &Poles, deviations: &[f64]) -> Option<Constants> {
-        let columns = self.columns(poles);
-        let mut weighted = columns.clone();
-        for (mut row, deviation) in weighted.row_iter_mut().zip(deviations) {
-            row /= C64::from(*deviation);
-        }
-        let target =
-            DVector::from_iterator(self.lines.len(), self.lines.iter().zip(deviations).map(|(line, d)| line.h / *d));
-        // Columns of one size, so that their normal matrix is well conditioned.
-        let scale: Vec<f64> = weighted.column_iter().map(|own| own.norm().recip()).collect();
-        for (mut column, scale) in weighted.column_iter_mut().zip(&scale) {
-            column *= C64::from(*scale);
-        }
-        let mut inverse = (weighted.adjoint() * &weighted).cholesky()?.inverse();
-        for i in 0..scale.len() {
-            for j in 0..scale.len() {
-                inverse[(i, j)] *= C64::from(scale[i] * scale[j]);
-            }
-        }
-        for (mut column, scale) in weighted.column_iter_mut().zip(&scale) {
-            column /= C64::from(*scale);
-        }
-        let constants = &inverse * (weighted.adjoint() * target);
-        let is_finite = constants.iter().all(|value| value.is_finite());
-        is_finite.then_some(Constants { columns, values: constants, variances: inverse.diagonal().map(|own| own.re) })
-    }
-
-    /// H that fits best.
-    fn fitted(&self, poles: &Poles, deviations: &[f64]) -> Option<Vec<C64>> {
-        Some(self.constants(poles, deviations)?.fitted())
-    }
-
-    /// Standard deviations of the parts of each line, from what a fit leaves.
-    fn deviations(&self, fitted: &[C64], parameters: usize) -> Vec<f64> {
-        let count = self.lines.len();
-        // The fit takes a share of the noise.
-        let taken = 2.0 * count as f64 / (2 * count - parameters.min(2 * count - 1)) as f64;
-        let power = |(line, fitted): (&Line, &C64)| (0.5 * taken * (line.h - fitted).norm_sqr()).max(f64::MIN_POSITIVE);
-        let powers: Vec<f64> = self.lines.iter().zip(fitted).map(power).collect();
-        let shapes: Vec<[f64; 2]> = fitted.iter().map(|h| [self.median * self.median, h.norm_sqr()]).collect();
-        let parts = variance_parts(&powers, |n| shapes[n], [1e-4; 2]);
-        let least = (MIN_DEVIATION * self.median).powi(2);
-        shapes.iter().map(|[a, b]| (parts[0] * a + parts[1] * b).max(least).sqrt()).collect()
-    }
-}
-
-/// A of each mode and B of a place.
-struct Constants {
-    /// What multiplies them at each line.
-    columns: DMatrix<C64>,
-    values: DVector<C64>,
-    /// Variances of the real and of the imaginary part of each.
-    variances: DVector<f64>,
-}
-
-impl Constants {
-    fn fitted(&self) -> Vec<C64> {
-        (&self.columns * &self.values).iter().copied().collect()
-    }
 }
 
 /// The responses of all places.
@@ -484,6 +343,8 @@ fn misfit(fitted: &[Vec<(Line, C64)>], deviations: &[Vec<f64>]) -> (f64, f64) {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use fastrand::Rng;
 
     use super::*;
