@@ -65,7 +65,7 @@ impl Frame {
         };
         let place = self.storeys - 1;
         let mut set_up = SetUp::bare(Modes::storeys(&vec![storey; self.storeys]).expect("a physical frame"));
-        set_up.impact_dampers.push(ImpactDamper { place, particle: self.particle() });
+        set_up.impact_dampers.push(ImpactDamper::new(place, self.particle()));
         if self.friction_n > 0.0 {
             let damper = FrictionDamper { force_n: self.friction_n };
             set_up.friction_dampers.push(FrictionJoint { place, other: place.checked_sub(1), damper });
@@ -199,7 +199,7 @@ fn beside_diffsol() {
 fn diffsol_of_modes(set_up: &SetUp, turning: f64, start: &State, end_s: f64, tolerance: f64) -> f64 {
     let modes = &set_up.structure.modes;
     let n = modes.len();
-    let ImpactDamper { place, particle } = set_up.impact_dampers[0];
+    let ImpactDamper { place, particle, .. } = set_up.impact_dampers[0];
     let Particle { clearance_m: d, mass_kg, .. } = particle;
     let Wall::Restitution { coefficient } = particle.wall else { panic!("a hard wall") };
     let shape: Vec<f64> = modes.iter().map(|mode| mode.shape[place]).collect();

@@ -42,7 +42,7 @@ impl PlacedStructure {
     pub fn with_dampers_of(&self, one: &OneDegree) -> SetUp {
         let (place, other) = self.friction_damper;
         let joint = |damper| FrictionJoint { place, other, damper };
-        let particle = |particle| ImpactDamper { place: self.particle, particle };
+        let particle = |particle| ImpactDamper::new(self.particle, particle);
         SetUp {
             impact_dampers: one.particle.map(particle).into_iter().collect(),
             // Without a force there is no damper.

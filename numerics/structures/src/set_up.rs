@@ -58,6 +58,14 @@ pub struct ImpactDamper {
     pub particle: Particle,
 }
 
+impl ImpactDamper {
+    /// With the particle's own walls.
+    #[must_use]
+    pub const fn new(place: usize, particle: Particle) -> Self {
+        Self { place, particle }
+    }
+}
+
 /// A friction damper between a place and the base, or between two places: a set-valued Coulomb force on their relative velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrictionJoint {
@@ -113,7 +121,7 @@ impl From<&OneDegree> for SetUp {
     fn from(one: &OneDegree) -> Self {
         let joint = |damper| FrictionJoint { place: 0, other: None, damper };
         Self {
-            impact_dampers: one.particle.map(|particle| ImpactDamper { place: 0, particle }).into_iter().collect(),
+            impact_dampers: one.particle.map(|particle| ImpactDamper::new(0, particle)).into_iter().collect(),
             // Without a force there is no damper.
             friction_dampers: one.friction_damper.filter(|it| it.force_n > 0.0).map(joint).into_iter().collect(),
             tuned_masses: one.tmd.map(|tmd| TunedMass { place: 0, tmd }).into_iter().collect(),

@@ -191,7 +191,7 @@ fn two_modes(clearance_m: f64) -> MotionCase {
     };
     let set_up = damprig_structures::SetUp {
         structure,
-        impact_dampers: vec![ImpactDamper { place: 1, particle }],
+        impact_dampers: vec![ImpactDamper::new(1, particle)],
         friction_dampers: Vec::new(),
         tuned_masses: Vec::new(),
         gravity_m_per_s2: 0.0,

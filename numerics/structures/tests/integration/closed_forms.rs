@@ -197,7 +197,7 @@ fn two_impacts_a_cycle_have_the_speed_of_the_closed_form() {
         let wall = Wall::Restitution { coefficient: e };
         let particle =
             Particle { mass_kg: mass, clearance_m: d, friction_coefficient: 0.0, wall, cavity: Default::default() };
-        let set_up = SetUp { impact_dampers: vec![ImpactDamper { place, particle }], ..SetUp::bare(modes.clone()) };
+        let set_up = SetUp { impact_dampers: vec![ImpactDamper::new(place, particle)], ..SetUp::bare(modes.clone()) };
         let excitation = Excitation::Sine { amplitude_m: 3e-3, angular_frequency_rad_per_s: omega, phase_rad: 0.0 };
         let mut motion = Motion::new(&set_up, &excitation, &set_up.at_rest(base_at_start(&excitation))).unwrap();
         motion.run(3_000.0 * TAU / omega, &mut ()).unwrap();
@@ -222,7 +222,7 @@ fn a_second_mode_of_great_stiffness_changes_nothing() {
     let wall = Wall::Voigt { stiffness_n_per_m: 1024.9, damping_n_s_per_m: 2.0, release: Release::ZeroForce };
     let particle =
         Particle { mass_kg: 0.16, clearance_m: 22.5e-3, friction_coefficient: 0.0, wall, cavity: Default::default() };
-    let dampers = vec![ImpactDamper { place: 0, particle }];
+    let dampers = vec![ImpactDamper::new(0, particle)];
     let joint = FrictionJoint { place: 0, other: None, damper: FrictionDamper { force_n: 0.1 } };
     let excitation = sine(2.5);
     let end = |structure: Modes| {

@@ -219,11 +219,8 @@ fn upright(height_m: f64, g: f64, e: f64) -> MotionCase {
     let wall = Wall::Restitution { coefficient: e };
     let cavity = Cavity { inclination_deg: 90.0, ..Cavity::default() };
     let particle = Particle { mass_kg: 0.1, clearance_m: 1.0, friction_coefficient: 0.0, wall, cavity };
-    let set_up = SetUp {
-        impact_dampers: vec![ImpactDamper { place: 0, particle }],
-        gravity_m_per_s2: g,
-        ..SetUp::bare(structure)
-    };
+    let set_up =
+        SetUp { impact_dampers: vec![ImpactDamper::new(0, particle)], gravity_m_per_s2: g, ..SetUp::bare(structure) };
     let start = State {
         modal: vec![0.0],
         modal_rate: vec![0.0],

@@ -78,11 +78,11 @@ fn the_book_of_a_frame_balances() {
     let storey = |mass_kg, stiffness_n_per_m| Storey { mass_kg, stiffness_n_per_m, damping_n_s_per_m: 0.4 };
     let frame = Modes::storeys(&[storey(1.3, 900.0), storey(1.0, 1_200.0), storey(0.7, 700.0)]).unwrap();
     assert!(!frame.coupling_per_s.is_empty(), "its damping is not modal");
-    let hard = |place| ImpactDamper { place, particle: particle(Wall::Restitution { coefficient: 0.6 }) };
+    let hard = |place| ImpactDamper::new(place, particle(Wall::Restitution { coefficient: 0.6 }));
     let soft = Wall::Voigt { stiffness_n_per_m: 3_000.0, damping_n_s_per_m: 2.0, release: Release::ZeroPenetration };
     let joint = |place, other| FrictionJoint { place, other, damper: FrictionDamper { force_n: 0.2 } };
     let set_up = SetUp {
-        impact_dampers: vec![hard(2), hard(2), ImpactDamper { place: 0, particle: particle(soft) }],
+        impact_dampers: vec![hard(2), hard(2), ImpactDamper::new(0, particle(soft))],
         friction_dampers: vec![joint(0, None), joint(2, Some(1))],
         tuned_masses: vec![TunedMass {
             place: 1,

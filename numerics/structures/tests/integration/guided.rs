@@ -17,7 +17,7 @@ fn frame() -> SetUp {
         Particle { mass_kg: 0.1, clearance_m: 0.004, friction_coefficient: 0.05, wall, cavity: Default::default() };
     let tmd = Tmd { mass_kg: 0.05, stiffness_n_per_m: 20.0, damping_n_s_per_m: 0.1 };
     SetUp {
-        impact_dampers: vec![ImpactDamper { place: 2, particle }],
+        impact_dampers: vec![ImpactDamper::new(2, particle)],
         friction_dampers: vec![FrictionJoint { place: 0, other: None, damper: FrictionDamper { force_n: 0.3 } }],
         tuned_masses: vec![TunedMass { place: 1, tmd }],
         ..SetUp::bare(storeys())

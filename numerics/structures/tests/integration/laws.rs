@@ -75,7 +75,7 @@ fn pieces_join_up_and_the_observer_ends_the_run() {
     let mut sticky = particle(0.4, 10e-3, wall);
     sticky.friction_coefficient = 0.1;
     let set_up = SetUp {
-        impact_dampers: vec![ImpactDamper { place: 2, particle: sticky }],
+        impact_dampers: vec![ImpactDamper::new(2, sticky)],
         friction_dampers: vec![joint],
         tuned_masses: vec![TunedMass { place: 0, tmd }],
         ..SetUp::bare(frame(3, 0.5))
@@ -105,7 +105,7 @@ fn what_is_at_rest_at_a_wall_stays_so() {
         let mut of = particle(0.5, 1e-3, wall);
         of.friction_coefficient = friction;
         let set_up = SetUp {
-            impact_dampers: vec![ImpactDamper { place: 1, particle: of }, ImpactDamper { place: 0, particle: of }],
+            impact_dampers: vec![ImpactDamper::new(1, of), ImpactDamper::new(0, of)],
             friction_dampers: vec![joint],
             ..SetUp::bare(frame(2, 0.5))
         };
@@ -131,7 +131,7 @@ fn an_impact_may_end_the_contact_of_another_particle_with_a_dashpot() {
     let dampers = [particle(0.5, 4e-3, Wall::Restitution { coefficient: 0.5 }), particle(0.5, 1e-3, soft)];
     let storey = Storey { mass_kg: 10.0, stiffness_n_per_m: 4000.0, damping_n_s_per_m: 4.0 };
     let set_up = SetUp {
-        impact_dampers: dampers.map(|particle| ImpactDamper { place: 0, particle }).to_vec(),
+        impact_dampers: dampers.map(|particle| ImpactDamper::new(0, particle)).to_vec(),
         ..SetUp::bare(Modes::storeys(&[storey]).unwrap())
     };
     let pulse = Excitation::HalfSine { amplitude_m: 0.01, duration_s: 0.5 };
@@ -151,7 +151,7 @@ fn a_start_at_a_soft_wall_has_no_steps_without_guards() {
         let wall = Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release: Release::ZeroForce };
         for side in [-1.0, 1.0] {
             let set_up = SetUp {
-                impact_dampers: vec![ImpactDamper { place: 0, particle: particle(1.0, 1e-3, wall) }],
+                impact_dampers: vec![ImpactDamper::new(0, particle(1.0, 1e-3, wall))],
                 driven_place: Some(0),
                 ..SetUp::bare(Modes::storeys(&[storey]).unwrap())
             };
@@ -180,7 +180,7 @@ fn no_free_motion_gains_energy() {
         let mut set_up = SetUp::bare(frame(storeys, 0.0));
         for _ in 0..rng.usize(1..4) {
             let wall = Wall::Restitution { coefficient: 0.95 * rng.f64() };
-            let damper = ImpactDamper { place: rng.usize(0..storeys), particle: particle(0.3, 8e-3, wall) };
+            let damper = ImpactDamper::new(rng.usize(0..storeys), particle(0.3, 8e-3, wall));
             set_up.impact_dampers.push(damper);
             if rng.bool() {
                 // A second one of the same mass, whose impacts fall on the same instants until e tells them apart.
@@ -220,8 +220,7 @@ fn no_free_motion_gains_energy() {
 #[test]
 fn elastic_impacts_keep_the_energy() {
     let wall = Wall::Restitution { coefficient: 1.0 };
-    let dampers =
-        [(2, 0.4), (0, 0.3)].map(|(place, mass)| ImpactDamper { place, particle: particle(mass, 8e-3, wall) });
+    let dampers = [(2, 0.4), (0, 0.3)].map(|(place, mass)| ImpactDamper::new(place, particle(mass, 8e-3, wall)));
     let set_up = SetUp { impact_dampers: dampers.to_vec(), ..SetUp::bare(frame(3, 0.0)) };
     let mut start = set_up.at_rest(base_at_start(&Excitation::Fixed));
     start.modal_rate = vec![0.4, -0.2, 0.1];
@@ -248,7 +247,7 @@ fn friction_is_watched_while_a_resting_particle_is_not_told_apart() {
     let mut unresolved = 0;
     for (wall, side) in walls.into_iter().flat_map(|wall| [(wall, -1.0), (wall, 1.0)]) {
         let set_up = SetUp {
-            impact_dampers: vec![ImpactDamper { place: 0, particle: particle(0.5, 4e-3, wall) }],
+            impact_dampers: vec![ImpactDamper::new(0, particle(0.5, 4e-3, wall))],
             friction_dampers: vec![FrictionJoint { place: 2, other: None, damper: FrictionDamper { force_n: 0.5 } }],
             driven_place: Some(2),
             ..SetUp::bare(frame(3, 4.0))
@@ -287,8 +286,8 @@ fn two_halves_of_a_particle_move_as_one() {
             },
             other => other,
         };
-        let whole = vec![ImpactDamper { place: 1, particle: particle(0.4, 10e-3, wall) }];
-        let halves = vec![ImpactDamper { place: 1, particle: particle(0.2, 10e-3, half) }; 2];
+        let whole = vec![ImpactDamper::new(1, particle(0.4, 10e-3, wall))];
+        let halves = vec![ImpactDamper::new(1, particle(0.2, 10e-3, half)); 2];
         let base = SetUp::bare(frame(2, 0.5));
         let one = SetUp { impact_dampers: whole, ..base.clone() };
         let two = SetUp { impact_dampers: halves, ..base };
@@ -332,8 +331,7 @@ fn joints_stick_together_until_one_of_them_gives_way() {
 fn a_particle_that_rests_on_its_wall_adds_its_mass() {
     let cavity = Cavity { inclination_deg: 90.0, ..Cavity::default() };
     let resting = Particle { cavity, ..particle(0.5, 0.1, Wall::Restitution { coefficient: 0.3 }) };
-    let set_up =
-        SetUp { impact_dampers: vec![ImpactDamper { place: 1, particle: resting }], ..SetUp::bare(frame(2, 0.5)) };
+    let set_up = SetUp { impact_dampers: vec![ImpactDamper::new(1, resting)], ..SetUp::bare(frame(2, 0.5)) };
     let heavier = [
         Storey { mass_kg: 2.0, stiffness_n_per_m: 1500.0, damping_n_s_per_m: 0.5 },
         Storey { mass_kg: 2.5, stiffness_n_per_m: 1500.0, damping_n_s_per_m: 0.5 },

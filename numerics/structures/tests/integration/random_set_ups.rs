@@ -179,12 +179,12 @@ impl Draw {
             let hard = self.hard_wall();
             particle.wall = hard;
             particle.cavity.positive_wall = None;
-            set_up.impact_dampers.push(ImpactDamper { place: 0, particle });
+            set_up.impact_dampers.push(ImpactDamper::new(0, particle));
             if is_mirrored {
                 particle.cavity.offset_m = -particle.cavity.offset_m;
                 particle.cavity.inclination_deg = -particle.cavity.inclination_deg;
             }
-            set_up.impact_dampers.push(ImpactDamper { place: usize::from(is_mirrored), particle });
+            set_up.impact_dampers.push(ImpactDamper::new(usize::from(is_mirrored), particle));
         } else {
             for _ in 0..1 + self.one_of(3) {
                 let place = self.one_of(places);
@@ -199,7 +199,7 @@ impl Draw {
                     }
                     _ => {
                         let particle = self.particle();
-                        set_up.impact_dampers.push(ImpactDamper { place, particle });
+                        set_up.impact_dampers.push(ImpactDamper::new(place, particle));
                     }
                 }
             }

@@ -57,7 +57,7 @@ fn set_up() -> SetUp {
 fn with_wall(wall: Wall) -> SetUp {
     let cavity = Cavity::default();
     let particle = Particle { mass_kg: 0.1, clearance_m: 0.01, friction_coefficient: 0.0, wall, cavity };
-    SetUp { impact_dampers: vec![ImpactDamper { place: 0, particle }], ..set_up() }
+    SetUp { impact_dampers: vec![ImpactDamper::new(0, particle)], ..set_up() }
 }
 
 fn refused(set_up: &SetUp, excitation: &Excitation) -> Refused {

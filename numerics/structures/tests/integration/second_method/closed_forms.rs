@@ -89,7 +89,7 @@ fn a_ball_on_a_node_bounces_as_in_the_textbook() {
     }
     let (d, e, g) = (0.02, 0.6, set_up.gravity_m_per_s2);
     let cavity = Cavity { inclination_deg: 90.0, ..Cavity::default() };
-    set_up.impact_dampers = vec![ImpactDamper { place: 0, particle: Particle { cavity, ..particle(0.1, d, e) } }];
+    set_up.impact_dampers = vec![ImpactDamper::new(0, Particle { cavity, ..particle(0.1, d, e) })];
     let fall_s = (2.0 * d / g).sqrt();
     let start =
         State { modal: vec![0.0; 2], modal_rate: vec![0.0; 2], particles: vec![Body::default()], ..State::default() };
@@ -111,7 +111,7 @@ fn a_ball_on_a_node_bounces_as_in_the_textbook() {
 fn two_impacts_at_one_instant_share_the_recoil() {
     let mut set_up = two_modes();
     let (m, e, d, v) = (0.2, 0.5, 0.01, 0.3);
-    set_up.impact_dampers = vec![ImpactDamper { place: 0, particle: particle(m, d, e) }; 2];
+    set_up.impact_dampers = vec![ImpactDamper::new(0, particle(m, d, e)); 2];
     set_up.structure.influence = vec![0.0];
     let start = State {
         modal: vec![0.0; 2],
@@ -140,7 +140,7 @@ fn two_impacts_at_one_instant_share_the_recoil() {
 #[test]
 fn half_the_step_changes_nothing() {
     let mut set_up = two_modes();
-    set_up.impact_dampers = vec![ImpactDamper { place: 0, particle: particle(0.2, 8e-3, 0.5) }];
+    set_up.impact_dampers = vec![ImpactDamper::new(0, particle(0.2, 8e-3, 0.5))];
     let turning = TAU * 2.5;
     let sine = Excitation::Sine { amplitude_m: 2e-3, angular_frequency_rad_per_s: turning, phase_rad: 0.0 };
     let start =
