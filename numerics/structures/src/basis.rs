@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::Refused;
 use crate::bodies::{Bodies, dot};
+use crate::circuits::{Charges, Circuits};
 use crate::cubic::Cubic;
 use crate::linear::C64;
 
@@ -14,35 +15,46 @@ pub(crate) struct Constraint {
     pub influence: f64,
 }
 
-/// `q = Ψ η + D (κ − Δι z)`: Ψ is orthonormal in M and diagonalises K, D moves the sticking joints, whose κ is constant.
+/// `q = Ψ η + D (κ − Δι z)`: Ψ is orthonormal in M and diagonalises K, D moves the sticking joints, whose κ is constant. Coordinates of charges come last
+/// ([`Charges`]).
 #[derive(Clone, Debug)]
 pub(crate) struct Basis {
     /// Ψ.
     pub shapes: DMatrix<f64>,
-    /// Ψᵀ M.
+    /// What forces on the bodies are on the coordinates, by columns: Ψ where there are no charges.
+    pub loads: DMatrix<f64>,
+    /// The coordinates of displacements, by rows: Ψᵀ M where there are no charges.
     pub project: DMatrix<f64>,
     /// D = B (BᵀB)⁻¹.
     pub held: DMatrix<f64>,
     constraints: Vec<Constraint>,
     /// −D Δι: q per displacement of the base that the constraints prescribe.
     pub moved: Vec<f64>,
+    /// How the coordinates of charges follow the others.
+    pub circuits: Circuits,
 }
 
 impl Basis {
-    /// The basis, with ω² of its coordinates.
+    /// The basis, with ω² of the coordinates of its masses.
     pub fn new(bodies: &Bodies, stuck: &[Constraint]) -> Result<(Self, Vec<f64>), Refused> {
         let n = bodies.len();
         let stiffness = bodies.matrix(Bodies::springs);
         let rows = DMatrix::from_fn(n, stuck.len(), |i, j| stuck[j].row[i]);
         let mass = DMatrix::from_diagonal(&DVector::from_column_slice(&bodies.mass));
-        let (shapes, square) = if stuck.len() == n {
-            (DMatrix::zeros(n, 0), Vec::new())
-        } else {
-            let free = complement(&rows).ok_or(Refused::Redundant)?;
-            let root = (free.transpose() * &mass * &free).cholesky().ok_or(Refused::Redundant)?.l();
-            let orthonormal = root.solve_lower_triangular(&free.transpose()).ok_or(Refused::Redundant)?.transpose();
-            let eigen = symmetric(&(orthonormal.transpose() * &stiffness * &orthonormal)).symmetric_eigen();
-            (orthonormal * &eigen.eigenvectors, eigen.eigenvalues.iter().copied().collect())
+        let charges = Charges::of(bodies, &stiffness);
+        let (shapes, loads, project, circuits, square) = match charges {
+            None => {
+                let (shapes, square) = shapes(&mass, &stiffness, &rows)?;
+                (shapes.clone(), shapes.clone(), shapes.transpose() * mass, Circuits::default(), square)
+            }
+            Some(charges) => {
+                let of = |all: &DMatrix<f64>| all.select_rows(&charges.masses).select_columns(&charges.masses);
+                let settled = of(&stiffness) - charges.to_masses.transpose() * &charges.to_masses;
+                let mass = of(&mass);
+                let (shapes, square) = shapes(&mass, &settled, &rows.select_rows(&charges.masses))?;
+                let project = charges.project(&(shapes.transpose() * mass));
+                (charges.shapes(&shapes), charges.loads(&shapes), project, charges.circuits(&shapes), square)
+            }
         };
         let held = if stuck.is_empty() {
             DMatrix::zeros(n, 0)
@@ -52,12 +64,13 @@ impl Basis {
         };
         let influence = DVector::from_iterator(stuck.len(), stuck.iter().map(|joint| joint.influence));
         let moved = (&held * influence).iter().map(|q| -q).collect();
-        Ok((Self { project: shapes.transpose() * mass, shapes, held, constraints: stuck.to_vec(), moved }, square))
+        Ok((Self { shapes, loads, project, held, constraints: stuck.to_vec(), moved, circuits }, square))
     }
 
-    /// C on the coordinates.
+    /// C on the coordinates of the masses.
     pub fn damping(&self, bodies: &Bodies) -> DMatrix<f64> {
-        symmetric(&(self.shapes.transpose() * bodies.matrix(Bodies::dashpots) * &self.shapes))
+        let shapes = self.loads.columns(0, self.loads.ncols() - self.circuits.len()).clone_owned();
+        symmetric(&(shapes.transpose() * bodies.matrix(Bodies::dashpots) * &shapes))
     }
 
     /// κ of a state, less Δι times the cubic `base` of z; `sine` is the rest of z.
@@ -72,10 +85,26 @@ impl Basis {
         &self.held * DVector::from_iterator(kappa.len(), kappa.iter().map(|kappa| kappa.derivative(order)))
     }
 
-    /// Ψᵀ x.
+    /// Forces x on the bodies as those on the coordinates.
     pub fn on_coordinates(&self, x: &[C64]) -> Vec<C64> {
-        self.shapes.column_iter().map(|shape| shape.iter().zip(x).map(|(shape, x)| x * *shape).sum()).collect()
+        self.loads.column_iter().map(|shape| shape.iter().zip(x).map(|(shape, x)| x * *shape).sum()).collect()
     }
+}
+
+/// Coordinates of bodies with this M and K that leave the displacements along the columns of `rows` as they are, with ω² of each.
+fn shapes(
+    mass: &DMatrix<f64>,
+    stiffness: &DMatrix<f64>,
+    rows: &DMatrix<f64>,
+) -> Result<(DMatrix<f64>, Vec<f64>), Refused> {
+    if rows.ncols() == rows.nrows() {
+        return Ok((DMatrix::zeros(rows.nrows(), 0), Vec::new()));
+    }
+    let free = complement(rows).ok_or(Refused::Redundant)?;
+    let root = (free.transpose() * mass * &free).cholesky().ok_or(Refused::Redundant)?.l();
+    let orthonormal = root.solve_lower_triangular(&free.transpose()).ok_or(Refused::Redundant)?.transpose();
+    let eigen = symmetric(&(orthonormal.transpose() * stiffness * &orthonormal)).symmetric_eigen();
+    Ok((orthonormal * &eigen.eigenvectors, eigen.eigenvalues.iter().copied().collect()))
 }
 
 /// The symmetric part of a matrix that is symmetric but for rounding.

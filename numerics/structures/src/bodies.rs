@@ -10,10 +10,11 @@ pub(crate) struct Link {
     pub damping: f64,
 }
 
-/// Modal coordinates, tuned masses and particles, relative to the base: masses, springs and dashpots.
+/// Modal coordinates, tuned masses, charges of piezoelectric walls and particles, relative to the base: masses, springs and dashpots. The displacement
+/// of a charge is in C, its stiffness in V/C and its damping in Ω.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Bodies {
-    /// Mass of each, kg (1 of a modal coordinate).
+    /// Mass of each, kg (1 of a modal coordinate, 0 of a charge).
     pub mass: Vec<f64>,
     /// Force per −z″, kg.
     pub inertia: Vec<f64>,
@@ -30,6 +31,11 @@ pub(crate) struct Bodies {
 impl Bodies {
     pub fn len(&self) -> usize {
         self.mass.len()
+    }
+
+    /// What accelerates a body by its force: its mass; infinite of a charge, which has no acceleration of its own.
+    pub fn divisors(&self) -> impl Iterator<Item = f64> {
+        self.mass.iter().map(|&mass| if mass == 0.0 { f64::INFINITY } else { mass })
     }
 
     /// Whether each is a modal coordinate and nothing couples them.

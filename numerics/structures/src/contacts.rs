@@ -53,12 +53,21 @@ impl Contacts {
         }
         for (particle, (cavity, touch)) in mount.cavities.iter().zip(&self.touches).enumerate() {
             constant[mount.permanent + particle] -= cavity.weight_n;
-            if let Touch::Pressing(side) = *touch
-                && let WallLaw::Soft { stiffness, damping, .. } = *cavity.wall(side)
-            {
-                let row = mount.offset_row(particle);
-                pressed.push(Link { row: row.to_vec(), stiffness, damping });
-                add(&mut constant, stiffness * cavity.wall_at(side), row);
+            let Touch::Pressing(side) = *touch else { continue };
+            let row = mount.offset_row(particle);
+            match *cavity.wall(side) {
+                WallLaw::Hard(_) => {}
+                WallLaw::Soft { stiffness, damping, .. } => {
+                    pressed.push(Link { row: row.to_vec(), stiffness, damping });
+                    add(&mut constant, stiffness * cavity.wall_at(side), row);
+                }
+                WallLaw::Piezoelectric(wall) => {
+                    let row: Vec<f64> = row.iter().map(|of| signed(side, *of)).collect();
+                    for (link, from) in wall.pressed(&row, cavity.end(side)) {
+                        add(&mut constant, link.stiffness * from, &link.row);
+                        pressed.push(link);
+                    }
+                }
             }
         }
         (constant, pressed)

@@ -52,11 +52,13 @@ impl Stored {
         for (n, cavity) in mount.cavities.iter().enumerate() {
             of_weights += cavity.weight_n * q[mount.permanent + n];
             of_base += cavity.weight_n * cavity.influence * z;
-            if let Touch::Pressing(side) = motion.contacts.touches[n]
-                && let WallLaw::Soft { stiffness, .. } = *cavity.wall(side)
-            {
-                springs += 0.5 * stiffness * (along(mount.offset_row(n)) - cavity.wall_at(side)).powi(2);
-            }
+            let Touch::Pressing(side) = motion.contacts.touches[n] else { continue };
+            let penetration_m = signed(side, along(mount.offset_row(n)) - cavity.wall_at(side));
+            springs += match *cavity.wall(side) {
+                WallLaw::Hard(_) => 0.0,
+                WallLaw::Soft { stiffness, .. } => 0.5 * stiffness * penetration_m.powi(2),
+                WallLaw::Piezoelectric(wall) => wall.pressed_energy_j(penetration_m, q[wall.charge]),
+            };
         }
         let relative_j = square(&v, &bodies.mass) + springs + of_weights;
         let momentum: f64 = bodies.inertia.iter().zip(&v).map(|(inertia, v)| inertia * v).sum();
@@ -81,7 +83,8 @@ impl EnergyBook {
         })
     }
 
-    /// The balance up to where the motion is now. `link_damping_j` is that of soft walls and tuned masses.
+    /// The balance up to where the motion is now. `link_damping_j` is that of soft walls, tuned masses and the loads of piezoelectric walls; what
+    /// these store is stored.
     #[must_use]
     pub fn balance(&self, motion: &Motion) -> Balance {
         let (now, start) = (Stored::of(motion), self.at_start);
@@ -147,7 +150,7 @@ impl Observer for EnergyBook {
         let jump = base_rate.at(0.0).0 - self.base_rate_m_per_s;
         if jump != 0.0 {
             let whole_kg: f64 =
-                bodies.inertia.iter().zip(&bodies.mass).map(|(inertia, mass)| inertia * inertia / mass).sum();
+                bodies.inertia.iter().zip(bodies.divisors()).map(|(inertia, mass)| inertia * inertia / mass).sum();
             self.relative_input_j -= jump * (relative_momentum.at(0.0).0 + 0.5 * jump * whole_kg);
         }
         self.base_rate_m_per_s = base_rate.at(piece.length_s).0;
@@ -198,6 +201,9 @@ impl EnergyBook {
         }
         for link in &bodies.links {
             self.balance.link_damping_j += link.damping * rows.rate(&link.row).square_m2_s();
+        }
+        for (.., wall) in mount.piezoelectric_walls() {
+            self.balance.link_damping_j += bodies.damping[wall.charge] * rows.rate(&unit(wall.charge)).square_m2_s();
         }
         for (n, touch) in system.contacts.touches.iter().enumerate() {
             if let Touch::Pressing(side) = *touch

@@ -105,18 +105,25 @@ impl Motion {
                 unit[mount.permanent + i] = 1.0;
                 push(-cavity.weight_n, &unit);
             }
-            if let Touch::Pressing(side) = self.contacts.touches[i]
-                && let WallLaw::Soft { stiffness, damping, .. } = *cavity.wall(side)
-            {
+            if let Touch::Pressing(side) = self.contacts.touches[i] {
                 let (offset, slide) = self.offset(i);
-                let row = mount.offset_row(i);
-                push(-(stiffness * (offset - cavity.wall_at(side)) + damping * slide), row);
+                let away_n = match *cavity.wall(side) {
+                    WallLaw::Hard(_) => continue,
+                    WallLaw::Soft { stiffness, damping, .. } => {
+                        stiffness * (offset - cavity.wall_at(side)) + damping * slide
+                    }
+                    WallLaw::Piezoelectric(wall) => {
+                        let beyond = signed(side, offset) - self.surface(i, side).0;
+                        signed(side, wall.open_stiffness() * beyond)
+                    }
+                };
+                push(-away_n, mount.offset_row(i));
             }
         }
         for (number, joint) in mount.joints.iter().enumerate().filter(|(number, _)| !free.contains(number)) {
             push(self.contacts.sliding_force(mount, number), &joint.row);
         }
-        let per_mass = |x: Vec<f64>| x.iter().zip(&bodies.mass).map(|(x, mass)| x / mass).collect();
+        let per_mass = |x: Vec<f64>| x.iter().zip(bodies.divisors()).map(|(x, mass)| x / mass).collect();
         (per_mass(force), per_mass(size))
     }
 
@@ -276,7 +283,7 @@ impl Motion {
         self.fastest_m_per_s = self.fastest_m_per_s.max(fastest);
         let before: Few<f64> = self.v[..].into();
         let mut pushed = self.impulses(&closed)?;
-        let speed = before.iter().chain(&self.v).fold(0.0, |most: f64, v| most.max(v.abs()));
+        let speed = self.fastest(&before).max(self.fastest(&self.v));
         // Bounces that rounding hides end: these particles stay on their walls.
         for contact in &mut closed {
             let leaves = -signed(contact.side, self.offset(contact.particle).1);
@@ -329,19 +336,24 @@ impl Motion {
             let low = |closed: &Closed| if closed.stays { f64::NEG_INFINITY } else { 0.0 };
             let limits: Vec<Limits> =
                 closed.iter().map(|closed| Limits { low: low(closed), high: f64::INFINITY }).collect();
-            let speed = self.v.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
-            let tolerance = vec![f64::EPSILON * speed; closed.len()];
+            let tolerance = vec![f64::EPSILON * self.fastest(&self.v); closed.len()];
             let (impulse, at) = solve(&w, &a0, &limits, &tolerance).ok_or(Refused::Redundant)?;
             (impulse.into(), at.into())
         };
         for (closed, impulse) in closed.iter().zip(&impulse) {
             let row = self.mount.offset_row(closed.particle);
             let away = -signed(closed.side, *impulse);
-            let mass = &self.mount.bodies.mass;
+            let mass = self.mount.bodies.divisors();
             self.v.iter_mut().zip(row.iter().zip(mass)).for_each(|(v, (row, mass))| *v += row * away / mass);
         }
         let pushed = |(impulse, at): (&f64, &At)| Pushed { impulse_n_s: *impulse, is_pushed: *at == At::Inside };
         Ok(impulse.iter().zip(&at).map(pushed).collect())
+    }
+
+    /// The largest magnitude of the velocities of what has a mass.
+    fn fastest(&self, v: &[f64]) -> f64 {
+        let masses = v.iter().zip(&self.mount.bodies.mass).filter(|(_, mass)| **mass > 0.0);
+        masses.fold(0.0, |most: f64, (v, _)| most.max(v.abs()))
     }
 
     /// Whether a particle that has left a wall at `speed` would return from a height within rounding, while the joints in `zero` stick

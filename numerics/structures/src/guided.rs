@@ -55,7 +55,7 @@ impl Motion {
     #[must_use]
     pub fn moving_mass_kg(&self) -> f64 {
         let bodies = &self.mount.bodies;
-        bodies.inertia.iter().zip(&bodies.mass).map(|(inertia, mass)| inertia * inertia / mass).sum()
+        bodies.inertia.iter().zip(bodies.divisors()).map(|(inertia, mass)| inertia * inertia / mass).sum()
     }
 
     /// What `ask` finds on a copy that it may run on; the motion stays where it is.

@@ -1,6 +1,6 @@
 //! Linear structures of several degrees of freedom with impact, friction and tuned mass dampers: exact motion from event to event.
 //!
-//! Every state of the contacts (each particle free, held or in a soft wall, each friction damper sticking or slipping in a
+//! Every state of the contacts (each particle free, held or in a soft or piezoelectric wall, each friction damper sticking or slipping in a
 //! direction) is a linear system with constant coefficients. Its motion is a sum of exponentials and, on a base that follows samples, of cubics
 //! in time (`linear`); events are the first roots of linear functions of the motion (`guard`); forces at rest and impulses follow from convex problems
 //! (`complementarity`).
@@ -23,9 +23,12 @@
 //! - An instantaneous impact acts on the mass of all modes at its place, however stiff they are: e is that of the contact alone, and the
 //!   energy that goes into fast modes looks like a lower one.
 //! - A particle whose bounces are lower than rounding rests on its wall.
+//! - A piezoelectric wall pushes while its force is positive. Its charge has no inertia: an equation of first order beside those of the bodies (`circuits`).
+//!   The surface that nothing touches stands elsewhere with the charge, and the next contact begins there.
 
 mod basis;
 mod bodies;
+mod circuits;
 mod complementarity;
 mod contacts;
 mod course;
@@ -37,11 +40,13 @@ mod events;
 mod flight;
 mod guard;
 mod guided;
+mod harvest;
 mod linear;
 mod motion;
 mod mount;
 mod natural_motions;
 mod observe;
+mod piezoelectric;
 mod refused;
 mod set_up;
 mod state;
@@ -55,8 +60,11 @@ pub use derivatives::{
 };
 pub use describe::{Beam, Damping, MAX_MODES, Storey, Support};
 pub use energy::EnergyBook;
+pub use harvest::{Harvest, Harvested};
 pub use motion::Motion;
 pub use observe::{Impact, Observer, Piece};
 pub use refused::Refused;
-pub use set_up::{FrictionJoint, HarmonicForce, ImpactDamper, Mode, Modes, SetUp, TunedMass, base_at_start};
+pub use set_up::{
+    FrictionJoint, HarmonicForce, ImpactDamper, Mode, Modes, PiezoelectricWall, SetUp, TunedMass, base_at_start,
+};
 pub use state::{Body, State};

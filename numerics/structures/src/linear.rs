@@ -11,6 +11,7 @@ use nalgebra::{Complex, DMatrix, DVector};
 use crate::Refused;
 use crate::basis::{Basis, Constraint};
 use crate::bodies::{Bodies, dot};
+use crate::circuits::Circuits;
 use crate::cubic::Cubic;
 use crate::natural_motions::NaturalMotions;
 use crate::sum::Sum;
@@ -27,10 +28,11 @@ const RESONANT: f64 = 1e-12;
 #[derive(Clone, Debug)]
 pub(crate) struct Linear {
     pub natural: NaturalMotions,
-    /// ω² of each coordinate.
+    /// ω² of each coordinate of the masses; those of charges come after them.
     square: Vec<f64>,
-    /// C on the coordinates.
+    /// C on the coordinates of the masses.
     damping: DMatrix<f64>,
+    circuits: Circuits,
     /// `None`: the bodies' displacements are the coordinates.
     basis: Option<Basis>,
     /// η of the forced motion per W.
@@ -78,16 +80,32 @@ impl Linear {
             let damping = basis.damping(bodies);
             (Some(basis), square, damping)
         };
-        let natural = NaturalMotions::new(&square, &damping, turning)?;
+        let circuits = basis.as_ref().map_or_else(Circuits::default, |basis| basis.circuits.clone());
+        let natural = NaturalMotions::new(&square, &damping, &circuits, turning)?;
         let load = load(bodies, basis.as_ref(), turning, force);
-        let forced = response(&square, &damping, turning, &load)?;
+        let forced = response(&square, &damping, &circuits, turning, &load)?;
         let forced_q = match &basis {
             None => forced.clone(),
             Some(basis) => (basis.shapes.row_iter().zip(&basis.moved))
                 .map(|(row, moved)| row.iter().zip(&forced).map(|(shape, eta)| eta * *shape).sum::<C64>() - I * *moved)
                 .collect(),
         };
-        Ok(Self { natural, square, damping, basis, forced, forced_q, turning })
+        Ok(Self { natural, square, damping, circuits, basis, forced, forced_q, turning })
+    }
+
+    /// The slowest rate of what swings, 1/s; infinite where nothing does.
+    pub fn slowest_per_s(&self) -> f64 {
+        let least = |rates: &mut dyn Iterator<Item = f64>| rates.filter(|of| *of > 0.0).fold(f64::INFINITY, f64::min);
+        if self.circuits.len() == 0 {
+            return least(&mut self.natural.rates.iter().map(|rate| rate.norm()));
+        }
+        // A circuit may be slower than all else by any factor.
+        least(&mut self.square.iter().map(|square| square.sqrt()).chain([self.turning]))
+    }
+
+    /// How many coordinates there are.
+    fn coordinate_count(&self) -> usize {
+        self.square.len() + self.circuits.len()
     }
 
     /// The part of a motion from q on that is no exponential, under the constant force and the base's cubic. `sine` is z less the cubic.
@@ -103,9 +121,9 @@ impl Linear {
             rest.eta.extend(force.iter().zip(&self.square).map(at_rest));
             return;
         }
-        rest.eta.resize(self.square.len(), Cubic::default());
+        rest.eta.resize(self.coordinate_count(), Cubic::default());
         // ω² η⁽ᵏ⁾ = load⁽ᵏ⁾ − C η⁽ᵏ⁺¹⁾ − η⁽ᵏ⁺²⁾, from the highest derivative down.
-        let mut higher = [(); 2].map(|()| vec![0.0; self.square.len()]);
+        let mut higher = [(); 2].map(|()| vec![0.0; self.coordinate_count()]);
         let orders = orders(base);
         for order in (0..orders).rev() {
             let force = external(bodies, force, base, order);
@@ -114,13 +132,16 @@ impl Linear {
                 Some(basis) => {
                     let reaction = reaction(bodies, order..orders, |order| basis.prescribed(&rest.kappa, order));
                     let load = DVector::from_iterator(force.len(), force.iter().zip(reaction).map(|(f, r)| f - r));
-                    basis.shapes.tr_mul(&load).as_slice().to_vec()
+                    basis.loads.tr_mul(&load).as_slice().to_vec()
                 }
             };
+            let (swinging, of_circuits) = eta.split_at_mut(self.square.len());
+            self.circuits.settle(of_circuits, &higher[0]);
+            self.circuits.push_back(swinging, of_circuits);
             if higher.iter().flatten().any(|eta| *eta != 0.0) {
-                let damped = &self.damping * DVector::from_column_slice(&higher[0]);
+                let damped = &self.damping * DVector::from_column_slice(&higher[0][..self.square.len()]);
                 let more = damped.iter().zip(&higher[1]).map(|(damped, inertia)| damped + inertia);
-                eta.iter_mut().zip(more).for_each(|(eta, more)| *eta -= more);
+                swinging.iter_mut().zip(more).for_each(|(eta, more)| *eta -= more);
             }
             eta.iter_mut().zip(&self.square).for_each(|(eta, square)| *eta /= square);
             for (cubic, eta) in rest.eta.iter_mut().zip(&eta) {
@@ -148,7 +169,7 @@ impl Linear {
                     }
                     sum
                 };
-                (0..self.square.len()).map(of).collect::<Vec<Sum>>()
+                (0..self.coordinate_count()).map(of).collect::<Vec<Sum>>()
             };
             let eta = project(&|i| [q[i], prescribed[i], basis.moved[i] * wave.im]);
             (eta, project(&|i| [v[i], prescribed_rate[i], basis.moved[i] * self.turning * wave.re]))
@@ -167,13 +188,13 @@ impl Linear {
             rate.add(-forced_rate, forced_rate.abs());
             (eta, rate)
         };
-        self.natural.enter(self.square.len(), of, wave, to);
+        self.natural.enter(self.coordinate_count(), of, wave, to);
     }
 
     /// The state of natural motions.
     pub fn leave(&self, rest: &Rest, z: &[C64], q: &mut [f64], v: &mut [f64]) {
         let Some(basis) = &self.basis else { return self.coordinates(rest, z, q, v) };
-        let n = self.square.len();
+        let n = self.coordinate_count();
         let (mut eta, mut rate) = (DVector::zeros(n), DVector::zeros(n));
         self.coordinates(rest, z, eta.as_mut_slice(), rate.as_mut_slice());
         let wave = z[self.natural.wave];
@@ -303,23 +324,49 @@ fn load(bodies: &Bodies, basis: Option<&Basis>, turning: f64, force: &[C64]) -> 
 }
 
 /// η of the forced motion per W.
-fn response(square: &[f64], damping: &DMatrix<f64>, turning: f64, load: &[C64]) -> Result<Vec<C64>, Refused> {
-    let n = load.len();
+fn response(
+    square: &[f64],
+    damping: &DMatrix<f64>,
+    circuits: &Circuits,
+    turning: f64,
+    load: &[C64],
+) -> Result<Vec<C64>, Refused> {
+    let n = square.len();
     if load.iter().all(|f| f.norm() == 0.0) {
-        return Ok(vec![C64::ZERO; n]);
+        return Ok(vec![C64::ZERO; load.len()]);
     }
     let undamped = (0..n).find(|&i| {
-        damping.row(i).amax() == 0.0 && load[i].norm() > 0.0 && {
+        damping.row(i).amax() == 0.0 && circuits.are_not_fed_by(i) && load[i].norm() > 0.0 && {
             (square[i] - turning * turning).abs() <= RESONANT * square[i]
         }
     });
     if undamped.is_some() {
         return Err(Refused::Resonance);
     }
-    let matrix = DMatrix::from_fn(n, n, |i, j| {
+    let mut matrix = DMatrix::from_fn(n, n, |i, j| {
         let elastic = if i == j { square[i] - turning * turning } else { 0.0 };
         C64::new(elastic, turning * damping[(i, j)])
     });
-    let solved = matrix.lu().solve(&DVector::from_column_slice(load)).ok_or(Refused::Resonance)?;
-    Ok(solved.iter().copied().collect())
+    // τ = per_load · load + per_eta · Hη acts back as Hᵀ τ.
+    let (mut own, of_circuits) = (DVector::from_column_slice(&load[..n]), &load[n..]);
+    for (k, load) in of_circuits.iter().enumerate() {
+        let (per_load, per_eta) = circuits.per_load_and_feed(k, I * turning);
+        let feed = circuits.feed.row(k);
+        for i in 0..n {
+            own[i] -= per_load * load * feed[i];
+            for j in 0..n {
+                matrix[(i, j)] += per_eta * (feed[i] * feed[j]);
+            }
+        }
+    }
+    let mut solved: Vec<C64> = match n {
+        0 => Vec::new(),
+        _ => matrix.lu().solve(&own).ok_or(Refused::Resonance)?.iter().copied().collect(),
+    };
+    for (k, load) in of_circuits.iter().enumerate() {
+        let (per_load, per_eta) = circuits.per_load_and_feed(k, I * turning);
+        let fed: C64 = circuits.feed.row(k).iter().zip(&solved[..n]).map(|(feed, eta)| eta * *feed).sum();
+        solved.push(per_load * load + per_eta * fed);
+    }
+    Ok(solved)
 }

@@ -222,9 +222,9 @@ impl Motion {
                 // A start "at the wall" is written as y = x ± d and may miss the wall by a rounding.
                 let rounding = 8.0 * f64::EPSILON * (self.q[self.mount.permanent + particle].abs() + offset.abs());
                 let cavity = &self.mount.cavities[particle];
-                let past = signed(side, offset) - cavity.end(side);
+                let past = signed(side, offset) - self.surface(particle, side).0;
                 if past > rounding {
-                    let (from_m, to_m) = (cavity.wall_at(-1), cavity.wall_at(1));
+                    let [from_m, to_m] = [-1, 1].map(|side| signed(side, self.surface(particle, side).0));
                     return Err(Refused::Outside { damper: particle, offset_m: offset, from_m, to_m });
                 }
                 if past < -rounding {
@@ -232,7 +232,7 @@ impl Motion {
                 }
                 let is_soft = cavity.is_soft(side);
                 self.place_at_wall(particle, side);
-                let approaches = signed(side, slide) > 0.0;
+                let approaches = signed(side, slide) > self.surface(particle, side).1;
                 if !is_soft {
                     self.contacts.touches[particle] = Touch::Wall(side);
                     if approaches {
@@ -261,7 +261,17 @@ impl Motion {
     pub(crate) fn place_at_wall(&mut self, particle: usize, side: Sign) {
         let cavity = &self.mount.cavities[particle];
         let x = dot(&cavity.place, &self.q);
-        self.q[self.mount.permanent + particle] = x + cavity.wall_at(side);
+        self.q[self.mount.permanent + particle] = x + signed(side, self.surface(particle, side).0);
+    }
+
+    /// Distance of the surface of a wall that nothing touches from y = x, towards its side, m, and its rate: it stands elsewhere with the charge of a
+    /// piezoelectric wall.
+    pub(crate) fn surface(&self, particle: usize, side: Sign) -> (f64, f64) {
+        let cavity = &self.mount.cavities[particle];
+        cavity.piezoelectric(side).map_or((cavity.end(side), 0.0), |wall| {
+            let stands = wall.stands_m_per_c();
+            (cavity.end(side) + stands * self.q[wall.charge], stands * self.v[wall.charge])
+        })
     }
 
     /// Writes the state of the natural motions and flights over `q` and `v`.
@@ -399,7 +409,7 @@ impl Motion {
     pub(crate) fn base_has_jumped(&mut self, jump_m_per_s: f64) -> Result<(), Refused> {
         let mut zero = self.stuck();
         if jump_m_per_s != 0.0 {
-            let (inertia, mass) = (&self.mount.bodies.inertia, &self.mount.bodies.mass);
+            let (inertia, mass) = (&self.mount.bodies.inertia, self.mount.bodies.divisors());
             self.v
                 .iter_mut()
                 .zip(inertia.iter().zip(mass))

@@ -2,20 +2,22 @@
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::integrator::modes::{Sign, signed};
-use damprig_core::model::{ImpactLaw, Release};
+use damprig_core::model::{ImpactLaw, Release, Wall};
 
 use nalgebra::DMatrix;
 
 use crate::bodies::{Bodies, Link};
 use crate::contacts::Event;
 use crate::linear::C64;
-use crate::{Body, Refused, SetUp, State};
+use crate::piezoelectric::Piezoelectric;
+use crate::{Body, PiezoelectricWall, Refused, SetUp, State};
 
 /// A wall of a cavity.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum WallLaw {
     Hard(ImpactLaw<f64>),
     Soft { stiffness: f64, damping: f64, release: Release },
+    Piezoelectric(Piezoelectric),
 }
 
 /// A particle in its cavity.
@@ -49,7 +51,11 @@ impl Cavity {
     }
 
     pub fn is_soft(&self, side: Sign) -> bool {
-        matches!(self.wall(side), WallLaw::Soft { .. })
+        matches!(self.wall(side), WallLaw::Soft { .. } | WallLaw::Piezoelectric(_))
+    }
+
+    pub fn piezoelectric(&self, side: Sign) -> Option<&Piezoelectric> {
+        if let WallLaw::Piezoelectric(wall) = self.wall(side) { Some(wall) } else { None }
     }
 }
 
@@ -71,12 +77,13 @@ pub(crate) struct Place {
     pub influence: f64,
 }
 
-/// A mounted set-up. Bodies are the modal coordinates, the tuned masses and the particles, in this order, relative to the base.
+/// A mounted set-up. Bodies are the modal coordinates, the tuned masses, the charges of piezoelectric walls and the
+/// particles, in this order, relative to the base.
 #[derive(Clone, Debug)]
 pub(crate) struct Mount {
     /// Number of modal coordinates.
     pub modes: usize,
-    /// Number of bodies that are part of every system: modal coordinates and tuned masses.
+    /// Number of bodies that are part of every system: modal coordinates, tuned masses and charges.
     pub permanent: usize,
     /// Without soft walls.
     pub bodies: Bodies,
@@ -110,7 +117,8 @@ impl Mount {
         let shape = |place: usize| -> Vec<f64> { structure.modes.iter().map(|mode| mode.shape[place]).collect() };
         let influence = |place: usize| share * structure.influence[place];
         let (tuned, particles) = (&set_up.tuned_masses, &set_up.impact_dampers);
-        let permanent = modes + tuned.len();
+        let first_charge = modes + tuned.len();
+        let permanent = first_charge + set_up.piezoelectric_walls().count();
         let count = permanent + particles.len();
         let row = |place: usize| {
             let mut row = shape(place);
@@ -125,12 +133,16 @@ impl Mount {
             bodies.stiffness.push(omega * omega);
             bodies.damping.push(2.0 * mode.damping_ratio * omega);
         }
-        let others = tuned.iter().map(|tuned| (tuned.tmd.mass_kg, tuned.place));
-        for (mass, place) in others.chain(particles.iter().map(|damper| (damper.particle.mass_kg, damper.place))) {
+        let mass = |mass: f64, place: usize| [mass, mass * influence(place), 0.0, 0.0];
+        let tuned_masses = tuned.iter().map(|tuned| mass(tuned.tmd.mass_kg, tuned.place));
+        let charges = (first_charge..).zip(set_up.piezoelectric_walls());
+        let charges = charges.map(|(charge, wall)| [0.0, 0.0, law(wall, charge).free_stiffness(), wall.load_ohm]);
+        let particle_masses = particles.iter().map(|damper| mass(damper.particle.mass_kg, damper.place));
+        for [mass, inertia, stiffness, damping] in tuned_masses.chain(charges).chain(particle_masses) {
             bodies.mass.push(mass);
-            bodies.inertia.push(mass * influence(place));
-            bodies.stiffness.push(0.0);
-            bodies.damping.push(0.0);
+            bodies.inertia.push(inertia);
+            bodies.stiffness.push(stiffness);
+            bodies.damping.push(damping);
         }
         for (i, tuned) in tuned.iter().enumerate() {
             let mut row: Vec<f64> = row(tuned.place).iter().map(|x| -x).collect();
@@ -154,28 +166,32 @@ impl Mount {
             let per_base = C64::from_polar(beside.amplitude_n / amplitude_m, beside.phase_rad - phase_rad);
             force.iter_mut().zip(row(beside.place)).for_each(|(force, row)| *force += C64::new(0.0, -row) * per_base);
         }
+        let mut charges = first_charge..;
         let cavities = particles
             .iter()
             .map(|damper| {
                 let particle = &damper.particle;
                 let [negative, positive] = particle.ends_m();
-                let wall = |wall: damprig_core::model::Wall| match wall.impact_law(1.0) {
-                    Some(law) => Ok(WallLaw::Hard(law)),
-                    None => match (wall.spring_and_dashpot(), wall.release()) {
-                        (Some((stiffness, damping)), Some(release)) => {
+                let mut wall = |wall: Wall, in_place: &Option<PiezoelectricWall>| {
+                    if let (Some(in_place), Some(charge)) = (in_place, in_place.and_then(|_| charges.next())) {
+                        return Ok(WallLaw::Piezoelectric(law(in_place, charge)));
+                    }
+                    match (wall.impact_law(1.0), wall.spring_and_dashpot(), wall.release()) {
+                        (Some(law), ..) => Ok(WallLaw::Hard(law)),
+                        (None, Some((stiffness, damping)), Some(release)) => {
                             Ok(WallLaw::Soft { stiffness, damping, release })
                         }
                         _ => Err(Refused::Hertz),
-                    },
+                    }
                 };
-                let [first, second] = particle.walls();
+                let ([first, second], [in_first, in_second]) = (particle.walls(), &damper.piezoelectric);
                 let gravity = set_up.gravity_m_per_s2 * particle.mass_kg;
                 Ok(Cavity {
                     place: shape(damper.place),
                     influence: influence(damper.place),
                     mass: particle.mass_kg,
                     ends: [-negative, positive],
-                    walls: [wall(first)?, wall(second)?],
+                    walls: [wall(first, in_first)?, wall(second, in_second)?],
                     weight_n: gravity * particle.cavity.rise(),
                 })
             })
@@ -201,7 +217,7 @@ impl Mount {
         }
         let compliance = DMatrix::from_fn(joints.len(), joints.len(), |i, j| {
             let (a, b) = (joints[i].row.iter(), &joints[j].row);
-            a.zip(b).zip(&bodies.mass).map(|((a, b), mass): ((&f64, &f64), &f64)| a * b / mass).sum()
+            a.zip(b).zip(bodies.divisors()).map(|((a, b), mass)| a * b / mass).sum()
         });
         let tuned_influence = tuned.iter().map(|tuned| influence(tuned.place)).collect();
         let places = (0..structure.influence.len())
@@ -215,9 +231,13 @@ impl Mount {
         let (mut q, mut v) = (state.modal.clone(), state.modal_rate.clone());
         let tuned = state.tuned_masses.iter().zip(&self.tuned_influence).map(|(body, of)| (body, *of));
         let particles = state.particles.iter().zip(&self.cavities).map(|(body, of)| (body, of.influence));
-        for (body, influence) in tuned.chain(particles) {
-            q.push(body.y_m - influence * z);
-            v.push(body.u_m_per_s - influence * rate);
+        let relative = |(body, influence): (&Body, f64)| [body.y_m - influence * z, body.u_m_per_s - influence * rate];
+        let charges = self.charges().zip(&state.charges_c);
+        // While nothing touches the wall.
+        let charges = charges.map(|(i, q)| [*q, -self.bodies.stiffness[i] / self.bodies.damping[i] * q]);
+        for [of, of_rate] in tuned.map(relative).chain(charges).chain(particles.map(relative)) {
+            q.push(of);
+            v.push(of_rate);
         }
         (q, v)
     }
@@ -232,7 +252,19 @@ impl Mount {
             modal_rate: v[..self.modes].to_vec(),
             tuned_masses: tuned.collect(),
             particles: particles.collect(),
+            charges_c: q[self.charges()].to_vec(),
         }
+    }
+
+    /// The charges among the bodies.
+    fn charges(&self) -> std::ops::Range<usize> {
+        self.modes + self.tuned_influence.len()..self.permanent
+    }
+
+    /// The piezoelectric walls with their dampers and sides, in the order of their charges.
+    pub fn piezoelectric_walls(&self) -> impl Iterator<Item = (usize, Sign, &Piezoelectric)> {
+        let walls = self.cavities.iter().enumerate().flat_map(|(n, cavity)| [-1, 1].map(|side| (n, side, cavity)));
+        walls.filter_map(|(n, side, cavity)| cavity.piezoelectric(side).map(|wall| (n, side, wall)))
     }
 
     /// The joint of a particle.
@@ -264,4 +296,10 @@ impl Mount {
     pub fn offset_row(&self, particle: usize) -> &[f64] {
         &self.joints[self.joint_of(particle)].row
     }
+}
+
+/// The equations of a wall with its charge.
+fn law(wall: &PiezoelectricWall, charge: usize) -> Piezoelectric {
+    let PiezoelectricWall { stiffness_n_per_m, capacitance_f, coupling_n_per_v, .. } = *wall;
+    Piezoelectric { stiffness: stiffness_n_per_m, capacitance: capacitance_f, coupling: coupling_n_per_v, charge }
 }

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::Refused;
+use crate::circuits::Circuits;
 use crate::linear::C64;
 use crate::sum::Sum;
 
@@ -59,15 +60,16 @@ impl From<C64> for Share {
 }
 
 impl NaturalMotions {
-    /// Solves `η″ + C η′ + ω² η = 0`; `square` is ω², `turning` Ω of the excitation, rad/s.
-    pub fn new(square: &[f64], damping: &DMatrix<f64>, turning: f64) -> Result<Self, Refused> {
+    /// Solves `η″ + C η′ + ω² η + Hᵀ τ = 0` with `τ′ + Γ τ = H η′` of the circuits; `square` is ω², `turning` Ω of the excitation, rad/s. The coordinates τ
+    /// come after η.
+    pub fn new(square: &[f64], damping: &DMatrix<f64>, circuits: &Circuits, turning: f64) -> Result<Self, Refused> {
         if square.iter().any(|square| *square <= 0.0) {
             return Err(Refused::Unsupported);
         }
-        let (mut rates, mut kind) = if is_diagonal(damping) {
-            uncoupled(square, damping.diagonal().as_slice())?
+        let (mut rates, mut kind) = if is_diagonal(damping) && circuits.are_alone() {
+            uncoupled(square, damping.diagonal().as_slice(), circuits)?
         } else {
-            coupled(square, damping)?
+            coupled(square, damping, circuits)?
         };
         let wave = rates.iter().filter(|rate| rate.norm() <= turning).count();
         rates.insert(wave, C64::new(0.0, turning));
@@ -163,7 +165,7 @@ fn is_diagonal(damping: &DMatrix<f64>) -> bool {
 }
 
 /// The natural motions of uncoupled coordinates, by the magnitude of their rates.
-fn uncoupled(square: &[f64], damping: &[f64]) -> Result<(Vec<C64>, Kind), Refused> {
+fn uncoupled(square: &[f64], damping: &[f64], circuits: &Circuits) -> Result<(Vec<C64>, Kind), Refused> {
     let mut list = Vec::new();
     for (i, (&square, &damping)) in square.iter().zip(damping).enumerate() {
         let decay = -0.5 * damping;
@@ -186,28 +188,39 @@ fn uncoupled(square: &[f64], damping: &[f64]) -> Result<(Vec<C64>, Kind), Refuse
             }
         }
     }
+    for (i, decay) in (square.len()..).zip(&circuits.decay) {
+        let part = Part { coordinate: i, of: C64::ONE.into(), of_rate: Share::default() };
+        list.push((C64::from(-decay), Some(part)));
+    }
     list.sort_by(|a, b| a.0.norm().total_cmp(&b.0.norm()));
     let (rates, motions) = list.into_iter().unzip();
     Ok((rates, Kind::Uncoupled(motions)))
 }
 
 /// The natural motions of coordinates with ω² = `square` that the damping couples: eigenvalues and eigenvectors of
-/// `(ωη, η′)′ = [0 ω; −ω −C] (ωη, η′)`, which is normal but for C.
-fn coupled(square: &[f64], damping: &DMatrix<f64>) -> Result<(Vec<C64>, Kind), Refused> {
-    let n = square.len();
+/// `(ωη, η′, τ)′ = [0 ω 0; −ω −C −Hᵀ; 0 H −Γ] (ωη, η′, τ)`, which is normal but for C and Γ.
+fn coupled(square: &[f64], damping: &DMatrix<f64>, circuits: &Circuits) -> Result<(Vec<C64>, Kind), Refused> {
+    let (n, more) = (square.len(), circuits.len());
     let omega: Vec<f64> = square.iter().map(|square| square.sqrt()).collect();
-    let matrix = DMatrix::from_fn(2 * n, 2 * n, |i, j| {
+    let mut matrix = DMatrix::from_fn(2 * n + more, 2 * n + more, |i, j| {
         C64::from(match (i < n, j < n) {
             (true, false) if i == j - n => omega[i],
             (false, true) if i - n == j => -omega[j],
-            (false, false) => -damping[(i - n, j - n)],
+            (false, false) if i < 2 * n && j < 2 * n => -damping[(i - n, j - n)],
             _ => 0.0,
         })
     });
+    for (k, decay) in circuits.decay.iter().enumerate() {
+        let own = 2 * n + k;
+        for (i, feed) in circuits.feed.row(k).iter().enumerate() {
+            (matrix[(own, n + i)], matrix[(n + i, own)]) = (C64::from(*feed), C64::from(-feed));
+        }
+        matrix[(own, own)] = C64::from(-decay);
+    }
     let (unitary, triangle) = matrix.schur().unpack();
     let vectors = unitary * eigenvectors(&triangle);
     let inverse = vectors.clone().try_inverse().ok_or(Refused::Critical)?;
-    if vectors.norm() * inverse.norm() > MOST_CONDITION * n as f64 {
+    if vectors.norm() * inverse.norm() > MOST_CONDITION * (n + more) as f64 {
         return Err(Refused::Critical);
     }
     let size = triangle.diagonal().iter().fold(0.0, |most: f64, rate| most.max(rate.norm()));
@@ -227,9 +240,19 @@ fn coupled(square: &[f64], damping: &DMatrix<f64>) -> Result<(Vec<C64>, Kind), R
         // A growth within rounding is none.
         kept.iter().map(|(_, rate, _)| C64::new(rate.re.min(0.0), rate.im)).collect(),
         Kind::Coupled {
-            right: DMatrix::from_fn(n, count, |i, j| vectors[(i, kept[j].0)] * (kept[j].2 / omega[i])),
-            left: DMatrix::from_fn(count, n, |j, i| (inverse[(kept[j].0, i)] * omega[i]).into()),
-            left_rate: DMatrix::from_fn(count, n, |j, i| inverse[(kept[j].0, n + i)].into()),
+            right: DMatrix::from_fn(n + more, count, |i, j| {
+                if i < n {
+                    vectors[(i, kept[j].0)] * (kept[j].2 / omega[i])
+                } else {
+                    vectors[(n + i, kept[j].0)] * kept[j].2
+                }
+            }),
+            left: DMatrix::from_fn(count, n + more, |j, i| {
+                if i < n { inverse[(kept[j].0, i)] * omega[i] } else { inverse[(kept[j].0, n + i)] }.into()
+            }),
+            left_rate: DMatrix::from_fn(count, n + more, |j, i| {
+                if i < n { inverse[(kept[j].0, n + i)].into() } else { Share::default() }
+            }),
         },
     ))
 }

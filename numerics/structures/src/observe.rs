@@ -10,7 +10,7 @@ use crate::linear::{C64, Rest};
 use crate::mount::{Mount, WallLaw};
 use crate::system::System;
 
-/// A particle meets a wall at a speed greater than zero: an impact on a hard wall, the first touch of a soft wall.
+/// A particle meets a wall at a speed greater than zero: an impact on a hard wall, the first touch of a soft or a piezoelectric one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Impact {
     /// Time, s.
@@ -147,17 +147,38 @@ impl<'a> Piece<'a> {
         }
     }
 
-    /// Force of the soft wall that the particle of an impact damper presses into, inwards, N.
+    /// Force of the soft or piezoelectric wall that the particle of an impact damper presses into, inwards, N.
     #[must_use]
     pub fn wall_force_n(&self, damper: usize) -> Option<Course> {
         let side = self.pressed_side(damper)?;
-        let WallLaw::Soft { stiffness, damping, .. } = *self.parts.mount.cavities[damper].wall(side) else {
-            return None;
-        };
+        let cavity = &self.parts.mount.cavities[damper];
         let offset = self.particle(damper).minus(&self.place_of_cavity(damper));
-        let along = signed(side, 1.0);
-        let at_rest = -stiffness * self.parts.mount.cavities[damper].end(side);
-        Some(offset.with_rate(along * stiffness, along * damping, at_rest))
+        let force = |stiffness: f64, damping: f64| {
+            let [of, of_rate] = [stiffness, damping].map(|of| signed(side, of));
+            offset.with_rate(of, of_rate, -stiffness * cavity.end(side))
+        };
+        match *cavity.wall(side) {
+            WallLaw::Hard(_) => None,
+            WallLaw::Soft { stiffness, damping, .. } => Some(force(stiffness, damping)),
+            WallLaw::Piezoelectric(wall) => {
+                let stiffness = wall.open_stiffness();
+                let surface = self.body(wall.charge, 0.0).with_rate(stiffness * wall.stands_m_per_c(), 0.0, 0.0);
+                Some(force(stiffness, 0.0).minus(&surface))
+            }
+        }
+    }
+
+    /// Voltage of a piezoelectric wall, V; positive while a particle presses into a wall without charge. `None` of another wall.
+    #[must_use]
+    pub fn voltage_v(&self, damper: usize, side: Sign) -> Option<Course> {
+        let wall = self.parts.mount.cavities[damper].piezoelectric(side)?;
+        Some(self.body(wall.charge, 0.0).with_rate(0.0, self.parts.mount.bodies.damping[wall.charge], 0.0))
+    }
+
+    /// R of a piezoelectric wall, Ω; `None` of another wall.
+    pub(crate) fn load_ohm(&self, damper: usize, side: Sign) -> Option<f64> {
+        let mount = self.parts.mount;
+        mount.cavities[damper].piezoelectric(side).map(|wall| mount.bodies.damping[wall.charge])
     }
 
     /// The absolute displacement of the place of an impact damper.
@@ -168,7 +189,7 @@ impl<'a> Piece<'a> {
         self.course(&signal.coefficients, signal.cubic(rest) + cavity.influence * base)
     }
 
-    /// The side of the soft wall that the particle of an impact damper presses into.
+    /// The side of the soft or piezoelectric wall that the particle of an impact damper presses into.
     #[must_use]
     pub fn pressed_side(&self, damper: usize) -> Option<Sign> {
         if let Touch::Pressing(side) = self.parts.system.contacts.touches[damper] { Some(side) } else { None }

@@ -56,13 +56,42 @@ pub struct ImpactDamper {
     pub place: usize,
     /// The particle, its cavity and its walls; a wall with Hertz contact is refused.
     pub particle: Particle,
+    /// Piezoelectric walls that stand in place of the particle's own, on the negative and the positive side.
+    pub piezoelectric: [Option<PiezoelectricWall>; 2],
 }
 
 impl ImpactDamper {
     /// With the particle's own walls.
     #[must_use]
     pub const fn new(place: usize, particle: Particle) -> Self {
-        Self { place, particle }
+        Self { place, particle, piezoelectric: [None; 2] }
+    }
+}
+
+/// A piezoelectric wall without mass, with a resistance across its electrodes.
+///
+/// At the penetration δ of the particle and the charge Q that has flown through the load, the voltage is V = (θδ − Q)/C, the load has R Q′ = V, and the
+/// wall pushes with F = kδ + θV. It never pulls: a contact ends where F becomes zero. The surface that nothing touches stands at δ = θQ/(kC + θ²) and comes
+/// back with the time constant R (C + θ²/k); there the next contact begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PiezoelectricWall {
+    /// k at short circuit, N/m; greater than 0.
+    pub stiffness_n_per_m: f64,
+    /// C of the wall that is held, F; greater than 0.
+    pub capacitance_f: f64,
+    /// θ, N/V or C/m; 0 or greater.
+    pub coupling_n_per_v: f64,
+    /// R, Ω; greater than 0.
+    pub load_ohm: f64,
+}
+
+impl PiezoelectricWall {
+    fn validate(&self) -> Result<(), Refused> {
+        positive("impact_dampers.piezoelectric.stiffness_n_per_m", self.stiffness_n_per_m)?;
+        positive("impact_dampers.piezoelectric.capacitance_f", self.capacitance_f)?;
+        not_negative("impact_dampers.piezoelectric.coupling_n_per_v", self.coupling_n_per_v)?;
+        positive("impact_dampers.piezoelectric.load_ohm", self.load_ohm)?;
+        Ok(())
     }
 }
 
@@ -178,6 +207,7 @@ impl SetUp {
         for damper in &self.impact_dampers {
             exists("impact_dampers.place", damper.place)?;
             self.alone(Some(damper.particle), None).validate()?;
+            damper.piezoelectric.iter().flatten().try_for_each(PiezoelectricWall::validate)?;
         }
         for tuned in &self.tuned_masses {
             exists("tuned_masses.place", tuned.place)?;
@@ -215,6 +245,8 @@ impl SetUp {
         count("initial.modal_rate", state.modal_rate.len(), modes)?;
         count("initial.particles", state.particles.len(), self.impact_dampers.len())?;
         count("initial.tuned_masses", state.tuned_masses.len(), self.tuned_masses.len())?;
+        count("initial.charges_c", state.charges_c.len(), self.piezoelectric_walls().count())?;
+        state.charges_c.iter().try_for_each(|charge| finite("initial.charges_c", *charge))?;
         state.modal.iter().try_for_each(|q| finite("initial.modal", *q))?;
         state.modal_rate.iter().try_for_each(|v| finite("initial.modal_rate", *v))?;
         for body in state.particles.iter().chain(&state.tuned_masses) {
@@ -222,6 +254,11 @@ impl SetUp {
             finite("initial.u_m_per_s", body.u_m_per_s)?;
         }
         Ok(())
+    }
+
+    /// The piezoelectric walls, in the order of [`State::charges_c`].
+    pub(crate) fn piezoelectric_walls(&self) -> impl Iterator<Item = &PiezoelectricWall> {
+        self.impact_dampers.iter().flat_map(|damper| damper.piezoelectric.iter().flatten())
     }
 
     /// One damper on a structure of its own, for the checks that a set-up of one degree of freedom has.
@@ -248,7 +285,7 @@ impl SetUp {
     }
 
     /// Everything at rest and at 0 in the laboratory while the base is at z and has z′, m and m/s ([`base_at_start`] of an excitation); the particles in
-    /// the middle of their cavities.
+    /// the middle of their cavities, the piezoelectric walls without charge.
     #[must_use]
     pub fn at_rest(&self, (z, rate): (f64, f64)) -> State {
         let modes = &self.structure.modes;
@@ -259,6 +296,7 @@ impl SetUp {
             modal_rate: against(rate),
             particles: self.impact_dampers.iter().map(middle).collect(),
             tuned_masses: vec![Body::default(); self.tuned_masses.len()],
+            charges_c: vec![0.0; self.piezoelectric_walls().count()],
         }
     }
 }
@@ -281,6 +319,7 @@ impl State {
             modal_rate: vec![at_rest.modal_rate[0] + root * initial.v_m_per_s],
             particles: one.particle.map(|_| body).into_iter().collect(),
             tuned_masses: one.tmd.map(|_| body).into_iter().collect(),
+            charges_c: Vec::new(),
         }
     }
 }

@@ -20,4 +20,7 @@ pub struct State {
     pub particles: Vec<Body>,
     /// The tuned masses, in the order of the tuned mass dampers.
     pub tuned_masses: Vec<Body>,
+    /// The charges that have flown through the loads of the piezoelectric walls, C: in the order of the impact dampers, the wall on the negative side
+    /// first.
+    pub charges_c: Vec<f64>,
 }

@@ -11,7 +11,8 @@ use crate::cubic::Cubic;
 use crate::flight::Flight;
 use crate::guard::{Guard, Step};
 use crate::linear::{C64, Linear, Rest, Signal};
-use crate::mount::{Mount, WallLaw};
+use crate::mount::{Cavity, Mount, WallLaw};
+use crate::piezoelectric::Piezoelectric;
 
 /// Longest step of a system in which nothing swings, s.
 const LONGEST_S: f64 = 1.0;
@@ -164,8 +165,7 @@ impl System {
         let force: Vec<C64> = members.iter().map(|&i| mount.force[i]).collect();
         let (stuck, constraints): (Vec<usize>, Vec<Constraint>) = stuck.unzip();
         let linear = Linear::new(&bodies, &constraints, turning, &force)?;
-        let sizes = linear.natural.rates.iter().map(|rate| rate.norm());
-        let slowest = sizes.filter(|rate| *rate > 0.0).fold(f64::INFINITY, f64::min);
+        let slowest = linear.slowest_per_s();
         let mut system = Self {
             contacts: contacts.clone(),
             force: members.iter().map(|&i| constant[i]).collect(),
@@ -260,6 +260,7 @@ impl System {
     /// Walls that a particle in free flight will reach, and the soft wall that it presses into.
     fn watch_walls(&mut self, mount: &Mount, particle: usize) {
         let (cavity, touch) = (&mount.cavities[particle], self.contacts.touches[particle]);
+        let is_stuck = self.contacts.slides[mount.joint_of(particle)] == Slide::Stuck;
         if let Some(n) = self.free.iter().position(|&free| free == particle) {
             let place = self.place(&cavity.place, cavity.influence);
             let mut first = 0.0;
@@ -270,18 +271,21 @@ impl System {
                 let factor = sign * f64::from(side);
                 let is_mirrored = side == 1 && factor == -first;
                 first = factor;
+                let wall = cavity.piezoelectric(side);
+                let is_mirrored = is_mirrored && wall.or(cavity.piezoelectric(-1)).is_none();
+                let place = wall.map_or_else(|| place.clone(), |wall| self.place_and_surface(cavity, wall, factor));
                 let event = if is_leaving { Event::Inside(particle, side) } else { Event::Wall(particle, side) };
                 self.guards.push(Watched {
                     is_mirrored,
                     constant: sign * cavity.end(side),
                     of_base: [factor * cavity.influence, 0.0],
                     flight: Flying::Displacement(n, -factor),
-                    ..Watched::of(event, place.clone(), [factor, 0.0], &self.linear.natural.rates)
+                    ..Watched::of(event, place, [factor, 0.0], &self.linear.natural.rates)
                 });
             }
         }
         if let Touch::Pressing(side) = touch
-            && self.contacts.slides[mount.joint_of(particle)] != Slide::Stuck
+            && !is_stuck
             && let WallLaw::Soft { stiffness, damping, release } = *cavity.wall(side)
         {
             let row = self.own(mount.offset_row(particle));
@@ -297,5 +301,31 @@ impl System {
                 ..Watched::of(Event::Releases(particle, side), displacement, factors, &self.linear.natural.rates)
             });
         }
+        // A surface that stands elsewhere with its charge reaches and leaves a particle that sticks, too.
+        for side in [-1_i8, 1] {
+            let (event, sign) = match touch {
+                Touch::Pressing(pressed) if pressed == side => (Event::Releases(particle, side), 1.0),
+                Touch::None if is_stuck => (Event::Wall(particle, side), -1.0),
+                _ => continue,
+            };
+            if let Some(wall) = cavity.piezoelectric(side) {
+                let mut row = self.own(mount.offset_row(particle));
+                row.iter_mut().for_each(|of| *of = signed(side, *of));
+                row[wall.charge] -= wall.stands_m_per_c();
+                let beyond = self.linear.displacement(&row);
+                self.guards.push(Watched {
+                    constant: -sign * cavity.end(side),
+                    ..Watched::of(event, beyond, [sign, 0.0], &self.linear.natural.rates)
+                });
+            }
+        }
+    }
+
+    /// Displacement of a particle's place and `factor` times that of the wall's surface by its charge, as [`System::place`].
+    fn place_and_surface(&self, cavity: &Cavity, wall: &Piezoelectric, factor: f64) -> Signal {
+        let mut shape = cavity.place.clone();
+        shape.resize(wall.charge, 0.0);
+        shape.push(factor * wall.stands_m_per_c());
+        self.place(&shape, cavity.influence)
     }
 }

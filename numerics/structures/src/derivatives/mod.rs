@@ -137,6 +137,9 @@ pub enum NoDerivatives {
     /// The motion itself is refused.
     #[error(transparent)]
     Refused(#[from] Refused),
+    /// The charge of a piezoelectric wall, whose equation is of first order.
+    #[error("no derivatives: they are not available with a piezoelectric wall, whose charge has no inertia")]
+    Charge,
     /// An event is not certain.
     #[error("no derivatives: the event search was given up")]
     UnresolvedEvent,
@@ -238,12 +241,18 @@ impl MotionCase {
         varied: &[Varied],
         goes_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Orbit, NoDerivatives> {
+        self.refuse_charges()?;
         let aligned = self.all_aligned(varied)?;
         let (at_s, case, section) = self.repeating(most_periods)?;
         let aligned = orbit::varied_at(&aligned, section.periods, &case.start, section.advance_rad);
         let (mut follower, growth) = follow::follow(&case, &aligned, Purpose::Orbit, goes_on)?;
         let multipliers = follower.close_orbit()?.iter().map(|of| [of.re, of.im]).collect();
         Ok(Orbit { periods: section.periods, at_s, multipliers, derivatives: follower.result(growth, varied)? })
+    }
+
+    /// The equations here are those of bodies with masses.
+    fn refuse_charges(&self) -> Result<(), NoDerivatives> {
+        if self.set_up.piezoelectric_walls().next().is_some() { Err(NoDerivatives::Charge) } else { Ok(()) }
     }
 
     fn all_aligned(&self, varied: &[Varied]) -> Result<Vec<Varied>, NoDerivatives> {

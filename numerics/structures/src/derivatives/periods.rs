@@ -119,6 +119,7 @@ impl MotionCase {
 
     /// The same, with when it begins, s.
     pub(super) fn repeating(&self, most_periods: u32) -> Result<(f64, Self, Section), NoDerivatives> {
+        self.refuse_charges()?;
         let (at_s, state) = section(self, most_periods)?;
         let advance_rad = self.advance_rad(at_s);
         let periods = repeats_after(&self.of_periods(most_periods, &state, advance_rad), most_periods)?;
@@ -170,6 +171,7 @@ impl MotionCase {
     /// # Errors
     /// It has other places or modes than `like`.
     pub fn at_section(&self, like: &Self, section: Section, bodies: &[f64]) -> Result<Self, NoDerivatives> {
+        self.refuse_charges()?;
         let aligned = self.aligned(like)?;
         let mut case = aligned.of_periods(section.periods, &aligned.start, section.advance_rad);
         let excitation = case.excitation();

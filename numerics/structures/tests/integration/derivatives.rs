@@ -225,7 +225,7 @@ fn upright(height_m: f64, g: f64, e: f64) -> MotionCase {
         modal: vec![0.0],
         modal_rate: vec![0.0],
         particles: vec![Body { y_m: height_m - 1.0, u_m_per_s: 0.0 }],
-        tuned_masses: Vec::new(),
+        ..State::default()
     };
     MotionCase { set_up, drive: Drive::ClosedForm(Excitation::Fixed), start, duration_s: 2.0 }
 }

@@ -8,6 +8,8 @@ mod laws;
 mod one_degree;
 mod one_mode;
 mod orbit_derivatives;
+mod piezoelectric;
+mod piezoelectric_second_method;
 mod random_set_ups;
 mod refusals;
 mod second_method;

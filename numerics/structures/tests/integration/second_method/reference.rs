@@ -127,6 +127,7 @@ impl Reference {
             modal_rate: self.state.velocity[..modes].to_vec(),
             particles: (modes..modes + particles).map(body).collect(),
             tuned_masses: self.equations.tuned_bodies.iter().map(|number| body(*number)).collect(),
+            charges_c: Vec::new(),
         }
     }
 
