@@ -82,6 +82,7 @@ quantities! {
     Impacts: "impacts", "1", "impacts", "impacts on both walls; of an orbit: in its period";
     PredictedImpacts: "predicted_impacts", "1", "predicted impacts", "impacts of the simulation that are strong enough to be counted";
     PeakContactForceN: "peak_contact_force_n", "N", "largest wall force", "largest force on a wall: of a soft wall, or of a hard one whose contact is stated";
+    HarvestedPowerW: "harvested_power_w", "W", "harvested power", "mean power in the loads of piezoelectric walls";
     MaxImpulseNS: "max_impulse_n_s", "N·s", "largest impulse", "largest impulse on a hard wall";
     Side: "side", "1", "wall", "+1 where y - x = +d, -1 where y - x = -d";
     PeakN: "peak_n", "N", "largest force", "largest force of the impact";

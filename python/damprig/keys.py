@@ -406,7 +406,66 @@ class ParticleWallHertz(TypedDict, total=False):
     """e of Lankarani and Nikravesh: β = 0.75·(1 − e²)/v with the approach speed v of the contact, in place of hunt_crossley_s_per_m"""
 
 
-ParticleWall = Union[ParticleWallRestitution, ParticleWallVoigt, ParticleWallHertz]
+class ParticleWallPiezoelectric(TypedDict, total=False):
+    """A wall that harvests, in a case: F = k·δ + θ·V with V = (θ·δ − Q)/C and R·Q′ = V, δ the penetration and Q the charge through its load. It has no mass."""
+
+    kind: Literal["piezoelectric"]
+    stiffness_n_per_m: float
+    """k at short circuit (N/m)"""
+    coupling_n_per_v: float
+    """θ, the force per voltage at rest (V)"""
+    capacitance_f: float
+    """C of the wall that cannot move"""
+    load_ohm: float
+    """R across its electrodes (Ω)"""
+
+
+ParticleWall = Union[ParticleWallRestitution, ParticleWallVoigt, ParticleWallHertz, ParticleWallPiezoelectric]
+
+
+class ParticlePositiveWallRestitution(TypedDict, total=False):
+    """A hard wall: an impact takes no time."""
+
+    kind: Literal["restitution"]
+    coefficient: float
+    """e, the coefficient of restitution; with an exponent, that at the reference speed"""
+    coefficients: Sequence[float]
+    """e at each of `speeds_m_per_s`, 2 to 6 numbers less than 1: linear in the approach speed between them, constant beyond, in place of coefficient"""
+    speeds_m_per_s: Sequence[float]
+    """approach speeds of `coefficients`, rising (m/s)"""
+    exponent: float
+    """p of e(v) = min(coefficient·(v/reference speed)^(−p), maximum), with the approach speed v; without it e is the same at every speed"""
+    reference_speed_m_per_s: float
+    """approach speed at which e is the coefficient (m/s)"""
+    maximum: float
+    """largest e, that of slow impacts"""
+    contact_time_s: float
+    """τ, the duration of a contact, from which the wall's force in a case follows; the motion does not depend on it (s)"""
+    hertz_stiffness_n_per_m15: float
+    """k of an elastic contact of spheres, F = k·δ^(3/2), from which the wall's force in a case follows (N/m^1.5), in place of contact_time_s"""
+    pulse_factor: float
+    """peak of the contact's force times its duration over its impulse; π/2 of a half-sine"""
+    coefficient: float
+    """e, the coefficient of restitution; with an exponent, that at the reference speed"""
+    coefficients: Sequence[float]
+    """e at each of `speeds_m_per_s`, 2 to 6 numbers less than 1: linear in the approach speed between them, constant beyond, in place of coefficient"""
+    speeds_m_per_s: Sequence[float]
+    """approach speeds of `coefficients`, rising (m/s)"""
+    exponent: float
+    """p of e(v) = min(coefficient·(v/reference speed)^(−p), maximum), with the approach speed v; without it e is the same at every speed"""
+    reference_speed_m_per_s: float
+    """approach speed at which e is the coefficient (m/s)"""
+    maximum: float
+    """largest e, that of slow impacts"""
+    contact_time_s: float
+    """τ, the duration of a contact, from which the wall's force in a case follows; the motion does not depend on it (s)"""
+    hertz_stiffness_n_per_m15: float
+    """k of an elastic contact of spheres, F = k·δ^(3/2), from which the wall's force in a case follows (N/m^1.5), in place of contact_time_s"""
+    pulse_factor: float
+    """peak of the contact's force times its duration over its impulse; π/2 of a half-sine"""
+
+
+ParticlePositiveWall = Union[ParticlePositiveWallRestitution, ParticleWallVoigt, ParticleWallHertz]
 
 
 class Particle(TypedDict, total=False):
@@ -424,7 +483,7 @@ class Particle(TypedDict, total=False):
     """μi of the dry friction between particle and structure"""
     wall: ParticleWall
     """both walls, e.g. wall = { kind = 'restitution', coefficient = 0.5 }"""
-    positive_wall: ParticleWall
+    positive_wall: ParticlePositiveWall
     """the wall at the positive side, where it differs from `wall`: all its keys"""
     offset_m: float
     """y − x in the middle between the walls: they are at y − x = offset ± d (m)"""
@@ -1083,7 +1142,7 @@ class Study(TypedDict, total=False):
     """the case that the study varies; relative to this file"""
     metrics: Sequence[str]
     """what is computed at each point, e.g. metrics = ['x_over_z']; docs/STUDIES.md lists them"""
-    objective: Literal["x_over_z", "max_x_over_z", "rms_over_z", "mean_cycle_max_m", "max_abs_x_m", "max_abs_x_minus_z_m", "rms_x_m", "cycle_spread", "impacts_per_cycle", "peak_contact_force_n", "period_cycles", "largest_multiplier", "loss_factor", "collective_motion"]
+    objective: Literal["x_over_z", "max_x_over_z", "rms_over_z", "mean_cycle_max_m", "max_abs_x_m", "max_abs_x_minus_z_m", "rms_x_m", "cycle_spread", "impacts_per_cycle", "peak_contact_force_n", "harvested_power_w", "period_cycles", "largest_multiplier", "loss_factor", "collective_motion"]
     """the metric whose best value is shown and marked; the first metric when left out"""
     goal: Literal["minimum", "maximum"]
     """whether the smallest or the largest value of the objective is the best"""
@@ -1153,7 +1212,7 @@ class OptimisationAlternative(TypedDict, total=False):
 class OptimisationConstraint(TypedDict, total=False):
     """A constraint on a metric, at every point of the band, from every start, within all tolerances and for all uncertain values."""
 
-    metric: Literal["x_over_z", "max_x_over_z", "rms_over_z", "mean_cycle_max_m", "max_abs_x_m", "max_abs_x_minus_z_m", "rms_x_m", "cycle_spread", "impacts_per_cycle", "peak_contact_force_n", "period_cycles", "largest_multiplier", "loss_factor", "collective_motion"]
+    metric: Literal["x_over_z", "max_x_over_z", "rms_over_z", "mean_cycle_max_m", "max_abs_x_m", "max_abs_x_minus_z_m", "rms_x_m", "cycle_spread", "impacts_per_cycle", "peak_contact_force_n", "harvested_power_w", "period_cycles", "largest_multiplier", "loss_factor", "collective_motion"]
     """the metric; docs/STUDIES.md has their meanings"""
     at_most: float
     """largest allowed value, in the metric's unit"""
@@ -1166,7 +1225,7 @@ class OptimisationConstraint(TypedDict, total=False):
 class OptimisationFront(TypedDict, total=False):
     """A second objective: the front has the best value of the objective for each of some limits of this metric, which counts as in a constraint."""
 
-    metric: Literal["x_over_z", "max_x_over_z", "rms_over_z", "mean_cycle_max_m", "max_abs_x_m", "max_abs_x_minus_z_m", "rms_x_m", "cycle_spread", "impacts_per_cycle", "peak_contact_force_n", "period_cycles", "largest_multiplier", "loss_factor", "collective_motion"]
+    metric: Literal["x_over_z", "max_x_over_z", "rms_over_z", "mean_cycle_max_m", "max_abs_x_m", "max_abs_x_minus_z_m", "rms_x_m", "cycle_spread", "impacts_per_cycle", "peak_contact_force_n", "harvested_power_w", "period_cycles", "largest_multiplier", "loss_factor", "collective_motion"]
     """the second objective's metric; docs/STUDIES.md has their meanings"""
     goal: Literal["minimum", "maximum"]
     """whether its smallest or its largest value is the best"""
@@ -1190,7 +1249,7 @@ class Optimisation(TypedDict, total=False):
     """name of the optimisation; the file name when left out"""
     case: Union[str, os.PathLike[str], Case]
     """the case that the optimisation varies: its file, relative to this one, or its tables here ([case.structure] and so on)"""
-    objective: Literal["x_over_z", "max_x_over_z", "rms_over_z", "mean_cycle_max_m", "max_abs_x_m", "max_abs_x_minus_z_m", "rms_x_m", "cycle_spread", "impacts_per_cycle", "peak_contact_force_n", "period_cycles", "largest_multiplier", "loss_factor", "collective_motion"]
+    objective: Literal["x_over_z", "max_x_over_z", "rms_over_z", "mean_cycle_max_m", "max_abs_x_m", "max_abs_x_minus_z_m", "rms_x_m", "cycle_spread", "impacts_per_cycle", "peak_contact_force_n", "harvested_power_w", "period_cycles", "largest_multiplier", "loss_factor", "collective_motion"]
     """the metric that is to be best; docs/STUDIES.md has their meanings"""
     goal: Literal["minimum", "maximum"]
     """whether the smallest or the largest value of the objective is the best"""

@@ -135,6 +135,9 @@ class Simulation:
         to the base) too; empty otherwise.
     impact_dampers : list of dict
         Of a structure with several places: ``place``, ``impact_count`` and ``max_approach_speed_m_per_s`` of each; empty otherwise.
+    mode_shares : list of dict
+        Of a structure with several places, from the lowest mode up: ``frequency_hz``, ``energy_share`` (its mean energy over that of all modes,
+        0 to 1) and ``rms_x_m`` (of its part of x); empty otherwise.
     parameters : dict
         The set-up in SI units as it was simulated; each key ends with its unit.
     units : dict of str to str
@@ -154,6 +157,7 @@ class Simulation:
     summary: dict[str, Any]
     places: list[dict[str, Any]]
     impact_dampers: list[dict[str, Any]]
+    mode_shares: list[dict[str, Any]]
     parameters: dict[str, Any]
     units: dict[str, str] = field(
         default_factory=lambda: {"time": "s", "x": "m", "v": "m/s", "y": "m", "u": "m/s", "z": "m"},
@@ -245,8 +249,9 @@ def simulate(
         warnings.warn(warning, UnusualValueWarning, stacklevel=2)
     done["summary"] = json.loads(done["summary"])
     done["parameters"] = json.loads(done["parameters"])
-    for name in ("places", "impact_dampers"):
-        done[name] = json.loads(done[name]) or []
+    several_places = json.loads(done.pop("several_places")) or {}
+    for name in ("places", "impact_dampers", "mode_shares"):
+        done[name] = several_places.get(name, [])
     done["impacts"] = Impacts(**done["impacts"])
     done["contacts"] = Contacts(**done["contacts"])
     done["accumulations"] = Accumulations(**done["accumulations"])

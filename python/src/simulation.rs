@@ -188,8 +188,7 @@ pub fn simulate<'py>(
     dict.set_item("contacts", contacts(py, &done.result.contacts)?)?;
     dict.set_item("accumulations", accumulations(py, &done.result.accumulations)?)?;
     dict.set_item("summary", json(&done.result.summary)?)?;
-    dict.set_item("places", json(&done.result.multi_degree.as_ref().map(|several| &several.places))?)?;
-    dict.set_item("impact_dampers", json(&done.result.multi_degree.as_ref().map(|several| &several.impact_dampers))?)?;
+    dict.set_item("several_places", json(&done.result.multi_degree)?)?;
     dict.set_item("parameters", parameters(&done.case)?)?;
     Ok(dict)
 }

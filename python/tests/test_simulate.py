@@ -69,6 +69,7 @@ def test_a_beam_has_results_at_every_place_and_of_every_damper():
     assert counts == [int((result.impacts.damper == number).sum()) for number in (1, 2)]
     assert np.isnan(result.impacts.y[result.impacts.damper == 2]).all()
     assert np.abs(result.y - result.x).max() <= 2e-4 * (1 + 1e-9)
+    assert sum(of["energy_share"] for of in result.mode_shares) == pytest.approx(1, rel=1e-12)
 
 
 def test_every_time_that_is_asked_for_has_its_row():

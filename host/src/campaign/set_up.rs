@@ -246,6 +246,12 @@ fn read<'a>(
         section.reject(unmodelled, format!("means a damper without a model; `{modelled}` gives one"), help);
         return None;
     }
+    if spec.as_ref().is_some_and(SetUpSpec::harvests) {
+        let allowed = "has a piezoelectric wall, which is for cases: the simulated plant has none";
+        let help = "write damper = \"unmodelled\" to measure one; `damprig simulate` and `damprig study` compute it";
+        section.reject(set_up::PARTICLE.name(), allowed, Some(help.into()));
+        return None;
+    }
     section.finish();
     let (name, amplitude, spec) = (name?.value, amplitude?, spec?);
     let base_amplitude_m = if is_force { spec.static_deflection_m(amplitude.value) } else { amplitude.value };

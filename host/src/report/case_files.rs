@@ -2,6 +2,7 @@
 
 use damprig_core::model::{Particle, SetUp, Tmd};
 use damprig_particles::{Damper, Elasticity};
+use damprig_structures::{ImpactDamper, PiezoelectricWall};
 use serde::Serialize;
 
 use crate::report::describe;
@@ -53,7 +54,7 @@ struct SeveralPlaces<'a> {
     places: &'a [String],
     observed_place: &'a str,
     modes: Vec<NaturalMode<'a>>,
-    impact_dampers: Vec<Placed<'a, Particle>>,
+    impact_dampers: Vec<Placed<'a, Cavity>>,
     friction_dampers: Vec<Friction<'a>>,
     tuned_masses: Vec<Placed<'a, Tmd>>,
 }
@@ -72,6 +73,37 @@ struct Placed<'a, D> {
     place: &'a str,
     #[serde(flatten)]
     damper: D,
+}
+
+/// A particle with its walls; a piezoelectric one acts in place of that of the particle.
+#[derive(Debug, Serialize)]
+struct Cavity {
+    #[serde(flatten)]
+    particle: Particle,
+    /// At the negative and the positive side.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    piezoelectric_walls: Option<[Option<Harvesting>; 2]>,
+}
+
+#[derive(Debug, Serialize)]
+struct Harvesting {
+    stiffness_n_per_m: f64,
+    coupling_n_per_v: f64,
+    capacitance_f: f64,
+    load_ohm: f64,
+}
+
+impl Cavity {
+    fn of(damper: &ImpactDamper) -> Self {
+        let wall = |wall: PiezoelectricWall| Harvesting {
+            stiffness_n_per_m: wall.stiffness_n_per_m,
+            coupling_n_per_v: wall.coupling_n_per_v,
+            capacitance_f: wall.capacitance_f,
+            load_ohm: wall.load_ohm,
+        };
+        let walls = damper.piezoelectric.map(|own| own.map(wall));
+        Self { particle: damper.particle, piezoelectric_walls: walls.iter().any(Option::is_some).then_some(walls) }
+    }
 }
 
 #[derive(Debug, Serialize)]
@@ -101,7 +133,7 @@ impl<'a> SeveralPlaces<'a> {
             impact_dampers: set_up
                 .impact_dampers
                 .iter()
-                .map(|of| Placed { place: place(of.place), damper: of.particle })
+                .map(|of| Placed { place: place(of.place), damper: Cavity::of(of) })
                 .collect(),
             friction_dampers: (set_up.friction_dampers.iter())
                 .map(|of| Friction {

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Cavity, Dissipation, Particle, Wall};
+use damprig_structures::PiezoelectricWall;
 
 use super::numbers::{millimetres, significant, trimmed};
 use crate::campaign::{CampaignSetUp, Experiment};
@@ -36,10 +37,17 @@ pub fn set_up(set_up: &CampaignSetUp) -> String {
 /// The walls of a particle, and how its cavity differs from a plain one: `e = 0.47`, `e = 0.47, at + e = 0.6, offset 1 mm, 30° up`.
 #[must_use]
 pub fn walls(particle: &Particle) -> String {
-    let Cavity { positive_wall, offset_m, inclination_deg } = &particle.cavity;
-    let mut text = wall(&particle.wall);
-    if let Some(positive) = positive_wall {
-        text += &format!(", at + {}", wall(positive));
+    walls_with(particle, [None; 2])
+}
+
+/// The same with piezoelectric walls at the negative and the positive side.
+pub(super) fn walls_with(particle: &Particle, piezoelectric: [Option<PiezoelectricWall>; 2]) -> String {
+    let Cavity { offset_m, inclination_deg, .. } = &particle.cavity;
+    let texts = particle.walls().into_iter().zip(piezoelectric);
+    let mut texts = texts.map(|(own, harvesting)| harvesting.map_or_else(|| wall(&own), harvesting_wall));
+    let (mut text, positive) = (texts.next().unwrap_or_default(), texts.next().unwrap_or_default());
+    if positive != text {
+        text += &format!(", at + {positive}");
     }
     if *offset_m != 0.0 {
         text += &format!(", offset {}", millimetres(*offset_m));
@@ -48,6 +56,13 @@ pub fn walls(particle: &Particle) -> String {
         text += &format!(", {}° up", trimmed(*inclination_deg, 2));
     }
     text
+}
+
+fn harvesting_wall(wall: PiezoelectricWall) -> String {
+    let PiezoelectricWall { stiffness_n_per_m, coupling_n_per_v, capacitance_f, load_ohm } = wall;
+    let [stiffness, coupling, capacitance, load] =
+        [stiffness_n_per_m, coupling_n_per_v, capacitance_f, load_ohm].map(|value| significant(value, 4));
+    format!("piezoelectric with k = {stiffness} N/m, θ = {coupling} N/V, C = {capacitance} F, R = {load} Ω")
 }
 
 /// A wall: `e = 0.47`, `e = 0.6 (v/0.5 m/s)^−0.25, at most 0.9`,

@@ -1,9 +1,10 @@
-//! The contact of a hard wall: what turns the impulse of an impact, which takes no time, into a force. It does not change the motion.
-//! Also says what acts in place of a wall with Hertz contact.
+//! What a file states of a wall's contact besides the model of the wall. Of a hard wall it turns the impulse of an impact, which takes no time,
+//! into a force and does not change the motion. Also says what acts in place of a wall with Hertz contact.
 
 use damprig_core::model::{HERTZ_TABLE_ERROR, Hertz, ImpactLaw};
+use damprig_structures::PiezoelectricWall;
 
-/// The contact of a hard wall, as the file states it.
+/// The contact of a wall, as the file states it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StatedContact {
     /// A pulse of one duration at every speed.
@@ -17,6 +18,8 @@ pub enum StatedContact {
     Elastic(Hertz),
     /// That of the wall with Hertz contact that the hard wall stands for.
     HertzWall(Hertz),
+    /// That of a piezoelectric wall, which acts in place of the soft wall.
+    Piezoelectric(PiezoelectricWall),
 }
 
 impl StatedContact {
@@ -25,7 +28,7 @@ impl StatedContact {
     ///
     /// A pulse has the impulse J = mM/(M + m)·v·(1 + e(v)) and the peak factor·J/τ. An elastic contact has the force at which it has
     /// stored the whole energy of the approach; e does not enter. A wall with Hertz contact has that of a free impact
-    /// ([`Hertz::peak_force_n`]). All rise with v.
+    /// ([`Hertz::peak_force_n`]), a piezoelectric wall that of a free impact at open circuit. All rise with v.
     #[must_use]
     pub fn peak_force_n(&self, law: &ImpactLaw<f64>, reduced_mass_kg: f64, speed_m_per_s: f64) -> f64 {
         match *self {
@@ -33,7 +36,17 @@ impl StatedContact {
                 factor * reduced_mass_kg * speed_m_per_s * (1.0 + law.at(speed_m_per_s)) / time_s
             }
             Self::Elastic(wall) | Self::HertzWall(wall) => wall.peak_force_n(reduced_mass_kg, speed_m_per_s),
+            Self::Piezoelectric(wall) => {
+                let open = wall.stiffness_n_per_m + wall.coupling_n_per_v.powi(2) / wall.capacitance_f;
+                speed_m_per_s * (open * reduced_mass_kg).sqrt()
+            }
         }
+    }
+
+    /// The piezoelectric wall, if it is one.
+    #[must_use]
+    pub const fn piezoelectric(&self) -> Option<PiezoelectricWall> {
+        if let Self::Piezoelectric(wall) = *self { Some(wall) } else { None }
     }
 }
 

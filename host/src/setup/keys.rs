@@ -20,8 +20,12 @@ pub(crate) const SET_UP_FILE: Key = key(
 );
 
 /// Tables of the wall at the positive side: those of `particle.wall`.
-const POSITIVE_WALL: [Table; 3] =
-    [positive(wall_restitution::TABLE), positive(wall_voigt::TABLE), positive(wall_hertz::TABLE)];
+const POSITIVE_WALL: [Table; 4] = [
+    positive(wall_restitution::TABLE),
+    positive(wall_voigt::TABLE),
+    positive(wall_hertz::TABLE),
+    positive(wall_piezoelectric::TABLE),
+];
 
 const fn positive(table: Table) -> Table {
     Table { path: "particle.positive_wall", ..table }
@@ -190,6 +194,22 @@ tables! {
         DISSIPATION: Required, [
             number("hunt_crossley_s_per_m", NotNegative, "α of Hunt and Crossley: β = 1.5·α; e is about 1 − α·v at slow impacts; 0: no loss").usual(0.0, 10.0),
             number("lankarani_nikravesh_coefficient", Between(0.0, 1.0), "e of Lankarani and Nikravesh: β = 0.75·(1 − e²)/v with the approach speed v of the contact").usual(0.1, 1.0),
+        ];
+    }
+
+    "A wall that harvests, in a case: F = k·δ + θ·V with V = (θ·δ − Q)/C and R·Q′ = V, δ the penetration and Q the charge through its load. It has no mass."
+    wall_piezoelectric("particle.wall", "piezoelectric") {
+        STIFFNESS: Required, [
+            number("stiffness_n_per_m", Positive, "k at short circuit").usual(1e3, 1e8),
+        ];
+        COUPLING: Required, [
+            number("coupling_n_per_v", NotNegative, "θ, the force per voltage at rest").usual(1e-5, 1.0),
+        ];
+        CAPACITANCE: Required, [
+            number("capacitance_f", Positive, "C of the wall that cannot move").usual(1e-11, 1e-5),
+        ];
+        LOAD: Required, [
+            number("load_ohm", Positive, "R across its electrodes").usual(10.0, 1e9),
         ];
     }
 

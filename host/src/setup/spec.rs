@@ -200,7 +200,13 @@ impl SetUpSpec {
         particle.or(self.friction.map(|_| "friction_damper")).or(self.tmd.map(|_| "tmd"))
     }
 
-    /// The contacts of its hard walls at the negative and the positive side, where they are stated.
+    /// Whether a wall of its particle is piezoelectric.
+    #[must_use]
+    pub fn harvests(&self) -> bool {
+        self.contacts().into_iter().flatten().any(|contact| contact.piezoelectric().is_some())
+    }
+
+    /// The contacts of its walls at the negative and the positive side, where they are stated.
     #[must_use]
     pub fn contacts(&self) -> [Option<StatedContact>; 2] {
         self.particle.map_or([None; 2], |p| p.contacts)

@@ -1,26 +1,30 @@
-//! Reads a wall of a cavity: a hard one with its restitution and stated contact, a soft one (Voigt), or one with Hertz contact.
+//! Reads a wall of a cavity: a hard one with its restitution and stated contact, a soft one (Voigt), one with Hertz contact, or a
+//! piezoelectric one.
 
 use damprig_core::model::{
     DampingLaw, Dissipation, Hertz, Material, Release, Restitution, SPEED_TABLE_POINTS, SpeedTable, Structure, Wall,
 };
+use damprig_structures::PiezoelectricWall;
 
 use super::contact::StatedContact;
-use super::keys::{wall_hertz, wall_restitution, wall_voigt};
+use super::keys::{wall_hertz, wall_piezoelectric, wall_restitution, wall_voigt};
 use crate::input::section::Given;
 use crate::input::{Number, Section};
 
-/// A wall, and the contact of a hard one if it is stated.
+/// A wall, and its contact as far as it is stated.
 pub(super) fn read_wall(
     s: &Section,
     structure: Option<&Structure>,
     particle_mass_kg: Option<f64>,
 ) -> Option<(Wall, Option<StatedContact>)> {
-    let wall = match s.variant(&[wall_restitution::TABLE, wall_voigt::TABLE, wall_hertz::TABLE])? {
+    let kinds = [wall_restitution::TABLE, wall_voigt::TABLE, wall_hertz::TABLE, wall_piezoelectric::TABLE];
+    let wall = match s.variant(&kinds)? {
         0 => {
             let (wall, contact) = (read_hard(s), read_contact(s));
             wall.and_then(|wall| Some((wall, contact?)))
         }
         2 => read_hertz(s).map(|wall| (wall, None)),
+        3 => read_piezoelectric(s),
         _ => read_voigt(s, structure, particle_mass_kg).map(|wall| (wall, None)),
     };
     s.finish();
@@ -109,6 +113,23 @@ fn read_voigt(s: &Section, structure: Option<&Structure>, particle_mass_kg: Opti
     };
     let release = if release? == 0 { Release::ZeroPenetration } else { Release::ZeroForce };
     Some(Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release })
+}
+
+/// With the soft wall that it is at short circuit, which it takes the place of.
+fn read_piezoelectric(s: &Section) -> Option<(Wall, Option<StatedContact>)> {
+    let stiffness = s.scalar(&wall_piezoelectric::STIFFNESS);
+    let coupling = s.scalar(&wall_piezoelectric::COUPLING);
+    let capacitance = s.scalar(&wall_piezoelectric::CAPACITANCE);
+    let load = s.scalar(&wall_piezoelectric::LOAD);
+    let wall = PiezoelectricWall {
+        stiffness_n_per_m: stiffness?,
+        coupling_n_per_v: coupling?,
+        capacitance_f: capacitance?,
+        load_ohm: load?,
+    };
+    let shorted =
+        Wall::Voigt { stiffness_n_per_m: wall.stiffness_n_per_m, damping_n_s_per_m: 0.0, release: Release::ZeroForce };
+    Some((shorted, Some(StatedContact::Piezoelectric(wall))))
 }
 
 /// k stated, or from moduli, Poisson ratios and radius.

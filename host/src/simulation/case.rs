@@ -214,6 +214,13 @@ impl Case {
         self.set_up.has_soft_walls() || several.flat_map(|damper| damper.particle.walls()).any(|wall| wall.is_soft())
     }
 
+    /// Whether a wall is piezoelectric.
+    #[must_use]
+    pub fn harvests(&self) -> bool {
+        let several = self.multi_degree.iter().flat_map(|several| &several.set_up.impact_dampers);
+        several.flat_map(|damper| damper.piezoelectric).flatten().next().is_some()
+    }
+
     /// Whether a particle or spheres may hit walls of the structure.
     #[must_use]
     pub fn has_impacts(&self) -> bool {

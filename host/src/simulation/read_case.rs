@@ -157,8 +157,8 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     let contacts = spec.contacts();
     let mut case =
         Case { name, set_up, contacts, many_particles, excitation, record, initial, run, multi_degree: None };
-    if let Some(force) = beside {
-        case.multi_degree = Some(multi_degree::read::force_beside_base(root, &case, force)?);
+    if beside.is_some() || spec.harvests() {
+        case.multi_degree = Some(multi_degree::read::of_one_degree(root, &case, beside)?);
     }
     if let Some(section) = &run_section {
         check_cycles(section, &case);
@@ -166,7 +166,7 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     if let (Some(section), Some(damper)) = (&spheres, &case.many_particles) {
         many_particles::read::check_contact(section, damper, case.shortest_period_s());
     }
-    // A record moves the sampled integrator, a force beside the base the engine for several places.
+    // A record moves the sampled integrator; a force beside the base and piezoelectric walls need the engine for several places.
     let takes_no_contact_time = case.record.is_some() || case.multi_degree.is_some();
     Some(if takes_no_contact_time { case.without_hertz() } else { case })
 }

@@ -85,6 +85,9 @@ pub struct Summary {
     /// Largest force of a wall, N: of a soft wall, or of a hard one by its stated contact. Absent if a hard wall's contact is not stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub peak_contact_force_n: Option<f64>,
+    /// Mean power in the loads of piezoelectric walls, W: over the last 20 cycles of a sine, otherwise over the run; of a study over what it counts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub harvested_power_w: Option<f64>,
     /// Duration of the first contact with a soft wall, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_contact_duration_s: Option<f64>,
@@ -144,6 +147,7 @@ impl Summary {
             passed_wall_by_m: None,
             record_start_jump_m_per_s: case.record.as_ref().and_then(Record::start_jump_m_per_s),
             peak_contact_force_n: wall_force::largest_n(case, response),
+            harvested_power_w: None,
             first_contact_duration_s: contact.map(|c| c.0),
             first_contact_restitution: contact.map(|c| c.1),
             contacts: None,

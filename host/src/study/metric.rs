@@ -11,7 +11,7 @@ use crate::simulation::result::Summary;
 use crate::simulation::wall_force;
 
 /// The metrics of a study, as keys list them.
-pub const METRICS: [Quantity; 14] = [
+pub const METRICS: [Quantity; 15] = [
     Quantity::XOverZ,
     Quantity::MaxXOverZ,
     Quantity::RmsOverZ,
@@ -22,6 +22,7 @@ pub const METRICS: [Quantity; 14] = [
     Quantity::CycleSpread,
     Quantity::ImpactsPerCycle,
     Quantity::PeakContactForceN,
+    Quantity::HarvestedPowerW,
     Quantity::PeriodCycles,
     Quantity::LargestMultiplier,
     Quantity::LossFactor,
@@ -48,7 +49,11 @@ pub const fn needs_whole_run(metric: Quantity) -> bool {
 pub const fn needs_impacts(metric: Quantity) -> bool {
     matches!(
         metric,
-        Quantity::ImpactsPerCycle | Quantity::PeakContactForceN | Quantity::PeriodCycles | Quantity::LargestMultiplier
+        Quantity::ImpactsPerCycle
+            | Quantity::PeakContactForceN
+            | Quantity::HarvestedPowerW
+            | Quantity::PeriodCycles
+            | Quantity::LargestMultiplier
     )
 }
 
@@ -62,6 +67,9 @@ pub fn refusal(metric: Quantity, case: &Case) -> Option<&'static str> {
         }
         Quantity::PeriodCycles | Quantity::LargestMultiplier if case.many_particles.is_some() => {
             Some("spheres in a box have no periodic motion whose every event is found exactly")
+        }
+        Quantity::HarvestedPowerW if !case.harvests() => {
+            Some("it is that of piezoelectric walls; the case has none, `kind = \"piezoelectric\"`")
         }
         _ if metric.is_ratio() && case.reference_m().is_none() => {
             Some("the case has neither Z nor x0; take `max_abs_x_m` or `rms_x_m`")
@@ -146,6 +154,7 @@ impl Figures {
             Quantity::ImpactsPerCycle => summary.impact_count as f64 / cycles,
             // A wall that was never touched has exerted no force.
             Quantity::PeakContactForceN => summary.peak_contact_force_n.unwrap_or(0.0),
+            Quantity::HarvestedPowerW => summary.harvested_power_w.unwrap_or(f64::NAN),
             Quantity::PeriodCycles => periodicity.map_or(f64::NAN, |found| found.period_cycles),
             Quantity::LossFactor => spheres.as_ref().map_or(f64::NAN, SpheresFigures::loss_factor),
             Quantity::CollectiveMotion => spheres.as_ref().map_or(f64::NAN, SpheresFigures::collective_motion),

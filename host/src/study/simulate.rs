@@ -134,8 +134,7 @@ fn figures(
     };
     if let Some(several) = &case.multi_degree {
         let simulated = multi_degree::driver::counted(case, several, (first_cycle, from_s), end_s, wanted, go_on);
-        let (response, unresolved) = simulated?.ok_or_else(Failure::stopped)?;
-        return Ok(of(Summary::of(case, &response, end_s, unresolved), None));
+        return Ok(of(simulated?.ok_or_else(Failure::stopped)?, None));
     }
     let new = |case: &Case| Exact::new(&case.set_up, &case.excitation, &case.initial);
     let mut motion = new(case)?;

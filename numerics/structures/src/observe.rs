@@ -110,6 +110,12 @@ impl<'a> Piece<'a> {
         self.body(mount.modes + damper, mount.tuned_influence[damper])
     }
 
+    /// The modal coordinate q of a mode, relative to the base, m·√kg.
+    #[must_use]
+    pub fn modal_coordinate(&self, mode: usize) -> Course {
+        self.body(mode, 0.0)
+    }
+
     /// A body of the system, whose displacement relative to the base is a coordinate.
     fn body(&self, body: usize, influence: f64) -> Course {
         let Parts { system, rest, base, .. } = self.parts;

@@ -57,7 +57,7 @@ fn energy(e: &Balance) -> Vec<(&'static str, String)> {
         ("  by impacts", e.impacts_j),
         ("  by particle friction", e.internal_friction_j),
         ("  by friction damper", e.friction_damper_j),
-        ("  by soft wall or TMD", e.link_damping_j),
+        ("  by soft wall, TMD, load", e.link_damping_j),
     ];
     let mut lines = vec![
         ("energy input", joule(e.input_j)),

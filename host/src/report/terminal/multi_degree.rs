@@ -5,10 +5,13 @@ use std::f64::consts::TAU;
 use crate::report::describe;
 use crate::report::numbers::{millimetres, significant};
 use crate::simulation::multi_degree::MultiDegree;
-use crate::simulation::multi_degree::measure::{DamperResult, PlaceResult, PlacesResult};
+use crate::simulation::multi_degree::measure::{DamperResult, ModeShare, PlaceResult, PlacesResult};
 
 /// Most modes that are listed.
 const LISTED: usize = 5;
+
+/// Least share of the energy of a mode that is named among the results.
+const LEAST_SHARE: f64 = 1e-3;
 
 /// The structure and its dampers, a line per part.
 pub fn set_up(several: &MultiDegree) -> Vec<(&'static str, String)> {
@@ -40,7 +43,7 @@ pub fn set_up(several: &MultiDegree) -> Vec<(&'static str, String)> {
                 place(damper.place),
                 significant(particle.mass_kg, 4),
                 millimetres(particle.clearance_m),
-                describe::walls(particle)
+                describe::walls_with(particle, damper.piezoelectric)
             ),
         ));
     }
@@ -67,7 +70,7 @@ pub fn set_up(several: &MultiDegree) -> Vec<(&'static str, String)> {
     lines
 }
 
-/// What each place and each impact damper did.
+/// What each place and each impact damper did, and the modes that take part.
 pub fn results(result: &PlacesResult) -> Vec<(&'static str, String)> {
     let place = |of: &PlaceResult| {
         let (x, relative, rms) =
@@ -81,7 +84,19 @@ pub fn results(result: &PlacesResult) -> Vec<(&'static str, String)> {
         let speed = significant(of.max_approach_speed_m_per_s, 4);
         let force = of.peak_contact_force_n.map(|force_n| format!(", at most {} N on a wall", significant(force_n, 4)));
         let force = force.unwrap_or_default();
-        ("particle", format!("at {}: {} impacts, at most {speed} m/s{force}", of.place, of.impact_count))
+        let harvested = of.harvested_power_w.zip(of.max_abs_voltage_v).map(|(power_w, voltage_v)| {
+            let [power, voltage] = [power_w, voltage_v].map(|value| significant(value, 4));
+            format!("; its loads take {power} W, at most {voltage} V")
+        });
+        let harvested = harvested.unwrap_or_default();
+        ("particle", format!("at {}: {} impacts, at most {speed} m/s{force}{harvested}", of.place, of.impact_count))
     };
-    result.places.iter().map(place).chain(result.impact_dampers.iter().map(damper)).collect()
+    let mode = |(number, of): (usize, &ModeShare)| {
+        let (share, rms) = (significant(100.0 * of.energy_share, 3), millimetres(of.rms_x_m));
+        let frequency = significant(of.frequency_hz, 5);
+        ("mode", format!("{number}, {frequency} Hz: {share} % of the modes' energy, RMS of its part of x {rms}"))
+    };
+    let taking_part = (1..).zip(&result.mode_shares).filter(|(_, of)| of.energy_share >= LEAST_SHARE);
+    let dampers = result.impact_dampers.iter().map(damper);
+    result.places.iter().map(place).chain(dampers).chain(taking_part.map(mode)).collect()
 }

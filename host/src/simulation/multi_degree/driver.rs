@@ -7,7 +7,7 @@ use damprig_core::io::Invalid;
 use damprig_motion::placed_motion::powers;
 use damprig_structures::{EnergyBook, Impact, Motion, Observer, Piece, Refused, State};
 
-use super::measure::{DamperMeter, PlaceMeter, PlacesResult};
+use super::measure::{DamperMeter, HarvestMeter, ModeMeter, PlaceMeter, PlacesResult, measured_from_s};
 use super::piece::PieceAtPlace;
 use super::{MultiDegree, Shown};
 use crate::motion_record::{Play, Record};
@@ -28,6 +28,10 @@ struct Watch<'a, 'v> {
     places: &'a mut [PlaceMeter],
     /// Of every impact damper; none if only the viewer is to see the motion.
     dampers: &'a mut [DamperMeter],
+    /// Of every mode; none if only the viewer is to see the motion.
+    modes: &'a mut [ModeMeter],
+    /// Of the piezoelectric walls, while it is measured.
+    harvest: &'a mut Option<HarvestMeter>,
     go_on: &'a mut dyn FnMut(f64) -> bool,
     steps: u32,
     is_stopped: bool,
@@ -42,6 +46,8 @@ impl Observer for Watch<'_, '_> {
         }
         self.places.iter_mut().for_each(|meter| meter.piece(piece));
         self.dampers.iter_mut().for_each(|meter| meter.piece(piece));
+        self.modes.iter_mut().for_each(|meter| meter.piece(piece));
+        self.harvest.iter_mut().for_each(|meter| meter.piece(piece));
     }
 
     fn impact(&mut self, impact: &Impact) {
@@ -129,6 +135,9 @@ pub(in crate::simulation) fn run<V: Viewer>(
     let mut response = Response::new(wanted);
     let mut places: Vec<_> = (0..of.places.len()).map(|place| PlaceMeter::new(place, of.is_frame())).collect();
     let mut dampers = DamperMeter::all(of);
+    let from_s = measured_from_s(case);
+    let mut modes = ModeMeter::all(of, from_s);
+    let mut harvest = None;
     let mut refused = Ok(());
     let shown = of.shown();
     run_in_parts(case.run.duration_s, options, collector, |until_s, collector, go_on| {
@@ -139,24 +148,37 @@ pub(in crate::simulation) fn run<V: Viewer>(
             viewer: &mut viewer,
             places: &mut places,
             dampers: &mut dampers,
+            modes: &mut modes,
+            harvest: &mut harvest,
             go_on,
             steps: 0,
             is_stopped: false,
         };
         // The clock of an estimate starts after the set-up.
         if refused.is_ok() && (running.motion.time_s() > 0.0 || (watch.go_on)(0.0)) {
-            refused = running.run(until_s, &mut watch);
+            refused = running.run(from_s.clamp(running.motion.time_s(), until_s), &mut watch);
+            if watch.harvest.is_none() && running.motion.time_s() >= from_s {
+                *watch.harvest = HarvestMeter::new(&running.motion);
+            }
+            refused = refused.and_then(|()| running.run(until_s, &mut watch));
         }
         running.motion.time_s()
     });
     refused.map_err(Invalid::from)?;
     let motion = running.motion;
     response.finish(motion.time_s());
-    let summary = Summary::of(case, &response, motion.time_s(), motion.unresolved());
-    let impact_dampers = of.set_up.impact_dampers.iter().zip(dampers);
+    let harvested = |damper| harvest.as_ref().and_then(|meter| meter.power_and_voltage(motion.time_s(), damper));
+    let summary = Summary {
+        harvested_power_w: harvested(None).map(|(power_w, _)| power_w),
+        ..Summary::of(case, &response, motion.time_s(), motion.unresolved())
+    };
+    let impact_dampers = of.set_up.impact_dampers.iter().zip(dampers).enumerate();
     let result = PlacesResult {
         places: of.places.iter().zip(&places).map(|(name, meter)| meter.result(name)).collect(),
-        impact_dampers: impact_dampers.map(|(damper, meter)| meter.result(&of.places[damper.place])).collect(),
+        impact_dampers: impact_dampers
+            .map(|(n, (damper, meter))| meter.result(&of.places[damper.place], harvested(Some(n))))
+            .collect(),
+        mode_shares: ModeMeter::shares(&modes),
     };
     Ok((summary, end(of, &motion), result))
 }
@@ -198,8 +220,8 @@ pub fn energy(case: &Case, of: &MultiDegree, go_on: &mut dyn FnMut(f64) -> bool)
     (!booked.is_stopped).then(|| booked.book.balance(&running.motion))
 }
 
-/// Runs a case up to `end_s`, s, and gives its response from the cycle `first_cycle` on, which begins at `from_s`, with how often the event search
-/// was given up. `None` if it was stopped: `go_on` is asked now and then.
+/// Runs a case up to `end_s`, s, and gives its summary from the cycle `first_cycle` on, which begins at `from_s`. `None` if it was stopped: `go_on` is
+/// asked now and then.
 ///
 /// # Errors
 /// Names a value that is not physical.
@@ -210,21 +232,39 @@ pub fn counted(
     end_s: f64,
     wanted: Wanted,
     go_on: &dyn Fn() -> bool,
-) -> Result<Option<(Response, u32)>, Invalid> {
+) -> Result<Option<Summary>, Invalid> {
     let mut running = CaseMotion::new(case, of).map_err(Invalid::from)?;
     let mut go_on = |_: f64| go_on();
     let mut response = Response::new(wanted);
     response.skip_to(first_cycle);
-    let (mut nothing, mut is_stopped, shown) = ((), false, of.shown());
+    let (mut nothing, mut is_stopped, mut harvest, shown) = ((), false, None, of.shown());
     for (until_s, is_counted) in [(from_s, false), (end_s, true)] {
+        if is_counted {
+            harvest = HarvestMeter::new(&running.motion);
+        }
         let viewer: &mut dyn Viewer = if is_counted { &mut response } else { &mut nothing };
-        let mut watch =
-            Watch { of, shown, viewer, places: &mut [], dampers: &mut [], go_on: &mut go_on, steps: 0, is_stopped };
+        let mut watch = Watch {
+            of,
+            shown,
+            viewer,
+            places: &mut [],
+            dampers: &mut [],
+            modes: &mut [],
+            harvest: &mut harvest,
+            go_on: &mut go_on,
+            steps: 0,
+            is_stopped,
+        };
         running.run(until_s, &mut watch).map_err(Invalid::from)?;
         is_stopped = watch.is_stopped;
     }
-    response.finish(running.motion.time_s());
-    Ok((!is_stopped).then(|| (response, running.motion.unresolved())))
+    let motion = running.motion;
+    response.finish(motion.time_s());
+    let harvested = harvest.and_then(|meter| meter.power_and_voltage(end_s, None));
+    Ok((!is_stopped).then(|| Summary {
+        harvested_power_w: harvested.map(|(power_w, _)| power_w),
+        ..Summary::of(case, &response, end_s, motion.unresolved())
+    }))
 }
 
 /// Simulates cycles of the excitation from a state: after those of a transient it passes the state at the observed place at the end of each and the
@@ -250,6 +290,8 @@ pub fn cycles(
             viewer: &mut response,
             places: &mut [],
             dampers: &mut [],
+            modes: &mut [],
+            harvest: &mut None,
             go_on: &mut |_| true,
             steps: 0,
             is_stopped: false,

@@ -1,20 +1,36 @@
-//! What is measured at each place and of each impact damper.
+//! What is measured at each place, of each impact damper and of each mode.
+
+use std::f64::consts::TAU;
 
 use damprig_core::model::{Particle, Wall};
-use damprig_structures::{Course, Impact, ImpactDamper, Piece};
+use damprig_structures::{Course, Harvest, Impact, ImpactDamper, Mode, Motion, Observer, Piece};
 use serde::Serialize;
 
 use super::MultiDegree;
 use crate::setup::StatedContact;
+use crate::simulation::Case;
 use crate::table::Column;
 
-/// What happened at each place and to each impact damper.
+/// What happened at each place, to each impact damper and in each mode.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlacesResult {
     /// The places.
     pub places: Vec<PlaceResult>,
     /// The impact dampers.
     pub impact_dampers: Vec<DamperResult>,
+    /// The modes of the structure without its dampers, from the lowest frequency up; empty if the run was stopped before they were measured.
+    pub mode_shares: Vec<ModeShare>,
+}
+
+/// What a mode takes part by, relative to the base: over the last 20 cycles of a sine, otherwise over the run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ModeShare {
+    /// Its undamped natural frequency, Hz.
+    pub frequency_hz: f64,
+    /// Its mean energy over that of all modes, from 0 to 1: of ½(q′² + ω²q²) with the modal coordinate q, whose mass is 1 kg. 0 at rest.
+    pub energy_share: f64,
+    /// √(1/T ∫(φq)² dt) at the observed place, with the mode's shape φ there, m.
+    pub rms_x_m: f64,
 }
 
 /// The motion of a place.
@@ -48,6 +64,38 @@ pub struct DamperResult {
     /// touched, or the contact of a hard one is not stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub peak_contact_force_n: Option<f64>,
+    /// Mean power in the loads of its piezoelectric walls, W: over the last 20 cycles of a sine, otherwise over the run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub harvested_power_w: Option<f64>,
+    /// Largest voltage of these walls in that time, V.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_abs_voltage_v: Option<f64>,
+}
+
+/// Measures what the loads of piezoelectric walls take, from the present instant on.
+pub(super) struct HarvestMeter {
+    harvest: Harvest,
+    from_s: f64,
+}
+
+impl HarvestMeter {
+    /// From where the motion is now; `None` where no wall is piezoelectric.
+    pub fn new(motion: &Motion) -> Option<Self> {
+        let harvest = Harvest::new(motion);
+        (!harvest.walls().is_empty()).then(|| Self { harvest, from_s: motion.time_s() })
+    }
+
+    /// Takes a piece of motion.
+    pub fn piece(&mut self, piece: &Piece) {
+        self.harvest.piece(piece);
+    }
+
+    /// Mean power in the loads up to a time, W, and their largest voltage, V: of one impact damper, or of all.
+    pub fn power_and_voltage(&self, until_s: f64, damper: Option<usize>) -> Option<(f64, f64)> {
+        let walls = self.harvest.walls().iter().filter(|wall| damper.is_none_or(|damper| wall.damper == damper));
+        let taken = walls.map(|wall| (wall.energy_j / (until_s - self.from_s), wall.largest_abs_v));
+        taken.reduce(|(power, voltage), (more, other)| (power + more, f64::max(voltage, other)))
+    }
 }
 
 /// Counts the impacts of an impact damper, and takes the largest force on its walls.
@@ -97,8 +145,8 @@ impl DamperMeter {
         }
     }
 
-    /// The result of the damper at the place of this name.
-    pub fn result(&self, place: &str) -> DamperResult {
+    /// The result of the damper at the place of this name; `harvested` is power, W, and voltage, V, of its piezoelectric walls.
+    pub fn result(&self, place: &str, harvested: Option<(f64, f64)>) -> DamperResult {
         let is_known = |(wall, contact): (Wall, Option<StatedContact>)| wall.is_soft() || contact.is_some();
         let is_known = self.particle.walls().into_iter().zip(self.contacts).all(is_known);
         DamperResult {
@@ -106,8 +154,82 @@ impl DamperMeter {
             impact_count: self.impact_count,
             max_approach_speed_m_per_s: self.max_approach_speed_m_per_s,
             peak_contact_force_n: Some(self.peak_n).filter(|peak_n| is_known && *peak_n > 0.0),
+            harvested_power_w: harvested.map(|(power_w, _)| power_w),
+            max_abs_voltage_v: harvested.map(|(_, voltage_v)| voltage_v),
         }
     }
+}
+
+/// Cycles of a sine at the end of a run that the parts of the modes and the harvest are measured over.
+const MEASURED_CYCLES: f64 = 20.0;
+
+/// The time from which on the parts of the modes and the harvest are measured, s.
+pub(super) fn measured_from_s(case: &Case) -> f64 {
+    case.drive_period_s().map_or(0.0, |period_s| (case.run.duration_s - MEASURED_CYCLES * period_s).max(0.0))
+}
+
+/// Measures the part of a mode.
+pub(super) struct ModeMeter {
+    mode: usize,
+    from_s: f64,
+    angular_frequency_rad_per_s: f64,
+    /// φ at the observed place, 1/√kg.
+    shape_per_root_kg: f64,
+    measured_s: f64,
+    /// ∫q² dt and ∫q′² dt.
+    square: f64,
+    square_of_rate: f64,
+}
+
+impl ModeMeter {
+    /// Of every mode, from the lowest frequency up, in pieces from this time on.
+    pub fn all(of: &MultiDegree, from_s: f64) -> Vec<Self> {
+        let meter = |(mode, own): (usize, &Mode)| Self {
+            mode,
+            from_s,
+            angular_frequency_rad_per_s: own.angular_frequency_rad_per_s,
+            shape_per_root_kg: own.shape[of.observed],
+            measured_s: 0.0,
+            square: 0.0,
+            square_of_rate: 0.0,
+        };
+        let mut all: Vec<Self> = of.set_up.structure.modes.iter().enumerate().map(meter).collect();
+        all.sort_by(|a, b| a.angular_frequency_rad_per_s.total_cmp(&b.angular_frequency_rad_per_s));
+        all
+    }
+
+    /// Takes a piece of motion.
+    pub fn piece(&mut self, piece: &Piece) {
+        if piece.start_s + 0.5 * piece.length_s < self.from_s {
+            return;
+        }
+        let coordinate = piece.modal_coordinate(self.mode);
+        self.measured_s += piece.length_s;
+        self.square += coordinate.square_m2_s();
+        self.square_of_rate += coordinate.rate().square_m2_s();
+    }
+
+    /// ∫½(q′² + ω²q²) dt, J·s.
+    fn energy_j_s(&self) -> f64 {
+        let stiffness = self.angular_frequency_rad_per_s.powi(2);
+        0.5 * (self.square_of_rate + stiffness * self.square).max(0.0)
+    }
+
+    /// The shares of all modes.
+    pub fn shares(all: &[Self]) -> Vec<ModeShare> {
+        let whole: f64 = all.iter().map(Self::energy_j_s).sum();
+        let share = |of: &Self| ModeShare {
+            frequency_hz: of.angular_frequency_rad_per_s / TAU,
+            energy_share: if whole > 0.0 { of.energy_j_s() / whole } else { 0.0 },
+            rms_x_m: of.shape_per_root_kg.abs() * root_mean(of.square, of.measured_s),
+        };
+        all.iter().filter(|of| of.measured_s > 0.0).map(share).collect()
+    }
+}
+
+/// The root of an integral over the time that it was taken over; 0 before any time.
+fn root_mean(square_s: f64, measured_s: f64) -> f64 {
+    if measured_s > 0.0 { (square_s.max(0.0) / measured_s).sqrt() } else { 0.0 }
 }
 
 impl MultiDegree {
@@ -173,7 +295,7 @@ impl PlaceMeter {
             place: place.to_string(),
             max_abs_x_m: self.max_abs_x_m,
             max_abs_x_minus_z_m: self.max_abs_x_minus_z_m,
-            rms_x_m: if self.measured_s > 0.0 { (self.square_m2_s.max(0.0) / self.measured_s).sqrt() } else { 0.0 },
+            rms_x_m: root_mean(self.square_m2_s, self.measured_s),
             max_abs_acceleration_m_per_s2: self.max_abs_acceleration_m_per_s2,
             max_abs_drift_m: self.is_of_frame.then_some(self.max_abs_drift_m),
         }

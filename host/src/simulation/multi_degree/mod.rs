@@ -111,6 +111,7 @@ impl MultiDegree {
         self.set_up.friction_dampers.clear();
         self.set_up.tuned_masses = tmd.map(|tmd| TunedMass { place, tmd }).into_iter().collect();
         self.start.particles.clear();
+        self.start.charges_c.clear();
         self.start.tuned_masses = tmd.map(|_| self.place_starts[place]).into_iter().collect();
         self
     }

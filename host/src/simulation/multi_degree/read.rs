@@ -14,7 +14,7 @@ use crate::simulation::excitation::CaseExcitation;
 use crate::simulation::keys::{case, force_sine};
 use crate::simulation::read_case::{base_amplitude, check_cycles, read_excitation, read_run};
 use crate::structure::{DESCRIPTIONS, at_place, check_participation, description, description_of, read_structure};
-use dampers::{Dampers, contacts_of, read_places};
+use dampers::{Dampers, contacts_of, impact_damper, read_places};
 use start::{BaseStart, Start, read_initial, start};
 
 /// Reads the case, whose structure the key `key` describes; `None` after a problem has been reported.
@@ -117,11 +117,11 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
     Some(case)
 }
 
-/// The case of one degree of freedom `case` with a force P sin(Ωt + φ), of P, N, and φ, rad, beside the sine of its base; `None` after a problem
-/// has been reported.
-pub fn force_beside_base(root: &Section, case: &Case, (amplitude_n, phase_rad): (f64, f64)) -> Option<MultiDegree> {
-    let key = case::FORCE.name();
-    if case.many_particles.is_some() {
+/// The case of one degree of freedom `case` as one with several places: with a force P sin(Ωt + φ), of P, N, and φ, rad, beside the sine of its
+/// base, or with piezoelectric walls. `None` after a problem has been reported.
+pub fn of_one_degree(root: &Section, case: &Case, beside: Option<(f64, f64)>) -> Option<MultiDegree> {
+    let key = if beside.is_some() { case::FORCE.name() } else { set_up_keys::PARTICLE.name() };
+    if case.many_particles.is_some() && beside.is_some() {
         root.source().report(Problem {
             title: "`force` beside a moving `base` is not available for this damper".into(),
             span: root.span_of(key),
@@ -130,8 +130,14 @@ pub fn force_beside_base(root: &Section, case: &Case, (amplitude_n, phase_rad): 
         });
         return None;
     }
-    let force = HarmonicForce { place: 0, amplitude_n, phase_rad };
-    let set_up = SetUp { force_beside_base: Some(force), ..SetUp::from(&case.set_up.without_hertz()) };
+    let mut set_up = SetUp::from(&case.set_up.without_hertz());
+    set_up.force_beside_base =
+        beside.map(|(amplitude_n, phase_rad)| HarmonicForce { place: 0, amplitude_n, phase_rad });
+    for damper in &mut set_up.impact_dampers {
+        *damper = impact_damper(damper.place, damper.particle, case.contacts);
+    }
+    let base = BaseStart::of(&case.excitation, case.record.as_ref()).base;
+    let charges_c = set_up.at_rest(base).charges_c;
     let several = MultiDegree {
         key,
         kind: "one degree of freedom".into(),
@@ -140,7 +146,7 @@ pub fn force_beside_base(root: &Section, case: &Case, (amplitude_n, phase_rad): 
         places: vec![set_up_keys::STRUCTURE.name().into()],
         on_beam: None,
         observed: 0,
-        start: State::of_one_degree(&case.set_up, &case.initial, &case.excitation),
+        start: State { charges_c, ..State::on_base(&case.set_up, &case.initial, base) },
         place_starts: vec![Body { y_m: case.initial.x_m, u_m_per_s: case.initial.v_m_per_s }],
     };
     match driver::check(case, &several) {

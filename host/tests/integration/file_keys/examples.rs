@@ -223,7 +223,7 @@ start = "carry_over"
 dwell_s = 3
 "#;
 
-pub const MORE_CASES: [&str; 25] = [
+pub const MORE_CASES: [&str; 27] = [
     r#"
 places = ["a"]
 run = { duration_s = 1 }
@@ -392,6 +392,18 @@ run = { duration_s = 1 }
 structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
 base = { kind = "fixed" }
 force = { kind = "half_sine", amplitude_n = -2, duration_s = 0.2 }
+run = { duration_s = 1 }
+"#,
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+particle = { mass_kg = 0.1, clearance_m = 0.01, wall = { kind = "piezoelectric", stiffness_n_per_m = 2e4, coupling_n_per_v = 0.02, capacitance_f = 5e-8, load_ohm = 1e5 }, positive_wall = { kind = "restitution", coefficient = 0.5 } }
+initial = { x_m = 0.01 }
+run = { duration_s = 1 }
+"#,
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+particle = { mass_kg = 0.1, clearance_m = 0.01, wall = { kind = "restitution", coefficient = 0.5 }, positive_wall = { kind = "piezoelectric", stiffness_n_per_m = 2e4, coupling_n_per_v = 0.02, capacitance_f = 5e-8, load_ohm = 1e5 } }
+initial = { x_m = 0.01 }
 run = { duration_s = 1 }
 "#,
     r#"

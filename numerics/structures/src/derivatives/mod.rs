@@ -138,7 +138,7 @@ pub enum NoDerivatives {
     #[error(transparent)]
     Refused(#[from] Refused),
     /// The charge of a piezoelectric wall, whose equation is of first order.
-    #[error("no derivatives: they are not available with a piezoelectric wall, whose charge has no inertia")]
+    #[error("no derivatives: a piezoelectric wall has none, as its charge has no inertia")]
     Charge,
     /// An event is not certain.
     #[error("no derivatives: the event search was given up")]

@@ -85,8 +85,9 @@ impl Dampers {
         // A Hertz wall acts as a hard one, whose force is that of the contact.
         let read = stated.without_hertz();
         if let Some((particle, stated)) = read.particle.zip(stated.particle) {
-            self.contacts.push(contacts_of(&stated, spec.contacts()));
-            self.set_up.impact_dampers.push(ImpactDamper { place, particle });
+            let contacts = contacts_of(&stated, spec.contacts());
+            self.contacts.push(contacts);
+            self.set_up.impact_dampers.push(impact_damper(place, particle, contacts));
             self.starts_m.push(spec.particle_start_m(z_m));
         }
         // Without a force there is no damper.
@@ -96,6 +97,12 @@ impl Dampers {
         self.set_up.tuned_masses.extend(read.tmd.map(|tmd| TunedMass { place, tmd }));
         Some(())
     }
+}
+
+/// The damper with its piezoelectric walls, if it has any.
+pub fn impact_damper(place: usize, particle: Particle, contacts: [Option<StatedContact>; 2]) -> ImpactDamper {
+    let piezoelectric = contacts.map(|contact| contact.and_then(|contact| contact.piezoelectric()));
+    ImpactDamper { place, particle, piezoelectric }
 }
 
 /// The contacts of the walls of a particle as stated: of a hard wall that of the file, of one with Hertz contact its own.

@@ -24,7 +24,7 @@ pub struct Start {
 #[derive(Clone, Copy, Debug)]
 pub struct BaseStart {
     /// z, m, and z′, m/s.
-    base: (f64, f64),
+    pub base: (f64, f64),
     /// Displacement of the places that have moved with it, m: a structure starts where its record does.
     moved_m: f64,
 }
