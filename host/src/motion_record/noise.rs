@@ -8,6 +8,7 @@ use std::f64::consts::TAU;
 
 use damprig_core::control::transient::playback::MAX_SAMPLES;
 use damprig_core::io::TICK_HZ;
+use damprig_motion::cosines::{Cosine, add_cosines};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -62,12 +63,15 @@ impl Noise {
         let count = (self.duration_s * rate_hz * (1.0 + 1e-12)).floor() as usize + 1;
         let mut samples = vec![0.0; count];
         let mut random = Xoshiro256PlusPlus::seed_from_u64(self.seed);
-        for line in self.lines() {
+        let cosine = |line| {
             // 53 bits give every multiple of 2⁻⁵³ below 1.
             let phase = TAU * ((random.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64));
             let step = TAU * f64::from(line) / (self.duration_s * rate_hz);
-            add_sine(&mut samples, phase, step);
-        }
+            let [phase, turn] = [phase, step].map(|angle| [libm::cos(angle), libm::sin(angle)]);
+            Cosine { phase, turn }
+        };
+        let cosines: Vec<Cosine> = self.lines().map(cosine).collect();
+        add_cosines(&mut samples, &cosines);
         let end_s = (count - 1) as f64 / rate_hz;
         let mut largest = 0.0f64;
         for (n, z) in samples.iter_mut().enumerate() {
@@ -93,16 +97,6 @@ impl Noise {
         format!(
             "noise from {from_hz} Hz to {to_hz} Hz, seed {seed}, {duration_s} s with a rise of {rise_s} s and a fall of {fall_s} s"
         )
-    }
-}
-
-/// Adds cos(phase + n·step) to each sample, by rotation: the error grows by one rounding a sample.
-fn add_sine(samples: &mut [f64], phase: f64, step: f64) {
-    let (mut cosine, mut sine) = (libm::cos(phase), libm::sin(phase));
-    let (turn_cosine, turn_sine) = (libm::cos(step), libm::sin(step));
-    for sample in samples {
-        *sample += cosine;
-        (cosine, sine) = (cosine * turn_cosine - sine * turn_sine, sine * turn_cosine + cosine * turn_sine);
     }
 }
 

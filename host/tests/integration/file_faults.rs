@@ -120,7 +120,7 @@ fn each_file_operation_of_a_run_may_fail_once() {
     let folder = folder_with(&two_points());
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let whole = measured(&folder.path().join("out"));
-    let step = if is_full() { 1 } else { 60 };
+    let step = if is_full() { 1 } else { 150 };
     for (operation, errno, stays) in [
         ("open", READ_ONLY, false),
         ("open", NO_ENTRY, true),

@@ -84,10 +84,10 @@ pub(crate) fn folder() -> TempDir {
 const KINDS: [&str; 10] =
     ["begin", "segment", "result", "peak_points", "transient", "impacts", "sealed", "finished", "joined", "ended"];
 
-/// Number of kills: 20, 200 in the full tests, or `DAMPRIG_KILLS`.
+/// Number of kills: 10, 200 in the full tests, or `DAMPRIG_KILLS`.
 fn kills() -> u32 {
     let wanted = std::env::var("DAMPRIG_KILLS").ok().and_then(|n| n.parse().ok());
-    wanted.unwrap_or(if is_full() { 200 } else { 20 })
+    wanted.unwrap_or(if is_full() { 200 } else { 10 })
 }
 
 /// What a disk holds after a power cut: `faults.c` copies into it what is synced.

@@ -197,7 +197,7 @@ fn an_animation_moves_the_places_as_the_time_history_has_them_and_keeps_particle
         let command = command.arg("simulate").arg(&case).args(["--set", "run.duration_s=4", "--animate"]).arg(&file);
         command.arg("--json").assert().success();
         let svg = std::fs::read_to_string(&file).unwrap();
-        damprig::report::plot::png_of(&svg, 1.0).expect("well-formed");
+        damprig::report::plot::png_of(&svg, 1.0, None).expect("well-formed");
         let all = moved(&svg);
         assert_eq!((all.len(), svg.matches("<animate ").count()), (elements, lines), "{name}");
         assert!(all.iter().all(|places| places.len() == all[0].len() && places.len() > 100), "{name}");

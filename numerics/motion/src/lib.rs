@@ -5,6 +5,7 @@
 //! Pieces are seen through a pointer, so that the runs ([`stop`], [`sampled_run`], [`read_run`], [`watch`]) and the meters ([`statistics`], [`cycle_maxima`]) are
 //! compiled once, in this crate.
 
+pub mod cosines;
 pub mod cycle_maxima;
 pub mod placed_motion;
 pub mod read_run;

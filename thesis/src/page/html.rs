@@ -189,7 +189,7 @@ fn figure(file: &Path, caption: &str, out: &Path) -> Markup {
         // The drawing escapes its own text.
         return html! { figure { (PreEscaped(svg)) (caption) } };
     }
-    match png_of(&svg, PIXELS_PER_POINT) {
+    match png_of(&svg, PIXELS_PER_POINT, None) {
         Ok(png) => html! {
             figure.picture {
                 img alt=(name) src=(format!("data:image/png;base64,{}", STANDARD.encode(png)));

@@ -83,11 +83,11 @@ fn width(words: &str, size: f64) -> f64 {
     words.chars().filter_map(of).map(f64::from).sum()
 }
 
-/// A figure's SVG as PNG, with `scale` pixels per point.
+/// A figure's SVG as PNG, with `scale` pixels per point, and a text of its source in the file.
 ///
 /// # Errors
 /// When it is no SVG, or too large for memory.
-pub fn png_of(svg: &str, scale: f32) -> Result<Vec<u8>, Failure> {
+pub fn png_of(svg: &str, scale: f32, source: Option<String>) -> Result<Vec<u8>, Failure> {
     let mut fonts = usvg::fontdb::Database::new();
     fonts.load_font_data(FONT.to_vec());
     let options = usvg::Options { fontdb: Arc::new(fonts), ..usvg::Options::default() };
@@ -96,19 +96,19 @@ pub fn png_of(svg: &str, scale: f32) -> Result<Vec<u8>, Failure> {
     let mut pixels =
         tiny_skia::Pixmap::new(size.width(), size.height()).ok_or_else(|| Failure::undrawn("the figure is empty"))?;
     resvg::render(&tree, tiny_skia::Transform::from_scale(scale, scale), &mut pixels.as_mut());
-    pixels.encode_png().map_err(Failure::undrawn)
-}
-
-/// Length of a PNG's signature and first chunk.
-const PNG_HEAD: usize = 33;
-
-/// A PNG with a text chunk of UTF-8 (`iTXt`) after its first one, which is its size.
-fn with_text(mut png: Vec<u8>, keyword: &str, text: &str) -> Vec<u8> {
-    let content = [b"iTXt", keyword.as_bytes(), &[0; 5], text.as_bytes()].concat();
-    let length = u32::try_from(content.len() - 4).unwrap_or(0).to_be_bytes();
-    let sum = crc32fast::hash(&content).to_be_bytes();
-    png.splice(PNG_HEAD..PNG_HEAD, [&length[..], &content, &sum].concat());
-    png
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, size.width(), size.height());
+    encoder.set_color(png::ColorType::Rgba);
+    // Half of the time of a figure would otherwise go into its compression.
+    // Lines on white compress better without a filter, and in half of the time.
+    encoder.set_filter(png::Filter::NoFilter);
+    if let Some(source) = source {
+        encoder.add_itxt_chunk("Source".into(), source).map_err(Failure::undrawn)?;
+    }
+    let mut writer = encoder.write_header().map_err(Failure::undrawn)?;
+    writer.write_image_data(&pixels.take_demultiplied()).map_err(Failure::undrawn)?;
+    writer.finish().map_err(Failure::undrawn)?;
+    Ok(file)
 }
 
 /// What a figure shows, the beginning of the identity that its table has in its metadata, and the time now.
@@ -211,11 +211,8 @@ impl Picture {
     /// # Errors
     /// When the figure is too large for memory.
     pub fn png(&self) -> Result<Vec<u8>, Failure> {
-        let png = png_of(&self.svg(), PNG_SCALE)?;
-        Ok(match &self.source {
-            Some(source) => with_text(png, "Source", &format!("{source} · {}", crate::VERSION_LINE)),
-            None => png,
-        })
+        let source = self.source.as_ref().map(|source| format!("{source} · {}", crate::VERSION_LINE));
+        png_of(&self.svg(), PNG_SCALE, source)
     }
 
     /// Writes `stem.svg` and `stem.png` into `folder`.

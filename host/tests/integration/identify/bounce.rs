@@ -121,7 +121,7 @@ fn covers([low, high]: [f64; 2], truth: f64) -> bool {
 }
 
 fn films() -> u64 {
-    if is_full() { 2000 } else { 60 }
+    if is_full() { 4000 } else { 20 }
 }
 
 /// The share of intervals that cover: within three standard deviations of its own scatter of what is allowed.
@@ -375,7 +375,7 @@ fn times_with_a_drop_height_give_the_first_impact() {
         }
         text
     };
-    let (mut exponents, mut coefficients, seeds) = (0, 0, if is_full() { 500 } else { 40 });
+    let (mut exponents, mut coefficients, seeds) = (0, 0, if is_full() { 500 } else { 20 });
     for seed in 1..=seeds {
         let found = identified(&text(&mut Rng::with_seed(seed), true), &Options::default()).unwrap();
         let over = found.identified.over_speed.unwrap();
