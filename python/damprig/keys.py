@@ -413,9 +413,9 @@ class ParticleWallPiezoelectric(TypedDict, total=False):
     stiffness_n_per_m: float
     """k at short circuit (N/m)"""
     coupling_n_per_v: float
-    """θ, the force per voltage at rest (V)"""
+    """θ, the force per voltage at rest (N/V)"""
     capacitance_f: float
-    """C of the wall that cannot move"""
+    """C of the wall that cannot move (F)"""
     load_ohm: float
     """R across its electrodes (Ω)"""
 

@@ -99,6 +99,12 @@ impl Continuation {
         let name = case_source.name().to_string();
         let text = (case_source.name(), case_source.text());
         case.refuse_other_engines(text, &SetValues::default(), "a continuation", true)?;
+        if case.harvests() {
+            return Err(Failure::Input(format!(
+                "{name}: a motion between piezoelectric walls has no derivatives, by which a continuation follows it\n  \
+                 `damprig study bifurcation` follows it by simulation"
+            )));
+        }
         let case = case.without_hertz();
         if !case.is_under_a_sine() {
             return Err(Failure::Input(format!(

@@ -229,7 +229,7 @@ const fn unit(suffix: &'static str, symbol: &'static str, least: f64, most: f64)
 }
 
 /// A suffix that ends with another suffix comes before it.
-const UNITS: [Unit; 30] = [
+const UNITS: [Unit; 32] = [
     unit("_n_s_per_m", "N·s/m", 1e-18, 1e18),
     unit("_s_per_m", "s/m", 1e-18, 1e6),
     unit("_n_per_m15", "N/m^1.5", 1e-12, 1e21),
@@ -254,7 +254,9 @@ const UNITS: [Unit; 30] = [
     unit("amplitude_n", "N", 1e-18, 1e12),
     unit("_n", "N", 0.0, 1e12),
     unit("_s", "s", 1e-12, 1e12),
+    unit("_n_per_v", "N/V", 0.0, 1e9),
     unit("_v", "V", 0.0, f64::MAX),
+    unit("_f", "F", 1e-18, 1e6),
     unit("_a", "A", 0.0, f64::MAX),
     unit("_ohm", "Ω", 0.0, f64::MAX),
     unit("coefficient", "", 1e-18, 100.0),

@@ -1,6 +1,8 @@
 //! Reads a wall of a cavity: a hard one with its restitution and stated contact, a soft one (Voigt), one with Hertz contact, or a
 //! piezoelectric one.
 
+use std::f64::consts::PI;
+
 use damprig_core::model::{
     DampingLaw, Dissipation, Hertz, Material, Release, Restitution, SPEED_TABLE_POINTS, SpeedTable, Structure, Wall,
 };
@@ -10,6 +12,9 @@ use super::contact::StatedContact;
 use super::keys::{wall_hertz, wall_piezoelectric, wall_restitution, wall_voigt};
 use crate::input::section::Given;
 use crate::input::{Number, Section};
+
+/// Largest θ²/(kC) of a piezoelectric wall.
+const MAX_COUPLING: f64 = 100.0;
 
 /// A wall, and its contact as far as it is stated.
 pub(super) fn read_wall(
@@ -24,7 +29,7 @@ pub(super) fn read_wall(
             wall.and_then(|wall| Some((wall, contact?)))
         }
         2 => read_hertz(s).map(|wall| (wall, None)),
-        3 => read_piezoelectric(s),
+        3 => read_piezoelectric(s, particle_mass_kg),
         _ => read_voigt(s, structure, particle_mass_kg).map(|wall| (wall, None)),
     };
     s.finish();
@@ -116,7 +121,7 @@ fn read_voigt(s: &Section, structure: Option<&Structure>, particle_mass_kg: Opti
 }
 
 /// With the soft wall that it is at short circuit, which it takes the place of.
-fn read_piezoelectric(s: &Section) -> Option<(Wall, Option<StatedContact>)> {
+fn read_piezoelectric(s: &Section, particle_mass_kg: Option<f64>) -> Option<(Wall, Option<StatedContact>)> {
     let stiffness = s.scalar(&wall_piezoelectric::STIFFNESS);
     let coupling = s.scalar(&wall_piezoelectric::COUPLING);
     let capacitance = s.scalar(&wall_piezoelectric::CAPACITANCE);
@@ -127,6 +132,30 @@ fn read_piezoelectric(s: &Section) -> Option<(Wall, Option<StatedContact>)> {
         capacitance_f: capacitance?,
         load_ohm: load?,
     };
+    let of_coupling = wall.coupling_n_per_v.powi(2) / (wall.stiffness_n_per_m * wall.capacitance_f);
+    if of_coupling > MAX_COUPLING {
+        let allowed = format!("means θ²/(kC) = {of_coupling:.3e}, which must be at most {MAX_COUPLING}");
+        let help = "take θ, k and C of one wall: those of piezoelectric materials have θ²/(kC) from about 0.01 to 3";
+        s.reject(wall_piezoelectric::COUPLING.name(), allowed, Some(help.into()));
+        return None;
+    }
+    let open_n_per_m = wall.stiffness_n_per_m * (1.0 + of_coupling);
+    let contact_s = PI * (particle_mass_kg? / open_n_per_m).sqrt();
+    let [slowest_s, fastest_s] = [1e12, 1e-7].map(|share| share * contact_s);
+    let circuit_s = wall.load_ohm * wall.capacitance_f;
+    if !(fastest_s..=slowest_s).contains(&circuit_s) {
+        let [circuit, contact] = [circuit_s, contact_s].map(|time_s| format!("{time_s:.3e} s"));
+        let allowed =
+            format!("means RC = {circuit}; it must be 1e-7 to 1e12 times the duration of a contact, {contact}");
+        let (state, stiffness) =
+            if circuit_s < fastest_s { ("short", wall.stiffness_n_per_m) } else { ("open", open_n_per_m) };
+        let help = format!(
+            "at {state} circuit it is a soft wall: write kind = \"voigt\", stiffness_n_per_m = {stiffness}, damping_n_s_per_m = 0, \
+             release = \"zero_force\""
+        );
+        s.reject(wall_piezoelectric::LOAD.name(), allowed, Some(help));
+        return None;
+    }
     let shorted =
         Wall::Voigt { stiffness_n_per_m: wall.stiffness_n_per_m, damping_n_s_per_m: 0.0, release: Release::ZeroForce };
     Some((shorted, Some(StatedContact::Piezoelectric(wall))))

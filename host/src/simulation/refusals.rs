@@ -34,6 +34,11 @@ impl Case {
             (None, Some(several)) if !several_places && several.set_up.force_beside_base.is_some() => {
                 (case::FORCE.name(), "it follows a moving base or a force, not both", "leave out one of them")
             }
+            (None, Some(several)) if !several_places && self.harvests() => (
+                several.key,
+                "it does not follow the charge of a piezoelectric wall",
+                "`damprig simulate`, `study` (with `bifurcation`) and `optimise` follow it",
+            ),
             (None, Some(several)) if !several_places => (
                 several.key,
                 "it follows a structure of one degree of freedom",

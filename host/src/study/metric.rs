@@ -75,12 +75,9 @@ pub fn refusal(metric: Quantity, case: &Case) -> Option<&'static str> {
             Some("the case has neither Z nor x0; take `max_abs_x_m` or `rms_x_m`")
         }
         Quantity::PeriodCycles | Quantity::LargestMultiplier if case.multi_degree.is_some() => Some(
-            "the periodic motions of a structure with several places, or with a force beside a moving base, are not analysed",
+            "the periodic motions of a structure with several places, of piezoelectric walls, or with a force beside a moving base, are not analysed",
         ),
         Quantity::ImpactsPerCycle if !case.has_impacts() => Some("the case has no particle"),
-        Quantity::PeakContactForceN if case.multi_degree.is_some() => Some(
-            "the forces of walls on a structure with several places, or with a force beside a moving base, are not computed",
-        ),
         Quantity::PeakContactForceN if !wall_force::is_known(case) => Some(
             "an impact on a hard wall takes no time; give each hard wall `contact_time_s` or `hertz_stiffness_n_per_m15`, or the walls \
              `kind = \"voigt\"` or \"hertz\"",

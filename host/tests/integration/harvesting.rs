@@ -45,6 +45,38 @@ fn without_coupling_a_wall_is_the_soft_wall_of_one_degree_of_freedom() {
 }
 
 #[test]
+fn a_load_of_nearly_nothing_leaves_the_soft_wall_of_short_circuit() {
+    let soft = "{ kind = \"voigt\", stiffness_n_per_m = 2e4, damping_n_s_per_m = 0, release = \"zero_force\" }";
+    let short = FREE.replace("duration_s = 10", "duration_s = 1");
+    let soft = number(&simulated(&short.replace("WALL", soft), &[]), "/summary/peak_contact_force_n");
+    let peak_n = |load: &str| {
+        let set = format!("particle.wall.load_ohm={load}");
+        number(&simulated(&short.replace("WALL", WALL), &["--set", &set]), "/summary/peak_contact_force_n")
+    };
+    // What is left falls with R.
+    let [ten, one] = [peak_n("10"), peak_n("1")].map(|peak_n| (peak_n / soft - 1.0).abs());
+    assert!(one < 1e-4 && one < 0.2 * ten, "{ten} {one}");
+}
+
+#[test]
+fn a_force_drives_a_structure_with_piezoelectric_walls_and_a_study_has_the_force_on_them() {
+    let driven = FREE
+        .replace("WALL", WALL)
+        .replace("initial = { x_m = 0.05 }", "force = { kind = \"sine\", amplitude_n = 2, frequency_ratio = 0.98 }");
+    let driven = driven.replace("run = { duration_s = 10 }", "run = { duration_s = 10, steady_from_cycle = 0 }");
+    let answer = simulated(&driven, &[]);
+    let peak_n = number(&answer, "/summary/peak_contact_force_n");
+    assert!(peak_n > 0.0 && peak_n == number(&answer, "/impact_dampers/0/peak_contact_force_n"), "{answer}");
+    let study = "case = \"case.toml\"\nmetrics = [\"peak_contact_force_n\"]\n[[axis]]\nkey = \"force.amplitude_n\"\nvalues = [2, 3]\n";
+    let folder = folder(&[("case.toml", &driven), ("study.toml", study)]);
+    let output = damprig(&folder).args(["study", "run", "study.toml", "--out", "out", "--json"]).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stdout).to_string();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let best: Value = serde_json::from_str(&text).unwrap();
+    assert!(text.contains("peak_contact_force_n"), "{best}");
+}
+
+#[test]
 fn a_study_finds_the_load_that_takes_most() {
     let on_base = "base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }";
     let case = FREE.replace("WALL", WALL).replace("initial = { x_m = 0.05 }", on_base);
@@ -63,6 +95,19 @@ fn a_study_finds_the_load_that_takes_most() {
 fn where_no_wall_can_be_piezoelectric_it_is_refused_with_what_to_do() {
     let text = FREE.replace("WALL", &WALL.replace("coupling_n_per_v = 0.02", "coupling_n_per_v = -0.02"));
     refused(&[("case.toml", &text)], &["simulate", "case.toml"], &["particle.wall.coupling_n_per_v", "0 or greater"]);
+    for (set, words) in [
+        ("coupling_n_per_v=3", ["means θ²/(kC)", "at most 100"]),
+        ("load_ohm=1e-6", ["at short circuit it is a soft wall", "stiffness_n_per_m = 20000"]),
+        ("load_ohm=1e30", ["at open circuit it is a soft wall", "stiffness_n_per_m = 28000"]),
+    ] {
+        let set = format!("particle.wall.{set}");
+        let files = [("case.toml", FREE.replace("WALL", WALL))];
+        refused(
+            &files.each_ref().map(|(name, text)| (*name, text.as_str())),
+            &["simulate", "case.toml", "--set", &set],
+            &words,
+        );
+    }
     let hard = FREE.replace("WALL", "{ kind = \"restitution\", coefficient = 0.5 }");
     let study = "case = \"case.toml\"\nmetrics = [\"harvested_power_w\"]\n[[axis]]\nkey = \"particle.clearance_m\"\nvalues = [0.01, 0.02]\n";
     refused(

@@ -45,7 +45,8 @@ pub enum Refused {
     NoSineBeside,
     /// A particle that starts outside its cavity.
     #[error(
-        "initial: y − x of the particle of impact damper {damper} is {offset_m} m, its walls are at {from_m} m and {to_m} m"
+        "initial: y − x of the particle of impact damper {number} is {offset_m} m, its walls are at {from_m} m and {to_m} m",
+        number = damper + 1
     )]
     Outside {
         /// Number of the impact damper, counted from 0.

@@ -80,13 +80,17 @@ pub fn results(result: &PlacesResult) -> Vec<(&'static str, String)> {
         let text = format!("largest |x| {x}, |x − z| {relative}{drift}, |x″| {acceleration} m/s², RMS of x {rms}");
         ("place", format!("{}: {text}", of.place))
     };
+    let window = match result.measured_from_s {
+        0.0 => String::new(),
+        from_s => format!(" (from {} s on)", significant(from_s, 5)),
+    };
     let damper = |of: &DamperResult| {
         let speed = significant(of.max_approach_speed_m_per_s, 4);
         let force = of.peak_contact_force_n.map(|force_n| format!(", at most {} N on a wall", significant(force_n, 4)));
         let force = force.unwrap_or_default();
         let harvested = of.harvested_power_w.zip(of.max_abs_voltage_v).map(|(power_w, voltage_v)| {
             let [power, voltage] = [power_w, voltage_v].map(|value| significant(value, 4));
-            format!("; its loads take {power} W, at most {voltage} V")
+            format!("; its loads take {power} W, at most {voltage} V{window}")
         });
         let harvested = harvested.unwrap_or_default();
         ("particle", format!("at {}: {} impacts, at most {speed} m/s{force}{harvested}", of.place, of.impact_count))
@@ -94,7 +98,9 @@ pub fn results(result: &PlacesResult) -> Vec<(&'static str, String)> {
     let mode = |(number, of): (usize, &ModeShare)| {
         let (share, rms) = (significant(100.0 * of.energy_share, 3), millimetres(of.rms_x_m));
         let frequency = significant(of.frequency_hz, 5);
-        ("mode", format!("{number}, {frequency} Hz: {share} % of the modes' energy, RMS of its part of x {rms}"))
+        let text =
+            format!("{number}, {frequency} Hz: {share} % of the modes' energy, RMS of its part of x {rms}{window}");
+        ("mode", text)
     };
     let taking_part = (1..).zip(&result.mode_shares).filter(|(_, of)| of.energy_share >= LEAST_SHARE);
     let dampers = result.impact_dampers.iter().map(damper);

@@ -170,6 +170,7 @@ pub(in crate::simulation) fn run<V: Viewer>(
     let harvested = |damper| harvest.as_ref().and_then(|meter| meter.power_and_voltage(motion.time_s(), damper));
     let summary = Summary {
         harvested_power_w: harvested(None).map(|(power_w, _)| power_w),
+        peak_contact_force_n: DamperMeter::largest_n(&dampers),
         ..Summary::of(case, &response, motion.time_s(), motion.unresolved())
     };
     let impact_dampers = of.set_up.impact_dampers.iter().zip(dampers).enumerate();
@@ -179,6 +180,7 @@ pub(in crate::simulation) fn run<V: Viewer>(
             .map(|(n, (damper, meter))| meter.result(&of.places[damper.place], harvested(Some(n))))
             .collect(),
         mode_shares: ModeMeter::shares(&modes),
+        measured_from_s: from_s,
     };
     Ok((summary, end(of, &motion), result))
 }
@@ -237,10 +239,12 @@ pub fn counted(
     let mut go_on = |_: f64| go_on();
     let mut response = Response::new(wanted);
     response.skip_to(first_cycle);
-    let (mut nothing, mut is_stopped, mut harvest, shown) = ((), false, None, of.shown());
+    let (mut nothing, mut is_stopped, shown) = ((), false, of.shown());
+    let (mut harvest, mut dampers) = (None, Vec::new());
     for (until_s, is_counted) in [(from_s, false), (end_s, true)] {
         if is_counted {
             harvest = HarvestMeter::new(&running.motion);
+            dampers = if wanted.whole_run { DamperMeter::all(of) } else { Vec::new() };
         }
         let viewer: &mut dyn Viewer = if is_counted { &mut response } else { &mut nothing };
         let mut watch = Watch {
@@ -248,7 +252,7 @@ pub fn counted(
             shown,
             viewer,
             places: &mut [],
-            dampers: &mut [],
+            dampers: &mut dampers,
             modes: &mut [],
             harvest: &mut harvest,
             go_on: &mut go_on,
@@ -263,6 +267,7 @@ pub fn counted(
     let harvested = harvest.and_then(|meter| meter.power_and_voltage(end_s, None));
     Ok((!is_stopped).then(|| Summary {
         harvested_power_w: harvested.map(|(power_w, _)| power_w),
+        peak_contact_force_n: DamperMeter::largest_n(&dampers),
         ..Summary::of(case, &response, end_s, motion.unresolved())
     }))
 }

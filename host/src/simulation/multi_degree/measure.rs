@@ -20,6 +20,8 @@ pub struct PlacesResult {
     pub impact_dampers: Vec<DamperResult>,
     /// The modes of the structure without its dampers, from the lowest frequency up; empty if the run was stopped before they were measured.
     pub mode_shares: Vec<ModeShare>,
+    /// From when on `mode_shares` and the harvest are measured, s: the last 20 cycles of a sine, otherwise the run.
+    pub measured_from_s: f64,
 }
 
 /// What a mode takes part by, relative to the base: over the last 20 cycles of a sine, otherwise over the run.
@@ -145,15 +147,25 @@ impl DamperMeter {
         }
     }
 
+    /// Whether each of its walls has a force: it is soft, or its contact is stated.
+    fn is_known(&self) -> bool {
+        let is_known = |(wall, contact): (Wall, Option<StatedContact>)| wall.is_soft() || contact.is_some();
+        self.particle.walls().into_iter().zip(self.contacts).all(is_known)
+    }
+
+    /// The largest force on a wall of all dampers, N; `None` if no wall was touched, or the contact of a hard one is not stated.
+    pub fn largest_n(all: &[Self]) -> Option<f64> {
+        let peak_n = all.iter().map(|meter| meter.peak_n).reduce(f64::max)?;
+        Some(peak_n).filter(|peak_n| *peak_n > 0.0 && all.iter().all(Self::is_known))
+    }
+
     /// The result of the damper at the place of this name; `harvested` is power, W, and voltage, V, of its piezoelectric walls.
     pub fn result(&self, place: &str, harvested: Option<(f64, f64)>) -> DamperResult {
-        let is_known = |(wall, contact): (Wall, Option<StatedContact>)| wall.is_soft() || contact.is_some();
-        let is_known = self.particle.walls().into_iter().zip(self.contacts).all(is_known);
         DamperResult {
             place: place.to_string(),
             impact_count: self.impact_count,
             max_approach_speed_m_per_s: self.max_approach_speed_m_per_s,
-            peak_contact_force_n: Some(self.peak_n).filter(|peak_n| is_known && *peak_n > 0.0),
+            peak_contact_force_n: Self::largest_n(std::slice::from_ref(self)),
             harvested_power_w: harvested.map(|(power_w, _)| power_w),
             max_abs_voltage_v: harvested.map(|(_, voltage_v)| voltage_v),
         }

@@ -133,6 +133,7 @@ pub fn of_one_degree(root: &Section, case: &Case, beside: Option<(f64, f64)>) ->
     let mut set_up = SetUp::from(&case.set_up.without_hertz());
     set_up.force_beside_base =
         beside.map(|(amplitude_n, phase_rad)| HarmonicForce { place: 0, amplitude_n, phase_rad });
+    set_up.driven_place = (!case.excitation.moves_base()).then_some(0);
     for damper in &mut set_up.impact_dampers {
         *damper = impact_damper(damper.place, damper.particle, case.contacts);
     }
