@@ -156,7 +156,7 @@ pub(in crate::simulation) fn run<V: Viewer>(
         };
         // The clock of an estimate starts after the set-up.
         if refused.is_ok() && (running.motion.time_s() > 0.0 || (watch.go_on)(0.0)) {
-            refused = running.run(from_s.clamp(running.motion.time_s(), until_s), &mut watch);
+            refused = running.run(from_s.max(running.motion.time_s()).min(until_s), &mut watch);
             if watch.harvest.is_none() && running.motion.time_s() >= from_s {
                 *watch.harvest = HarvestMeter::new(&running.motion);
             }
