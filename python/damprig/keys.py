@@ -423,51 +423,6 @@ class ParticleWallPiezoelectric(TypedDict, total=False):
 ParticleWall = Union[ParticleWallRestitution, ParticleWallVoigt, ParticleWallHertz, ParticleWallPiezoelectric]
 
 
-class ParticlePositiveWallRestitution(TypedDict, total=False):
-    """A hard wall: an impact takes no time."""
-
-    kind: Literal["restitution"]
-    coefficient: float
-    """e, the coefficient of restitution; with an exponent, that at the reference speed"""
-    coefficients: Sequence[float]
-    """e at each of `speeds_m_per_s`, 2 to 6 numbers less than 1: linear in the approach speed between them, constant beyond, in place of coefficient"""
-    speeds_m_per_s: Sequence[float]
-    """approach speeds of `coefficients`, rising (m/s)"""
-    exponent: float
-    """p of e(v) = min(coefficient·(v/reference speed)^(−p), maximum), with the approach speed v; without it e is the same at every speed"""
-    reference_speed_m_per_s: float
-    """approach speed at which e is the coefficient (m/s)"""
-    maximum: float
-    """largest e, that of slow impacts"""
-    contact_time_s: float
-    """τ, the duration of a contact, from which the wall's force in a case follows; the motion does not depend on it (s)"""
-    hertz_stiffness_n_per_m15: float
-    """k of an elastic contact of spheres, F = k·δ^(3/2), from which the wall's force in a case follows (N/m^1.5), in place of contact_time_s"""
-    pulse_factor: float
-    """peak of the contact's force times its duration over its impulse; π/2 of a half-sine"""
-    coefficient: float
-    """e, the coefficient of restitution; with an exponent, that at the reference speed"""
-    coefficients: Sequence[float]
-    """e at each of `speeds_m_per_s`, 2 to 6 numbers less than 1: linear in the approach speed between them, constant beyond, in place of coefficient"""
-    speeds_m_per_s: Sequence[float]
-    """approach speeds of `coefficients`, rising (m/s)"""
-    exponent: float
-    """p of e(v) = min(coefficient·(v/reference speed)^(−p), maximum), with the approach speed v; without it e is the same at every speed"""
-    reference_speed_m_per_s: float
-    """approach speed at which e is the coefficient (m/s)"""
-    maximum: float
-    """largest e, that of slow impacts"""
-    contact_time_s: float
-    """τ, the duration of a contact, from which the wall's force in a case follows; the motion does not depend on it (s)"""
-    hertz_stiffness_n_per_m15: float
-    """k of an elastic contact of spheres, F = k·δ^(3/2), from which the wall's force in a case follows (N/m^1.5), in place of contact_time_s"""
-    pulse_factor: float
-    """peak of the contact's force times its duration over its impulse; π/2 of a half-sine"""
-
-
-ParticlePositiveWall = Union[ParticlePositiveWallRestitution, ParticleWallVoigt, ParticleWallHertz]
-
-
 class Particle(TypedDict, total=False):
     """A single particle that slides between two walls on the structure."""
 
@@ -483,7 +438,7 @@ class Particle(TypedDict, total=False):
     """μi of the dry friction between particle and structure"""
     wall: ParticleWall
     """both walls, e.g. wall = { kind = 'restitution', coefficient = 0.5 }"""
-    positive_wall: ParticlePositiveWall
+    positive_wall: ParticleWall
     """the wall at the positive side, where it differs from `wall`: all its keys"""
     offset_m: float
     """y − x in the middle between the walls: they are at y − x = offset ± d (m)"""

@@ -70,7 +70,7 @@ pub fn question(ask: &Ask<'_>) -> String {
 
 /// What a person answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Answer {
+pub enum GuideReply {
     /// It is done.
     Done,
     /// It is done, at this value in the channel's SI unit.
@@ -89,7 +89,7 @@ pub trait Operator {
     ///
     /// # Errors
     /// Ctrl-C, no more answers, or a broken link.
-    fn ask(&mut self, rig: &mut CalibratedRig<'_>, ask: &Ask<'_>) -> Result<Answer, Failure>;
+    fn ask(&mut self, rig: &mut CalibratedRig<'_>, ask: &Ask<'_>) -> Result<GuideReply, Failure>;
 
     /// Tells something.
     fn tell(&mut self, line: &str);
@@ -193,11 +193,11 @@ fn one(
     while refused < MAX_REFUSED {
         let ask = Ask::Reference { channel, reference: wanted, place };
         let reference = match operator.ask(rig, &ask)? {
-            Answer::Done => wanted,
-            Answer::At(value) => value,
-            Answer::Repeat => return Ok(Taken::Repeat),
-            Answer::Skip => return Ok(Taken::Skipped),
-            Answer::End => return Ok(Taken::End),
+            GuideReply::Done => wanted,
+            GuideReply::At(value) => value,
+            GuideReply::Repeat => return Ok(Taken::Repeat),
+            GuideReply::Skip => return Ok(Taken::Skipped),
+            GuideReply::End => return Ok(Taken::End),
         };
         if let Err(why) = allowed(channel, reference, settings) {
             operator.tell(&why);
@@ -337,7 +337,7 @@ pub fn check(plan: &Plan, rig: &mut CalibratedRig<'_>, operator: &mut dyn Operat
 /// Asks for something to be made ready.
 pub(super) fn ready(rig: &mut CalibratedRig<'_>, operator: &mut dyn Operator, what: &str) -> Result<(), Failure> {
     match operator.ask(rig, &Ask::Ready(what))? {
-        Answer::Skip | Answer::End => Err(Failure::stopped()),
+        GuideReply::Skip | GuideReply::End => Err(Failure::stopped()),
         _ => Ok(()),
     }
 }

@@ -3,7 +3,7 @@
 use damprig_core::control::friction_spring::{SpringCommand, SpringEvent, Target};
 use damprig_core::io::DriveScale;
 
-use super::guide::{Answer, Ask, Operator, Plan, ready};
+use super::guide::{Ask, GuideReply, Operator, Plan, ready};
 use super::readings::{Kept, Point};
 use super::rig::CalibratedRig;
 use crate::failure::Failure;
@@ -117,16 +117,16 @@ pub(super) fn blows(
             let place = (points.len() - first + 1, plan.blows);
             rig.listen_for_blows()?;
             match operator.ask(rig, &Ask::Blow { side, place })? {
-                Answer::Skip => continue 'walls,
-                Answer::End => break 'walls,
-                Answer::Repeat => {
+                GuideReply::Skip => continue 'walls,
+                GuideReply::End => break 'walls,
+                GuideReply::Repeat => {
                     if points.len() > first {
                         points.pop();
                         keep(&points)?;
                     }
                     continue;
                 }
-                Answer::Done | Answer::At(_) => {}
+                GuideReply::Done | GuideReply::At(_) => {}
             }
             let blow = rig.blow()?;
             rig.end_blows()?;
@@ -145,13 +145,13 @@ pub(super) fn blows(
             }
             let measured_n_s = f64::from(blow.impulse_n_s);
             match operator.ask(rig, &Ask::Impulse { measured_n_s })? {
-                Answer::At(impulse) if impulse > 0.0 => {
+                GuideReply::At(impulse) if impulse > 0.0 => {
                     points.push(Point { side, ..Point::new(impulse, measured_n_s) });
                     keep(&points)?;
                 }
-                Answer::End => break 'walls,
-                Answer::Skip => continue 'walls,
-                Answer::Repeat => operator.tell("the blow is left out"),
+                GuideReply::End => break 'walls,
+                GuideReply::Skip => continue 'walls,
+                GuideReply::Repeat => operator.tell("the blow is left out"),
                 _ => operator.tell("the blow is left out: type its impulse, a number greater than 0"),
             }
         }

@@ -10,7 +10,7 @@ use damprig_simulator::plant::walls::WallSensors;
 use damprig_simulator::plant::{Bench, Blow, DataSheet, PlantConfig, SensorModel, Target, TrueScales};
 
 use super::Channel;
-use super::guide::{Answer, Ask, Operator, question};
+use super::guide::{Ask, GuideReply, Operator, question};
 use super::rig::CalibratedRig;
 use crate::failure::Failure;
 
@@ -149,7 +149,7 @@ impl SimulatedOperator {
 }
 
 impl Operator for SimulatedOperator {
-    fn ask(&mut self, rig: &mut CalibratedRig<'_>, ask: &Ask<'_>) -> Result<Answer, Failure> {
+    fn ask(&mut self, rig: &mut CalibratedRig<'_>, ask: &Ask<'_>) -> Result<GuideReply, Failure> {
         rig.go_on()?;
         match *ask {
             Ask::Reference { channel, reference, .. } => {
@@ -163,12 +163,12 @@ impl Operator for SimulatedOperator {
                     _ => Bench { spring_n: Some(self.placed as f32), ..Bench::default() },
                 };
                 self.place(rig, bench)?;
-                Ok(Answer::Done)
+                Ok(GuideReply::Done)
             }
             Ask::Ready(_) => {
                 self.say(&format!("{}: done by the simulated operator", question(ask)));
                 self.place(rig, Bench { x: Target::Base, ..Bench::default() })?;
-                Ok(Answer::Done)
+                Ok(GuideReply::Done)
             }
             Ask::Blow { side, .. } => {
                 self.say(&format!("{}: done by the simulated operator", question(ask)));
@@ -176,11 +176,11 @@ impl Operator for SimulatedOperator {
                 self.impulse_n_s = self.placed * (1.0 + HAMMERING * self.normal());
                 let blow = Blow { side, impulse_n_s: self.placed as f32 };
                 rig.session.execute("hit a wall", ToSimulator::Blow(blow).request())?;
-                Ok(Answer::Done)
+                Ok(GuideReply::Done)
             }
             Ask::Impulse { measured_n_s } => {
                 self.say(&format!("the hammer: {:.5} N·s; measured: {measured_n_s:.5} N·s", self.impulse_n_s));
-                Ok(Answer::At(self.impulse_n_s))
+                Ok(GuideReply::At(self.impulse_n_s))
             }
         }
     }

@@ -5,7 +5,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use super::output::{be_quiet, print_json};
-use crate::client::devices::{Answer, only, ports, query};
+use crate::client::devices::{PortAnswer, only, ports, query};
 use crate::client::link::{Address, Speed};
 use crate::failure::{Failure, Outcome};
 use crate::settings::read_board;
@@ -49,7 +49,7 @@ impl Rig {
             }
             Self::Auto => {
                 let found = query(ports().map_err(Failure::Failed)?, false, Duration::from_secs(1));
-                let boards = found.iter().filter(|f| matches!(f.answer, Answer::Device { .. })).count();
+                let boards = found.iter().filter(|f| matches!(f.answer, PortAnswer::Device { .. })).count();
                 // Several boards are a question of the command line; without one there is no rig to reach.
                 only(&found).map_err(if boards > 1 { Failure::Input } else { Failure::Failed })
             }

@@ -4,7 +4,7 @@ use std::io::{BufRead, Write, stderr, stdin};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
 use crate::calibrate::Channel;
-use crate::calibrate::guide::{Answer, Ask, Operator, question};
+use crate::calibrate::guide::{Ask, GuideReply, Operator, question};
 use crate::calibrate::rig::CalibratedRig;
 use crate::failure::Failure;
 use crate::input::shown;
@@ -62,23 +62,23 @@ fn lines() -> Receiver<String> {
 }
 
 impl Operator for Person {
-    fn ask(&mut self, rig: &mut CalibratedRig<'_>, ask: &Ask<'_>) -> Result<Answer, Failure> {
+    fn ask(&mut self, rig: &mut CalibratedRig<'_>, ask: &Ask<'_>) -> Result<GuideReply, Failure> {
         self.prompt(ask);
         if matches!(ask, Ask::Blow { .. }) {
             // The blow is the answer.
-            return Ok(Answer::Done);
+            return Ok(GuideReply::Done);
         }
         loop {
             let line = self.line(rig)?;
             let answer = match line.as_str() {
-                "" => Ok(Answer::Done),
-                "r" => Ok(Answer::Repeat),
-                "s" => Ok(Answer::Skip),
-                "e" => Ok(Answer::End),
-                text => self.channel.parse(text).map(Answer::At),
+                "" => Ok(GuideReply::Done),
+                "r" => Ok(GuideReply::Repeat),
+                "s" => Ok(GuideReply::Skip),
+                "e" => Ok(GuideReply::End),
+                text => self.channel.parse(text).map(GuideReply::At),
             };
             match answer {
-                Ok(Answer::Done) if matches!(ask, Ask::Impulse { .. }) => {
+                Ok(GuideReply::Done) if matches!(ask, Ask::Impulse { .. }) => {
                     self.tell("type the impulse, for example 0.085")
                 }
                 Ok(answer) => return Ok(answer),

@@ -9,7 +9,7 @@ use super::ctrl_c::CtrlC;
 use super::examples;
 use super::progress::spinner;
 use super::simulate::picture;
-use crate::continuation::{Continuation, Found};
+use crate::continuation::{Continuation, FoundBranches};
 use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
 use crate::optimise::table::check_folder;
@@ -125,7 +125,7 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 /// Writes all tables and figures to a folder.
-fn write_all(found: &Found, folder: &Path) -> Outcome {
+fn write_all(found: &FoundBranches, folder: &Path) -> Outcome {
     create_folder(folder)?;
     let has_curves = found.second_parameter.is_some();
     for extension in ["parquet", "csv"] {

@@ -7,7 +7,7 @@ use comfy_table::Table;
 use serde_json::{Value, json};
 
 use super::arguments::{JsonArg, Rig};
-use crate::client::devices::{Answer, Usb, ask, ports, query};
+use crate::client::devices::{PortAnswer, Usb, ask, ports, query};
 use crate::client::link::Address;
 use crate::failure::{Failure, Outcome};
 use crate::report::terminal::plain_table;
@@ -55,7 +55,7 @@ Exit codes:
 /// The system cannot list its ports; nothing answers at the address of `--rig`.
 pub fn run(args: &Args) -> Outcome {
     let timeout = Duration::from_secs_f64(args.timeout);
-    let found: Vec<(Address, Option<Usb>, Answer)> = if let Some(rig) = &args.rig {
+    let found: Vec<(Address, Option<Usb>, PortAnswer)> = if let Some(rig) = &args.rig {
         let address = rig.find()?;
         let answer = ask(&address, timeout)?;
         let usb = usb_behind(&address);
@@ -81,12 +81,12 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 /// A port for programs. Of a port where no board answers, `board` is null and `why` says why.
-fn as_json(address: &Address, usb: Option<&Usb>, answer: &Answer) -> Value {
+fn as_json(address: &Address, usb: Option<&Usb>, answer: &PortAnswer) -> Value {
     let usb = usb.map(|usb| {
         json!({ "vendor": usb.vendor, "product": usb.product, "name": usb.name, "serial_number": usb.serial_number })
     });
     let (board, why) = match answer {
-        Answer::Device { board, firmware, settings, last_crash, complaints, lost_sensors, warnings } => {
+        PortAnswer::Device { board, firmware, settings, last_crash, complaints, lost_sensors, warnings } => {
             let board = json!({
                 "name": board,
                 "firmware": firmware,
@@ -98,8 +98,8 @@ fn as_json(address: &Address, usb: Option<&Usb>, answer: &Answer) -> Value {
             });
             (Some(board), None)
         }
-        Answer::None(why) => (None, Some(why.as_str())),
-        Answer::NotAsked => (None, Some(NOT_ASKED)),
+        PortAnswer::None(why) => (None, Some(why.as_str())),
+        PortAnswer::NotAsked => (None, Some(NOT_ASKED)),
     };
     json!({ "rig": address.to_string(), "usb": usb, "board": board, "why": why })
 }
@@ -113,13 +113,13 @@ fn usb_behind(address: &Address) -> Option<Usb> {
     ports().ok()?.into_iter().find(|port| path.as_os_str() == port.path.as_str())?.usb
 }
 
-fn add(table: &mut Table, address: &Address, usb: Option<&Usb>, answer: &Answer) {
+fn add(table: &mut Table, address: &Address, usb: Option<&Usb>, answer: &PortAnswer) {
     table.add_row([
         address.to_string(),
         usb.map_or("–".into(), |usb| format!("{:04x}:{:04x} {}", usb.vendor, usb.product, usb.name)),
         usb.map_or("–".into(), |usb| usb.serial_number.clone()),
         match answer {
-            Answer::Device { board, firmware, settings, last_crash, complaints, lost_sensors, warnings } => {
+            PortAnswer::Device { board, firmware, settings, last_crash, complaints, lost_sensors, warnings } => {
                 let crash = last_crash.as_ref().map_or(String::new(), |crash| format!("\nlast crash: {crash}"));
                 let counted: String = complaints.iter().map(|what| format!("\nsince its start: {what}")).collect();
                 let lost = match lost_sensors.as_str() {
@@ -129,8 +129,8 @@ fn add(table: &mut Table, address: &Address, usb: Option<&Usb>, answer: &Answer)
                 let warnings: String = warnings.iter().map(|what| format!("\nwarning: {what}")).collect();
                 format!("{board}, firmware {firmware}\nsettings {settings}{crash}{counted}{lost}{warnings}")
             }
-            Answer::None(why) => why.clone(),
-            Answer::NotAsked => NOT_ASKED.into(),
+            PortAnswer::None(why) => why.clone(),
+            PortAnswer::NotAsked => NOT_ASKED.into(),
         },
     ]);
 }

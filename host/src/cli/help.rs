@@ -10,7 +10,7 @@ use clap::error::ErrorKind;
 
 use super::output;
 use crate::failure::{Failure, Outcome};
-use crate::manual::{self, Found, PAGES, Page};
+use crate::manual::{self, PAGES, Page, SearchResult};
 
 /// Prints the help of a command, or a page of the manual.
 ///
@@ -59,7 +59,7 @@ pub fn run(args: &Args, command: Command) -> Outcome {
         return Ok(());
     }
     match manual::find(&topic) {
-        Found::Text { page, section, text, others } => {
+        SearchResult::Text { page, section, text, others } => {
             say!("{}", manual::to_text(text, width()));
             say!("");
             let name = page.name();
@@ -74,7 +74,7 @@ pub fn run(args: &Args, command: Command) -> Outcome {
             }
             Ok(())
         }
-        Found::Nothing(near) => Err(nothing(&topic, &near)),
+        SearchResult::Nothing(near) => Err(nothing(&topic, &near)),
     }
 }
 
@@ -95,7 +95,7 @@ fn print_command(words: &[String], command: Command) {
     if words.is_empty() {
         return list();
     }
-    if let Found::Text { page, mut others, .. } = manual::find(&words.join(" ")) {
+    if let SearchResult::Text { page, mut others, .. } = manual::find(&words.join(" ")) {
         others.insert(0, page.name());
         say!("In the manual (damprig help PAGE): {}", others.join(", "));
     }
@@ -131,8 +131,8 @@ fn open_page(topic: &str) -> Outcome {
     let start = &PAGES[0];
     let (page, section) = match manual::find(topic) {
         _ if topic.is_empty() => (start, None),
-        Found::Text { page, section, .. } => (page, section),
-        Found::Nothing(near) => return Err(nothing(topic, &near)),
+        SearchResult::Text { page, section, .. } => (page, section),
+        SearchResult::Nothing(near) => return Err(nothing(topic, &near)),
     };
     let address = match installed_book().and_then(|book| in_book(&book, page, section)) {
         Some(address) => address,

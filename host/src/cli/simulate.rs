@@ -13,7 +13,7 @@ use super::progress::SimulationBar;
 use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
 use crate::input::Source;
-use crate::report::case_files::{Answer, Simulated};
+use crate::report::case_files::{CaseAsSimulated, SimulationJson};
 use crate::report::figures::animation;
 use crate::report::figures::simulated_motion::{self, COLUMNS, envelope, usual_envelopes};
 use crate::report::numbers::significant;
@@ -203,7 +203,12 @@ fn simulate_one(
             let (kept, all) = (result.impacts.len(), result.summary.impact_count);
             warn!("warning: the result lists the first {kept} of {all} impacts; --out writes them all");
         }
-        let answer = Answer { case: Simulated::of(case, &values.lines), result: &result, analysis, cycle_max_m: None };
+        let answer = SimulationJson {
+            case: CaseAsSimulated::of(case, &values.lines),
+            result: &result,
+            analysis,
+            cycle_max_m: None,
+        };
         print_json(&answer)?;
     } else {
         say!("{}", terminal::simulation::summary(case, &result));

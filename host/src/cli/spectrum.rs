@@ -140,7 +140,7 @@ fn damping(text: &str) -> Result<f64, String> {
 
 /// What `--json` prints.
 #[derive(Serialize)]
-struct Answer<'a> {
+struct SpectrumJson<'a> {
     record: String,
     damprig: &'static str,
     method: &'static str,
@@ -184,7 +184,7 @@ pub fn run(args: &Args) -> Outcome {
         figures::spectrum::draw(&points).and_then(|picture| picture.save(path))?;
     }
     if args.json.is_given() {
-        let answer = Answer {
+        let answer = SpectrumJson {
             record: name,
             damprig: crate::VERSION_LINE,
             method: method.text(),

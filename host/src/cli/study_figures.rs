@@ -27,7 +27,7 @@ pub(super) fn without_digest(parts: u64) -> String {
 
 /// What `--json` prints.
 #[derive(Serialize)]
-struct Answer<'a> {
+struct StudyJson<'a> {
     name: &'a str,
     rows: u64,
     table: &'a Path,
@@ -105,7 +105,7 @@ pub(super) fn say_result(
     let sensitivity = sensitivity.unwrap_or_default();
     let texts: Vec<String> = sensitivity.iter().map(terminal::sensitivity::text).collect();
     let best = progress.best.map(|best| Best::of(study, best));
-    json.print(&Answer { name: &study.name, rows: study.rows(), table, best, sensitivity })?;
+    json.print(&StudyJson { name: &study.name, rows: study.rows(), table, best, sensitivity })?;
     summary[1..].iter().chain(&texts).for_each(|text| say!("{text}"));
     if let Some(page) = page {
         say!("Page:  {}", page.display());

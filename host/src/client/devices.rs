@@ -36,7 +36,7 @@ pub struct Usb {
 
 /// What a port answered.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Answer {
+pub enum PortAnswer {
     /// A device of ours.
     Device {
         /// Its board.
@@ -62,11 +62,11 @@ pub enum Answer {
 
 /// A port and what it answered.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Found {
+pub struct AnsweringPort {
     /// The port.
     pub port: Port,
     /// What it answered.
-    pub answer: Answer,
+    pub answer: PortAnswer,
 }
 
 /// The serial ports of this machine, by name.
@@ -95,10 +95,10 @@ fn identity(usb: UsbPortInfo) -> Usb {
 ///
 /// # Errors
 /// It cannot be reached, is silent, or has another protocol.
-pub fn ask(address: &Address, timeout: Duration) -> Result<Answer, SessionError> {
+pub fn ask(address: &Address, timeout: Duration) -> Result<PortAnswer, SessionError> {
     let mut session = Session::open(address, timeout)?;
     let status = session.status();
-    Ok(Answer::Device {
+    Ok(PortAnswer::Device {
         lost_sensors: status.as_ref().map_or(String::new(), |(status, _)| status.sensors.lost.to_string()),
         complaints: status.map_or_else(|e| vec![e.to_string()], |(_, now)| complaints(&now)),
         board: session.identity.board.to_string(),
@@ -111,14 +111,14 @@ pub fn ask(address: &Address, timeout: Duration) -> Result<Answer, SessionError>
 
 /// Queries ports, each for at most `timeout`: all of them, or only those of USB devices.
 #[must_use]
-pub fn query(ports: Vec<Port>, all: bool, timeout: Duration) -> Vec<Found> {
+pub fn query(ports: Vec<Port>, all: bool, timeout: Duration) -> Vec<AnsweringPort> {
     let one = |port: Port| {
         if port.usb.is_none() && !all {
-            return Found { port, answer: Answer::NotAsked };
+            return AnsweringPort { port, answer: PortAnswer::NotAsked };
         }
         let asked = ask(&Address::Serial((&port.path).into()), timeout);
-        let answer = asked.unwrap_or_else(|error| Answer::None(error.to_string()));
-        Found { port, answer }
+        let answer = asked.unwrap_or_else(|error| PortAnswer::None(error.to_string()));
+        AnsweringPort { port, answer }
     };
     ports.into_iter().map(one).collect()
 }
@@ -133,10 +133,10 @@ pub fn complaints(counters: &Counters) -> Vec<String> {
 ///
 /// # Errors
 /// None or several: lists them, and what to write.
-pub fn only(found: &[Found]) -> Result<Address, String> {
-    let devices: Vec<(&Found, &str)> = found
+pub fn only(found: &[AnsweringPort]) -> Result<Address, String> {
+    let devices: Vec<(&AnsweringPort, &str)> = found
         .iter()
-        .filter_map(|f| if let Answer::Device { board, .. } = &f.answer { Some((f, board.as_str())) } else { None })
+        .filter_map(|f| if let PortAnswer::Device { board, .. } = &f.answer { Some((f, board.as_str())) } else { None })
         .collect();
     match devices[..] {
         [(only, _)] => Ok(Address::Serial((&only.port.path).into())),
@@ -144,7 +144,7 @@ pub fn only(found: &[Found]) -> Result<Address, String> {
             let silent: Vec<String> = found
                 .iter()
                 .filter_map(|f| match &f.answer {
-                    Answer::None(why) => Some(format!("\n  {}: {why}", f.port.path)),
+                    PortAnswer::None(why) => Some(format!("\n  {}: {why}", f.port.path)),
                     _ => None,
                 })
                 .collect();
@@ -171,20 +171,20 @@ pub fn only(found: &[Found]) -> Result<Address, String> {
 mod tests {
     use super::*;
 
-    fn found(path: &str, answer: Answer) -> Found {
+    fn found(path: &str, answer: PortAnswer) -> AnsweringPort {
         let usb = Usb {
             vendor: 0x0483,
             product: 0x374e,
             name: "STMicroelectronics STLINK-V3".into(),
             serial_number: path.into(),
         };
-        Found { port: Port { path: path.into(), usb: Some(usb) }, answer }
+        AnsweringPort { port: Port { path: path.into(), usb: Some(usb) }, answer }
     }
 
-    fn device(path: &str) -> Found {
+    fn device(path: &str) -> AnsweringPort {
         found(
             path,
-            Answer::Device {
+            PortAnswer::Device {
                 board: "nucleo".into(),
                 firmware: "0.1.0".into(),
                 settings: String::new(),
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn the_only_board_is_taken_whatever_else_is_plugged_in() {
-        let all = [found("/dev/ttyUSB0", Answer::None("silent".into())), device("/dev/ttyACM0")];
+        let all = [found("/dev/ttyUSB0", PortAnswer::None("silent".into())), device("/dev/ttyACM0")];
         assert_eq!(only(&all).unwrap().to_string(), "serial:/dev/ttyACM0");
     }
 
@@ -210,7 +210,7 @@ mod tests {
 
     #[test]
     fn without_a_board_each_port_says_why() {
-        let text = only(&[found("/dev/ttyUSB0", Answer::None("it is in use".into()))]).unwrap_err();
+        let text = only(&[found("/dev/ttyUSB0", PortAnswer::None("it is in use".into()))]).unwrap_err();
         assert!(text.contains("/dev/ttyUSB0: it is in use") && text.contains("damprig devices"), "{text}");
         assert!(only(&[]).unwrap_err().contains("is the board plugged in?"));
     }

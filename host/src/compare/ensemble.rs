@@ -13,7 +13,7 @@ use damprig_motion::rig_model::RigModel;
 use toml::{Table, Value};
 
 use super::COVERAGE_FACTOR;
-use super::metric::Values;
+use super::metric::MetricValues;
 use crate::campaign::{Campaign, CampaignSetUp};
 use crate::failure::Failure;
 use crate::identify::statistics::student_95;
@@ -162,10 +162,10 @@ fn place_of(set_up: &CampaignSetUp) -> f64 {
 /// Mean and standard uncertainty of the members' values: of a further draw beside their mean, for k = 2 with Student's factor. The
 /// expanded uncertainty reaches the set-up as stated, which may lie beyond where a motion has few outcomes, as counts have. Without
 /// members those of the set-up as stated.
-pub(super) fn summary(stated: &Values, members: &[Values]) -> (Values, Values) {
-    let (mut means, mut uncertainties) = (Values::new(), Values::new());
+pub(super) fn summary(stated: &MetricValues, members: &[MetricValues]) -> (MetricValues, MetricValues) {
+    let (mut means, mut uncertainties) = (MetricValues::new(), MetricValues::new());
     for (metric, about) in stated {
-        let away = |values: &Values| values.get(metric).map(|value| metric.difference(*value, *about));
+        let away = |values: &MetricValues| values.get(metric).map(|value| metric.difference(*value, *about));
         let away: Vec<f64> = members.iter().filter_map(away).collect();
         let (mut value, mut u) = (*about, 0.0);
         if away.len() > 1 {
@@ -332,9 +332,10 @@ mod tests {
     #[test]
     fn the_spread_of_a_linear_response_is_the_propagated_uncertainty() {
         let (of_a, of_b) = (0.3, 0.4);
-        let value = |n: usize| Values::from([(Quantity::RmsXM, 1.0 + of_a * deviation(n, 2) + of_b * deviation(n, 3))]);
-        let members: Vec<Values> = (0..MEMBERS).map(value).collect();
-        let (mean, u) = summary(&Values::from([(Quantity::RmsXM, 1.0)]), &members);
+        let value =
+            |n: usize| MetricValues::from([(Quantity::RmsXM, 1.0 + of_a * deviation(n, 2) + of_b * deviation(n, 3))]);
+        let members: Vec<MetricValues> = (0..MEMBERS).map(value).collect();
+        let (mean, u) = summary(&MetricValues::from([(Quantity::RmsXM, 1.0)]), &members);
         assert!((mean[&Quantity::RmsXM] - 1.0).abs() < 1e-12);
         // √(0.3² + 0.4²), widened by Student's factor (1.06), by a further draw (1.03), and by what correlation the lattice has.
         assert!((u[&Quantity::RmsXM] / 0.5 / 1.09 - 1.0).abs() < 0.15, "{}", u[&Quantity::RmsXM]);

@@ -20,7 +20,7 @@ use crate::run_folder::ResultRow;
 use crate::run_folder::schema::transients::TransientRow;
 
 /// Values of several quantities.
-pub(super) type Values = BTreeMap<Quantity, f64>;
+pub(super) type MetricValues = BTreeMap<Quantity, f64>;
 
 /// Impacts and the largest force on a wall, as the board measured them or a simulation has them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,7 +44,7 @@ impl Walls {
         Self { impacts: own().filter(|pulse| pulse.is_counted).count() as u32, force_n, impulse_n_s }
     }
 
-    fn add_to(self, values: &mut Values, is_soft: bool, cycles: Option<u32>) {
+    fn add_to(self, values: &mut MetricValues, is_soft: bool, cycles: Option<u32>) {
         match cycles {
             Some(cycles) => {
                 values.insert(Quantity::ImpactsPerCycle, f64::from(self.impacts) / f64::from(cycles.max(1)))
@@ -68,8 +68,8 @@ impl Walls {
 pub(super) type WallKind = Option<bool>;
 
 /// The measured values of a point.
-pub(super) fn of_result(row: &ResultRow, walls: Walls, kind: WallKind) -> Values {
-    let mut values = Values::from([
+pub(super) fn of_result(row: &ResultRow, walls: Walls, kind: WallKind) -> MetricValues {
+    let mut values = MetricValues::from([
         (Quantity::XOverZ, row.x_over_z()),
         (Quantity::XOverZLockIn, row.x_over_z_lock_in()),
         (Quantity::PhaseRad, f64::from(row.phase_rad)),
@@ -101,7 +101,11 @@ fn readings(of: &TickReading) -> Readings {
 }
 
 /// The simulated values of a point; `None` if the window has another number of cycles than the measured one.
-pub(super) fn of_simulated_point(motion: &SimulatedMotion, window: &PointWindow, kind: WallKind) -> Option<Values> {
+pub(super) fn of_simulated_point(
+    motion: &SimulatedMotion,
+    window: &PointWindow,
+    kind: WallKind,
+) -> Option<MetricValues> {
     let increment = Phase::increment(window.frequency_hz as f32, TICK_HZ);
     let over = |phase: Phase| phase.0 as f32 / increment as f32;
     let own = motion.readings.get(window.ticks.clone())?;
@@ -120,7 +124,7 @@ pub(super) fn of_simulated_point(motion: &SimulatedMotion, window: &PointWindow,
     let place = Place { frequency_hz: window.frequency_hz as f32, ..Place::default() };
     let result = meter.result(&place, &SteadyLimits::default());
     let z = f64::from(result.z_amplitude_m);
-    let mut values = Values::from([
+    let mut values = MetricValues::from([
         (Quantity::XOverZ, f64::from(result.mean_cycle_max_m) / z),
         (Quantity::XOverZLockIn, f64::from(result.x_amplitude_m) / z),
         (Quantity::PhaseRad, f64::from(result.phase_rad)),
@@ -134,8 +138,8 @@ pub(super) fn of_simulated_point(motion: &SimulatedMotion, window: &PointWindow,
 }
 
 /// The measured values of a record, a pulse or a free vibration. `x_m`: the readings of x in its ticks, if they were recorded.
-pub(super) fn of_transient(row: &TransientRow, x_m: Option<&[f32]>, walls: Walls, kind: WallKind) -> Values {
-    let mut values = Values::from([(Quantity::RmsXM, f64::from(row.rms_x_m))]);
+pub(super) fn of_transient(row: &TransientRow, x_m: Option<&[f32]>, walls: Walls, kind: WallKind) -> MetricValues {
+    let mut values = MetricValues::from([(Quantity::RmsXM, f64::from(row.rms_x_m))]);
     if row.kind == "free_vibration" {
         if row.cycles > 0 {
             values
@@ -162,12 +166,16 @@ fn time_of_largest(x_m: impl Iterator<Item = f32>) -> Option<f64> {
 }
 
 /// The simulated values of a playback, in these ticks of the motion.
-pub(super) fn of_simulated_playback(motion: &SimulatedMotion, ticks: &Range<usize>, kind: WallKind) -> Option<Values> {
+pub(super) fn of_simulated_playback(
+    motion: &SimulatedMotion,
+    ticks: &Range<usize>,
+    kind: WallKind,
+) -> Option<MetricValues> {
     let own = motion.readings.get(ticks.clone())?;
     let mut meter = TransientMeter::default();
     own.iter().for_each(|reading| meter.push(&readings(reading), 0.0));
     let result = meter.result();
-    let mut values = Values::from([
+    let mut values = MetricValues::from([
         (Quantity::RmsXM, f64::from(result.rms_x_m)),
         (Quantity::MaxAbsXM, f64::from(result.max_abs_x_m)),
         (Quantity::MaxAbsXMinusZM, f64::from(result.max_abs_x_minus_z_m)),
@@ -208,8 +216,8 @@ pub(super) fn of_simulated_release(
     motion: &SimulatedMotion,
     (result, detected): &(TransientResult, usize),
     kind: WallKind,
-) -> Values {
-    let mut values = Values::from([(Quantity::RmsXM, f64::from(result.rms_x_m))]);
+) -> MetricValues {
+    let mut values = MetricValues::from([(Quantity::RmsXM, f64::from(result.rms_x_m))]);
     let decay = &result.decay;
     if decay.cycles > 0 {
         let cycles = f64::from(decay.cycles);

@@ -9,7 +9,7 @@ use damprig_motion::read_run::{SimulatedMotion, TICK_S};
 use super::base::{self, BaseMotion, SineDrive, Step};
 use super::ensemble::Models;
 use super::metric::{self, PointWindow};
-use super::prediction::{Answer, Prediction, Question, Window, metrics};
+use super::prediction::{Prediction, Question, Window, WindowPredictions, metrics};
 use super::recorded::Recorded;
 use super::spring::SpringForce;
 use super::{Compared, ComparedPoint, History, Residual, uncertainty};
@@ -123,7 +123,8 @@ impl Compared<'_> {
         rows.iter()
             .enumerate()
             .map(|(place, row)| {
-                let own_of = |answer: &Option<Answer>| answer.as_ref().and_then(|own| own.predictions[place].clone());
+                let own_of =
+                    |answer: &Option<WindowPredictions>| answer.as_ref().and_then(|own| own.predictions[place].clone());
                 let (on_measured, on_ideal) = (own_of(&measured), own_of(&ideal));
                 let mut point = self.point(row, models, on_measured.as_ref(), on_ideal.as_ref());
                 point.remarks.extend(base_remark(row, own.base_amplitude_m));
@@ -195,7 +196,7 @@ impl Compared<'_> {
         models: &Models,
         (base, z_noise_m): (&BaseMotion, f64),
         spring: &SpringForce,
-    ) -> Option<Answer> {
+    ) -> Option<WindowPredictions> {
         let kind = Self::walls_of(models);
         let of_row = |row: &&ResultRow| Window {
             ticks: window(row, drive.sine.from_tick),

@@ -9,7 +9,7 @@ use damprig_motion::watch::Detection;
 
 use super::base::BaseMotion;
 use super::ensemble::{self, Member, Models};
-use super::metric::Values;
+use super::metric::MetricValues;
 use super::spring::SpringForce;
 use super::{COVERAGE_FACTOR, ComparedMetric, Predicted, Uncertain, Verdict};
 use crate::identify::sensors::rectangular;
@@ -18,14 +18,14 @@ use crate::quantity::Quantity;
 /// Values of a prediction with their standard uncertainties, and whether neighbouring starts part.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Prediction {
-    pub(super) values: Values,
-    pub(super) uncertainties: Values,
+    pub(super) values: MetricValues,
+    pub(super) uncertainties: MetricValues,
     pub(super) is_sensitive: bool,
 }
 
 impl Prediction {
     /// Adds what the reading of x contributes: values of the same motion read at both ends of the reading's error.
-    pub(super) fn add_reading(&mut self, [low, high]: &[Option<Values>; 2]) {
+    pub(super) fn add_reading(&mut self, [low, high]: &[Option<MetricValues>; 2]) {
         let (Some(low), Some(high)) = (low, high) else { return };
         for (metric, u) in &mut self.uncertainties {
             if let (Some(low), Some(high)) = (low.get(metric), high.get(metric)) {
@@ -36,7 +36,7 @@ impl Prediction {
 }
 
 /// The predictions for the windows of one simulation.
-pub(super) struct Answer {
+pub(super) struct WindowPredictions {
     /// The motion of the set-up as stated.
     pub(super) motion: SimulatedMotion,
     /// One for each window; none where the window does not fit.
@@ -67,7 +67,7 @@ pub(super) struct Question<'a, M> {
     pub(super) measure: M,
 }
 
-impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
+impl<M: Fn(&SimulatedMotion, usize) -> Option<MetricValues> + Sync> Question<'_, M> {
     fn motion(&self, member: &Member) -> Option<SimulatedMotion> {
         let scaled = (member.base_factor != 1.0).then(|| self.base.scaled(member.base_factor));
         let base = scaled.as_ref().unwrap_or(self.base);
@@ -82,7 +82,7 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
     }
 
     /// The values in all windows. Ratios refer to the run's own z.
-    fn measured(&self, motion: &SimulatedMotion, member: &Member) -> Vec<Option<Values>> {
+    fn measured(&self, motion: &SimulatedMotion, member: &Member) -> Vec<Option<MetricValues>> {
         let to_own_z = self.models.force_factor(&member.model.set_up);
         let values = |window: usize| {
             let mut values = (self.measure)(motion, window)?;
@@ -95,7 +95,7 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
     }
 
     /// The predictions; `None` for a set-up that cannot be simulated.
-    pub(super) fn answer(&self) -> Option<Answer> {
+    pub(super) fn answer(&self) -> Option<WindowPredictions> {
         let stated = self.models.stated(self.start_m);
         let neighbour = || self.models.neighbour(self.start_m).and_then(|member| self.motion(&member));
         let (motion, neighbour) = rayon::join(|| self.motion(&stated), neighbour);
@@ -105,10 +105,10 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
         drop(neighbour);
         let otherwise = self.base_otherwise(&stated).map(|motion| self.measured(&motion, &stated));
         let members = self.models.members(self.start_m, self.spring.uncertainty);
-        let of_members: Vec<Vec<Option<Values>>> =
+        let of_members: Vec<Vec<Option<MetricValues>>> =
             members.par_iter().filter_map(|member| Some(self.measured(&self.motion(member)?, member))).collect();
         let predictions = self.measured(&motion, &stated).into_iter().enumerate().map(|(window, stated)| {
-            let own: Vec<Values> = of_members.iter().filter_map(|all| all[window].clone()).collect();
+            let own: Vec<MetricValues> = of_members.iter().filter_map(|all| all[window].clone()).collect();
             let otherwise = otherwise.as_ref().and_then(|all| all[window].as_ref());
             let stated = stated?;
             let (values, mut uncertainties) = ensemble::summary(&stated, &own);
@@ -121,7 +121,7 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
             Some(Prediction { values, uncertainties, is_sensitive: are_sensitive[window] })
         });
         let predictions = predictions.collect();
-        Some(Answer { motion, predictions })
+        Some(WindowPredictions { motion, predictions })
     }
 
     /// Standard uncertainty of a simulated value besides that of its inputs.
@@ -149,7 +149,7 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
     }
 
     /// Standard uncertainty by the noise of a measured base: it excites the structure's free vibration.
-    fn of_noise(&self, metric: Quantity, values: &Values, window: &Window) -> f64 {
+    fn of_noise(&self, metric: Quantity, values: &MetricValues, window: &Window) -> f64 {
         let structure = self.models.set_up.model().structure;
         let (omega, zeta) = (structure.angular_frequency_rad_per_s(), structure.damping_ratio());
         let excited = (0.5 * omega * window.ticks.end as f64 * TICK_S).min(0.25 / zeta);
@@ -192,8 +192,8 @@ fn parted(a: &SimulatedMotion, b: &SimulatedMotion, ticks: &Range<usize>) -> boo
 
 /// The compared quantities of a point.
 pub(super) fn metrics(
-    measured: &Values,
-    of_measured: &Values,
+    measured: &MetricValues,
+    of_measured: &MetricValues,
     on_measured: Option<&Prediction>,
     on_ideal: Option<&Prediction>,
 ) -> Vec<ComparedMetric> {

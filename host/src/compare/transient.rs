@@ -9,7 +9,7 @@ use damprig_motion::read_run::{SimulatedMotion, TICK_S, simulate};
 use super::base::{self, BaseMotion};
 use super::ensemble::Models;
 use super::metric;
-use super::prediction::{Answer, Question, Window, metrics};
+use super::prediction::{Question, Window, WindowPredictions, metrics};
 use super::recorded::Recorded;
 use super::spring::SpringForce;
 use super::{Compared, ComparedPoint, History, Residual, uncertainty};
@@ -27,9 +27,9 @@ const LONGEST_FALL: f64 = 1e5;
 const NOT_DRIVEN: &str = "the base is at rest in a free vibration, and the noise of its sensor is no motion";
 
 /// The simulations of a transient, and where its measured ticks are in them.
-struct Simulated {
-    ideal: Option<Answer>,
-    measured: Option<Answer>,
+struct TransientSimulations {
+    ideal: Option<WindowPredictions>,
+    measured: Option<WindowPredictions>,
     /// Why the latter is missing.
     why_not: Option<String>,
     window: Range<usize>,
@@ -71,7 +71,7 @@ impl Compared<'_> {
         (models, spring): (&Models, &SpringForce),
         recorded: Option<&Recorded>,
         (ticks, z_noise_m): (&Range<u64>, f64),
-    ) -> Simulated {
+    ) -> TransientSimulations {
         let window = 0..(ticks.end - ticks.start) as usize;
         let demand = base::played(playback, &self.campaign.rig.board.calibration.drive.range(), window.end);
         let kind = Self::walls_of(models);
@@ -83,7 +83,7 @@ impl Compared<'_> {
         let ideal = answer(&BaseMotion::following(&demand, self.sensors.delay_s), 0.0);
         let base = self.measured_base(recorded, ticks, models, z_noise_m);
         let measured = base.as_ref().ok().and_then(|base| answer(base, z_noise_m));
-        Simulated { ideal, measured, why_not: base.err(), window }
+        TransientSimulations { ideal, measured, why_not: base.err(), window }
     }
 
     /// `None` if a simulated release is not detected: the structure sticks.
@@ -92,7 +92,7 @@ impl Compared<'_> {
         free: &FreeVibration,
         (models, spring): (&Models, &SpringForce),
         (row, noise_m): (&TransientRow, f64),
-    ) -> Option<Simulated> {
+    ) -> Option<TransientSimulations> {
         // A person releases a real structure about there.
         let is_measured = !self.is_simulated && row.start_m.is_finite();
         let start_m = if is_measured { row.start_m.copysign(free.start_m) } else { free.start_m };
@@ -120,7 +120,7 @@ impl Compared<'_> {
                 prediction.add_reading(&read);
             }
         }
-        Some(Simulated { ideal, measured: None, why_not: Some(NOT_DRIVEN.into()), window })
+        Some(TransientSimulations { ideal, measured: None, why_not: Some(NOT_DRIVEN.into()), window })
     }
 
     fn of_transient(
@@ -129,8 +129,8 @@ impl Compared<'_> {
         start_m: f64,
         base: &BaseMotion,
         window: Window,
-        measure: &(impl Fn(&SimulatedMotion, usize) -> Option<metric::Values> + Sync),
-    ) -> Option<Answer> {
+        measure: &(impl Fn(&SimulatedMotion, usize) -> Option<metric::MetricValues> + Sync),
+    ) -> Option<WindowPredictions> {
         let windows = vec![window];
         Question { models, start_m, base, spring, detection: &self.detection, windows, measure }.answer()
     }
@@ -141,14 +141,15 @@ impl Compared<'_> {
         id: &SegmentId,
         recorded: Option<&Recorded>,
         models: &Models,
-        simulated: Option<Simulated>,
+        simulated: Option<TransientSimulations>,
     ) -> ComparedPoint {
         let ticks = row.start_tick..row.end_tick;
         let kind = Self::walls_of(models);
         let x_m = self.recorded_x_m(recorded, &ticks);
         let measured = metric::of_transient(row, x_m, self.measured_walls(id, &ticks), kind);
         let of_measured = uncertainty::of_transient(&self.sensors, row, &measured, noise_m, kind);
-        let prediction = |answer: &Option<Answer>| answer.as_ref().and_then(|answer| answer.predictions[0].clone());
+        let prediction =
+            |answer: &Option<WindowPredictions>| answer.as_ref().and_then(|answer| answer.predictions[0].clone());
         let (on_measured, on_ideal) =
             simulated.as_ref().map_or((None, None), |s| (prediction(&s.measured), prediction(&s.ideal)));
         let mut remarks = Vec::new();
@@ -184,8 +185,8 @@ impl Compared<'_> {
         id: &SegmentId,
         ticks: &Range<u64>,
         measured_m: &[f32],
-        answer: &Answer,
-        own: &Simulated,
+        answer: &WindowPredictions,
+        own: &TransientSimulations,
     ) -> History {
         let pulses = answer.motion.pulses.iter();
         let counted = pulses.filter(|pulse| pulse.is_counted && own.window.contains(&pulse.tick));

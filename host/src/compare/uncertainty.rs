@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use damprig_core::io::{SUBSAMPLES, TICK_HZ};
 use damprig_core::measure::noise::raised_maximum;
 
-use super::metric::{Values, WallKind};
+use super::metric::{MetricValues, WallKind};
 use crate::identify::sensors::{Sensors, rectangular};
 use crate::quantity::Quantity;
 use crate::run_folder::ResultRow;
@@ -44,7 +44,7 @@ fn of_rms_m(sensors: &Sensors, rms_m: f64, noise_m: f64, ticks: f64) -> f64 {
 }
 
 /// Of the values of a point.
-pub(super) fn of_result(sensors: &Sensors, row: &ResultRow, values: &Values, kind: WallKind) -> Values {
+pub(super) fn of_result(sensors: &Sensors, row: &ResultRow, values: &MetricValues, kind: WallKind) -> MetricValues {
     let ticks = (row.end_tick.saturating_sub(row.start_tick)).max(1) as f64;
     let cycles = f64::from(row.cycles.max(1));
     let noise_m = positive(f64::from(row.x_noise_rms_m));
@@ -74,10 +74,10 @@ pub(super) fn of_result(sensors: &Sensors, row: &ResultRow, values: &Values, kin
 pub(super) fn of_transient(
     sensors: &Sensors,
     row: &TransientRow,
-    values: &Values,
+    values: &MetricValues,
     noise_m: f64,
     kind: WallKind,
-) -> Values {
+) -> MetricValues {
     let ticks = (row.end_tick.saturating_sub(row.start_tick)).max(1) as f64;
     let frequency_hz = if row.frequency_hz > 0.0 { row.frequency_hz } else { 1.0 };
     let omega = TAU * frequency_hz;

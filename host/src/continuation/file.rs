@@ -8,7 +8,7 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_structures::NoDerivatives;
 use toml::Value;
 
-use super::found::{Found, FoundCurve, no_orbit};
+use super::found::{FoundBranches, FoundCurve, no_orbit};
 use super::keys::{file, second};
 use super::of_structure::{NotFollowed, OverKey};
 use crate::failure::Failure;
@@ -240,7 +240,7 @@ impl Continuation {
     ///
     /// # Errors
     /// Why there is no orbit to start from, with the value of the parameter and what to try; that it was stopped.
-    pub fn follow(&self, goes_on: &dyn Fn(f64) -> bool) -> Result<Found, Failure> {
+    pub fn follow(&self, goes_on: &dyn Fn(f64) -> bool) -> Result<FoundBranches, Failure> {
         let mut found = match &self.followed {
             Followed::OneDegree(over) => self.of_one_degree(over)?,
             Followed::Structure(over) => {
@@ -261,7 +261,7 @@ impl Continuation {
         Ok(found)
     }
 
-    fn of_one_degree(&self, over: &OverParameter) -> Result<Found, Failure> {
+    fn of_one_degree(&self, over: &OverParameter) -> Result<FoundBranches, Failure> {
         let OverParameter { system, parameter, second, task } = over;
         let diagram = system.explore(task).map_err(|why| {
             let fix = match why {
@@ -280,7 +280,7 @@ impl Continuation {
             self.no_start(&why.to_string(), fix)
         })?;
         let reference = self.case.reference_m().map_or("Z", |(_, symbol)| symbol);
-        let mut found = Found::of(&self.case.name, parameter, reference, &diagram);
+        let mut found = FoundBranches::of(&self.case.name, parameter, reference, &diagram);
         if let Some((second, range)) = second {
             let parameters = [parameter.parameter, second.parameter];
             let ranges = [task.range, *range];

@@ -13,7 +13,7 @@ use crate::simulation::parameters::ParameterKey;
 
 /// Branches of periodic orbits.
 #[derive(Clone, Debug, Serialize)]
-pub struct Found {
+pub struct FoundBranches {
     /// Name of the case.
     pub case: String,
     /// Text of the case.
@@ -147,7 +147,7 @@ pub struct FoundOrbit {
     pub multipliers: Vec<[f64; 2]>,
 }
 
-impl Found {
+impl FoundBranches {
     /// The branches of a system of one degree of freedom over this parameter of a case.
     pub(super) fn of(case: &str, parameter: &ParameterKey, reference: &'static str, diagram: &Diagram) -> Self {
         let branches = diagram.branches.iter().enumerate().map(|(n, branch)| FoundBranch::of(n, branch)).collect();

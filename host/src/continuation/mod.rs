@@ -10,6 +10,6 @@ mod of_set_up;
 mod of_structure;
 
 pub use file::Continuation;
-pub use found::{Found, FoundBranch, FoundCurve, FoundGap, FoundOrbit, FoundSpecial};
+pub use found::{FoundBranch, FoundBranches, FoundCurve, FoundGap, FoundOrbit, FoundSpecial};
 pub use keys::TABLES;
 pub use of_set_up::over_frequency;

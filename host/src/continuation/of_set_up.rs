@@ -6,7 +6,7 @@ use damprig_continuation::{Steps, System, Task, Ties};
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Initial, SetUp};
 
-use super::found::Found;
+use super::found::FoundBranches;
 use super::keys::{MAX_PERIODS, MAX_RESTARTS};
 use crate::simulation::parameters::PARAMETERS;
 
@@ -21,7 +21,7 @@ pub fn over_frequency(
     base_amplitude_m: f64,
     range_hz: (f64, f64),
     initial: Initial,
-) -> Result<Found, String> {
+) -> Result<FoundBranches, String> {
     let key = PARAMETERS.iter().find(|known| known.key == "base.frequency_hz").ok_or("no frequency of the base")?;
     let (low, high) = range_hz;
     let mut why = String::new();
@@ -42,7 +42,7 @@ pub fn over_frequency(
             steps: Steps::default(),
         };
         match system.explore(&task) {
-            Ok(diagram) => return Ok(Found::of(name, key, "Z", &diagram)),
+            Ok(diagram) => return Ok(FoundBranches::of(name, key, "Z", &diagram)),
             Err(no_start) => why = format!("at {start_at} Hz: {no_start}"),
         }
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use damprig_continuation::{Family, StructureOrbit, StructureTask};
 use damprig_structures::{Drive, Motion, NoDerivatives, Observer, Piece};
 
-use super::found::{Found, FoundOrbit};
+use super::found::{FoundBranches, FoundOrbit};
 use crate::failure::Failure;
 use crate::simulation::Case;
 use crate::simulation::analysis::WrittenCase;
@@ -31,7 +31,7 @@ impl OverKey {
         case: &Case,
         written: &WrittenCase,
         goes_on: &dyn Fn(f64) -> bool,
-    ) -> Result<Found, NotFollowed> {
+    ) -> Result<FoundBranches, NotFollowed> {
         let files = Arc::default();
         let at = |value: f64| written.motion(&self.key, value, &files);
         let family = Family { at: &at, range: self.range, goes_on };
@@ -42,7 +42,7 @@ impl OverKey {
                 there.ok_or_else(|| Failure::Input(format!("{} = {} is refused", self.key, orbit.parameter)))?;
             measured(there, orbit)
         };
-        Ok(Found::of_structure(case, &self.key, &diagram, &orbit)?)
+        Ok(FoundBranches::of_structure(case, &self.key, &diagram, &orbit)?)
     }
 }
 

@@ -57,7 +57,7 @@ pub enum Excitation {
     Impulse,
     /// Band-limited noise of the base.
     Noise,
-    /// The recorded motion of [`Values::record`].
+    /// The recorded motion of [`CaseValues::record`].
     Record,
 }
 
@@ -91,7 +91,7 @@ pub struct RecordFile {
 
 /// Values of the structure and its dampers.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Values {
+pub struct CaseValues {
     /// M, kg.
     pub mass_kg: f64,
     /// fn, Hz.
@@ -122,7 +122,7 @@ pub struct Values {
     pub record: RecordFile,
 }
 
-/// The base amplitude of a set-up that would move too far with [`Values::base_amplitude_m`].
+/// The base amplitude of a set-up that would move too far with [`CaseValues::base_amplitude_m`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fitted {
     /// Its damper.
@@ -133,7 +133,7 @@ pub struct Fitted {
     pub max_x_m: f64,
 }
 
-impl Default for Values {
+impl Default for CaseValues {
     /// The rig of the source document.
     fn default() -> Self {
         Self {
@@ -173,7 +173,7 @@ const NOISE_UP_TO_HZ: f64 = 50.0;
 /// Periods that are measured after a release or a pulse.
 const FREE_PERIODS: f64 = 20.0;
 
-impl Values {
+impl CaseValues {
     /// Length of noise, s.
     fn noise_s(&self) -> f64 {
         self.periods_s(NOISE_PERIODS).min(LONGEST_NOISE_S)
@@ -201,7 +201,7 @@ pub(super) fn three_digits(value: f64) -> f64 {
 
 /// The text of a campaign with a set-up for each damper.
 #[must_use]
-pub fn campaign(name: &str, dampers: &[Damper], experiments: &[Excitation], values: &Values) -> String {
+pub fn campaign(name: &str, dampers: &[Damper], experiments: &[Excitation], values: &CaseValues) -> String {
     let mut file = Writer::new(FileKind::Campaign);
     file.line("# A campaign, written by `damprig init`. `damprig keys` has all keys. Next:");
     file.line("#   damprig run FILE --dry-run    check it and predict displacements");
@@ -236,7 +236,7 @@ pub fn campaign(name: &str, dampers: &[Damper], experiments: &[Excitation], valu
 
 /// The text of a case.
 #[must_use]
-pub fn case(name: &str, damper: Damper, excitation: Excitation, values: &Values) -> String {
+pub fn case(name: &str, damper: Damper, excitation: Excitation, values: &CaseValues) -> String {
     let mut file = Writer::new(FileKind::Case);
     file.line("# A case, written by `damprig init`. `damprig keys` has all keys. Next:");
     file.line("#   damprig simulate FILE --plot FIGURE.svg");
@@ -357,7 +357,7 @@ impl Writer {
         }
     }
 
-    fn structure(&mut self, values: &Values) {
+    fn structure(&mut self, values: &CaseValues) {
         self.table("structure", None);
         let structure = [
             ("mass_kg", number(values.mass_kg)),
@@ -385,7 +385,7 @@ impl Writer {
     }
 
     /// The tables of a damper, below `prefix`.
-    fn damper(&mut self, prefix: &str, damper: Damper, values: &Values) {
+    fn damper(&mut self, prefix: &str, damper: Damper, values: &CaseValues) {
         let mass = ("mass_ratio", number(values.mass_ratio));
         if damper.has_particle() {
             self.table(&format!("{prefix}particle"), None);
@@ -417,7 +417,7 @@ impl Writer {
     }
 
     /// The table of noise.
-    fn noise(&mut self, path: &str, values: &Values) {
+    fn noise(&mut self, path: &str, values: &CaseValues) {
         let band = |part: f64| number(three_digits(part * values.natural_frequency_hz).min(NOISE_UP_TO_HZ));
         self.table(path, None);
         let keys = [
@@ -429,7 +429,7 @@ impl Writer {
         self.keys(path, None, &keys);
     }
 
-    fn experiment(&mut self, experiment: Excitation, values: &Values) {
+    fn experiment(&mut self, experiment: Excitation, values: &CaseValues) {
         let (kind, name) = match experiment {
             Excitation::SteppedSine => ("stepped_sine", "sweep"),
             Excitation::FreeVibration => ("free_vibration", "release"),

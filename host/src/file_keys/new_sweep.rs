@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use damprig_core::measure::steadiness::SteadyLimits;
 
-use super::new_file::{DWELL_PERIODS, Values, number, three_digits};
+use super::new_file::{CaseValues, DWELL_PERIODS, number, three_digits};
 use crate::prediction::settling;
 
 /// Range and step of a sweep in natural frequencies. Its step, with the points below, finds the peak of 96 of 100 random designs to 2 %
@@ -23,7 +23,7 @@ const PEAK_POINTS: [f64; 2] = [16.0, 40.0];
 const MIN_DWELLS: f64 = 3.0;
 const MAX_DWELLS: f64 = 100.0;
 
-impl Values {
+impl CaseValues {
     /// Frequencies of a sweep.
     pub(super) fn grid(&self) -> String {
         let share = |share: f64| number(three_digits(share * self.natural_frequency_hz));

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::failure::Failure;
 use crate::input::{listed, near, regular};
-use crate::motion_record::{Rows, rows};
+use crate::motion_record::{RecordRows, rows};
 
 /// A quantity that a column may hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +63,7 @@ impl Table {
         if bytes.contains(&0) {
             return Err(refuse("this is not a text: it must be CSV with a header, or the folder of a run".into()));
         }
-        let Rows { header, rows } = rows(&String::from_utf8_lossy(&bytes)).map_err(refuse)?;
+        let RecordRows { header, rows } = rows(&String::from_utf8_lossy(&bytes)).map_err(refuse)?;
         let Some(header) = header else {
             let help = "the first row must name the columns with their units, for example t_s,x_m";
             return Err(Failure::Input(format!("{file}: there is no header\n  {help}")));

@@ -6,7 +6,7 @@ mod search;
 mod terminal;
 mod web;
 
-pub use search::{Found, find};
+pub use search::{SearchResult, find};
 pub use terminal::to_text;
 pub use web::to_html;
 

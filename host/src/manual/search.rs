@@ -11,7 +11,7 @@ use crate::input::near;
 
 /// What was found for some words.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Found {
+pub enum SearchResult {
     /// The text that answers best, and the names of other pages that have the words, best first.
     Text {
         /// The page.
@@ -49,7 +49,7 @@ const EMPTY_WORDS: [&str; 26] = [
 
 /// The text that answers some words, such as `laser calibration` or `E_n`.
 #[must_use]
-pub fn find(question: &str) -> Found {
+pub fn find(question: &str) -> SearchResult {
     let name = question.trim().to_lowercase().replace([' ', '_'], "-");
     let named = PAGES.iter().find(|page| page.name() == name || page.title().eq_ignore_ascii_case(question.trim()));
     let ranked = rank(question);
@@ -58,7 +58,7 @@ pub fn find(question: &str) -> Found {
         (Some(page), _) => (page, None, page.text),
         (None, Some(unit)) if unit.page.is_short() => (unit.page, None, unit.page.text),
         (None, Some(unit)) => (unit.page, unit.section, unit.text),
-        (None, None) => return Found::Nothing(nearest(question)),
+        (None, None) => return SearchResult::Nothing(nearest(question)),
     };
     let mut others: Vec<String> = Vec::new();
     for unit in ranked {
@@ -67,7 +67,7 @@ pub fn find(question: &str) -> Found {
             others.push(name);
         }
     }
-    Found::Text { page, section, text, others }
+    SearchResult::Text { page, section, text, others }
 }
 
 /// Pages and sections with all words, best first; with most of the words if none has all.
@@ -184,8 +184,8 @@ mod tests {
 
     fn page_for(question: &str) -> &'static str {
         match find(question) {
-            Found::Text { page, .. } => page.path,
-            Found::Nothing(near) => panic!("{question}: nothing; near: {near:?}"),
+            SearchResult::Text { page, .. } => page.path,
+            SearchResult::Nothing(near) => panic!("{question}: nothing; near: {near:?}"),
         }
     }
 
@@ -207,23 +207,26 @@ mod tests {
         for page in PAGES {
             for topic in [page.name(), page.title().to_string()] {
                 let found = find(&topic);
-                assert!(matches!(found, Found::Text { page: found, section: None, .. } if found == page), "{topic}");
+                assert!(
+                    matches!(found, SearchResult::Text { page: found, section: None, .. } if found == page),
+                    "{topic}"
+                );
             }
         }
     }
 
     #[test]
     fn a_section_of_a_long_page_is_found_by_its_heading() {
-        let Found::Text { page, section, text, .. } = find("option bytes") else { panic!("nothing") };
+        let SearchResult::Text { page, section, text, .. } = find("option bytes") else { panic!("nothing") };
         assert_eq!((page.path, section), ("LAB_GUIDE.md", Some("Option bytes")));
         assert!(text.contains("BOR_LEV") && !text.contains("## Calibration"));
     }
 
     #[test]
     fn nothing_is_found_for_an_unknown_word_but_what_is_spelled_like_it() {
-        let Found::Nothing(near) = find("calibrashun") else { panic!("something") };
+        let SearchResult::Nothing(near) = find("calibrashun") else { panic!("something") };
         assert!(near.iter().any(|word| word.starts_with("calibrat")), "{near:?}");
-        assert_eq!(find("qqqq"), Found::Nothing(Vec::new()));
-        assert_eq!(find(""), Found::Nothing(Vec::new()));
+        assert_eq!(find("qqqq"), SearchResult::Nothing(Vec::new()));
+        assert_eq!(find(""), SearchResult::Nothing(Vec::new()));
     }
 }

@@ -11,7 +11,7 @@ use tokio::sync::oneshot;
 use super::access::Token;
 use super::action::{Action, Injection, Request};
 use super::feed::Feed;
-use super::message::{Answer, Level};
+use super::message::{ActionAnswer, Level};
 use crate::report::numbers::significant;
 
 /// Actions that wait for the source.
@@ -124,7 +124,7 @@ impl Control {
     /// # Errors
     /// It is malformed, or the viewer may not act.
     pub(super) fn read(&self, text: &str) -> Result<Request, Refused> {
-        let refused = |id, text| Refused(Answer { id, ok: false, text });
+        let refused = |id, text| Refused(ActionAnswer { id, ok: false, text });
         let request: Request =
             serde_json::from_str(text).map_err(|error| refused(0, format!("the message is no action: {error}")))?;
         self.permit(&request).map_err(|why| refused(request.id, why))?;
@@ -150,7 +150,7 @@ impl Control {
     }
 
     /// Stops at once, ahead of everything that waits; as often as it is asked for.
-    pub(super) fn stop(&self, id: u64) -> Answer {
+    pub(super) fn stop(&self, id: u64) -> ActionAnswer {
         // It is noted first: the run may end at once.
         let is_known = self.stop.swap(true, Ordering::Relaxed);
         let (is_known, text) = match &self.handles.stop {
@@ -160,15 +160,15 @@ impl Control {
         if !is_known {
             in_words(&Action::Stop).into_iter().for_each(|what| self.feed.log(Level::Action, what));
         }
-        Answer { id, ok: true, text: text.into() }
+        ActionAnswer { id, ok: true, text: text.into() }
     }
 
     /// Carries out an action that [`Control::read`] has permitted.
-    pub(super) async fn act(&self, request: Request) -> Answer {
+    pub(super) async fn act(&self, request: Request) -> ActionAnswer {
         let id = request.id;
         match self.carry_out(request.action).await {
-            Ok(text) => Answer { id, ok: true, text },
-            Err(text) => Answer { id, ok: false, text },
+            Ok(text) => ActionAnswer { id, ok: true, text },
+            Err(text) => ActionAnswer { id, ok: false, text },
         }
     }
 
@@ -207,7 +207,7 @@ impl Control {
 }
 
 /// A message that is malformed, or from a viewer who may not act, and its answer.
-pub(super) struct Refused(pub(super) Answer);
+pub(super) struct Refused(pub(super) ActionAnswer);
 
 /// An action in words, for the log.
 fn in_words(action: &Action) -> Option<String> {

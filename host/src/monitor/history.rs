@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::message::Rows;
+use super::message::TimeRows;
 
 /// Rows of telemetry, values row after row. A gap is a row of NaN.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -93,7 +93,7 @@ impl History {
     /// and the largest value of each column in the order in which they occurred, and a gap if the bucket has one. The last
     /// `tail` rows are kept as they are.
     #[must_use]
-    pub fn columns(&self, names: &[String], most: usize, tail: usize) -> Rows {
+    pub fn columns(&self, names: &[String], most: usize, tail: usize) -> TimeRows {
         let reduced_rows = if self.rows() > most { self.rows() - tail.min(most / 2) } else { 0 };
         let buckets = (most.saturating_sub(tail) / 2).max(1);
         let size = reduced_rows.div_ceil(buckets).max(1);
@@ -111,7 +111,7 @@ impl History {
             columns.iter_mut().zip(values).for_each(|(column, value)| column.push(known(*value)));
         }
         let values: BTreeMap<String, Vec<Option<f32>>> = names.iter().cloned().zip(columns).collect();
-        Rows { t_s, values }
+        TimeRows { t_s, values }
     }
 
     fn reduce(&self, start: usize, end: usize, t_s: &mut Vec<f64>, columns: &mut [Vec<Option<f32>>]) {

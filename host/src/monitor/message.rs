@@ -24,7 +24,7 @@ pub enum Message<'a> {
     /// What is new since the message before.
     Frame(&'a Frame),
     /// The answer to an action of this viewer.
-    Answer(&'a Answer),
+    Answer(&'a ActionAnswer),
 }
 
 /// What is watched.
@@ -174,14 +174,14 @@ pub struct Log {
 
 /// Rows of named columns over time; a gap is an entry of `None`s.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Rows {
+pub struct TimeRows {
     /// Ascending times, s.
     pub t_s: Vec<f64>,
     /// A column for each name.
     pub values: BTreeMap<String, Vec<Option<f32>>>,
 }
 
-impl Rows {
+impl TimeRows {
     /// Whether there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -352,11 +352,11 @@ pub struct News {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub log: Vec<Log>,
     /// Telemetry.
-    #[serde(skip_serializing_if = "Rows::is_empty")]
-    pub rows: Rows,
+    #[serde(skip_serializing_if = "TimeRows::is_empty")]
+    pub rows: TimeRows,
     /// The controller's numbers over time.
-    #[serde(skip_serializing_if = "Rows::is_empty")]
-    pub slow: Rows,
+    #[serde(skip_serializing_if = "TimeRows::is_empty")]
+    pub slow: TimeRows,
 }
 
 /// Everything that a new viewer needs.
@@ -434,7 +434,7 @@ pub fn json(message: &Message) -> Utf8Bytes {
 
 /// The answer to an action.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Answer {
+pub struct ActionAnswer {
     /// Number of the action, as the viewer gave it.
     pub id: u64,
     /// Whether it was done.

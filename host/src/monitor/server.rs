@@ -24,7 +24,7 @@ use super::access::check_origin;
 use super::action::Action;
 use super::control::{Control, Refused};
 use super::feed::{Feed, Update};
-use super::message::{Answer, Message, SharedFrame, json};
+use super::message::{ActionAnswer, Message, SharedFrame, json};
 use super::page;
 use super::places::{MAX_VIEWERS, Place, Places};
 
@@ -171,7 +171,7 @@ impl Viewer {
         Ok(frames)
     }
 
-    async fn act(&mut self, text: &str, answers: &mpsc::Sender<Answer>) -> Result<(), Gone> {
+    async fn act(&mut self, text: &str, answers: &mpsc::Sender<ActionAnswer>) -> Result<(), Gone> {
         let request = match self.shared.control.read(text) {
             Ok(request) => request,
             Err(Refused(answer)) => return self.refuse(&answer).await,
@@ -183,19 +183,19 @@ impl Viewer {
         }
         let Ok(place) = answers.clone().try_reserve_owned() else {
             let text = "earlier actions are still waiting; try again in a moment".into();
-            return self.answer(&Answer { id: request.id, ok: false, text }).await;
+            return self.answer(&ActionAnswer { id: request.id, ok: false, text }).await;
         };
         let shared = Arc::clone(&self.shared);
         tokio::spawn(async move { place.send(shared.control.act(request).await) });
         Ok(())
     }
 
-    async fn answer(&mut self, answer: &Answer) -> Result<(), Gone> {
+    async fn answer(&mut self, answer: &ActionAnswer) -> Result<(), Gone> {
         self.send(Packet::Text(json(&Message::Answer(answer)))).await
     }
 
     /// Answers a message that is malformed, or from a viewer who may not act.
-    async fn refuse(&mut self, answer: &Answer) -> Result<(), Gone> {
+    async fn refuse(&mut self, answer: &ActionAnswer) -> Result<(), Gone> {
         self.answer(answer).await?;
         self.mistakes += 1;
         if self.mistakes >= MAX_MISTAKES {

@@ -96,7 +96,7 @@ impl Picture {
     }
 
     fn add(&mut self, news: &News) {
-        let column = |rows: &super::message::Rows, name: &str| {
+        let column = |rows: &super::message::TimeRows, name: &str| {
             let values = rows.values.get(name).map_or(&[][..], Vec::as_slice);
             values.iter().flatten().copied().collect::<Vec<f32>>()
         };
@@ -140,13 +140,13 @@ pub struct TerminalWatcher {
     stop: Arc<AtomicBool>,
     feed: Feed,
     actions: Receiver<RunAction>,
-    answers: Receiver<Answer>,
+    answers: Receiver<AnswerKey>,
     mount_without_asking: bool,
 }
 
 /// A key that answers a question.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Answer {
+enum AnswerKey {
     Enter,
     GoOn,
 }
@@ -156,7 +156,7 @@ struct Keys {
     stop: Arc<AtomicBool>,
     player: Player,
     actions: Sender<RunAction>,
-    answers: Sender<Answer>,
+    answers: Sender<AnswerKey>,
 }
 
 impl TerminalView {
@@ -289,10 +289,10 @@ fn press(key: KeyEvent, keys: &Keys, picture: &Picture) {
             let _ = keys.actions.send(RunAction::Hold(!is_held));
         }
         KeyCode::Enter if picture.question.is_some() => {
-            let _ = keys.answers.send(Answer::Enter);
+            let _ = keys.answers.send(AnswerKey::Enter);
         }
         KeyCode::Char('g') if picture.question.is_some() => {
-            let _ = keys.answers.send(Answer::GoOn);
+            let _ = keys.answers.send(AnswerKey::GoOn);
         }
         _ => {}
     }
@@ -308,12 +308,12 @@ impl TerminalWatcher {
         if self.mount_without_asking {
             return Ok(false);
         }
-        while self.answer_to(format!("{request} Press Enter when ready."))? != Answer::Enter {}
+        while self.answer_to(format!("{request} Press Enter when ready."))? != AnswerKey::Enter {}
         Ok(true)
     }
 
     /// Asks a question and waits for its answer.
-    fn answer_to(&self, question: String) -> Result<Answer, RunError> {
+    fn answer_to(&self, question: String) -> Result<AnswerKey, RunError> {
         while self.answers.try_recv().is_ok() {}
         self.ask(Some(question));
         let answer = loop {
@@ -346,8 +346,8 @@ impl Watcher for TerminalWatcher {
         // The line may be longer than the terminal is wide: the keys come first. Its `s` stops every run.
         let keys = "Enter measures again, g goes on anyway, s stops.";
         Ok(match self.answer_to(format!("{keys} {}", finding.question_in_line()))? {
-            Answer::Enter => RestAnswer::Again,
-            Answer::GoOn => RestAnswer::GoOn,
+            AnswerKey::Enter => RestAnswer::Again,
+            AnswerKey::GoOn => RestAnswer::GoOn,
         })
     }
 

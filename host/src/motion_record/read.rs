@@ -182,12 +182,12 @@ fn beside(path: &Path) -> String {
 }
 
 /// The rows of a table, each its line and its fields, after an optional header.
-pub(crate) struct Rows {
+pub(crate) struct RecordRows {
     pub(crate) header: Option<Vec<String>>,
     pub(crate) rows: Vec<(u64, Vec<String>)>,
 }
 
-pub(crate) fn rows(text: &str) -> Result<Rows, String> {
+pub(crate) fn rows(text: &str) -> Result<RecordRows, String> {
     let sample = text.lines().find(|l| !l.trim().is_empty() && !l.starts_with('#')).unwrap_or_default();
     let delimiter = [',', ';', '\t'].into_iter().find(|d| sample.contains(*d)).unwrap_or(' ');
     let mut reader = csv::ReaderBuilder::new()
@@ -209,10 +209,10 @@ pub(crate) fn rows(text: &str) -> Result<Rows, String> {
     }
     let has_header = rows.first().is_some_and(|(_, fields)| fields.iter().all(|field| is_name(field)));
     let header = if has_header { Some(rows.remove(0).1) } else { None };
-    Ok(Rows { header, rows })
+    Ok(RecordRows { header, rows })
 }
 
-impl Rows {
+impl RecordRows {
     /// The place of a column, from 0.
     fn place(&self, which: &Which, key: &str, width: usize) -> Result<usize, String> {
         match (which, &self.header) {

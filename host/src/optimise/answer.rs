@@ -13,7 +13,7 @@ use super::mount;
 use super::neighbourhood::{self, Sensitivity};
 use super::over_band::{self, OverBand};
 use super::references::References;
-use super::search::Found;
+use super::search::SearchOutcome;
 use super::stuck;
 use super::variable::Choice;
 use crate::failure::Failure;
@@ -54,7 +54,7 @@ pub struct Variable {
 
 /// A constraint at the optimum.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Kept {
+pub struct KeptConstraint {
     /// The metric.
     pub metric: &'static str,
     /// What is asked of it.
@@ -86,7 +86,7 @@ pub struct Starts {
 
 /// The answer.
 #[derive(Clone, Debug, Serialize)]
-pub struct Answer {
+pub struct Optimum {
     /// Program and version.
     pub damprig: &'static str,
     /// Name of the optimisation.
@@ -127,7 +127,7 @@ pub struct Answer {
     /// Where in the band the objective is.
     pub band: Vec<Named>,
     /// The constraints at the optimum.
-    pub constraints: Vec<Kept>,
+    pub constraints: Vec<KeptConstraint>,
     /// How often an event search was given up at the optimum.
     pub unresolved: f64,
     /// Over many starts of the particle, if there is one.
@@ -148,16 +148,16 @@ pub struct Answer {
     /// The front of the objective and a second one, if one was asked for.
     pub front: Option<Front>,
     /// The answers of the alternatives.
-    pub alternatives: Vec<Answer>,
+    pub alternatives: Vec<Optimum>,
 }
 
-impl Answer {
+impl Optimum {
     /// From what a search found. A search that was stopped keeps its optimum; what is around it is not computed. When `go_on` says no,
     /// what is computed so far is kept.
     ///
     /// # Errors
     /// The refusal of a case that the values make.
-    pub fn of(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<Self, Failure> {
+    pub fn of(optimisation: &Optimisation, found: &SearchOutcome, go_on: GoOn) -> Result<Self, Failure> {
         let simulations = AtomicU64::new(found.simulations);
         let go_on: GoOn = &|ended| {
             simulations.fetch_add(ended, Ordering::Relaxed);
@@ -187,7 +187,7 @@ impl Answer {
         };
         let named = |(axis, value): (&Axis, &f64)| Named { key: axis.key.clone(), value: *value, unit: axis.unit() };
         let there = optimisation.axes.iter().zip(&best.there).map(named).collect();
-        let kept = |(constraint, value): (&Constraint, &f64)| Kept {
+        let kept = |(constraint, value): (&Constraint, &f64)| KeptConstraint {
             metric: constraint.metric.name(),
             limit: constraint
                 .limit

@@ -85,7 +85,7 @@ impl Evaluated {
 pub type GoOn<'a> = &'a (dyn Fn(u64) -> bool + Sync);
 
 /// The metrics of some simulations: by metric, then by start, then by point of the band.
-type Simulated = Vec<Vec<Vec<f64>>>;
+type MetricsByStart = Vec<Vec<Vec<f64>>>;
 
 /// How thoroughly a point is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -325,7 +325,7 @@ struct Simulations<'a> {
 
 impl Simulations<'_> {
     /// Simulates the case at each point of the band's grid from each start (from its own without any).
-    fn grid(&mut self, metrics: &[Quantity], starts: Option<&[f64]>) -> Result<Simulated, Failure> {
+    fn grid(&mut self, metrics: &[Quantity], starts: Option<&[f64]>) -> Result<MetricsByStart, Failure> {
         let points = self.optimisation.band_points();
         let count = starts.map_or(1, <[f64]>::len);
         let mut all = Vec::with_capacity(points * count);
@@ -390,7 +390,7 @@ impl Simulations<'_> {
     }
 
     /// What a point gives from what its grid gave; it has no values and shares.
-    fn evaluated(&mut self, simulated: &Simulated, effort: Effort) -> Result<Evaluated, Failure> {
+    fn evaluated(&mut self, simulated: &MetricsByStart, effort: Effort) -> Result<Evaluated, Failure> {
         let optimisation = self.optimisation;
         let starts = optimisation.starts.as_ref();
         let share_of = |place: usize| starts.map(|starts| starts[place]);

@@ -3,7 +3,7 @@
 
 use serde::Serialize;
 
-use super::answer::{Answer, Variable};
+use super::answer::{Optimum, Variable};
 use super::constraint::{Constraint, Limit};
 use super::file::Optimisation;
 use super::keys::front as keys;
@@ -91,7 +91,7 @@ impl Second {
 
     /// The point of the optimum or of an optimum with a limit; none where a constraint is not kept or the second objective does not exist.
     #[must_use]
-    pub fn point(&self, answer: &Answer) -> Option<FrontPoint> {
+    pub fn point(&self, answer: &Optimum) -> Option<FrontPoint> {
         let (objective, second) = (answer.objective, answer.constraints.last()?.value);
         let is_point = answer.is_feasible && second.is_finite();
         is_point.then(|| FrontPoint { objective, second, variables: answer.variables.clone(), is_knee: false })

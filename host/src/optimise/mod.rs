@@ -31,6 +31,6 @@ pub mod table;
 pub mod variable;
 mod verify;
 
-pub use answer::Answer;
+pub use answer::Optimum;
 pub use file::Optimisation;
 pub use keys::TABLES;

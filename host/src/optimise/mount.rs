@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::evaluate::{Care, Evaluated, GoOn, at_values, with_scenarios};
 use super::file::Optimisation;
 use super::scenarios::{self, Scenario};
-use super::search::{self, APART, Found, PLACES, Stage, best_places};
+use super::search::{self, APART, PLACES, SearchOutcome, Stage, best_places};
 use super::variable::Variable;
 use super::verify::{self, Verification};
 use crate::failure::Failure;
@@ -81,7 +81,7 @@ pub(super) fn points(optimisation: &Optimisation) -> (Points, Points) {
 ///
 /// # Errors
 /// The refusal of a case that the values make, or that `go_on` said no.
-pub fn best(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<Option<Setting>, Failure> {
+pub fn best(optimisation: &Optimisation, found: &SearchOutcome, go_on: GoOn) -> Result<Option<Setting>, Failure> {
     let mounting = Mounting { optimisation, scenarios: scenarios::compared(optimisation), go_on };
     if optimisation.is_robust() {
         return mounting.verified_best(found);
@@ -119,7 +119,7 @@ pub fn best(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<O
 }
 
 /// Places of a search that are made: its best one alone if it has no others, likely.
-const fn places(found: &Found) -> usize {
+const fn places(found: &SearchOutcome) -> usize {
     if found.is_complete { 1 } else { PLACES }
 }
 
@@ -177,7 +177,7 @@ impl Mounting<'_> {
     }
 
     /// The best of the values that can be made, with the objective over many more scenarios than the search had.
-    fn verified_best(&self, found: &Found) -> Result<Option<Setting>, Failure> {
+    fn verified_best(&self, found: &SearchOutcome) -> Result<Option<Setting>, Failure> {
         let is_made = found.points.first().is_some_and(|(stage, _)| *stage == Stage::All);
         let mut places: Vec<Evaluated> = if is_made {
             found.points.iter().map(|(_, point)| point.clone()).collect()

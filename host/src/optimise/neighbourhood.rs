@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::evaluate::{Care, Evaluated, GoOn, at_values};
 use super::file::Optimisation;
 use crate::failure::Failure;
-use crate::study::axis::{Axis, Values};
+use crate::study::axis::{Axis, AxisValues};
 use crate::study::band::Effort;
 use crate::study::distribution::Distribution;
 
@@ -63,7 +63,7 @@ pub struct Jump {
 /// A change of 1 % of a variable.
 #[must_use]
 pub fn step(axis: &Axis, value: f64) -> f64 {
-    let Values::Drawn(Distribution { from, to, .. }) = axis.values else { return 0.0 };
+    let AxisValues::Drawn(Distribution { from, to, .. }) = axis.values else { return 0.0 };
     0.01 * if value == 0.0 { to - from } else { value.abs() }
 }
 
@@ -75,7 +75,7 @@ pub(super) const fn points(variables: usize) -> u64 {
 }
 
 fn is_inside(axis: &Axis, value: f64) -> bool {
-    matches!(axis.values, Values::Drawn(Distribution { from, to, .. }) if (from..=to).contains(&value))
+    matches!(axis.values, AxisValues::Drawn(Distribution { from, to, .. }) if (from..=to).contains(&value))
 }
 
 /// What a change of each variable alone does.

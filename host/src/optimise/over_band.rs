@@ -8,7 +8,7 @@ use super::evaluate::{Evaluated, GoOn, on_axis};
 use super::file::Optimisation;
 use super::scenarios;
 use crate::failure::Failure;
-use crate::study::axis::{Value, Values};
+use crate::study::axis::{AxisValues, Value};
 
 /// Points of the curve, evenly spaced in the band.
 pub const POINTS: u32 = 121;
@@ -35,7 +35,7 @@ pub struct OverBand {
 /// The refusal of a case that the values make, or that `go_on` said no.
 pub fn curve(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Vec<OverBand>, Failure> {
     let [axis] = optimisation.band() else { return Ok(Vec::new()) };
-    let Values::Numbers(numbers) = &axis.values else { return Ok(Vec::new()) };
+    let AxisValues::Numbers(numbers) = &axis.values else { return Ok(Vec::new()) };
     let (Some(from), Some(to)) = (numbers.first(), numbers.last()) else { return Ok(Vec::new()) };
     let place = |n: u32| from + (to - from) * f64::from(n) / f64::from(POINTS - 1);
     let at: Vec<f64> = (0..POINTS).map(place).collect();

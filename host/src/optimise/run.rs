@@ -3,11 +3,11 @@
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::answer::Answer;
+use super::answer::Optimum;
 use super::evaluate::Evaluated;
 use super::file::Optimisation;
 use super::front::{Front, Second};
-use super::search::{self, Found, Progress};
+use super::search::{self, Progress, SearchOutcome};
 use super::size::{self, Size};
 use crate::failure::Failure;
 
@@ -66,7 +66,7 @@ pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Failure> {
 ///
 /// # Errors
 /// The refusal of a case; a search that was stopped before its first point.
-pub fn run(optimisation: &Optimisation, report: Report) -> Result<(Found, Answer), Failure> {
+pub fn run(optimisation: &Optimisation, report: Report) -> Result<(SearchOutcome, Optimum), Failure> {
     let mut work = Work { simulations: 0, left: about(optimisation), report };
     let (found, mut answer) = work.one(optimisation)?;
     if let Some(second) = optimisation.second.as_ref().filter(|_| !answer.is_stopped) {
@@ -91,7 +91,7 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    fn one(&mut self, optimisation: &Optimisation) -> Result<(Found, Answer), Failure> {
+    fn one(&mut self, optimisation: &Optimisation) -> Result<(SearchOutcome, Optimum), Failure> {
         let (name, report) = (optimisation.name.as_str(), self.report);
         let (before, about) = (self.simulations, self.simulations + self.left);
         let of_search = |progress: &Progress| {
@@ -108,14 +108,14 @@ impl Work<'_> {
             let simulations = simulations.fetch_add(ended, Ordering::Relaxed) + ended;
             report(Reached { name, simulations, about, best: None })
         };
-        let answer = Answer::of(optimisation, &found, &go_on)?;
+        let answer = Optimum::of(optimisation, &found, &go_on)?;
         self.simulations = simulations.into_inner();
         self.left = self.left.saturating_sub(size.about());
         Ok((found, answer))
     }
 
     /// The answer of a whole optimisation; `None` if it was stopped.
-    fn complete(&mut self, optimisation: &Optimisation) -> Result<Option<Answer>, Failure> {
+    fn complete(&mut self, optimisation: &Optimisation) -> Result<Option<Optimum>, Failure> {
         let answer = Failure::unless_interrupted(self.one(optimisation))?.map(|(_, answer)| answer);
         Ok(answer.filter(|answer| !answer.is_stopped))
     }
@@ -125,7 +125,7 @@ impl Work<'_> {
         &mut self,
         optimisation: &Optimisation,
         second: &Second,
-        optimum: &Answer,
+        optimum: &Optimum,
     ) -> Result<(Option<Front>, bool), Failure> {
         let Some(first) = second.point(optimum) else { return Ok((None, false)) };
         let Some(alone) = self.complete(&second.alone(optimisation))? else { return Ok((None, true)) };

@@ -5,7 +5,7 @@
 //! or a quantile: of its probability).
 
 use super::file::Optimisation;
-use crate::study::axis::Values;
+use crate::study::axis::AxisValues;
 use crate::study::over::Over;
 use crate::study::sampling::{Method, Sampling};
 
@@ -61,8 +61,8 @@ pub fn values(optimisation: &Optimisation, nominal: &[f64], scenario: &[f64]) ->
         values.push(match (&uncertain.values, &axis.values) {
             (Some(values), _) => values[((share * values.len() as f64) as usize).min(values.len() - 1)],
             // The worst counts however likely it is: its levels are even in the value.
-            (None, Values::Drawn(distribution)) if optimisation.over == Over::Worst => distribution.between(*share),
-            (None, Values::Drawn(distribution)) => distribution.quantile(*share),
+            (None, AxisValues::Drawn(distribution)) if optimisation.over == Over::Worst => distribution.between(*share),
+            (None, AxisValues::Drawn(distribution)) => distribution.quantile(*share),
             (None, _) => f64::NAN,
         });
     }

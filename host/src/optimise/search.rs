@@ -96,7 +96,7 @@ pub struct Progress {
 
 /// What a search found.
 #[derive(Clone, Debug)]
-pub struct Found {
+pub struct SearchOutcome {
     /// All evaluated points, in the order of the search.
     pub points: Vec<(Stage, Evaluated)>,
     /// Number of the best one: of those that keep the constraints, or else of the least violation.
@@ -113,7 +113,7 @@ pub struct Found {
 ///
 /// # Errors
 /// A case that is refused; a search that was stopped before its first point.
-pub fn run(optimisation: &Optimisation, report: &(dyn Fn(&Progress) -> bool + Sync)) -> Result<Found, Failure> {
+pub fn run(optimisation: &Optimisation, report: &(dyn Fn(&Progress) -> bool + Sync)) -> Result<SearchOutcome, Failure> {
     let judge = Judge::new(optimisation, report);
     let (points, is_complete) = match points_that_can_be_made(optimisation) {
         Some(points) => (all(&judge, &points), false),
@@ -124,7 +124,7 @@ pub fn run(optimisation: &Optimisation, report: &(dyn Fn(&Progress) -> bool + Sy
     let best = (0..points.len()).min_by(|a, b| cost(a).total_cmp(&cost(b)));
     let best = best.ok_or_else(|| Failure::Interrupted("stopped before the first point".into()))?;
     let (simulations, is_stopped) = (judge.simulations.into_inner(), judge.is_stopped.into_inner());
-    Ok(Found { points, best, simulations, is_complete, is_stopped })
+    Ok(SearchOutcome { points, best, simulations, is_complete, is_stopped })
 }
 
 /// All points that can be made, if they are no more than the evaluations of the search.

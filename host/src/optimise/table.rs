@@ -3,10 +3,10 @@
 use std::fs;
 use std::path::Path;
 
-use super::answer::Answer;
+use super::answer::Optimum;
 use super::evaluate::Evaluated;
 use super::file::Optimisation;
-use super::search::Found;
+use super::search::SearchOutcome;
 use crate::failure::Failure;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::{own_files, sealed_parquet};
@@ -44,7 +44,12 @@ pub fn check_folder(folder: &Path) -> Result<(), Failure> {
 ///
 /// # Errors
 /// Names the file that cannot be written.
-pub fn write(optimisation: &Optimisation, found: &Found, answer: &Answer, folder: &Path) -> Result<(), Failure> {
+pub fn write(
+    optimisation: &Optimisation,
+    found: &SearchOutcome,
+    answer: &Optimum,
+    folder: &Path,
+) -> Result<(), Failure> {
     create_folder(folder)?;
     let stages: Vec<&str> = found.points.iter().map(|(stage, _)| stage.name()).collect();
     let points: Vec<&Evaluated> = found.points.iter().map(|(_, point)| point).collect();

@@ -4,7 +4,7 @@ use super::keys::{uncertain, variable};
 use crate::input::Section;
 use crate::input::key::Quantity;
 use crate::input::section::Number;
-use crate::study::axis::{self, Axis, Values};
+use crate::study::axis::{self, Axis, AxisValues};
 use crate::study::distribution::{self, Distribution};
 
 /// Tolerance of a variable as a share of its value (of its range where it is 0), unless the file states one.
@@ -199,7 +199,7 @@ pub(super) fn read_uncertain(s: &Section) -> Option<(Axis, Uncertain)> {
             s.reject(uncertain::VALUES.name(), "does not go with a distribution", Some(help.into()));
             return None;
         }
-        let (values, is_log) = (Values::Drawn(distribution), distribution.is_log());
+        let (values, is_log) = (AxisValues::Drawn(distribution), distribution.is_log());
         let axis = Axis { key: key.value, values, is_log, reduce: None, span: key.span, value_spans };
         return Some((axis, Uncertain { values: None }));
     }
@@ -219,7 +219,7 @@ struct Range {
 
 impl Range {
     fn axis(self, key: String, span: crate::input::Span) -> Axis {
-        let values = Values::Drawn(Distribution::uniform(self.from, self.to, self.is_log));
+        let values = AxisValues::Drawn(Distribution::uniform(self.from, self.to, self.is_log));
         Axis { key, values, is_log: self.is_log, reduce: None, span, value_spans: self.spans }
     }
 }

@@ -295,10 +295,10 @@ fn motion(campaign: &Campaign, set_up: usize, base_amplitude_m: f64) -> Result<(
         let detection = &watch::detection(&campaign.rig.board.impacts);
         let starts = campaign.set_ups[set_up].starts();
         let budget = (most_steps / starts.len() as u64, detection);
-        let simulated = |sine: &SteppedSine| -> Result<Simulated, Invalid> {
-            let all: Result<Vec<Simulated>, Invalid> =
+        let simulated = |sine: &SteppedSine| -> Result<PredictedSweep, Invalid> {
+            let all: Result<Vec<PredictedSweep>, Invalid> =
                 starts.iter().map(|start| simulate(start, sine, base_amplitude_m, budget)).collect();
-            Ok(Simulated::of_starts(&all?))
+            Ok(PredictedSweep::of_starts(&all?))
         };
         let mut all = simulated(sine)?;
         let is_whole = all.points.len() == sine.frequencies_hz.len();
@@ -364,7 +364,7 @@ fn whole_cycles(experiment: &SteppedSine, frequency_hz: f64) -> [f64; 2] {
 }
 
 /// A predicted stepped sine.
-struct Simulated {
+struct PredictedSweep {
     swing: Swing,
     /// Frequency and X/Z (cycle maxima) of each point.
     points: Vec<(f64, f64)>,
@@ -372,7 +372,7 @@ struct Simulated {
     dwell_max_x_m: f64,
 }
 
-impl Simulated {
+impl PredictedSweep {
     /// Adds further points of the same experiment.
     fn add(&mut self, further: Self) {
         self.swing = self.swing.or(further.swing);
@@ -400,7 +400,7 @@ fn simulate(
     experiment: &SteppedSine,
     base_amplitude_m: f64,
     (most_steps, detection): (u64, &Detection),
-) -> Result<Simulated, Invalid> {
+) -> Result<PredictedSweep, Invalid> {
     let model = set_up.rig_model_at(base_amplitude_m);
     let initial = Initial { y_m: set_up.spec.particle_start_m(base_amplitude_m), ..Initial::default() };
     let mut largest = Swing::NOTHING;
@@ -446,7 +446,7 @@ fn simulate(
             carried = Some(watched.motion);
         }
     }
-    Ok(Simulated { swing: largest, points, dwell_max_x_m })
+    Ok(PredictedSweep { swing: largest, points, dwell_max_x_m })
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use arrow_array::RecordBatch;
 
-use crate::continuation::Found;
+use crate::continuation::FoundBranches;
 use crate::failure::Failure;
 use crate::input::key::Unit;
 use crate::quantity::Quantity;
@@ -63,7 +63,7 @@ fn column_of(key: &str) -> Column {
 ///
 /// # Errors
 /// The table library's error.
-pub fn curves(found: &Found) -> Result<RecordBatch, Failure> {
+pub fn curves(found: &FoundBranches) -> Result<RecordBatch, Failure> {
     let numbered = (1u32..).zip(&found.curves);
     let rows: Vec<_> =
         numbered.flat_map(|(number, curve)| curve.points.iter().map(move |point| (number, curve, point))).collect();
@@ -87,7 +87,7 @@ pub fn curves(found: &Found) -> Result<RecordBatch, Failure> {
 ///
 /// # Errors
 /// The table library's error.
-pub fn orbits(found: &Found) -> Result<RecordBatch, Failure> {
+pub fn orbits(found: &FoundBranches) -> Result<RecordBatch, Failure> {
     let branches = found.branches.iter();
     let rows: Vec<_> = branches.flat_map(|branch| branch.orbits.iter().map(move |orbit| (branch, orbit))).collect();
     let is_stable = Column::new("is_stable", "", "whether neighbouring motions return to the orbit");
@@ -113,7 +113,7 @@ pub fn orbits(found: &Found) -> Result<RecordBatch, Failure> {
 }
 
 /// A table that says what it is: case, parameters that do not vary, and identity.
-fn finish<R>(found: &Found, row: &str, table: TableBuilder<R>) -> Result<RecordBatch, Failure> {
+fn finish<R>(found: &FoundBranches, row: &str, table: TableBuilder<R>) -> Result<RecordBatch, Failure> {
     let varied: Vec<&str> = [&found.parameter].into_iter().chain(&found.second_parameter).map(String::as_str).collect();
     let about = of_file(row)
         .with("damprig.name", found.case.as_str())

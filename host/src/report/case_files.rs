@@ -12,7 +12,7 @@ use crate::simulation::{Case, SimulationResult};
 
 /// The case as simulated.
 #[derive(Debug, Serialize)]
-pub struct Simulated<'a> {
+pub struct CaseAsSimulated<'a> {
     name: &'a str,
     #[serde(skip_serializing_if = "str::is_empty")]
     set: &'a str,
@@ -188,9 +188,9 @@ impl Spheres {
 
 /// The result with its case, and what was asked for besides under keys of its own.
 #[derive(Debug, Serialize)]
-pub struct Answer<'a> {
+pub struct SimulationJson<'a> {
     /// The case.
-    pub case: Simulated<'a>,
+    pub case: CaseAsSimulated<'a>,
     /// The result.
     #[serde(flatten)]
     pub result: &'a SimulationResult,
@@ -202,7 +202,7 @@ pub struct Answer<'a> {
     pub cycle_max_m: Option<&'a [f64]>,
 }
 
-impl<'a> Simulated<'a> {
+impl<'a> CaseAsSimulated<'a> {
     /// Of a case; `set`: the lines of the values that were set from outside.
     #[must_use]
     pub fn of(case: &'a Case, set: &'a str) -> Self {

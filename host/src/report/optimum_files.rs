@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::failure::Failure;
 use crate::optimise::front::FrontPoint;
-use crate::optimise::{Answer, Optimisation};
+use crate::optimise::{Optimisation, Optimum};
 use crate::quantity::Quantity;
 use crate::report::figures::study_curves::{self, Curve, CurveLabels};
 use crate::report::figures::symbols;
@@ -27,11 +27,11 @@ pub const FRONT: &str = "front";
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write(optimisation: &Optimisation, answer: &Answer, summary: &str, folder: &Path) -> Result<(), Failure> {
+pub fn write(optimisation: &Optimisation, answer: &Optimum, summary: &str, folder: &Path) -> Result<(), Failure> {
     let identity =
         checksum::of_bytes([optimisation.text.as_bytes(), optimisation.case_text.as_bytes()].concat().as_slice());
     let source = plot::source("optimisation", &identity);
-    let in_both = |draw: fn(&Optimisation, &Answer, Breadth) -> Option<Picture>| {
+    let in_both = |draw: fn(&Optimisation, &Optimum, Breadth) -> Option<Picture>| {
         let figure = |breadth| draw(optimisation, answer, breadth).map(|picture| picture.of_source(&source));
         Some([figure(Breadth::Broad)?, figure(Breadth::Narrow)?])
     };
@@ -53,7 +53,7 @@ pub fn write(optimisation: &Optimisation, answer: &Answer, summary: &str, folder
 }
 
 /// The objective's metric over the band of the optimum, its alternatives and the bare structure; `None` without such a curve.
-fn over_band(optimisation: &Optimisation, answer: &Answer, breadth: Breadth) -> Option<Picture> {
+fn over_band(optimisation: &Optimisation, answer: &Optimum, breadth: Breadth) -> Option<Picture> {
     let axis = optimisation.band().first()?;
     let case = optimisation.first_case().ok()?;
     let reference = || symbols::reference(&case);
@@ -89,7 +89,7 @@ fn over_band(optimisation: &Optimisation, answer: &Answer, breadth: Breadth) -> 
 }
 
 /// The objective over the second one.
-fn front(optimisation: &Optimisation, answer: &Answer, breadth: Breadth) -> Option<Picture> {
+fn front(optimisation: &Optimisation, answer: &Optimum, breadth: Breadth) -> Option<Picture> {
     let (front, second) = (answer.front.as_ref()?, optimisation.second.as_ref()?);
     let case = optimisation.first_case().ok()?;
     let [(_, first_scale), (_, second_scale)] = [optimisation.objective, second.metric].map(Quantity::shown_unit);

@@ -48,12 +48,12 @@ pub struct TrackedPoint {
     /// sensors' scales. Not a number where it is not known.
     pub damping_ratio_95: f64,
     /// Whether the resonance was found.
-    pub found: Found,
+    pub found: AtResonance,
 }
 
 /// Whether a point is at its resonance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Found {
+pub enum AtResonance {
     /// Phase and amplitude are as asked for, and the motion is steady or stationary.
     Yes,
     /// As asked for, but the motion is not steady.
@@ -66,7 +66,7 @@ pub enum Found {
     NotHeld,
 }
 
-impl Found {
+impl AtResonance {
     /// In words.
     #[must_use]
     pub fn text(self) -> &'static str {
@@ -134,17 +134,17 @@ impl Told {
         let is_near = |end_hz: f32| (self.frequency_hz / f64::from(end_hz) - 1.0).abs() < AT_END;
         let measured = [self.x_m, self.z_m, self.phase_rad];
         let found = if !tracked.is_locked(self.phase_rad.into()) {
-            if is_near(lock.low_hz) || is_near(lock.high_hz) { Found::AtEnd } else { Found::NotLocked }
+            if is_near(lock.low_hz) || is_near(lock.high_hz) { AtResonance::AtEnd } else { AtResonance::NotLocked }
         } else if is_as_asked(sine, self.index, self.frequency_hz as f32, measured) {
-            if self.is_settled { Found::Yes } else { Found::Unsteady }
+            if self.is_settled { AtResonance::Yes } else { AtResonance::Unsteady }
         } else {
-            Found::NotHeld
+            AtResonance::NotHeld
         };
         let (x_m, z_m, phase_rad) = (f64::from(self.x_m), f64::from(self.z_m), f64::from(self.phase_rad));
         let (natural_frequency_hz, damping_ratio) = equivalent(self.frequency_hz, x_m / z_m, phase_rad);
         let amplitude = tracked.amplitudes.get(self.index);
         // Beside its resonance a point's phase and amplitude act otherwise on both.
-        let is_locked = matches!(found, Found::Yes | Found::Unsteady | Found::NotHeld);
+        let is_locked = matches!(found, AtResonance::Yes | AtResonance::Unsteady | AtResonance::NotHeld);
         let of_phase = 2.0 * (phase_rad - f64::from(lock.phase_rad)).abs();
         let half = |value: f64, share: f64| if is_locked { value * share } else { f64::NAN };
         TrackedPoint {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::continuation::Found;
+use crate::continuation::FoundBranches;
 use crate::failure::Failure;
 use crate::report::figures::sensitivity as indices;
 use crate::report::figures::study::{self, StudyFigure};
@@ -113,7 +113,7 @@ fn sensitivity_table(sensitivity: &[SensitivityIndices], identity: &str) -> Resu
 }
 
 /// What the overlays of the map find, and why those that find nothing are left out.
-fn overlays(study: &Study) -> (Vec<Found>, Vec<(String, String)>) {
+fn overlays(study: &Study) -> (Vec<FoundBranches>, Vec<(String, String)>) {
     let (mut found, mut left_out) = (Vec::new(), Vec::new());
     for overlay in &study.overlays {
         let shown = overlay.path.display().to_string();

@@ -41,12 +41,10 @@ pub(crate) const PLACE: [Key; 2] = [
 pub const ALL_TABLES: &[Table] = &{
     let mut all = [POSITIVE_WALL[0]; TABLES.len() + POSITIVE_WALL.len()];
     let mut n = 0;
-    while n < TABLES.len() {
-        all[n] = TABLES[n];
+    while n < all.len() {
+        all[n] = if n < TABLES.len() { TABLES[n] } else { POSITIVE_WALL[n - TABLES.len()] };
         n += 1;
     }
-    all[n + 1] = POSITIVE_WALL[1];
-    all[n + 2] = POSITIVE_WALL[2];
     all
 };
 

@@ -3,7 +3,7 @@
 //!
 //! The time step is the 62nd real number, in ms, which is that of the values; the 34th is that of the recorder, in s.
 
-use super::csmip::{Values, title};
+use super::csmip::{AnnouncedNumbers, title};
 use super::{Axis, Contents, STRONG_MOTION, Signal};
 
 /// Lines in which the header of the real numbers is looked for.
@@ -77,13 +77,13 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
         if let Some(name) = channel_of(line) {
             channel = name;
         } else if let Some((count, after)) = announced(line, "Real-header values") {
-            let reals = Values { at, count, width: width(after) }.read(&mut lines)?;
+            let reals = AnnouncedNumbers { at, count, width: width(after) }.read(&mut lines)?;
             let known = |place: usize| reals.get(place).copied().filter(|value| *value > 0.0 && *value != UNKNOWN);
             step_s = known(STEP_MS).map(|step_ms| 1e-3 * step_ms).or(known(RECORDER_STEP_S));
         } else if let Some((count, after)) = announced(line, "Integer-header values") {
-            Values { at, count, width: width(after) }.read(&mut lines)?;
+            AnnouncedNumbers { at, count, width: width(after) }.read(&mut lines)?;
         } else if let Some(head) = head(line) {
-            let values = Values { at, count: head.count, width: head.width }.read(&mut lines)?;
+            let values = AnnouncedNumbers { at, count: head.count, width: head.width }.read(&mut lines)?;
             let step_s = step_s.ok_or_else(|| {
                 format!("line {}: the time step of the values is missing: the 62nd real number of the header states it in ms", at + 1)
             })?;

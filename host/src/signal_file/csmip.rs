@@ -55,7 +55,7 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
     let mut lines = text.lines().enumerate();
     while let Some((at, line)) = lines.next() {
         let Some(head) = head(line) else { continue };
-        let values = Values { at, count: head.count, width: head.width }.read(&mut lines)?;
+        let values = AnnouncedNumbers { at, count: head.count, width: head.width }.read(&mut lines)?;
         signals.push(Signal::new(head.name, head.unit, Axis::Time { start_s: 0.0, step_s: head.step_s }, values));
     }
     Ok(Contents { kind: STRONG_MOTION, signals, remarks: title(text, 4, 8) })
@@ -68,7 +68,7 @@ pub(super) fn title(text: &str, from: usize, to: usize) -> Vec<String> {
 }
 
 /// Numbers that a line announces.
-pub(super) struct Values {
+pub(super) struct AnnouncedNumbers {
     /// The line, from 0.
     pub at: usize,
     pub count: usize,
@@ -76,7 +76,7 @@ pub(super) struct Values {
     pub width: Option<usize>,
 }
 
-impl Values {
+impl AnnouncedNumbers {
     /// Reads them from the lines that follow.
     pub(super) fn read<'a>(&self, lines: &mut impl Iterator<Item = (usize, &'a str)>) -> Result<Vec<f64>, String> {
         if self.count < 2 {

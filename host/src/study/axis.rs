@@ -28,7 +28,7 @@ impl Value {
 
 /// Where the values of an axis come from.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Values {
+pub enum AxisValues {
     /// These numbers.
     Numbers(Vec<f64>),
     /// These words.
@@ -101,7 +101,7 @@ pub struct Axis {
     /// The key with its tables: `particle.clearance_ratio`.
     pub key: String,
     /// Its values.
-    pub values: Values,
+    pub values: AxisValues,
     /// Whether the values are spaced evenly in the logarithm.
     pub is_log: bool,
     /// How its points become one, if they do.
@@ -117,16 +117,16 @@ impl Axis {
     #[must_use]
     pub fn count(&self) -> usize {
         match &self.values {
-            Values::Numbers(numbers) => numbers.len(),
-            Values::Words(words) => words.len(),
-            Values::Drawn(_) | Values::Given { .. } => 1,
+            AxisValues::Numbers(numbers) => numbers.len(),
+            AxisValues::Words(words) => words.len(),
+            AxisValues::Drawn(_) | AxisValues::Given { .. } => 1,
         }
     }
 
     /// Whether its values are drawn or from outside, one for each point, and no grid.
     #[must_use]
     pub fn is_scattered(&self) -> bool {
-        matches!(self.values, Values::Drawn(_) | Values::Given { .. })
+        matches!(self.values, AxisValues::Drawn(_) | AxisValues::Given { .. })
     }
 
     /// Whether it is a band of drive frequencies whose extreme is looked for between its values too.
@@ -135,7 +135,7 @@ impl Axis {
         let is_drive = self.key.starts_with("base.") || self.key.starts_with("force.");
         let is_frequency =
             matches!(self.short_key(), "frequency_hz" | "frequency_ratio" | "angular_frequency_rad_per_s");
-        let is_grid = matches!(&self.values, Values::Numbers(numbers) if numbers.len() > 1);
+        let is_grid = matches!(&self.values, AxisValues::Numbers(numbers) if numbers.len() > 1);
         is_drive
             && is_frequency
             && is_grid
@@ -146,10 +146,10 @@ impl Axis {
     #[must_use]
     pub fn value(&self, place: usize, share: f64) -> Value {
         match &self.values {
-            Values::Numbers(numbers) => Value::Number(numbers[place]),
-            Values::Words(words) => Value::Word(words[place].clone()),
-            Values::Drawn(distribution) => Value::Number(distribution.quantile(share)),
-            Values::Given { from, to } => Value::Number(between(*from, *to, false, share)),
+            AxisValues::Numbers(numbers) => Value::Number(numbers[place]),
+            AxisValues::Words(words) => Value::Word(words[place].clone()),
+            AxisValues::Drawn(distribution) => Value::Number(distribution.quantile(share)),
+            AxisValues::Given { from, to } => Value::Number(between(*from, *to, false, share)),
         }
     }
 
@@ -178,7 +178,7 @@ impl Axis {
     #[must_use]
     pub fn checked_values(&self) -> Vec<Value> {
         match &self.values {
-            Values::Drawn(Distribution { from, to, .. }) | Values::Given { from, to } => {
+            AxisValues::Drawn(Distribution { from, to, .. }) | AxisValues::Given { from, to } => {
                 vec![Value::Number(*from), Value::Number(*to)]
             }
             _ => (0..self.count()).map(|place| self.value(place, 0.0)).collect(),
@@ -212,7 +212,7 @@ pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Opti
             s.reject(keys::DISTRIBUTION.name(), allowed, None);
             return None;
         }
-        let (values, is_log) = (Values::Drawn(distribution), distribution.is_log());
+        let (values, is_log) = (AxisValues::Drawn(distribution), distribution.is_log());
         return Some(Axis { key: key.value, values, is_log, reduce, span: key.span, value_spans });
     }
     let is_range = s.is_given(&keys::FROM) || s.is_given(&keys::TO) || s.is_given(&keys::COUNT);
@@ -250,10 +250,12 @@ pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Opti
             match count {
                 Some(count) => {
                     let last = count - 1.0;
-                    Values::Numbers((0..count as usize).map(|n| between(from, to, is_log, n as f64 / last)).collect())
+                    AxisValues::Numbers(
+                        (0..count as usize).map(|n| between(from, to, is_log, n as f64 / last)).collect(),
+                    )
                 }
                 None if s.is_given(&keys::COUNT) => return None,
-                None if has_sampling && reduce.is_none() => Values::Drawn(Distribution::uniform(from, to, is_log)),
+                None if has_sampling && reduce.is_none() => AxisValues::Drawn(Distribution::uniform(from, to, is_log)),
                 None => {
                     s.reject(keys::KEY.name(), "has a range without a number of values", Some(missing_count.into()));
                     return None;
@@ -301,22 +303,22 @@ pub(crate) fn checked_range(
     Some((from.value, to.value))
 }
 
-fn read_list(s: &Section, given: Given, spans: &mut Vec<Span>) -> Option<Values> {
+fn read_list(s: &Section, given: Given, spans: &mut Vec<Span>) -> Option<AxisValues> {
     let values = match given {
         Given::Numbers(numbers) => {
             spans.extend(numbers.iter().map(|number| number.span.clone()));
-            Values::Numbers(numbers.into_iter().map(|number| number.value).collect())
+            AxisValues::Numbers(numbers.into_iter().map(|number| number.value).collect())
         }
         Given::Texts(words) => {
             spans.extend(words.iter().map(|word| word.span.clone()));
-            Values::Words(words.into_iter().map(|word| word.value).collect())
+            AxisValues::Words(words.into_iter().map(|word| word.value).collect())
         }
         _ => return None,
     };
     let is_empty = match &values {
-        Values::Numbers(numbers) => numbers.is_empty(),
-        Values::Words(words) => words.is_empty(),
-        Values::Drawn(_) | Values::Given { .. } => false,
+        AxisValues::Numbers(numbers) => numbers.is_empty(),
+        AxisValues::Words(words) => words.is_empty(),
+        AxisValues::Drawn(_) | AxisValues::Given { .. } => false,
     };
     if is_empty {
         let key = s.written(&keys::VALUES).map_or("values", |key| key.name);

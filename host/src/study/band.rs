@@ -179,11 +179,11 @@ pub fn values_at(axes: &[Axis], point: usize) -> Vec<Value> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::axis::Values;
+    use crate::study::axis::AxisValues;
     use crate::study::peaks::PREDICTED;
 
     fn axis(key: &str, numbers: Vec<f64>, reduce: Reduction) -> Axis {
-        let values = Values::Numbers(numbers);
+        let values = AxisValues::Numbers(numbers);
         Axis { key: key.into(), values, is_log: false, reduce: Some(reduce), span: 0..0, value_spans: Vec::new() }
     }
 

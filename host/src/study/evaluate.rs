@@ -12,7 +12,7 @@ use super::file::Study;
 use super::linear;
 use super::metric;
 use super::over::{Over, quantile};
-use super::simulate::{Counted, GoOn, Record, Simulated, metrics_of_all};
+use super::simulate::{CaseMetrics, Counted, GoOn, Record, metrics_of_all};
 use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::simulation::case::RunSpec;
@@ -135,7 +135,7 @@ pub fn rows(study: &Study, rows: Range<u64>, go_on: GoOn) -> Result<Vec<Vec<f64>
 }
 
 /// A row from its simulations, by point, then by start, and from more of them around the peaks of a band.
-fn row_of(study: &Study, band: &Band, row: u64, simulated: &[Simulated], go_on: GoOn) -> Result<Vec<f64>, Failure> {
+fn row_of(study: &Study, band: &Band, row: u64, simulated: &[CaseMetrics], go_on: GoOn) -> Result<Vec<f64>, Failure> {
     let starts = study.ensemble.as_ref().map_or(1, |ensemble| ensemble.shares.len());
     let mut row_values = Vec::new();
     let cases_of_row = study.cases(row)?;
@@ -320,7 +320,7 @@ mod tests {
     fn several_axes_become_one_value_from_the_last_to_the_first() {
         let axis = |count: u32, reduce: Reduction| Axis {
             key: "a".into(),
-            values: crate::study::axis::Values::Numbers((0..count).map(f64::from).collect()),
+            values: crate::study::axis::AxisValues::Numbers((0..count).map(f64::from).collect()),
             is_log: false,
             reduce: Some(reduce),
             span: 0..0,

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::io;
 use std::sync::Arc;
 
-use super::axis::{Axis, Values, is_key};
+use super::axis::{Axis, AxisValues, is_key};
 use crate::input::Span;
 use crate::motion_record::rows;
 use crate::signal_file::number::finite;
@@ -70,7 +70,7 @@ impl GivenPoints {
         let axis = |(place, key): (usize, &String)| {
             let values = || self.rows.iter().map(|row| row[place]);
             let (from, to) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-            let values = Values::Given { from, to };
+            let values = AxisValues::Given { from, to };
             Axis { key: key.clone(), values, is_log: false, reduce: None, span: span.clone(), value_spans: Vec::new() }
         };
         self.keys.iter().enumerate().map(axis).collect()
@@ -107,7 +107,7 @@ mod tests {
         assert_eq!(points.keys, ["particle.clearance_m", "particle.wall.coefficient"]);
         assert_eq!(*points.rows, [[0.001, 0.5], [0.003, 0.7]]);
         let ends = points.axes(&(0..0)).into_iter().map(|axis| axis.values).collect::<Vec<_>>();
-        assert_eq!(ends, [Values::Given { from: 0.001, to: 0.003 }, Values::Given { from: 0.5, to: 0.7 }]);
+        assert_eq!(ends, [AxisValues::Given { from: 0.001, to: 0.003 }, AxisValues::Given { from: 0.5, to: 0.7 }]);
     }
 
     #[test]

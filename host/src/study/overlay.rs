@@ -41,7 +41,7 @@ impl Overlay {
             return Some(("must be a continuation in two parameters".into(), help.into()));
         };
         let is_grid = |axis: &Axis| {
-            let is_long = matches!(&axis.values, axis::Values::Numbers(numbers) if numbers.len() >= MIN_OF_MAP);
+            let is_long = matches!(&axis.values, axis::AxisValues::Numbers(numbers) if numbers.len() >= MIN_OF_MAP);
             is_long && axis.reduce.is_none()
         };
         if axes.len() != 2 || !axes.iter().all(is_grid) {

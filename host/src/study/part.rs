@@ -10,7 +10,7 @@ use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef};
 use arrow_select::concat::concat_batches;
 use bytes::Bytes;
 
-use super::axis::{Value, Values};
+use super::axis::{AxisValues, Value};
 use super::data_set::Manifest;
 use super::evaluate::{Column, columns};
 use super::file::Study;
@@ -46,7 +46,7 @@ pub fn schema(study: &Study, manifest: &Manifest) -> SchemaRef {
     for &place in study.points.kept() {
         let axis = &study.axes[place];
         let (kind, unit) = match &axis.values {
-            Values::Words(_) => (DataType::Utf8, ""),
+            AxisValues::Words(_) => (DataType::Utf8, ""),
             _ => (DataType::Float64, plain(axis.unit())),
         };
         fields.push(field(&axis.key, kind, unit, &format!("axis of the study: the case's key {}", axis.key), false));
@@ -99,7 +99,7 @@ fn planned(study: &Study, rows: &Range<u64>) -> Vec<ArrayRef> {
         let word =
             |values: &Vec<Value>| if let Value::Word(word) = &values[place] { word.clone() } else { String::new() };
         arrays.push(match &study.axes[place].values {
-            Values::Words(_) => Arc::new(StringArray::from_iter_values(axes.iter().map(word))),
+            AxisValues::Words(_) => Arc::new(StringArray::from_iter_values(axes.iter().map(word))),
             _ => Arc::new(Float64Array::from_iter_values(axes.iter().map(number))),
         });
     }

@@ -21,12 +21,12 @@ pub struct Points {
     kept: Vec<usize>,
     reduced: Vec<usize>,
     scattered: Vec<usize>,
-    rows: Option<Rows>,
+    rows: Option<ScatteredValues>,
 }
 
 /// What each scattered point has for each scattered axis.
 #[derive(Clone, Debug)]
-enum Rows {
+enum ScatteredValues {
     Shares(Vec<Vec<f64>>),
     Values(Arc<Vec<Vec<f64>>>),
 }
@@ -40,8 +40,8 @@ impl Points {
         };
         let places_scattered = places(&Axis::is_scattered);
         let rows = scattered.map(|scattered| match scattered {
-            Scattered::Drawn(sampling) => Rows::Shares(sampling.shares(places_scattered.len())),
-            Scattered::Given(given) => Rows::Values(given.rows),
+            Scattered::Drawn(sampling) => ScatteredValues::Shares(sampling.shares(places_scattered.len())),
+            Scattered::Given(given) => ScatteredValues::Values(given.rows),
         });
         Self {
             kept: places(&|axis| axis.reduce.is_none()),
@@ -66,13 +66,13 @@ impl Points {
     /// Points from outside.
     #[must_use]
     pub fn given(&self) -> Option<&[Vec<f64>]> {
-        if let Some(Rows::Values(rows)) = &self.rows { Some(rows) } else { None }
+        if let Some(ScatteredValues::Values(rows)) = &self.rows { Some(rows) } else { None }
     }
 
     /// Shares of the ranges that the scattered points have; none of points from outside.
     #[must_use]
     pub fn shares(&self) -> &[Vec<f64>] {
-        if let Some(Rows::Shares(rows)) = &self.rows { rows } else { &[] }
+        if let Some(ScatteredValues::Shares(rows)) = &self.rows { rows } else { &[] }
     }
 
     /// Rows of the table; `None` if there are more than a program can count.
@@ -80,8 +80,8 @@ impl Points {
     pub fn rows(&self, axes: &[Axis]) -> Option<u64> {
         let scattered = match &self.rows {
             None => 1,
-            Some(Rows::Shares(rows)) => rows.len() as u64,
-            Some(Rows::Values(rows)) => rows.len() as u64,
+            Some(ScatteredValues::Shares(rows)) => rows.len() as u64,
+            Some(ScatteredValues::Values(rows)) => rows.len() as u64,
         };
         self.kept.iter().try_fold(scattered, |rows, &place| rows.checked_mul(axes[place].count() as u64))
     }
@@ -101,8 +101,8 @@ impl Points {
         let value = |(place, axis): (usize, &Axis)| {
             let dimension = self.scattered.iter().position(|scattered| *scattered == place);
             match (&self.rows, dimension) {
-                (Some(Rows::Shares(rows)), Some(dimension)) => axis.value(0, rows[rest as usize][dimension]),
-                (Some(Rows::Values(rows)), Some(dimension)) => Value::Number(rows[rest as usize][dimension]),
+                (Some(ScatteredValues::Shares(rows)), Some(dimension)) => axis.value(0, rows[rest as usize][dimension]),
+                (Some(ScatteredValues::Values(rows)), Some(dimension)) => Value::Number(rows[rest as usize][dimension]),
                 _ => axis.value(places[place], 0.0),
             }
         };
@@ -121,18 +121,18 @@ fn unravel(number: u64, chosen: &[usize], axes: &[Axis], places: &mut [usize]) -
 
 #[cfg(test)]
 mod tests {
-    use super::super::axis::{Reduction, Values};
+    use super::super::axis::{AxisValues, Reduction};
     use super::super::distribution::Distribution;
     use super::*;
     use crate::study::sampling::Method;
 
-    fn axis(key: &str, values: Values, reduce: Option<Reduction>) -> Axis {
+    fn axis(key: &str, values: AxisValues, reduce: Option<Reduction>) -> Axis {
         Axis { key: key.into(), values, is_log: false, reduce, span: 0..0, value_spans: Vec::new() }
     }
 
     #[test]
     fn rows_run_through_the_kept_axes_and_points_through_the_reduced_ones() {
-        let number = Values::Numbers;
+        let number = AxisValues::Numbers;
         let axes = [
             axis("a", number(vec![1.0, 2.0]), None),
             axis("f", number(vec![7.0, 8.0, 9.0]), Some(Reduction::Maximum)),
@@ -152,8 +152,8 @@ mod tests {
     #[test]
     fn draws_are_multiplied_by_the_grid_of_the_other_axes() {
         let axes = [
-            axis("a", Values::Drawn(Distribution::uniform(10.0, 20.0, false)), None),
-            axis("w", Values::Words(vec!["x".into(), "y".into()]), None),
+            axis("a", AxisValues::Drawn(Distribution::uniform(10.0, 20.0, false)), None),
+            axis("w", AxisValues::Words(vec!["x".into(), "y".into()]), None),
         ];
         let points = Points::new(&axes, Some(Scattered::Drawn(Sampling { method: Method::Sobol, count: 4, seed: 1 })));
         assert_eq!(points.rows(&axes), Some(8));

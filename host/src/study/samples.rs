@@ -1,7 +1,7 @@
 //! Values of the axes that stand for all points of a study or a search: with them the case is checked before it begins, and what is set
 //! in the model is compared with what is read.
 
-use super::axis::{Axis, Value, Values};
+use super::axis::{Axis, AxisValues, Value};
 use super::distribution::Distribution;
 use super::points::Points;
 
@@ -40,7 +40,7 @@ fn given(rows: &[Vec<f64>]) -> Vec<&[f64]> {
 }
 
 fn is_given(axis: &Axis) -> bool {
-    matches!(axis.values, Values::Given { .. })
+    matches!(axis.values, AxisValues::Given { .. })
 }
 
 /// The corners of the grid of some axes, or the first of them.
@@ -72,9 +72,11 @@ pub(crate) fn each_alone(axes: &[Axis], first: &[Value]) -> Vec<Vec<Value>> {
 pub(super) fn ends_and_middles(axes: &[Axis], first: &[Value]) -> Vec<Vec<Value>> {
     let values = |axis: &Axis| {
         let (mut numbers, is_list) = match &axis.values {
-            Values::Numbers(numbers) => (numbers.clone(), true),
-            Values::Drawn(Distribution { from, to, .. }) | Values::Given { from, to } => (vec![*from, *to], false),
-            Values::Words(_) => return Vec::new(),
+            AxisValues::Numbers(numbers) => (numbers.clone(), true),
+            AxisValues::Drawn(Distribution { from, to, .. }) | AxisValues::Given { from, to } => {
+                (vec![*from, *to], false)
+            }
+            AxisValues::Words(_) => return Vec::new(),
         };
         numbers.sort_by(f64::total_cmp);
         let (least, largest) = (numbers[0], numbers[numbers.len() - 1]);
@@ -99,8 +101,8 @@ fn alone(axes: &[Axis], first: &[Value], values: impl Fn(&Axis) -> Vec<Value>) -
 /// Whether [`each_alone`] has every value of an axis, or values between which it lies.
 pub(super) fn are_all_checked(axis: &Axis) -> bool {
     match &axis.values {
-        Values::Numbers(numbers) => numbers.len() <= MAX_VALUES || numbers.is_sorted(),
-        Values::Words(_) | Values::Drawn(_) | Values::Given { .. } => true,
+        AxisValues::Numbers(numbers) => numbers.len() <= MAX_VALUES || numbers.is_sorted(),
+        AxisValues::Words(_) | AxisValues::Drawn(_) | AxisValues::Given { .. } => true,
     }
 }
 
@@ -108,7 +110,8 @@ pub(super) fn are_all_checked(axis: &Axis) -> bool {
 pub(super) fn combinations_of_words(axes: &[Axis], first: &[Value]) -> Vec<Vec<Value>> {
     let mut all: Vec<Vec<Value>> = vec![Vec::new()];
     for (axis, own) in axes.iter().zip(first) {
-        let values = if matches!(axis.values, Values::Words(_)) { axis.checked_values() } else { vec![own.clone()] };
+        let values =
+            if matches!(axis.values, AxisValues::Words(_)) { axis.checked_values() } else { vec![own.clone()] };
         let with = |before: &Vec<Value>| -> Vec<Vec<Value>> {
             values.iter().map(|value| before.iter().cloned().chain([value.clone()]).collect()).collect()
         };

@@ -65,7 +65,7 @@ impl Counted {
 }
 
 /// The metrics of a case, and how often the event search was given up.
-pub type Simulated = (Vec<f64>, f64);
+pub type CaseMetrics = (Vec<f64>, f64);
 
 /// Simulates cases: their metrics, in their order.
 ///
@@ -76,11 +76,11 @@ pub fn metrics_of_all(
     record: Option<Record>,
     metrics: &[Quantity],
     go_on: GoOn,
-) -> Result<Vec<Simulated>, Failure> {
+) -> Result<Vec<CaseMetrics>, Failure> {
     cases.iter().map(|case| metrics_of(case, record, metrics, go_on)).collect()
 }
 
-fn metrics_of(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoOn) -> Result<Simulated, Failure> {
+fn metrics_of(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoOn) -> Result<CaseMetrics, Failure> {
     let needs_analysis = metrics.iter().any(|metric| metric::needs_analysis(*metric));
     let analysed = if needs_analysis { analysed(case, record) } else { None };
     let (figures, there) = figures(case, record, metrics, analysed.as_ref(), go_on)?;

@@ -7,7 +7,7 @@ use arrow_select::concat::concat_batches;
 use bytes::Bytes;
 
 use super::Study;
-use super::axis::Values;
+use super::axis::AxisValues;
 use super::evaluate::main_column;
 use crate::failure::Failure;
 use crate::quantity::Quantity;
@@ -85,7 +85,7 @@ impl StudyTable {
 #[must_use]
 pub fn numbers(study: &Study, place: usize) -> Option<&[f64]> {
     match &study.axes[place].values {
-        Values::Numbers(numbers) => Some(numbers),
+        AxisValues::Numbers(numbers) => Some(numbers),
         _ => None,
     }
 }

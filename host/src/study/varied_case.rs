@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::axis::{Axis, Value, Values};
+use super::axis::{Axis, AxisValues, Value};
 use crate::failure::Failure;
 use crate::input::{Files, Problem, Source};
 use crate::simulation::case::default_name;
@@ -91,7 +91,7 @@ fn refused(
             }
             None if axis.is_scattered() => {
                 let help = "its distribution ends there: give `from` and `to`, between which it is cut off".to_string();
-                let help = matches!(axis.values, Values::Drawn(_)).then_some(help).or(problem.help);
+                let help = matches!(axis.values, AxisValues::Drawn(_)).then_some(help).or(problem.help);
                 (axis.span.clone(), problem.title, help)
             }
             // Both ends are allowed.

@@ -61,7 +61,7 @@ fn frame(range: &str, more: &str) -> Result<Continuation, damprig::failure::Fail
 
 #[test]
 fn a_frame_of_one_storey_has_the_special_points_of_one_degree_of_freedom() {
-    let special_points = |found: &damprig::continuation::Found| -> Vec<(&'static str, f64)> {
+    let special_points = |found: &damprig::continuation::FoundBranches| -> Vec<(&'static str, f64)> {
         let all = found.branches.iter().flat_map(|branch| &branch.special_points);
         all.filter(|point| !point.is_grazing()).map(|point| (point.kind, point.parameter)).collect()
     };
@@ -85,7 +85,7 @@ fn a_frame_of_one_storey_has_the_special_points_of_one_degree_of_freedom() {
         let off = |orbit: &damprig::continuation::FoundOrbit| (orbit.parameter - value).abs();
         orbits.iter().min_by(|a, b| off(a).total_cmp(&off(b))).cloned().expect("orbits")
     };
-    let start = |found: &damprig::continuation::Found| at(0.01, &found.branches[0].orbits);
+    let start = |found: &damprig::continuation::FoundBranches| at(0.01, &found.branches[0].orbits);
     let (own, other) = (start(&found), start(&one_degree));
     assert_eq!((own.impacts, own.is_stable), (other.impacts, other.is_stable));
     for (own, other) in [

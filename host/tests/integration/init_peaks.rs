@@ -5,7 +5,7 @@
 use std::f64::consts::TAU;
 
 use damprig::campaign::Campaign;
-use damprig::file_keys::new_file::{self, Damper, Excitation, Values};
+use damprig::file_keys::new_file::{self, CaseValues, Damper, Excitation};
 use damprig::input::Source;
 use damprig::quantity::Quantity;
 use damprig::report::peak::Peak;
@@ -18,16 +18,16 @@ use crate::common::is_full;
 /// Largest relative error of a reported peak.
 const WITHIN: f64 = 0.02;
 
-fn drawn(rng: &mut fastrand::Rng) -> Values {
+fn drawn(rng: &mut fastrand::Rng) -> CaseValues {
     let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();
-    Values {
+    CaseValues {
         natural_frequency_hz: between(0.0, 8.0_f64.ln()).exp(),
         damping_ratio: between(0.002_f64.ln(), 0.03_f64.ln()).exp(),
         mass_ratio: between(0.03, 0.2),
         clearance_ratio: between(2.0, 25.0),
         restitution: between(0.1, 0.85),
         friction_ratio: between(0.1, 1.2),
-        ..Values::default()
+        ..CaseValues::default()
     }
 }
 
@@ -49,7 +49,7 @@ fn simulated(case: &Case, frequencies_hz: &[f64], [settle_cycles, cycles]: [f64;
 }
 
 /// The peak that a new campaign's points show, and the highest X/Z of a dense sweep over the same range.
-fn peaks(damper: Damper, values: &Values) -> (Peak, f64) {
+fn peaks(damper: Damper, values: &CaseValues) -> (Peak, f64) {
     let text = new_file::campaign("new", &[damper], &[Excitation::SteppedSine], values);
     let campaign = Campaign::parse(Source::new("new.toml", text.clone())).unwrap_or_else(|e| panic!("{e}\n{text}"));
     let (set_up, experiment) = (&campaign.set_ups[0], &campaign.experiments[0]);
@@ -99,7 +99,7 @@ fn the_sweep_of_a_new_campaign_finds_the_peak_of_random_designs_or_marks_it() {
 /// fn = 4.1 Hz, ζ = 0.006: with steps of fn/50 the highest point had 56 % of the peak and was called steady.
 #[test]
 fn the_peak_of_a_lightly_damped_structure_is_found_and_resolved() {
-    let values = Values { natural_frequency_hz: 4.1, damping_ratio: 0.006, ..Values::default() };
+    let values = CaseValues { natural_frequency_hz: 4.1, damping_ratio: 0.006, ..CaseValues::default() };
     let (peak, highest) = peaks(Damper::Bare, &values);
     assert!(peak.is_resolved() && peak.x_over_z > (1.0 - WITHIN) * highest, "{peak:?}, {highest}");
 }

@@ -8,7 +8,7 @@ use crate::common::{damprig, is_full};
 use damprig::input::Source;
 use damprig::optimise::evaluate::{Care, Evaluated};
 use damprig::optimise::search::{self, Progress};
-use damprig::optimise::{Answer, Optimisation, evaluate};
+use damprig::optimise::{Optimisation, Optimum, evaluate};
 use damprig::study::band::Effort;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -384,7 +384,7 @@ fn the_peak_over_the_shipped_band_is_that_of_a_grid_of_1601_frequencies() {
     let dense = Optimisation::parse(&Source::new("dense.toml", text.as_str()), &shipped, None).expect("it is sound");
     let values = if is_full() {
         let found = search::run(&optimisation, &|_| true).expect("it is sound");
-        let answer = Answer::of(&optimisation, &found, &|_| true).expect("it is sound");
+        let answer = Optimum::of(&optimisation, &found, &|_| true).expect("it is sound");
         vec![answer.variables.iter().map(|variable| variable.value).collect()]
     } else {
         vec![vec![10.2312, 0.137067], vec![15.0, 0.5]]

@@ -1,7 +1,7 @@
 //! Gradient steps of `damprig optimise`: on smooth problems they need a third to a tenth of the simulations and find no worse.
 
 use damprig::optimise::Optimisation;
-use damprig::optimise::search::{self, Found};
+use damprig::optimise::search::{self, SearchOutcome};
 use fastrand::Rng;
 
 use crate::common::is_full;
@@ -17,7 +17,7 @@ fn smooth(damper: &str, variables: &[(&str, f64, f64)], objective: &'static str,
 }
 
 /// The search of a smooth problem, and of the same one with a constraint that every point keeps, which leaves it to points over the whole range.
-fn with_gradients_and_without((damper, variables, objective, record): &Smooth) -> [(Optimisation, Found); 2] {
+fn with_gradients_and_without((damper, variables, objective, record): &Smooth) -> [(Optimisation, SearchOutcome); 2] {
     let constraint = "[[constraint]]\nmetric = \"rms_x_m\"\nat_most = 1e9\n";
     [("", ""), (constraint, "evaluations = 600\n")].map(|(constraint, evaluations)| {
         let case = CASE.replace("particle = { mass_ratio = 0.1, clearance_ratio = 10, wall = { kind = \"restitution\", coefficient = 0.5 } }", damper);

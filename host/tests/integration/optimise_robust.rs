@@ -6,7 +6,7 @@ use std::process::Output;
 use crate::common::{damprig, is_full};
 use damprig::input::Source;
 use damprig::optimise::evaluate::{self, Care};
-use damprig::optimise::{Answer, Optimisation, run};
+use damprig::optimise::{Optimisation, Optimum, run};
 use damprig::study::band::Effort;
 use damprig::study::over::Over;
 use fastrand::Rng;
@@ -25,7 +25,7 @@ fn read(file: &str) -> Optimisation {
         .unwrap_or_else(|why| panic!("{why}"))
 }
 
-fn answer(optimisation: &Optimisation) -> Answer {
+fn answer(optimisation: &Optimisation) -> Optimum {
     run::run(optimisation, &|_| true).expect("it is sound").1
 }
 

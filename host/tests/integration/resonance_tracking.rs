@@ -4,7 +4,7 @@ use std::path::Path;
 
 use damprig::campaign::Campaign;
 use damprig::input::Source;
-use damprig::report::resonance::{Found, TrackedCurve, TrackedPoint};
+use damprig::report::resonance::{AtResonance, TrackedCurve, TrackedPoint};
 use damprig::run_folder::RunFolder;
 use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
@@ -47,7 +47,7 @@ fn the_backbone_of_every_damper_is_that_of_its_model_with_data_sheet_sensors() {
     for curve in &all {
         assert_eq!((curve.measured.len(), curve.predicted.len()), (4, 4));
         for (own, model) in curve.measured.iter().zip(&curve.predicted) {
-            assert_eq!((own.found, model.found), (Found::Yes, Found::Yes), "{own:?} {model:?}");
+            assert_eq!((own.found, model.found), (AtResonance::Yes, AtResonance::Yes), "{own:?} {model:?}");
             let off = (own.damping_ratio - model.damping_ratio).abs();
             // Both are within the lock's tolerance of 2° of their phase, and x within 1 % of its amplitude; near the clearance the
             // damping of an impact damper rises in proportion to it.
@@ -80,7 +80,7 @@ fn the_friction_damper_follows_the_closed_form() {
     let rows = RunFolder::open(&folder.path().join("out")).unwrap().result_rows().unwrap();
     assert_eq!(rows.len(), 3);
     for (point, amplitude_m) in points.iter().zip([0.003, 0.006, 0.012]) {
-        assert!(point.found == Found::Yes && (point.x_m / amplitude_m - 1.0).abs() < 0.01, "{point:?}");
+        assert!(point.found == AtResonance::Yes && (point.x_m / amplitude_m - 1.0).abs() < 0.01, "{point:?}");
         let (b, friction_m) = (point.frequency_hz / 2.5, 0.6e-3);
         let v = 1.0 / (1.0 - b * b);
         let angle = std::f64::consts::PI / b;
@@ -128,7 +128,7 @@ fn a_resonance_at_given_base_amplitudes_is_followed_up_and_down() {
     let folder = folder_with(&text);
     let points = run(&folder, &text).remove(0).measured;
     for (point, z_m) in points.iter().zip([0.0008, 0.001, 0.0008]) {
-        assert!(point.found == Found::Yes && (point.z_m / z_m - 1.0).abs() < 0.011, "{point:?}");
+        assert!(point.found == AtResonance::Yes && (point.z_m / z_m - 1.0).abs() < 0.011, "{point:?}");
     }
     // Steady within 1 % of its amplitude; the scatter of both.
     assert!((points[0].x_m / points[2].x_m - 1.0).abs() < 0.03 && points[1].x_m > 4.0 * points[0].x_m, "{points:?}");

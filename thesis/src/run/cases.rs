@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::Ending;
 use damprig::failure::Failure;
-use damprig::report::case_files::{Answer, Simulated};
+use damprig::report::case_files::{CaseAsSimulated, SimulationJson};
 use damprig::report::figures::case_overlay::{self, DrawnCase};
 use damprig::report::figures::simulated_motion;
 use damprig::run_folder::own_files;
@@ -65,8 +65,12 @@ fn simulate_into(
     let picture = simulated_motion::of_case(case, whole.as_ref(), last.as_ref())?;
     picture.write(folder, &format!("case-{stem}"))?;
     let cycle_max_m = maxima.whole_m().to_vec();
-    let answer =
-        Answer { case: Simulated::of(case, ""), result: &result, analysis: None, cycle_max_m: Some(&cycle_max_m) };
+    let answer = SimulationJson {
+        case: CaseAsSimulated::of(case, ""),
+        result: &result,
+        analysis: None,
+        cycle_max_m: Some(&cycle_max_m),
+    };
     let json = serde_json::to_string(&answer)?;
     own_files::replace(&folder.join(format!("{stem}.json")), json.as_bytes())?;
     Ok(Some(DrawnCase { name: case.name.clone(), envelope, cycle_max_m }))

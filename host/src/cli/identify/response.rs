@@ -9,7 +9,7 @@ use super::{ChoiceArgs, OutArgs, SensorArgs, check_band, finish, finish_if_consi
 use crate::cli::arguments::{not_negative, positive};
 use crate::cli::simulate::picture;
 use crate::failure::{Failure, Outcome};
-use crate::identify::modal::h1::{Channels, Found};
+use crate::identify::modal::h1::{ChannelPair, Channels};
 use crate::identify::modal::read::{Source, has_one};
 use crate::identify::modal::{self, FrequencyResponse, Modal, Wish};
 use crate::identify::response::{DrivenBy, Response};
@@ -192,8 +192,8 @@ fn from_source(args: &ResponseArgs) -> Result<Given, Failure> {
         let (times_s, unit) = (file.times_s.as_deref(), file.unit.as_deref());
         let channels = Channels { file: &args.source, drive, times_s, unit };
         return Ok(match channels.read()? {
-            Found::Displacements(motion) => Given::Motion(motion),
-            Found::Other(recorded) => Given::Channels(recorded),
+            ChannelPair::Displacements(motion) => Given::Motion(motion),
+            ChannelPair::Other(recorded) => Given::Channels(recorded),
         });
     }
     if selector.which.is_none() {

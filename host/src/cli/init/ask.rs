@@ -9,7 +9,7 @@ use super::values::{DamperArg, ExperimentArg};
 use crate::cli::arguments::{not_negative, positive};
 use crate::cli::output;
 use crate::failure::Failure;
-use crate::file_keys::new_file::Values;
+use crate::file_keys::new_file::CaseValues;
 
 /// Asks what to write.
 pub(super) fn ask() -> Result<Wanted, Failure> {
@@ -33,11 +33,11 @@ pub(super) fn ask() -> Result<Wanted, Failure> {
             several::<ExperimentArg>,
         )?
     };
-    let default = Values::default();
+    let default = CaseValues::default();
     let number = |question: &str, default: f64, parse: fn(&str) -> Result<f64, String>| {
         answer(question, &default.to_string(), parse)
     };
-    let values = Values {
+    let values = CaseValues {
         mass_kg: number("Mass of the structure, kg", default.mass_kg, positive)?,
         natural_frequency_hz: number("Natural frequency, Hz", default.natural_frequency_hz, positive)?,
         damping_ratio: number("Damping ratio", default.damping_ratio, not_negative)?,

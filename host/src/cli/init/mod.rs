@@ -16,7 +16,7 @@ use super::arguments::ForceArg;
 use crate::campaign::Campaign;
 use crate::failure::{Failure, Outcome};
 use crate::file_keys::fit;
-use crate::file_keys::new_file::{self, Damper, Excitation, Fitted, RecordFile, Values};
+use crate::file_keys::new_file::{self, CaseValues, Damper, Excitation, Fitted, RecordFile};
 use crate::input::Source;
 use crate::simulation::Case;
 use crate::storage::out_file::{to_failure, write_new};
@@ -121,7 +121,7 @@ struct Wanted {
     dampers: Vec<DamperArg>,
     experiments: Vec<ExperimentArg>,
     has_record: bool,
-    values: Values,
+    values: CaseValues,
 }
 
 /// Runs the subcommand.

@@ -4,7 +4,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 use damprig_core::model::Material;
 
 use crate::cli::arguments::{not_negative, positive};
-use crate::file_keys::new_file::{Damper, Excitation, Sensors, Values};
+use crate::file_keys::new_file::{CaseValues, Damper, Excitation, Sensors};
 
 /// Dampers, as arguments.
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -151,9 +151,9 @@ pub(super) struct ValueArgs {
 
 impl ValueArgs {
     /// The values of a new file.
-    pub(super) fn values(&self) -> Values {
-        let default = Values::default();
-        Values {
+    pub(super) fn values(&self) -> CaseValues {
+        let default = CaseValues::default();
+        CaseValues {
             mass_kg: self.mass_kg.unwrap_or(default.mass_kg),
             natural_frequency_hz: self.natural_frequency_hz.unwrap_or(default.natural_frequency_hz),
             damping_ratio: self.damping_ratio.unwrap_or(default.damping_ratio),

@@ -36,7 +36,7 @@ pub struct Recorded {
 
 /// What two channels are.
 #[derive(Clone, Debug)]
-pub enum Found {
+pub enum ChannelPair {
     /// Displacements of structure and base, in m.
     Displacements(Motion),
     /// Another motion and its excitation.
@@ -48,7 +48,7 @@ impl Channels<'_> {
     ///
     /// # Errors
     /// A signal that is not there or not over time, signals of different times, a unit that neither file nor option states, or both.
-    pub fn read(&self) -> Result<Found, Failure> {
+    pub fn read(&self) -> Result<ChannelPair, Failure> {
         let selector = Selector::of(self.file);
         let contents = signal_file::read(&selector.path)?;
         let response = selector.choose(contents.clone())?;
@@ -81,7 +81,7 @@ impl Channels<'_> {
             && base.kind == Kind::Displacement
         {
             let (x_m, z_m) = (scaled(&x, own.si), scaled(&z, base.si));
-            return Ok(Found::Displacements(Motion { taken_from, step_s: x.step_s, x_m, z_m }));
+            return Ok(ChannelPair::Displacements(Motion { taken_from, step_s: x.step_s, x_m, z_m }));
         }
         let unit = match (response.unit_text.as_str(), drive.unit_text.as_str()) {
             ("", _) | (_, "") => String::new(),
@@ -95,7 +95,7 @@ impl Channels<'_> {
             remarks.push(format!("the times are uneven: resampled by cubics at {:.1} Hz", 1.0 / x.step_s));
         }
         let motion = Motion { taken_from, step_s: x.step_s, x_m: x.values, z_m: z.values };
-        Ok(Found::Other(Recorded { motion, quantity, remarks }))
+        Ok(ChannelPair::Other(Recorded { motion, quantity, remarks }))
     }
 }
 

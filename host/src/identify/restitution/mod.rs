@@ -143,8 +143,8 @@ pub fn identify(sources: &[PathBuf], options: &Options) -> Result<Restitution, F
             return Err(Failure::Input(format!("{} is given twice", source.display())));
         }
         match of_file(source, options, sources.len())? {
-            Found::Force(identified) => return Ok(Restitution { law: None, identified: *identified }),
-            Found::Impacts(kind, impacts, own) => {
+            FileContents::Force(identified) => return Ok(Restitution { law: None, identified: *identified }),
+            FileContents::Impacts(kind, impacts, own) => {
                 kinds.push(kind);
                 groups.push(impacts);
                 let name = if sources.len() > 1 { format!("{}: ", source.display()) } else { String::new() };
@@ -168,19 +168,20 @@ pub fn identify(sources: &[PathBuf], options: &Options) -> Result<Restitution, F
 }
 
 /// What a file holds.
-enum Found {
+enum FileContents {
     Force(Box<Identification>),
     Impacts(Kind, Impacts, Vec<String>),
 }
 
-fn of_file(source: &Path, options: &Options, files: usize) -> Result<Found, Failure> {
+fn of_file(source: &Path, options: &Options, files: usize) -> Result<FileContents, Failure> {
     if film::is_film(source) {
-        return film::impacts(source, options).map(|(impacts, remarks)| Found::Impacts(Kind::Film, impacts, remarks));
+        return film::impacts(source, options)
+            .map(|(impacts, remarks)| FileContents::Impacts(Kind::Film, impacts, remarks));
     }
     let table = Table::read(source)?;
     if !table.has(&FORCE) {
         let kind = if table.has(&TIME) { Kind::Times } else { Kind::Heights };
-        return tables::impacts(&table, options).map(|impacts| Found::Impacts(kind, impacts, Vec::new()));
+        return tables::impacts(&table, options).map(|impacts| FileContents::Impacts(kind, impacts, Vec::new()));
     }
     if let Some(why) = options.unused(&[]) {
         return Err(table.refuse(why));
@@ -190,7 +191,7 @@ fn of_file(source: &Path, options: &Options, files: usize) -> Result<Found, Fail
     }
     let mut identified = Identification::new(table.file(), force::of_force(&table, options.approach)?);
     identified.remarks = vec!["restitution depends on the approach velocity: test at that of the experiment".into()];
-    Ok(Found::Force(Box::new(identified)))
+    Ok(FileContents::Force(Box::new(identified)))
 }
 
 /// One coefficient for all speeds.

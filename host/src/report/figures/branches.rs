@@ -1,7 +1,7 @@
 //! Draws branches of periodic orbits: the largest |x| over the parameter, stable orbits solid, unstable ones dashed, special
 //! points marked.
 
-use crate::continuation::{Found, FoundBranch, FoundOrbit};
+use crate::continuation::{FoundBranch, FoundBranches, FoundOrbit};
 use crate::failure::Failure;
 use crate::report::branch_table;
 use crate::report::figures::symbols;
@@ -43,7 +43,7 @@ fn sign(kind: &str, number: usize, tint: Colour) -> Svg {
 ///
 /// # Errors
 /// A table without an identity.
-pub fn draw(found: &Found) -> Result<Picture, Failure> {
+pub fn draw(found: &FoundBranches) -> Result<Picture, Failure> {
     let orbits = || found.branches.iter().flat_map(|branch| &branch.orbits);
     let frame = Frame {
         x: Axis::around(

@@ -1,6 +1,6 @@
 //! Draws curves of special points in two parameters: alone, and over the map of a study.
 
-use crate::continuation::Found;
+use crate::continuation::FoundBranches;
 use crate::failure::Failure;
 use crate::report::branch_table;
 use crate::report::figures::symbols;
@@ -20,7 +20,7 @@ pub struct Curve {
 impl Curve {
     /// The curves of a continuation; with `is_swapped` its second parameter is the abscissa.
     #[must_use]
-    pub fn all(found: &Found, is_swapped: bool) -> Vec<Self> {
+    pub fn all(found: &FoundBranches, is_swapped: bool) -> Vec<Self> {
         let at = |point: &[f64; 3]| if is_swapped { (point[1], point[0]) } else { (point[0], point[1]) };
         let curve = |curve: &crate::continuation::FoundCurve| Self {
             kind: curve.kind,
@@ -69,7 +69,7 @@ const LABEL_PLACES: [f64; 7] = [0.5, 0.35, 0.65, 0.2, 0.8, 0.05, 0.95];
 ///
 /// # Errors
 /// The continuation has no second parameter; a table without an identity.
-pub fn draw(found: &Found) -> Result<Picture, Failure> {
+pub fn draw(found: &FoundBranches) -> Result<Picture, Failure> {
     let Some(second) = &found.second_parameter else {
         return Err(Failure::undrawn("the continuation has one parameter: its file has no table [second]"));
     };

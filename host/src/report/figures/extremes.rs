@@ -5,7 +5,7 @@ use super::study_curves::{Curve, CurveLabels, Mark};
 use super::study_map::{Map, MapAxis};
 use super::time_histories::{HistoryCurve, HistoryPanel};
 use super::{bifurcation, branches, curves, frequency_response, study_curves, study_map, time_histories};
-use crate::continuation::{Found, FoundBranch, FoundCurve, FoundOrbit, FoundSpecial};
+use crate::continuation::{FoundBranch, FoundBranches, FoundCurve, FoundOrbit, FoundSpecial};
 use crate::report::plot::axis::Scale;
 use crate::report::plot::palette::Look;
 use crate::report::plot::{Breadth, Picture};
@@ -196,7 +196,7 @@ fn branches_and_curves_of_extreme_values_are_drawn_and_say_how_many_are_not() {
             ends: ["", ""],
             points: values.iter().enumerate().map(|(place, value)| [place as f64, *value, *value]).collect(),
         };
-        let found = Found {
+        let found = FoundBranches {
             case: "case".into(),
             case_text: String::new(),
             walls: None,

@@ -7,7 +7,7 @@ use crate::report::plot::legend::{self, Entry};
 use crate::report::plot::palette::{Look, colour};
 use crate::report::plot::traces::{Traces, marker};
 use crate::report::plot::{BROAD, Picture};
-use crate::report::resonance::{Found, TrackedCurve, TrackedPoint};
+use crate::report::resonance::{AtResonance, TrackedCurve, TrackedPoint};
 
 const LEFT: f64 = 92.0;
 const RIGHT: f64 = BROAD - 24.0;
@@ -83,6 +83,6 @@ pub fn draw(campaign: &Campaign, curves: &[TrackedCurve]) -> Picture {
     picture
 }
 
-fn mark(traces: &mut Traces, at: (f64, f64), found: Found, set_up: usize) {
-    traces.mark(at, &marker(Look { set_up, run: 0 }, found == Found::Yes));
+fn mark(traces: &mut Traces, at: (f64, f64), found: AtResonance, set_up: usize) {
+    traces.mark(at, &marker(Look { set_up, run: 0 }, found == AtResonance::Yes));
 }

@@ -4,7 +4,7 @@ use super::curves::Curve as SpecialCurve;
 use super::study_curves::{self, Curve, CurveLabels, Mark};
 use super::study_labels::{label, metric_label, metric_meaning, name};
 use super::study_map::{self, Map, MapAxis};
-use crate::continuation::Found;
+use crate::continuation::FoundBranches;
 use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::report::numbers::significant;
@@ -66,7 +66,7 @@ pub fn draw_with(
 /// Draws the figures of all metrics; none of a metric without values. `best`: row of the best point. `overlays`: what the study's
 /// overlays found.
 #[must_use]
-pub fn draw(study: &Study, table: &StudyTable, best: Option<u64>, overlays: &[Found]) -> Vec<StudyFigure> {
+pub fn draw(study: &Study, table: &StudyTable, best: Option<u64>, overlays: &[FoundBranches]) -> Vec<StudyFigure> {
     study.metrics.iter().filter_map(|metric| draw_metric(study, table, best, overlays, &[], *metric)).collect()
 }
 
@@ -93,7 +93,7 @@ fn draw_metric(
     study: &Study,
     table: &StudyTable,
     best: Option<u64>,
-    overlays: &[Found],
+    overlays: &[FoundBranches],
     published: &[PublishedPoints],
     metric: Quantity,
 ) -> Option<StudyFigure> {
@@ -121,7 +121,7 @@ struct Sheet<'a> {
     values: Vec<f64>,
     column: String,
     best: Option<u64>,
-    overlays: &'a [Found],
+    overlays: &'a [FoundBranches],
     published: &'a [PublishedPoints],
 }
 
@@ -247,7 +247,7 @@ impl Sheet<'_> {
 
     /// The curves of the overlays, with this axis as abscissa.
     fn curves_over(&self, x: usize) -> Vec<SpecialCurve> {
-        let is_swapped = |found: &Found| found.parameter != self.axis(x).key;
+        let is_swapped = |found: &FoundBranches| found.parameter != self.axis(x).key;
         self.overlays.iter().flat_map(|found| SpecialCurve::all(found, is_swapped(found))).collect()
     }
 

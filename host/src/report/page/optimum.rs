@@ -3,7 +3,7 @@
 use maud::html;
 
 use super::{document, drawn_in_both};
-use crate::optimise::{Answer, Optimisation};
+use crate::optimise::{Optimisation, Optimum};
 use crate::report::plot::Picture;
 use crate::report::terminal::optimise::{COMPARED, answer as text, ranked};
 
@@ -18,7 +18,7 @@ pub struct Figures {
 
 /// Makes the page. `scope` is the command's first line, `source` the optimisation's name and the date.
 #[must_use]
-pub fn page(optimisation: &Optimisation, answer: &Answer, scope: &str, figures: Figures, source: &str) -> String {
+pub fn page(optimisation: &Optimisation, answer: &Optimum, scope: &str, figures: Figures, source: &str) -> String {
     let all = ranked(answer);
     let caption = "The objective's metric over the band at each optimum with its nominal values; the band around a curve has its least and largest \
                    value within the tolerances, for all uncertain values and from all starts that the search compared points by.";
@@ -41,7 +41,7 @@ pub fn page(optimisation: &Optimisation, answer: &Answer, scope: &str, figures: 
             section {
                 h2 { (of.name) }
                 @let own = optimisation.alternatives.iter().find(|own| own.name == of.name).unwrap_or(optimisation);
-                pre { (text(own, &Answer { alternatives: Vec::new(), ..(*of).clone() })) }
+                pre { (text(own, &Optimum { alternatives: Vec::new(), ..(*of).clone() })) }
             }
         }
         section { h2 { "Optimisation" } pre { code { (optimisation.text) } } }

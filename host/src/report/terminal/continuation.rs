@@ -1,12 +1,12 @@
 //! The result of a continuation as text.
 
 use super::table;
-use crate::continuation::Found;
+use crate::continuation::FoundBranches;
 use crate::report::numbers::significant;
 
 /// Tables of the branches and of their special points.
 #[must_use]
-pub fn text(found: &Found) -> String {
+pub fn text(found: &FoundBranches) -> String {
     let mut branches = table(&["Branch", "From", "To", "Periods", "Impacts", "Orbits", "Stable", "Ends"]);
     for branch in &found.branches {
         let (Some(first), Some(last)) = (branch.orbits.first(), branch.orbits.last()) else { continue };
@@ -68,7 +68,7 @@ pub fn text(found: &Found) -> String {
     text
 }
 
-fn curves(found: &Found) -> comfy_table::Table {
+fn curves(found: &FoundBranches) -> comfy_table::Table {
     let mut curves = table(&["Branch", "Kind", "Points", "From", "To", "Ends"]);
     for curve in &found.curves {
         let at = |point: Option<&[f64; 3]>| {

@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use super::table::table;
-use crate::optimise::answer::{Kept, Variable};
+use crate::optimise::answer::{KeptConstraint, Variable};
 use crate::optimise::constraint::Constraint;
 use crate::optimise::neighbourhood::Sensitivity;
 use crate::optimise::run;
 use crate::optimise::search::points_that_can_be_made;
-use crate::optimise::{Answer, Optimisation};
+use crate::optimise::{Optimisation, Optimum};
 use crate::quantity::Quantity;
 use crate::report::numbers::significant;
 use crate::study::metric::METRICS;
@@ -32,7 +32,7 @@ pub fn scope(optimisation: &Optimisation) -> String {
 
 /// The answer.
 #[must_use]
-pub fn answer(optimisation: &Optimisation, answer: &Answer) -> String {
+pub fn answer(optimisation: &Optimisation, answer: &Optimum) -> String {
     let mut text = optimum(answer);
     for part in
         [starts(answer), sensitivity(optimisation, answer), references(answer), front(answer), alternatives(answer)]
@@ -53,7 +53,7 @@ fn with_unit(value: f64, digits: usize, unit: &str) -> String {
     }
 }
 
-fn optimum(answer: &Answer) -> String {
+fn optimum(answer: &Optimum) -> String {
     let goal = if answer.goal == "maximum" { "largest" } else { "smallest" };
     let is_robust = !answer.there.is_empty();
     let goal = if is_robust { format!("{goal} {}", answer.over.before_metric()) } else { goal.into() };
@@ -92,7 +92,7 @@ fn optimum(answer: &Answer) -> String {
 }
 
 /// Whether a constraint is kept, after its limit.
-fn kept(constraint: &Kept) -> &'static str {
+fn kept(constraint: &KeptConstraint) -> &'static str {
     match constraint.is_kept {
         None => "",
         Some(true) => ": kept",
@@ -101,7 +101,7 @@ fn kept(constraint: &Kept) -> &'static str {
 }
 
 /// What bears on the value, for its line.
-fn concerns(answer: &Answer) -> Vec<String> {
+fn concerns(answer: &Optimum) -> Vec<String> {
     let mut concerns = Vec::new();
     if !answer.there.is_empty() {
         concerns.push(format!("of {} scenarios", answer.scenarios));
@@ -132,7 +132,7 @@ fn concerns(answer: &Answer) -> Vec<String> {
     concerns
 }
 
-fn starts(answer: &Answer) -> String {
+fn starts(answer: &Optimum) -> String {
     let Some(starts) = &answer.starts else { return String::new() };
     let number = |value: f64| significant(value, 5);
     format!(
@@ -146,7 +146,7 @@ fn starts(answer: &Answer) -> String {
     )
 }
 
-fn sensitivity(optimisation: &Optimisation, answer: &Answer) -> String {
+fn sensitivity(optimisation: &Optimisation, answer: &Optimum) -> String {
     if answer.sensitivity.is_empty() {
         return String::new();
     }
@@ -173,7 +173,7 @@ fn sensitivity(optimisation: &Optimisation, answer: &Answer) -> String {
 }
 
 /// A ridge near the optimum, in words.
-fn ridge(sensitivity: &Sensitivity, answer: &Answer) -> String {
+fn ridge(sensitivity: &Sensitivity, answer: &Optimum) -> String {
     let Some(jump) = &sensitivity.jump else { return String::new() };
     let away = distance(sensitivity, answer);
     format!(
@@ -188,7 +188,7 @@ fn ridge(sensitivity: &Sensitivity, answer: &Answer) -> String {
 }
 
 /// How far the ridge is from the optimum: ` (+1.40 % away)`.
-fn distance(sensitivity: &Sensitivity, answer: &Answer) -> String {
+fn distance(sensitivity: &Sensitivity, answer: &Optimum) -> String {
     let at = answer.variables.iter().find(|variable| variable.key == sensitivity.key).map_or(f64::NAN, |v| v.value);
     match &sensitivity.jump {
         Some(jump) if at != 0.0 => format!(" ({} away)", percent((jump.near - at) / at)),
@@ -200,7 +200,7 @@ fn percent(share: f64) -> String {
     format!("{:+.2} %", 100.0 * share)
 }
 
-fn references(answer: &Answer) -> String {
+fn references(answer: &Optimum) -> String {
     let mut lines = Vec::new();
     let against = |value: f64| {
         let share = answer.objective / value - 1.0;
@@ -226,7 +226,7 @@ fn references(answer: &Answer) -> String {
 }
 
 /// The front of two objectives as a table.
-fn front(answer: &Answer) -> String {
+fn front(answer: &Optimum) -> String {
     let Some(front) = &answer.front else { return String::new() };
     let mut rows = table(&[answer.metric, front.metric, "make", ""]);
     for point in &front.points {
@@ -244,7 +244,7 @@ fn front(answer: &Answer) -> String {
 const HELD: f64 = 0.5;
 
 /// The optimisation and its alternatives side by side, the best first.
-fn alternatives(answer: &Answer) -> String {
+fn alternatives(answer: &Optimum) -> String {
     if answer.alternatives.is_empty() {
         return String::new();
     }
@@ -261,9 +261,9 @@ fn alternatives(answer: &Answer) -> String {
 
 /// An optimisation and its alternatives, the best first, and those that keep no constraint last.
 #[must_use]
-pub fn ranked(answer: &Answer) -> Vec<&Answer> {
-    let mut all: Vec<&Answer> = std::iter::once(answer).chain(&answer.alternatives).collect();
-    let cost = |of: &Answer| if answer.goal == "maximum" { -of.objective } else { of.objective };
+pub fn ranked(answer: &Optimum) -> Vec<&Optimum> {
+    let mut all: Vec<&Optimum> = std::iter::once(answer).chain(&answer.alternatives).collect();
+    let cost = |of: &Optimum| if answer.goal == "maximum" { -of.objective } else { of.objective };
     all.sort_by(|a, b| (!a.is_feasible).cmp(&!b.is_feasible).then(cost(a).total_cmp(&cost(b))));
     all
 }
@@ -285,7 +285,7 @@ fn for_people(metric: &str, value: f64) -> String {
 }
 
 /// A cell of the comparison.
-type Cell = fn(&Answer) -> String;
+type Cell = fn(&Optimum) -> String;
 
 /// The columns of the comparison of dampers.
 pub const COMPARED: [(&str, Cell); 6] = [
@@ -295,15 +295,17 @@ pub const COMPARED: [(&str, Cell); 6] = [
     ("make", |answer| made(&answer.variables)),
     ("mass", |answer| answer.damper_mass_kg.map_or_else(String::new, |mass_kg| with_unit(mass_kg, 4, "kg"))),
     ("constraints", |answer| {
-        let words = |of: &Kept| format!("{} {} ({}{})", of.metric, with_unit(of.value, 4, of.unit), of.limit, kept(of));
+        let words = |of: &KeptConstraint| {
+            format!("{} {} ({}{})", of.metric, with_unit(of.value, 4, of.unit), of.limit, kept(of))
+        };
         answer.constraints.iter().map(words).collect::<Vec<_>>().join(", ")
     }),
 ];
 
 /// What to say when no point keeps the constraints.
 #[must_use]
-pub fn unkept(optimisation: &Optimisation, answer: &Answer, file: &Path) -> String {
-    let missed = |(kept, constraint): (&Kept, &Constraint)| {
+pub fn unkept(optimisation: &Optimisation, answer: &Optimum, file: &Path) -> String {
+    let missed = |(kept, constraint): (&KeptConstraint, &Constraint)| {
         let value = with_unit(kept.value, 5, kept.unit);
         let by = constraint.limit.excess(kept.value);
         let by = if by.is_finite() { format!(", beyond it by {}", with_unit(by, 3, kept.unit)) } else { String::new() };

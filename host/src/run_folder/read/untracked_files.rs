@@ -63,19 +63,19 @@ fn is_made_of(part: &Path, stream: &Path) -> bool {
     let Ok(salvaged) = salvage(stream) else { return true };
     // A part that cannot be read is written again from the stream.
     let Some(own) = rows(part) else { return true };
-    let theirs: Option<Vec<Rows>> = salvaged.batches.iter().map(rows_of).collect();
+    let theirs: Option<Vec<TextRows>> = salvaged.batches.iter().map(rows_of).collect();
     own.iter().zip(&theirs.unwrap_or_default().concat()).all(|(a, b)| a == b)
 }
 
 /// Rows as text; equal text of a number means equal bits.
-type Rows = Vec<String>;
+type TextRows = Vec<String>;
 
-fn rows(part: &Path) -> Option<Rows> {
-    let batches: Option<Vec<Rows>> = read(part).ok()?.map(|batch| rows_of(&batch.ok()?)).collect();
+fn rows(part: &Path) -> Option<TextRows> {
+    let batches: Option<Vec<TextRows>> = read(part).ok()?.map(|batch| rows_of(&batch.ok()?)).collect();
     Some(batches?.concat())
 }
 
-fn rows_of(batch: &RecordBatch) -> Option<Rows> {
+fn rows_of(batch: &RecordBatch) -> Option<TextRows> {
     let columns: Option<Vec<_>> = batch.columns().iter().map(|column| values(column.as_ref())).collect();
     let columns = columns?;
     Some((0..batch.num_rows()).map(|n| columns.iter().map(|c| format!("{:?} ", c[n])).collect()).collect())

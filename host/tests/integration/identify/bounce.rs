@@ -121,7 +121,7 @@ fn covers([low, high]: [f64; 2], truth: f64) -> bool {
 }
 
 fn films() -> u64 {
-    if is_full() { 6000 } else { 20 }
+    if is_full() { 2000 } else { 60 }
 }
 
 /// The share of intervals that cover: within three standard deviations of its own scatter of what is allowed.

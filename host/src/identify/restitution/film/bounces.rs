@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::fit::{Fit, Flight};
 use super::floor::{Floor, impacts};
 use super::frames::{Bounce, LONG, fitted};
-use super::met::{Met, Values};
+use super::met::{ImpactValues, Met};
 use super::read::Track;
 use super::segments::Segments;
 use super::{Names, Scale, tracked};
@@ -256,7 +256,7 @@ impl Bounces {
             let places: Vec<usize> =
                 if self.floor.is_some() { (0..count).collect() } else { self.fit.places(met.pair).collect() };
             for place in places {
-                let slope = |of: &dyn Fn(&Values) -> f64| {
+                let slope = |of: &dyn Fn(&ImpactValues) -> f64| {
                     self.fit.slope(place, self.variance, |moved| of(&met.values(self, moved, scale)))
                 };
                 all[(i, place)] = slope(&|values| values.e);
@@ -313,7 +313,7 @@ impl Bounces {
     }
 
     /// Height of a flight above an impact by its highest reading, where the film shows its top.
-    fn height(&self, flight: usize, impact: &Values, side: usize) -> Option<f64> {
+    fn height(&self, flight: usize, impact: &ImpactValues, side: usize) -> Option<f64> {
         let own = &self.flights[flight];
         let motion = self.flight(flight, &self.fit.parameters);
         let highest = own.used.iter().copied().min_by(|a, b| self.down[*a].total_cmp(&self.down[*b]))?;

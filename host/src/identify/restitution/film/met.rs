@@ -24,7 +24,7 @@ pub(super) struct Met {
 
 /// What an impact is like.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Values {
+pub(super) struct ImpactValues {
     pub at: f64,
     /// End of the flight before, beginning of the flight after.
     pub ends: [f64; 2],
@@ -62,11 +62,11 @@ impl Met {
         Some((before, at, after))
     }
 
-    pub fn values(&self, bounces: &Bounces, parameters: &DVector<f64>, scale: &Scale) -> Values {
+    pub fn values(&self, bounces: &Bounces, parameters: &DVector<f64>, scale: &Scale) -> ImpactValues {
         let (from, at, to) = self.moments(bounces, parameters).unwrap_or((f64::NAN, f64::NAN, f64::NAN));
         let [a, b] = [self.pair, self.pair + 1].map(|n| bounces.flight(n, parameters));
         let (before, after) = (a.velocity(from), -b.velocity(to));
         let per_step = scale.per_step(bounces.acceleration(self.pair, parameters));
-        Values { at, ends: [from, to], before, after, e: after / before, speed: before * per_step }
+        ImpactValues { at, ends: [from, to], before, after, e: after / before, speed: before * per_step }
     }
 }
