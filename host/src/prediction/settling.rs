@@ -7,7 +7,8 @@
 
 use damprig_core::model::Structure;
 
-use super::{trim, whole_cycles};
+use super::stepped_sine::whole_cycles;
+use super::trim;
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Start, SteppedSine};
 
 /// The verdict on a point needs this many times its tolerance, for the uncertainty of the extrapolation.

@@ -438,7 +438,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_over_soon_hides_no_extremum_and_costs_no_time() {
+    fn what_is_over_soon_hides_no_extremum() {
         for (size, rate) in [(-0.5, -1e6), (0.5, -1e3), (-0.3, -1e9)] {
             let slow = (C64::new(1.0, 0.0), C64::new(-0.01, 3.0));
             let terms = [slow, (C64::new(size, 0.0), C64::new(rate, 0.0))];

@@ -99,7 +99,7 @@ pub fn png_of(svg: &str, scale: f32, source: Option<String>) -> Result<Vec<u8>, 
     let mut file = Vec::new();
     let mut encoder = png::Encoder::new(&mut file, size.width(), size.height());
     encoder.set_color(png::ColorType::Rgba);
-    // Lines on white compress better without a filter, and in half of the time.
+    // Lines on white compress better without a filter, and faster.
     encoder.set_filter(png::Filter::NoFilter);
     if let Some(source) = source {
         encoder.add_itxt_chunk("Source".into(), source).map_err(Failure::undrawn)?;

@@ -13,8 +13,9 @@ use damprig::study::Study;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use super::case_examples::MORE_CASES;
 use super::design_examples::{MORE_CONTINUATION, MORE_OPTIMISATIONS, MORE_STUDIES};
-use super::examples::{MORE_CAMPAIGN, MORE_CASES, MORE_SHEETS, PLANTS, SET_UP_FILE};
+use super::examples::{MORE_CAMPAIGN, MORE_SHEETS, PLANTS, SET_UP_FILE};
 use crate::common::{damprig, python};
 use crate::mutations;
 

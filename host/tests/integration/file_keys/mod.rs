@@ -2,6 +2,7 @@
 //!
 //! `tests/python/check_schemas.py` judges documents by the schemas; without its Python (see `exports`) that is left out.
 
+mod case_examples;
 mod design_examples;
 mod documents;
 mod examples;

@@ -10,6 +10,7 @@ pub mod bench;
 pub mod faults;
 pub mod load;
 mod noise;
+mod sampler;
 pub mod sensors;
 pub mod shaker;
 pub mod spring;
@@ -23,9 +24,8 @@ pub use sensors::{DataSheet, SensorModel};
 pub use shaker::{Amplifier, Shaker};
 
 use damprig_core::integrator::base::{BaseSegment, BaseTrack};
-use damprig_core::integrator::modes::Sign;
-use damprig_core::integrator::polynomial::{self, Polynomial};
-use damprig_core::integrator::sampled::{Flight, Impact, Joined, Observer};
+use damprig_core::integrator::polynomial;
+use damprig_core::integrator::sampled::Joined;
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{
     Actuators, Calibration, Invalid, Reading, Readings, SUBSAMPLES, Sensor, Sensors, TICK_HZ, Usable, WALL_SUBSAMPLES,
@@ -37,14 +37,12 @@ use faults::{Faults, Span};
 use heapless::Vec;
 use noise::Noise;
 use postcard_schema::Schema;
+use sampler::{Pressed, Sampler};
 use sensors::Channel;
 use serde::{Deserialize, Serialize};
 use spring::{SimulatedSpring, SpringPlant};
 use table::Table;
 use walls::{WallSensors, Walls};
-
-/// Impacts of one tick that the force sensors see. A chatter may have more, each weaker than the last.
-const MAX_IMPACTS: usize = 8;
 
 /// What moves the structure's base.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
@@ -441,62 +439,4 @@ struct Samples {
 
 fn displacement<S: Scalar>(segment: &BaseSegment<S>, t: S) -> S {
     segment.0[0] + polynomial::increment(&segment.0, t)
-}
-
-/// Evaluates x on the flights at the sub-sample instants.
-struct Sampler<S> {
-    x: [S; SUBSAMPLES],
-    taken: usize,
-    step: S,
-    steps: S,
-    impacts: u32,
-    hits: Vec<Impact<S>, MAX_IMPACTS>,
-    /// Forces of soft walls; `None` for hard walls.
-    pressed: Option<Pressed<S>>,
-}
-
-/// Force of the soft walls at −d and +d at the instants of the wall sensors' samples.
-struct Pressed<S> {
-    forces: [[S; 2]; WALL_SUBSAMPLES],
-    /// Instants that the motion has passed.
-    taken: usize,
-}
-
-impl<S: Scalar> Observer<S> for Sampler<S> {
-    fn flight(&mut self, start: S, length: S, flight: &Flight<S>) {
-        let tenth = S::ONE / S::from_u8(SUBSAMPLES as u8);
-        while self.taken < SUBSAMPLES {
-            let instant = S::from_u8(self.taken as u8 + 1) * tenth * self.steps - self.step;
-            let since = instant - start;
-            if since > length {
-                return;
-            }
-            self.x[self.taken] = flight.x[0] + polynomial::increment(&flight.x, since);
-            self.taken += 1;
-        }
-    }
-
-    fn wall_force(&mut self, start: S, length: S, side: Sign, force: &Polynomial<S>) {
-        let Some(pressed) = &mut self.pressed else { return };
-        let part = self.steps / S::from_u8(WALL_SUBSAMPLES as u8);
-        while pressed.taken < WALL_SUBSAMPLES {
-            let since = S::from_u8(pressed.taken as u8 + 1) * part - self.step - start;
-            if since > length {
-                return;
-            }
-            if since > S::ZERO {
-                pressed.forces[pressed.taken][usize::from(side > 0)] = force[0] + polynomial::increment(force, since);
-            }
-            pressed.taken += 1;
-        }
-    }
-
-    fn impact(&mut self, impact: &Impact<S>) {
-        self.impacts += 1;
-        // A soft wall gives its impulse by a force, and no kick.
-        if self.pressed.is_some() && impact.kick == S::ZERO {
-            return;
-        }
-        let _ = self.hits.push(Impact { at: self.step + impact.at, ..*impact });
-    }
 }
