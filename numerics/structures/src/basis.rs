@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, DVector};
 use crate::Refused;
 use crate::bodies::{Bodies, dot};
 use crate::circuits::{Charges, Circuits};
-use crate::cubic::Cubic;
 use crate::linear::C64;
+use crate::polynomial::Polynomial;
 
 /// A joint that sticks: `row · q + influence · z` is constant.
 #[derive(Clone, Debug)]
@@ -74,14 +74,14 @@ impl Basis {
     }
 
     /// κ of a state, less Δι times the cubic `base` of z; `sine` is the rest of z.
-    pub fn kappa(&self, q: &[f64], sine: f64, base: Cubic) -> impl Iterator<Item = Cubic> {
-        let rise = Cubic { value: 0.0, ..base };
+    pub fn kappa(&self, q: &[f64], sine: f64, base: Polynomial) -> impl Iterator<Item = Polynomial> {
+        let rise = Polynomial { value: 0.0, ..base };
         let now = move |joint: &Constraint| dot(&joint.row, q) + joint.influence * sine;
-        self.constraints.iter().map(move |joint| Cubic::constant(now(joint)) + -joint.influence * rise)
+        self.constraints.iter().map(move |joint| Polynomial::constant(now(joint)) + -joint.influence * rise)
     }
 
     /// D κ, or a derivative.
-    pub fn prescribed(&self, kappa: &[Cubic], order: usize) -> DVector<f64> {
+    pub fn prescribed(&self, kappa: &[Polynomial], order: usize) -> DVector<f64> {
         &self.held * DVector::from_iterator(kappa.len(), kappa.iter().map(|kappa| kappa.derivative(order)))
     }
 

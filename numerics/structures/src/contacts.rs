@@ -21,7 +21,7 @@ pub(crate) enum Touch {
     None,
     /// It rests at the hard wall of that side.
     Wall(Sign),
-    /// It presses into the soft wall of that side.
+    /// It presses into the soft, piezoelectric or Hertz wall of that side.
     Pressing(Sign),
     /// That soft wall does not push it; it is not yet back inside the clearance.
     Leaving(Sign),
@@ -56,7 +56,8 @@ impl Contacts {
             let Touch::Pressing(side) = *touch else { continue };
             let row = mount.offset_row(particle);
             match *cavity.wall(side) {
-                WallLaw::Hard(_) => {}
+                // The force of a Hertz wall changes within a piece.
+                WallLaw::Hard(_) | WallLaw::Hertz(_) => {}
                 WallLaw::Soft { stiffness, damping, .. } => {
                     pressed.push(Link { row: row.to_vec(), stiffness, damping });
                     add(&mut constant, stiffness * cavity.wall_at(side), row);
@@ -100,7 +101,7 @@ pub(crate) enum Event {
     Breaks(usize, Sign),
     /// A particle reaches a wall.
     Wall(usize, Sign),
-    /// A soft wall releases a particle.
+    /// A soft wall, piezoelectric or Hertz wall releases a particle.
     Releases(usize, Sign),
     /// A released particle is back inside the clearance.
     Inside(usize, Sign),

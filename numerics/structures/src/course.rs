@@ -1,14 +1,15 @@
 //! The course of a displacement over a piece of motion, and its largest magnitude.
 
-use crate::cubic::Cubic;
 use crate::guard::Here;
+use crate::integrals::{exponential, moments};
 use crate::linear::C64;
+use crate::polynomial::Polynomial;
 
-/// A displacement over a piece of motion: a cubic and a sum of exponentials whose amplitudes never grow.
+/// A displacement over a piece of motion: a polynomial and a sum of exponentials whose amplitudes never grow.
 #[derive(Clone, Debug, Default)]
 pub struct Course {
     terms: Vec<Term>,
-    cubic: Cubic,
+    polynomial: Polynomial,
     /// Length of the piece, s, and what the displacement is at its ends.
     length_s: f64,
     start: Here,
@@ -38,8 +39,8 @@ const MAX_STEPS: u32 = 60;
 
 impl Course {
     /// From amplitudes at the start and at the end of the piece with their rates.
-    pub(crate) fn new(terms: impl Iterator<Item = (C64, C64, C64)>, cubic: Cubic, length_s: f64) -> Self {
-        let (mut start, mut end) = (cubic.at(0.0), cubic.at(length_s));
+    pub(crate) fn new(terms: impl Iterator<Item = (C64, C64, C64)>, polynomial: Polynomial, length_s: f64) -> Self {
+        let (mut start, mut end) = (polynomial.at(0.0), polynomial.at(length_s));
         let mut of_terms = Vec::with_capacity(terms.size_hint().1.unwrap_or(0));
         for (at_start, at_end, rate) in terms {
             if at_start != C64::ZERO {
@@ -48,7 +49,7 @@ impl Course {
                 of_terms.push(Term { start: at_start, end: at_end, rate });
             }
         }
-        Self { terms: of_terms, cubic, length_s, start, end }
+        Self { terms: of_terms, polynomial, length_s, start, end }
     }
 
     /// Displacement, m, and velocity, m/s, at `after_s` from the start of the piece.
@@ -66,7 +67,7 @@ impl Course {
             return self.end;
         }
         let terms = self.terms.iter().map(|term| here_of(term.start * (term.rate * after_s).exp(), term.rate));
-        terms.fold(self.cubic.at(after_s), Here::plus)
+        terms.fold(self.polynomial.at(after_s), Here::plus)
     }
 
     /// Acceleration, m/s², at `after_s` from the start of the piece.
@@ -77,7 +78,7 @@ impl Course {
 
     /// Displacement with velocity, and acceleration.
     fn with_bend(&self, after_s: f64) -> (Here, f64) {
-        let (mut here, mut bend) = (self.cubic.at(after_s), self.cubic.bend_at(after_s));
+        let (mut here, mut bend) = (self.polynomial.at(after_s), self.polynomial.bend_at(after_s));
         for Term { start, rate, .. } in &self.terms {
             let term = start * (rate * after_s).exp();
             let slope = rate * term;
@@ -92,9 +93,10 @@ impl Course {
     #[must_use]
     pub fn taylor<const N: usize>(&self, after_s: f64) -> [f64; N] {
         let mut powers = [0.0; N];
-        let here = self.cubic.after(after_s);
-        for (to, of) in powers.iter_mut().zip([here.value, here.slope, 0.5 * here.bend, here.jerk / 6.0]) {
-            *to = of;
+        let mut factorial = 1.0;
+        for (k, (to, of)) in powers.iter_mut().zip(self.polynomial.after(after_s).derivatives()).enumerate() {
+            factorial *= k.max(1) as f64;
+            *to = of / factorial;
         }
         for Term { start, rate, .. } in &self.terms {
             let mut term = if after_s == 0.0 { *start } else { start * (rate * after_s).exp() };
@@ -107,13 +109,15 @@ impl Course {
     }
 
     /// Bound of what Taylor's polynomial of degree `order` − 1 is off by at `length_s`, anywhere in the piece: Σ|c||λh|ⁿ/n!, m. `order` is 4 or
-    /// greater, so that the cubic has no part in it.
+    /// greater, so that a cubic has no part in it.
     #[must_use]
     pub fn remainder_m(&self, order: u32, length_s: f64) -> f64 {
         let factorial: f64 = (1..=order).map(f64::from).product();
         let power = i32::try_from(order).unwrap_or(i32::MAX);
         let of = |term: &Term| term.start.norm() * (term.rate.norm() * length_s).powi(power);
-        self.terms.iter().map(of).sum::<f64>() / factorial
+        let of_polynomial = usize::try_from(order).map_or(0.0, |order| self.polynomial.most(order, self.length_s))
+            * length_s.powi(power);
+        (self.terms.iter().map(of).sum::<f64>() + of_polynomial) / factorial
     }
 
     /// Σ|c|: what the displacement's oscillations reach at most, m.
@@ -132,7 +136,7 @@ impl Course {
     #[must_use]
     pub fn acceleration(&self) -> Self {
         let terms = self.terms.iter().map(|Term { start, end, rate }| (rate * rate * start, rate * rate * end, *rate));
-        Self::new(terms, self.cubic.rate().rate(), self.length_s)
+        Self::new(terms, self.polynomial.rate().rate(), self.length_s)
     }
 
     /// ∫ab dt of two courses of one piece: a quarter of the difference of the squares of a + b and a − b, which are made of one size.
@@ -153,8 +157,8 @@ impl Course {
             let factor = rate * of_rate + of;
             (factor * start, factor * end, *rate)
         });
-        let cubic = of * self.cubic + of_rate * self.cubic.rate() + Cubic::constant(constant);
-        Self::new(terms, cubic, self.length_s)
+        let polynomial = of * self.polynomial + of_rate * self.polynomial.rate() + Polynomial::constant(constant);
+        Self::new(terms, polynomial, self.length_s)
     }
 
     /// The difference of two courses of one piece.
@@ -176,7 +180,7 @@ impl Course {
         let less = |a: Here, b: Here| Here { value: a.value - b.value, slope: a.slope - b.slope };
         Self {
             terms,
-            cubic: self.cubic + -1.0 * other.cubic,
+            polynomial: self.polynomial + -1.0 * other.polynomial,
             length_s: self.length_s,
             start: less(self.start, other.start),
             end: less(self.end, other.end),
@@ -187,16 +191,19 @@ impl Course {
     #[must_use]
     pub fn square_m2_s(&self) -> f64 {
         let h = self.length_s;
-        let Cubic { value, slope, bend, jerk } = self.cubic;
-        let (b, c, d) = (slope * h, 0.5 * bend * h * h, jerk * h * h * h / 6.0);
-        let mut square = h * (value * (value + b + 2.0 * c / 3.0) + b * (b / 3.0 + 0.5 * c) + 0.2 * c * c);
-        square += h * d * (0.5 * value + 0.4 * b + c / 3.0 + d / 7.0);
+        let powers = self.polynomial.powers(h);
+        let product =
+            |(i, a): (usize, &f64)| a * powers.iter().enumerate().map(|(j, b)| b / (i + j + 1) as f64).sum::<f64>();
+        let mut square = h * powers.iter().enumerate().map(product).sum::<f64>();
         for (n, term) in self.terms.iter().enumerate() {
             let Term { start, end, rate } = *term;
-            square += 2.0 * value * integral(start, end, rate, h);
-            if !self.cubic.is_constant() {
-                let [first, second, third] = moments(rate, h);
-                square += 2.0 * (start * (first * slope + second * (0.5 * bend) + third * (jerk / 6.0))).re;
+            square += 2.0 * powers[0] * exponential(start, end, rate, h);
+            if let [_, rising @ ..] = powers.as_slice()
+                && !rising.is_empty()
+            {
+                let moments = moments(rate * h, rising.len());
+                let moment: C64 = moments.iter().zip(rising).map(|(moment, power)| moment * *power).sum();
+                square += 2.0 * h * (start * moment).re;
             }
             // Re a · Re b = ½ Re(ab + ab̄), of a term with itself once and of two terms twice.
             square += 0.5 * pair(term, term, h);
@@ -218,7 +225,7 @@ impl Course {
         let mut open = Vec::new();
         let mut next = Some(whole);
         let (size, bound) = self.sizes();
-        let rounding = ROUNDINGS * (size + self.cubic.size(self.length_s));
+        let rounding = ROUNDINGS * (size + self.polynomial.size(self.length_s));
         while let Some(interval) = next {
             let Interval { start_s, start, end_s, end } = interval;
             next = None;
@@ -246,7 +253,8 @@ impl Course {
 
     /// Bounds of the sum of the exponentials and of its fourth derivative.
     fn sizes(&self) -> (f64, FourthDerivative) {
-        let (mut sum, mut bound) = (0.0, FourthDerivative::default());
+        let slow = self.polynomial.most(4, self.length_s);
+        let (mut sum, mut bound) = (0.0, FourthDerivative { slow, fast: Vec::new() });
         for Term { start, rate, .. } in &self.terms {
             let size = start.norm_sqr().sqrt();
             let fourth = size * rate.norm_sqr().powi(2);
@@ -355,44 +363,10 @@ fn here_of(term: C64, rate: C64) -> Here {
     Here { value: term.re, slope: rate.re * term.re - rate.im * term.im }
 }
 
-/// Re ∫ of an exponential from `start` to `end` over h: their difference over the rate, or for a slow one its series.
-fn integral(start: C64, end: C64, rate: C64, h: f64) -> f64 {
-    let square = rate.norm_sqr();
-    if square * h * h > 1e-4 {
-        let more = end - start;
-        return (more.re * rate.re + more.im * rate.im) / square;
-    }
-    let turn = rate * h;
-    // Σ (λh)^k/(k + 1)!: the next term is below 10⁻¹⁴/5040.
-    let series = 1.0 + turn * (0.5 + turn * (1.0 / 6.0 + turn * (1.0 / 24.0 + turn * (1.0 / 120.0 + turn / 720.0))));
-    (start * series).re * h
-}
-
 /// Re ∫ (ab + ab̄) dt of two terms.
 fn pair(a: &Term, b: &Term, h: f64) -> f64 {
-    let sum = integral(a.start * b.start, a.end * b.end, a.rate + b.rate, h);
-    sum + integral(a.start * b.start.conj(), a.end * b.end.conj(), a.rate + b.rate.conj(), h)
-}
-
-/// ∫ tⁿ e^{λt} dt from 0 to h for n = 1, 2, 3.
-fn moments(rate: C64, h: f64) -> [C64; 3] {
-    let turn = rate * h;
-    if turn.norm_sqr() < 1.0 {
-        // Σ (λh)^k / (k! (k + n + 1)): the terms left out are below 1/20!.
-        let mut sums = [C64::ZERO; 3];
-        let mut term = C64::ONE;
-        for k in 0..20_u8 {
-            for (n, sum) in (2_u8..).zip(&mut sums) {
-                *sum += term / f64::from(k + n);
-            }
-            term *= turn / f64::from(k + 1);
-        }
-        return [sums[0] * (h * h), sums[1] * (h * h * h), sums[2] * (h * h * h * h)];
-    }
-    let end = turn.exp();
-    let first = (end * h - (end - 1.0) / rate) / rate;
-    let second = (end * (h * h) - first * 2.0) / rate;
-    [first, second, (end * (h * h * h) - second * 3.0) / rate]
+    let sum = exponential(a.start * b.start, a.end * b.end, a.rate + b.rate, h);
+    sum + exponential(a.start * b.start.conj(), a.end * b.end.conj(), a.rate + b.rate.conj(), h)
 }
 
 #[cfg(test)]
@@ -411,7 +385,11 @@ mod tests {
             let (amplitude, rate) = (C64::from_polar(*size, *phase), C64::new(-0.01, *turning));
             (amplitude, amplitude * (rate * length_s).exp(), rate)
         });
-        Course::new(terms, Cubic { value: 0.1, slope: 0.02, bend: -0.05, jerk: 0.13 }, length_s)
+        Course::new(
+            terms,
+            Polynomial { value: 0.1, slope: 0.02, bend: -0.05, jerk: 0.13, ..Polynomial::default() },
+            length_s,
+        )
     }
 
     #[test]
@@ -443,8 +421,11 @@ mod tests {
             let slow = (C64::new(1.0, 0.0), C64::new(-0.01, 3.0));
             let terms = [slow, (C64::new(size, 0.0), C64::new(rate, 0.0))];
             let terms = terms.map(|(amplitude, rate)| (amplitude, amplitude * (rate * LENGTH_S).exp(), rate));
-            let course =
-                Course::new(terms.into_iter(), Cubic { value: 0.1, slope: 0.02, bend: -0.05, jerk: 0.13 }, LENGTH_S);
+            let course = Course::new(
+                terms.into_iter(),
+                Polynomial { value: 0.1, slope: 0.02, bend: -0.05, jerk: 0.13, ..Polynomial::default() },
+                LENGTH_S,
+            );
             // A thousand instants a decade from 1e-12 s on: x exceeds them by at most 9.1 (0.0023 t)²/8.
             let points =
                 (0..=12_400).map(|n| course.at((1e-12 * 10.0_f64.powf(f64::from(n) / 1000.0)).min(LENGTH_S)).0.abs());

@@ -9,11 +9,12 @@ use damprig_core::integrator::modes::signed;
 
 use crate::contacts::{Slide, Touch};
 use crate::course::Course;
-use crate::cubic::Cubic;
 use crate::linear::C64;
 use crate::motion::Motion;
 use crate::mount::WallLaw;
 use crate::observe::{Impact, Observer, Parts, Piece};
+use crate::polynomial::Polynomial;
+use crate::squeeze::Squeeze;
 
 /// The energy book of a motion.
 #[derive(Clone, Debug)]
@@ -56,6 +57,9 @@ impl Stored {
             let penetration_m = signed(side, along(mount.offset_row(n)) - cavity.wall_at(side));
             springs += match *cavity.wall(side) {
                 WallLaw::Hard(_) => 0.0,
+                WallLaw::Hertz(_) => {
+                    motion.squeezes[n].as_ref().map_or(0.0, |squeeze| squeeze.elastic_j(penetration_m))
+                }
                 WallLaw::Soft { stiffness, .. } => 0.5 * stiffness * penetration_m.powi(2),
                 WallLaw::Piezoelectric(wall) => wall.pressed_energy_j(penetration_m, q[wall.charge]),
             };
@@ -108,11 +112,11 @@ impl Rows<'_> {
         let Parts { mount, system, rest, free, .. } = self.parts;
         let own: Vec<f64> = system.members.iter().map(|&i| row[i]).collect();
         let signal = system.linear.displacement(&own);
-        let mut rate = self.piece.course(&signal.coefficients, signal.cubic(rest)).rate();
+        let mut rate = self.piece.course(&signal.coefficients, signal.polynomial(rest)).rate();
         for (&n, flight) in system.free.iter().zip(free) {
             let (share, influence) = (row[mount.permanent + n], mount.cavities[n].influence);
             if share != 0.0 {
-                let flown = Course::new(std::iter::empty(), share * flight.cubic().rate(), self.piece.length_s);
+                let flown = Course::new(std::iter::empty(), share * flight.polynomial().rate(), self.piece.length_s);
                 let of_base = self.piece.base().rate().with_rate(share * influence, 0.0, 0.0);
                 rate = rate.minus(&flown.with_rate(-1.0, 0.0, 0.0)).minus(&of_base);
             }
@@ -120,16 +124,25 @@ impl Rows<'_> {
         rate
     }
 
+    /// Force of the Hertz wall that a particle presses into, N, and the penetration, m.
+    fn squeezed(&self, particle: usize) -> Option<(&Squeeze, Course, Course)> {
+        let squeeze = self.parts.squeezes[particle].as_ref()?;
+        let side = self.piece.pressed_side(particle)?;
+        let offset = self.piece.particle(particle).minus(&self.piece.place_of_cavity(particle));
+        let depth = offset.with_rate(f64::from(side), 0.0, -self.parts.mount.cavities[particle].end(side));
+        Some((squeeze, self.piece.wall_force_n(particle)?, depth))
+    }
+
     /// Change of `row · q` over the piece, of a row without influence.
     fn change(&self, row: &[f64]) -> f64 {
         let Parts { mount, system, rest, free, .. } = self.parts;
         let own: Vec<f64> = system.members.iter().map(|&i| row[i]).collect();
         let signal = system.linear.displacement(&own);
-        let moved = self.piece.course(&signal.coefficients, signal.cubic(rest));
+        let moved = self.piece.course(&signal.coefficients, signal.polynomial(rest));
         let over = |course: &Course| course.at(self.piece.length_s).0 - course.at(0.0).0;
         let flown = system.free.iter().zip(free).map(|(&n, flight)| {
             let influence = mount.cavities[n].influence;
-            let flown = Course::new(std::iter::empty(), flight.cubic(), self.piece.length_s);
+            let flown = Course::new(std::iter::empty(), flight.polynomial(), self.piece.length_s);
             row[mount.permanent + n] * (over(&flown) - influence * over(&self.piece.base()))
         });
         over(&moved) + flown.sum::<f64>()
@@ -159,7 +172,7 @@ impl Observer for EnergyBook {
         if z[wave] != C64::ZERO {
             let of = |part: C64| {
                 let term = (part * z[wave], part * end[wave], system.linear.natural.rates[wave]);
-                Course::new(std::iter::once(term), Cubic::default(), piece.length_s)
+                Course::new(std::iter::once(term), Polynomial::default(), piece.length_s)
             };
             let real: Vec<f64> = mount.force.iter().map(|force| force.re).collect();
             let imaginary: Vec<f64> = mount.force.iter().map(|force| -force.im).collect();
@@ -210,6 +223,11 @@ impl EnergyBook {
                 && let WallLaw::Soft { damping, .. } = *mount.cavities[n].wall(side)
             {
                 self.balance.link_damping_j += damping * rows.rate(mount.offset_row(n)).square_m2_s();
+            }
+            if let Some((squeeze, force, depth)) = rows.squeezed(n) {
+                // The work on the wall, less what it stores.
+                let stored_j = [0.0, rows.piece.length_s].map(|at_s| squeeze.elastic_j(depth.at(at_s).0));
+                self.balance.link_damping_j += depth.rate().product_m2_s(&force) + stored_j[0] - stored_j[1];
             }
             // A wall that lets go before it is back takes what its spring has left.
             if let (Touch::Pressing(before), Touch::Leaving(side)) = (self.touches[n], *touch)

@@ -109,6 +109,7 @@ impl Motion {
                 let (offset, slide) = self.offset(i);
                 let away_n = match *cavity.wall(side) {
                     WallLaw::Hard(_) => continue,
+                    WallLaw::Hertz(_) => -self.squeezed_n(i),
                     WallLaw::Soft { stiffness, damping, .. } => {
                         stiffness * (offset - cavity.wall_at(side)) + damping * slide
                     }
@@ -182,9 +183,10 @@ impl Motion {
             Event::Wall(particle, side) => {
                 self.place_at_wall(particle, side);
                 if self.mount.cavities[particle].is_soft(side) {
-                    self.contacts.touches[particle] = Touch::Pressing(side);
                     let approach_speed_m_per_s = signed(side, self.offset(particle).1);
-                    if signed(side, self.slip_beyond_rounding(self.mount.joint_of(particle))) > 0.0 {
+                    let approaches = signed(side, self.slip_beyond_rounding(self.mount.joint_of(particle))) > 0.0;
+                    self.begin_pressing(particle, side, if approaches { approach_speed_m_per_s } else { 0.0 });
+                    if approaches {
                         observer.impact(&self.impact(particle, side, approach_speed_m_per_s, 0.0));
                     }
                     return self.resolve(&zero, &[(Event::Releases(particle, side), 1)]);
@@ -203,6 +205,9 @@ impl Motion {
                     self.contacts.touches[particle] = Touch::Leaving(side);
                     return self.resolve(&zero, &[]);
                 }
+                if let Some(contact) = self.end_contact(particle) {
+                    observer.contact(&contact);
+                }
                 self.contacts.touches[particle] = Touch::None;
                 self.place_at_wall(particle, side);
                 self.resolve(&zero, &[(Event::Wall(particle, side), 1)])
@@ -220,7 +225,7 @@ impl Motion {
         let mut all: Few<(usize, Sign)> = smallvec![(joint, direction)];
         for (n, (guard, live)) in self.systems[self.system].guards.iter().zip(&self.guards).enumerate() {
             let Event::Breaks(other, direction) = guard.event else { continue };
-            let here = guard.guard.at(&self.z, self.z.len(), guard.with_flight(&self.free, live.cubic).at(0.0));
+            let here = guard.guard.at(&self.z, self.z.len(), guard.with_flight(&self.free, live.polynomial).at(0.0));
             // The size of what cancels in the guard: forces may be limited to 0.
             let size = self.reach(n).size();
             if other != joint && here.value <= ONE_INSTANT * size && here.slope < 0.0 {

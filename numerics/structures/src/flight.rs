@@ -1,30 +1,25 @@
 //! Free flight of a particle.
 
-use crate::cubic::Cubic;
+use crate::polynomial::Polynomial;
 
-/// A particle in free flight, from the start of the present step.
+/// y of a particle in free flight, or pushed by a Hertz wall, from the start of the present step, m.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Flight {
-    /// y, m.
-    pub y_m: f64,
-    /// y′, m/s.
-    pub u_m_per_s: f64,
-    /// y″, m/s².
-    pub acceleration: f64,
-}
+pub(crate) struct Flight(pub Polynomial);
 
 impl Flight {
+    /// From y, y′ and y″, a cubic.
+    pub fn new(y_m: f64, u_m_per_s: f64, acceleration: Polynomial) -> Self {
+        let Polynomial { value, slope, bend, jerk, .. } = acceleration;
+        Self(Polynomial::of([y_m, u_m_per_s, value, slope, bend, jerk, 0.0, 0.0]))
+    }
+
     /// y.
-    pub fn cubic(&self) -> Cubic {
-        Cubic { value: self.y_m, slope: self.u_m_per_s, bend: self.acceleration, jerk: 0.0 }
+    pub fn polynomial(&self) -> Polynomial {
+        self.0
     }
 
     /// The flight from time `t` on.
     pub fn after(&self, t: f64) -> Self {
-        Self {
-            y_m: self.y_m + t * (self.u_m_per_s + 0.5 * t * self.acceleration),
-            u_m_per_s: self.u_m_per_s + t * self.acceleration,
-            ..*self
-        }
+        Self(self.0.after(t))
     }
 }

@@ -1,13 +1,14 @@
 //! Guards: linear functions of the motion that stay positive until an event, and the certified first root of one.
 //!
-//! Over a step of length h a guard is a cubic in time (of a free particle, of a recorded base) and `Re Σ cⱼ zⱼ`. With rates |λⱼ| and
-//! amplitudes |zⱼ|, which never grow, its fourth derivative is at most `Σ |cⱼ||λⱼ|⁴|zⱼ|`: it lies within that times h⁴/384 of the cubic with the
+//! Over a step of length h a guard is a polynomial in time (of a free particle, of a recorded base: a cubic) and `Re Σ cⱼ zⱼ`. With rates |λⱼ| and
+//! amplitudes |zⱼ|, which never grow, its fourth derivative is at most `Σ |cⱼ||λⱼ|⁴|zⱼ|` and that of the polynomial: it lies within that times h⁴/384 of the cubic with the
 //! values and slopes of both ends (Hermite's remainder), and its slope within that times √3 h³/216 of the cubic's (Birkhoff and Priver 1967), or within
-//! `(Σ |cⱼ||λⱼ|³|zⱼ| + |jerk of the cubic|) h²/8` of its chord, which values within rounding do not disturb. Natural motions that turn
+//! `(Σ |cⱼ||λⱼ|³|zⱼ| + |jerk of the polynomial|) h²/8` of its chord, which values within rounding do not disturb. Natural motions that turn
 //! by more than [`FAST_RAD`] in a step are left out of cubic and chord; they add at most their amplitude. So a
 //! fast but small natural motion does not shorten the steps.
 
 use crate::linear::C64;
+use crate::polynomial::Polynomial;
 
 /// A natural motion that turns further than this within a step counts with its amplitude.
 const FAST_RAD: f64 = 4.0;
@@ -161,16 +162,17 @@ impl Reach {
         self.fast[0][0]
     }
 
-    /// Bounds over a step of length h in which the first `slow` natural motions are slow. `jerk`: the cubic's.
+    /// Bounds over a step of length h in which the first `slow` natural motions are slow, with the polynomial of the guard.
     #[inline]
-    pub fn over(&self, h: f64, slow: usize, jerk: f64) -> Bounds {
+    pub fn over(&self, h: f64, slow: usize, polynomial: &Polynomial) -> Bounds {
         let ([third, fourth], [ripple, fast]) = (self.slow[slow], self.fast[slow]);
+        let (third, fourth) = (third + polynomial.most(3, h), fourth + polynomial.most(4, h));
         let square = h * h;
         Bounds {
             smooth: fourth * square * square / 384.0,
             ripple,
             slope: fourth * square * h * (ROOT_3 / 216.0) + fast,
-            chord: (third + jerk.abs()) * square / 8.0 + fast,
+            chord: third * square / 8.0 + fast,
         }
     }
 }

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use crate::Refused;
-use crate::cubic::Cubic;
 use crate::motion::Motion;
+use crate::polynomial::Polynomial;
 
 impl Motion {
     /// The base follows z = Σ cₖ tᵏ, m, from the present instant on, counted from there. z and z′ are to go on as before; z″ may jump. Only for a
@@ -14,7 +14,7 @@ impl Motion {
     /// As [`Motion::run`].
     pub fn follow(&mut self, base: [f64; 4]) -> Result<(), Refused> {
         self.leave();
-        self.base_cubic = Cubic::of_powers(base);
+        self.base_cubic = Polynomial::of_powers(base);
         self.resolve(&self.stuck(), &[])
     }
 
@@ -25,7 +25,7 @@ impl Motion {
     pub fn follow_jump(&mut self, base: [f64; 4]) -> Result<(), Refused> {
         self.leave();
         let before = self.base().1;
-        self.base_cubic = Cubic::of_powers(base);
+        self.base_cubic = Polynomial::of_powers(base);
         self.base_has_jumped(self.base().1 - before)
     }
 

@@ -2,7 +2,8 @@
 //!
 //! `M q″ + C q′ + K q = f + Re(F̂ W)` with `W = e^{iΩt}` and with the joints that stick. In the coordinates η that these leave ([`Basis`])
 //! the motion is a sum of exponentials, one for each natural motion and one for the excitation ([`NaturalMotions`]): every displacement,
-//! velocity and joint force is `c(t) + Re Σ cⱼ zⱼ`, with `zⱼ′ = λⱼ zⱼ` and a cubic `c(t)`, which is constant unless the base follows samples ([`Rest`]).
+//! velocity and joint force is `c(t) + Re Σ cⱼ zⱼ`, with `zⱼ′ = λⱼ zⱼ` and a polynomial `c(t)`, which is constant unless
+//! the base follows samples or a force changes ([`Rest`]).
 
 use std::ops::Range;
 
@@ -12,8 +13,9 @@ use crate::Refused;
 use crate::basis::{Basis, Constraint};
 use crate::bodies::{Bodies, dot};
 use crate::circuits::Circuits;
-use crate::cubic::Cubic;
 use crate::natural_motions::NaturalMotions;
+use crate::polynomial::{ORDERS, Polynomial};
+use crate::push::{Push, response as response_to_push};
 use crate::sum::Sum;
 
 /// A complex number.
@@ -51,21 +53,29 @@ pub(crate) struct Signal {
     pub coefficients: Vec<C64>,
 }
 
-/// What is no exponential of a motion: cubics from the present instant on.
+/// What is no exponential of a motion: polynomials from the present instant on.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Rest {
-    /// η under the constant forces and the base's cubic.
-    eta: Vec<Cubic>,
+    /// η under the constant forces, the base's cubic and forces that change.
+    eta: Vec<Polynomial>,
     /// κ less Δι times the base's cubic.
-    kappa: Vec<Cubic>,
-    /// Whether the base's cubic changes.
-    drifts: bool,
+    kappa: Vec<Polynomial>,
+    /// Forces on the bodies that change within a piece; empty where there are none.
+    pushed: Vec<Polynomial>,
+    /// How many derivatives are not zero, with the value.
+    orders: usize,
 }
 
 impl Rest {
     /// Moves the origin of time to `t`.
     pub fn advance(&mut self, t: f64) {
-        self.eta.iter_mut().chain(&mut self.kappa).for_each(|cubic| *cubic = cubic.after(t));
+        let all = self.eta.iter_mut().chain(&mut self.kappa).chain(&mut self.pushed);
+        all.for_each(|polynomial| *polynomial = polynomial.after(t));
+    }
+
+    /// Whether it changes.
+    pub fn drifts(&self) -> bool {
+        self.orders > 1
     }
 }
 
@@ -109,22 +119,23 @@ impl Linear {
     }
 
     /// The part of a motion from q on that is no exponential, under the constant force and the base's cubic. `sine` is z less the cubic.
-    pub fn rest(&self, bodies: &Bodies, q: &[f64], force: &[f64], (base, sine): (Cubic, f64), rest: &mut Rest) {
+    pub fn rest(&self, bodies: &Bodies, q: &[f64], force: &[f64], (base, sine): (Polynomial, f64), rest: &mut Rest) {
         rest.kappa.clear();
         if let Some(basis) = &self.basis {
             rest.kappa.extend(basis.kappa(q, sine, base));
         }
         rest.eta.clear();
-        rest.drifts = !base.is_constant();
-        if !rest.drifts && self.basis.is_none() {
-            let at_rest = |(force, square)| Cubic::constant(force / square);
+        rest.pushed.clear();
+        rest.orders = orders(base);
+        if !rest.drifts() && self.basis.is_none() {
+            let at_rest = |(force, square)| Polynomial::constant(force / square);
             rest.eta.extend(force.iter().zip(&self.square).map(at_rest));
             return;
         }
-        rest.eta.resize(self.coordinate_count(), Cubic::default());
+        rest.eta.resize(self.coordinate_count(), Polynomial::default());
         // ω² η⁽ᵏ⁾ = load⁽ᵏ⁾ − C η⁽ᵏ⁺¹⁾ − η⁽ᵏ⁺²⁾, from the highest derivative down.
         let mut higher = [(); 2].map(|()| vec![0.0; self.coordinate_count()]);
-        let orders = orders(base);
+        let orders = rest.orders;
         for order in (0..orders).rev() {
             let force = external(bodies, force, base, order);
             let mut eta = match &self.basis {
@@ -147,11 +158,49 @@ impl Linear {
             for (cubic, eta) in rest.eta.iter_mut().zip(&eta) {
                 let mut derivatives = cubic.derivatives();
                 derivatives[order] = *eta;
-                *cubic = Cubic::of(derivatives);
+                *cubic = Polynomial::of(derivatives);
             }
             let [next, _] = higher;
             higher = [eta, next];
         }
+    }
+
+    /// A force along a row of the bodies.
+    pub fn push(&self, row: Vec<f64>) -> Push {
+        let load = match &self.basis {
+            None => row.clone(),
+            Some(basis) => basis.loads.tr_mul(&DVector::from_column_slice(&row)).as_slice().to_vec(),
+        };
+        let compliance = load[..self.square.len()].iter().map(|load| load * load).sum();
+        Push { natural: self.natural.loaded(&load), row, compliance }
+    }
+
+    /// Adds what forces that are cubics over a piece of this length do.
+    pub fn pushed(&self, pushes: &[(&Push, Polynomial)], length_s: f64, rest: &mut Rest) {
+        if pushes.is_empty() {
+            return;
+        }
+        rest.orders = ORDERS;
+        rest.pushed.resize(pushes[0].0.row.len(), Polynomial::default());
+        let mut z = vec![[C64::ZERO; ORDERS]; self.natural.rates.len()];
+        for (push, force) in pushes {
+            rest.pushed.iter_mut().zip(&push.row).for_each(|(sum, row)| *sum = *sum + *row * *force);
+            for (z, (rate, load)) in z.iter_mut().zip(self.natural.rates.iter().zip(&push.natural)) {
+                // The excitation is no part of it.
+                if *load != C64::ZERO {
+                    let more = response_to_push(*rate, *load, force, length_s);
+                    z.iter_mut().zip(more).for_each(|(z, more)| *z += more);
+                }
+            }
+        }
+        let mut eta = vec![0.0; self.coordinate_count()];
+        let mut derivatives: Vec<[f64; ORDERS]> = rest.eta.iter().map(Polynomial::derivatives).collect();
+        for order in 0..ORDERS {
+            eta.fill(0.0);
+            self.natural.add(|n| z[n][order], &mut eta);
+            derivatives.iter_mut().zip(&eta).for_each(|(derivatives, eta)| derivatives[order] += eta);
+        }
+        rest.eta.iter_mut().zip(derivatives).for_each(|(to, of)| *to = Polynomial::of(of));
     }
 
     /// The natural motions of a state, with their roundings. What is only the rounding of larger terms counts as zero, so that what is at rest
@@ -181,7 +230,7 @@ impl Linear {
             };
             let forced = self.forced[i] * wave;
             let forced_rate = (I * self.turning * forced).re;
-            let Cubic { value, slope, .. } = rest.eta[i];
+            let Polynomial { value, slope, .. } = rest.eta[i];
             eta.add(-value, value.abs());
             rate.add(-slope, slope.abs());
             eta.add(-forced.re, forced.re.abs());
@@ -211,7 +260,7 @@ impl Linear {
         let wave = z[self.natural.wave];
         for (i, (eta, rate)) in eta.iter_mut().zip(rate.iter_mut()).enumerate() {
             let forced = self.forced[i] * wave;
-            let Cubic { value, slope, .. } = rest.eta[i];
+            let Polynomial { value, slope, .. } = rest.eta[i];
             (*eta, *rate) = (value + forced.re, slope + (I * self.turning * forced).re);
         }
         self.natural.leave(z, eta, rate);
@@ -231,7 +280,7 @@ impl Linear {
         Signal { on, held, coefficients }
     }
 
-    /// The force of the `which`-th constraint along its row: `Dᵀ (M q″ + C q′ + K q − f)`; its cubic is
+    /// The force of the `which`-th constraint along its row: `Dᵀ (M q″ + C q′ + K q − f)`; its polynomial is
     /// [`Linear::holding_rest`].
     pub fn holding(&self, bodies: &Bodies, which: usize, force: &[C64]) -> Vec<C64> {
         let Some(basis) = &self.basis else { return Vec::new() };
@@ -248,41 +297,47 @@ impl Linear {
         coefficients
     }
 
-    /// The cubic of that force under the constant `force` and the base's cubic.
-    pub fn holding_rest(&self, bodies: &Bodies, which: usize, rest: &Rest, (force, base): (&[f64], Cubic)) -> Cubic {
-        let Some(basis) = &self.basis else { return Cubic::default() };
+    /// The polynomial of that force under the constant `force`, the base's cubic and forces that change.
+    pub fn holding_rest(
+        &self,
+        bodies: &Bodies,
+        which: usize,
+        rest: &Rest,
+        (force, base): (&[f64], Polynomial),
+    ) -> Polynomial {
+        let Some(basis) = &self.basis else { return Polynomial::default() };
         let q = |order| {
             let free = &basis.shapes
                 * DVector::from_iterator(rest.eta.len(), rest.eta.iter().map(|eta| eta.derivative(order)));
             free + basis.prescribed(&rest.kappa, order)
         };
         let row = basis.held.column(which);
-        let mut derivatives = [0.0; 4];
-        let orders = orders(base);
-        for (order, of) in derivatives.iter_mut().enumerate().take(orders) {
-            let forces = reaction(bodies, order..orders, q).into_iter().zip(external(bodies, force, base, order));
+        let mut derivatives = [0.0; ORDERS];
+        for (order, of) in derivatives.iter_mut().enumerate().take(rest.orders) {
+            let forces = reaction(bodies, order..rest.orders, q).into_iter().zip(external(bodies, force, base, order));
             *of = row.iter().zip(forces).map(|(row, (reaction, external))| row * (reaction - external)).sum();
+            *of -= row.iter().zip(&rest.pushed).map(|(row, pushed)| row * pushed.derivative(order)).sum::<f64>();
         }
-        Cubic::of(derivatives)
+        Polynomial::of(derivatives)
     }
 }
 
 impl Signal {
-    /// The cubic.
-    pub fn cubic(&self, rest: &Rest) -> Cubic {
-        let of = |order: fn(&Cubic) -> f64| {
-            let on = |row: &[f64], cubics: &[Cubic]| row.iter().zip(cubics).map(|(row, c)| row * order(c)).sum::<f64>();
-            on(&self.on, &rest.eta) + on(&self.held, &rest.kappa)
-        };
-        if !rest.drifts {
-            return Cubic::constant(of(|c| c.value));
+    /// The polynomial.
+    pub fn polynomial(&self, rest: &Rest) -> Polynomial {
+        if !rest.drifts() {
+            let on = |row: &[f64], of: &[Polynomial]| row.iter().zip(of).map(|(row, of)| row * of.value).sum::<f64>();
+            return Polynomial::constant(on(&self.on, &rest.eta) + on(&self.held, &rest.kappa));
         }
-        Cubic { value: of(|c| c.value), slope: of(|c| c.slope), bend: of(|c| c.bend), jerk: of(|c| c.jerk) }
+        let on = |row: &[f64], of: &[Polynomial]| {
+            row.iter().zip(of).fold(Polynomial::default(), |sum, (row, of)| sum + *row * *of)
+        };
+        on(&self.on, &rest.eta) + on(&self.held, &rest.kappa)
     }
 }
 
 /// A derivative of the forces on the bodies, N per sᵏ: `force` is constant, and the base's cubic accelerates them.
-fn external(bodies: &Bodies, force: &[f64], base: Cubic, order: usize) -> Vec<f64> {
+fn external(bodies: &Bodies, force: &[f64], base: Polynomial, order: usize) -> Vec<f64> {
     let (share, acceleration) = match order {
         0 => (1.0, base.bend),
         1 => (0.0, base.jerk),
@@ -306,7 +361,7 @@ fn reaction(bodies: &Bodies, mut orders: Range<usize>, q: impl Fn(usize) -> DVec
 }
 
 /// How many derivatives of a motion are not zero while the base follows a cubic, with the value.
-fn orders(base: Cubic) -> usize {
+fn orders(base: Polynomial) -> usize {
     if base.is_constant() { 1 } else { 4 }
 }
 

@@ -10,13 +10,14 @@ use damprig_core::integrator::modes::{Sign, signed};
 
 use crate::bodies::dot;
 use crate::contacts::{Contacts, Event, Slide, Touch};
-use crate::cubic::Cubic;
 use crate::events::Few;
 use crate::flight::Flight;
 use crate::guard::Reach;
 use crate::linear::{C64, Rest};
 use crate::mount::Mount;
 use crate::observe::{Observer, Parts};
+use crate::polynomial::Polynomial;
+use crate::squeeze::{Squeeze, SqueezedPiece};
 use crate::stepping::{AtEnds, FIRST_BLIND_LEVEL, Now};
 use crate::system::System;
 use crate::{Refused, SetUp, State};
@@ -33,7 +34,7 @@ pub struct Motion {
     pub(crate) time: Time,
     pub(crate) wave: Wave,
     /// The base's displacement from the present instant on, but for the wave's sine; 0 where a force drives.
-    pub(crate) base_cubic: Cubic,
+    pub(crate) base_cubic: Polynomial,
     pub(crate) next_break_s: f64,
     /// Displacements and velocities of all bodies relative to the base; valid between phases.
     pub(crate) q: Vec<f64>,
@@ -62,6 +63,9 @@ pub struct Motion {
     /// Guards that fall through zero in the step being judged.
     pub(crate) falls: Vec<usize>,
     pub(crate) free: Vec<Flight>,
+    /// Contacts with Hertz walls, by particle, and the piece of motion that their forces are cubics in.
+    pub(crate) squeezes: Vec<Option<Squeeze>>,
+    pub(crate) piece: SqueezedPiece,
     pub(crate) level: usize,
     /// Steps until a longer one is tried.
     pub(crate) patience: u32,
@@ -82,8 +86,8 @@ pub struct Motion {
 /// A guard during a phase.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Live {
-    /// Its cubic from the present instant on, but for a free particle.
-    pub cubic: Cubic,
+    /// Its polynomial from the present instant on, but for a free particle.
+    pub polynomial: Polynomial,
     /// Derivatives at the start that are zero by definition.
     pub fresh: usize,
 }
@@ -119,7 +123,7 @@ impl Motion {
             excitation: *excitation,
             time: Time::default(),
             wave: excitation.wave(Time::default()),
-            base_cubic: Cubic::default(),
+            base_cubic: Polynomial::default(),
             next_break_s: excitation.next_break_s(0.0),
             q: vec![0.0; count],
             v: vec![0.0; count],
@@ -140,6 +144,8 @@ impl Motion {
             falls: Vec::new(),
             here: AtEnds::default(),
             free: Vec::new(),
+            squeezes: vec![None; mount.cavities.len()],
+            piece: SqueezedPiece::default(),
             level: 4,
             patience: 0,
             events_at_once: 0,
@@ -151,7 +157,7 @@ impl Motion {
             handled: None,
             mount: Arc::new(mount),
         };
-        motion.base_cubic = Cubic::constant(motion.mount.share * motion.wave.offset) + Cubic::of_powers(base);
+        motion.base_cubic = Polynomial::constant(motion.mount.share * motion.wave.offset) + Polynomial::of_powers(base);
         (motion.q, motion.v) = motion.mount.bodies_in(start, motion.base());
         motion.begin()?;
         Ok(motion)
@@ -188,7 +194,7 @@ impl Motion {
     #[must_use]
     pub fn base(&self) -> (f64, f64) {
         let share = self.mount.share;
-        let Cubic { value, slope, .. } = self.base_cubic;
+        let Polynomial { value, slope, .. } = self.base_cubic;
         (value + share * self.wave.sine, slope + share * self.turning * self.wave.cosine)
     }
 
@@ -239,7 +245,7 @@ impl Motion {
                         hits.push((particle, side));
                     }
                 } else if approaches {
-                    self.contacts.touches[particle] = Touch::Pressing(side);
+                    self.begin_pressing(particle, side, signed(side, slide));
                 }
             }
         }
@@ -290,8 +296,8 @@ impl Motion {
         let (base, base_rate) = self.base();
         for (&i, flight) in system.free.iter().zip(&self.free) {
             let influence = self.mount.cavities[i].influence;
-            q[permanent + i] = flight.y_m - influence * base;
-            v[permanent + i] = flight.u_m_per_s - influence * base_rate;
+            q[permanent + i] = flight.0.value - influence * base;
+            v[permanent + i] = flight.0.slope - influence * base_rate;
         }
     }
 
@@ -312,6 +318,34 @@ impl Motion {
         if self.systems.get(self.system).is_none_or(|system| system.contacts != self.contacts) {
             self.system = self.find_system()?;
         }
+        let changes = self.hold_forces();
+        self.enter();
+        if changes {
+            self.squeeze();
+            self.enter();
+        }
+        let system = &self.systems[self.system];
+        self.here.slow = None;
+        self.guards.clear();
+        for guard in &system.guards {
+            let polynomial = guard.polynomial(system, &self.rest, self.base_cubic);
+            let hint = self.zeros.iter().find(|(event, _)| *event == guard.event).map_or(0, |(_, order)| *order);
+            let mut fresh = hint;
+            if hint > 0 {
+                // More derivatives than those by definition may be zero: at a wall that a particle touches without speed.
+                let whole = guard.with_flight(&self.free, polynomial);
+                let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
+                let rising = guard.leading(&now, &whole, hint).filter(|(_, value)| *value > 0.0);
+                fresh = rising.map_or(hint, |(order, _)| order);
+            }
+            self.guards.push(Live { polynomial, fresh });
+        }
+        self.take_amplitudes();
+        Ok(())
+    }
+
+    /// The natural motions and flights of the bodies under the present forces of Hertz walls.
+    fn enter(&mut self) {
         let system = &self.systems[self.system];
         let permanent = self.mount.permanent;
         let wave = C64::new(self.wave.cosine, self.wave.sine);
@@ -325,35 +359,25 @@ impl Motion {
         };
         let base_motion = (self.base_cubic, self.mount.share * self.wave.sine);
         system.linear.rest(&system.bodies, q, &system.force, base_motion, &mut self.rest);
+        let force = |particle: usize| self.squeezes[particle].as_ref().map_or_else(Polynomial::default, |of| of.force);
+        let pushes = system.pushes.iter().map(|pushed| (&pushed.push, force(pushed.particle)));
+        system.linear.pushed(&pushes.collect::<Few<_>>(), self.piece.length_s, &mut self.rest);
         system.linear.enter(&self.rest, q, v, wave, (&mut self.z, &mut self.roundings));
         let (base, base_rate) = self.base();
         self.free.clear();
         for &i in &system.free {
             let (cavity, body) = (&self.mount.cavities[i], permanent + i);
             let friction = self.contacts.sliding_force(&self.mount, self.mount.joint_of(i));
-            self.free.push(Flight {
-                y_m: self.q[body] + cavity.influence * base,
-                u_m_per_s: self.v[body] + cavity.influence * base_rate,
-                acceleration: (friction - cavity.weight_n) / cavity.mass,
-            });
-        }
-        self.here.slow = None;
-        self.guards.clear();
-        for guard in &system.guards {
-            let cubic = guard.cubic(system, &self.rest, self.base_cubic);
-            let hint = self.zeros.iter().find(|(event, _)| *event == guard.event).map_or(0, |(_, order)| *order);
-            let mut fresh = hint;
-            if hint > 0 {
-                // More derivatives than those by definition may be zero: at a wall that a particle touches without speed.
-                let whole = guard.with_flight(&self.free, cubic);
-                let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
-                let rising = guard.leading(&now, &whole, hint).filter(|(_, value)| *value > 0.0);
-                fresh = rising.map_or(hint, |(order, _)| order);
+            let mut force = Polynomial::constant(friction - cavity.weight_n);
+            if let Some(squeeze) = &self.squeezes[i] {
+                force = force + squeeze.inwards();
             }
-            self.guards.push(Live { cubic, fresh });
+            self.free.push(Flight::new(
+                self.q[body] + cavity.influence * base,
+                self.v[body] + cavity.influence * base_rate,
+                1.0 / cavity.mass * force,
+            ));
         }
-        self.take_amplitudes();
-        Ok(())
     }
 
     /// The system of the present contacts.
@@ -391,6 +415,7 @@ impl Motion {
             z: &self.z,
             end: &self.ahead,
             free: &self.free,
+            squeezes: &self.squeezes,
             base: self.base_cubic,
         }
     }
@@ -401,7 +426,7 @@ impl Motion {
         let before = self.base().1;
         self.next_break_s = self.excitation.next_break_s(self.time.seconds());
         self.wave = self.excitation.wave(self.time);
-        self.base_cubic = Cubic::constant(self.mount.share * self.wave.offset);
+        self.base_cubic = Polynomial::constant(self.mount.share * self.wave.offset);
         self.base_has_jumped(self.base().1 - before)
     }
 

@@ -2,7 +2,7 @@
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::integrator::modes::{Sign, signed};
-use damprig_core::model::{ImpactLaw, Release, Wall};
+use damprig_core::model::{Hertz, ImpactLaw, Release, Wall};
 
 use nalgebra::DMatrix;
 
@@ -17,6 +17,7 @@ use crate::{Body, PiezoelectricWall, Refused, SetUp, State};
 pub(crate) enum WallLaw {
     Hard(ImpactLaw<f64>),
     Soft { stiffness: f64, damping: f64, release: Release },
+    Hertz(Hertz),
     Piezoelectric(Piezoelectric),
 }
 
@@ -50,8 +51,13 @@ impl Cavity {
         &self.walls[usize::from(side > 0)]
     }
 
+    /// Whether its contacts take time.
     pub fn is_soft(&self, side: Sign) -> bool {
-        matches!(self.wall(side), WallLaw::Soft { .. } | WallLaw::Piezoelectric(_))
+        !matches!(self.wall(side), WallLaw::Hard(_))
+    }
+
+    pub fn is_hertz(&self, side: Sign) -> bool {
+        matches!(self.wall(side), WallLaw::Hertz(_))
     }
 
     pub fn piezoelectric(&self, side: Sign) -> Option<&Piezoelectric> {
@@ -174,28 +180,28 @@ impl Mount {
                 let [negative, positive] = particle.ends_m();
                 let mut wall = |wall: Wall, in_place: &Option<PiezoelectricWall>| {
                     if let (Some(in_place), Some(charge)) = (in_place, in_place.and_then(|_| charges.next())) {
-                        return Ok(WallLaw::Piezoelectric(law(in_place, charge)));
+                        return WallLaw::Piezoelectric(law(in_place, charge));
                     }
-                    match (wall.impact_law(1.0), wall.spring_and_dashpot(), wall.release()) {
-                        (Some(law), ..) => Ok(WallLaw::Hard(law)),
-                        (None, Some((stiffness, damping)), Some(release)) => {
-                            Ok(WallLaw::Soft { stiffness, damping, release })
+                    match wall {
+                        Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release } => {
+                            WallLaw::Soft { stiffness: stiffness_n_per_m, damping: damping_n_s_per_m, release }
                         }
-                        _ => Err(Refused::Hertz),
+                        Wall::Hertz(law) => WallLaw::Hertz(law),
+                        _ => WallLaw::Hard(wall.impact_law(1.0).unwrap_or_default()),
                     }
                 };
                 let ([first, second], [in_first, in_second]) = (particle.walls(), &damper.piezoelectric);
                 let gravity = set_up.gravity_m_per_s2 * particle.mass_kg;
-                Ok(Cavity {
+                Cavity {
                     place: shape(damper.place),
                     influence: influence(damper.place),
                     mass: particle.mass_kg,
                     ends: [-negative, positive],
-                    walls: [wall(first, in_first)?, wall(second, in_second)?],
+                    walls: [wall(first, in_first), wall(second, in_second)],
                     weight_n: gravity * particle.cavity.rise(),
-                })
+                }
             })
-            .collect::<Result<Vec<_>, Refused>>()?;
+            .collect();
         let mut joints = Vec::new();
         for damper in &set_up.friction_dampers {
             let mut row = row(damper.place);

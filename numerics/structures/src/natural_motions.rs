@@ -145,6 +145,38 @@ impl NaturalMotions {
         }
     }
 
+    /// z′ by a load on the coordinates, of which those of circuits have none.
+    pub fn loaded(&self, load: &[f64]) -> Vec<C64> {
+        match &self.kind {
+            Kind::Uncoupled(parts) => {
+                let of = |part: &Part| part.of_rate.share * load[part.coordinate];
+                parts.iter().map(|part| part.as_ref().map_or(C64::ZERO, of)).collect()
+            }
+            Kind::Coupled { left_rate, .. } => {
+                left_rate.row_iter().map(|row| row.iter().zip(load).map(|(of, load)| of.share * *load).sum()).collect()
+            }
+        }
+    }
+
+    /// Adds what the natural motions are of the coordinates.
+    pub fn add(&self, z: impl Fn(usize) -> C64, eta: &mut [f64]) {
+        match &self.kind {
+            Kind::Uncoupled(parts) => {
+                for (n, part) in parts.iter().enumerate() {
+                    if let Some(Part { coordinate, .. }) = *part {
+                        eta[coordinate] += z(n).re;
+                    }
+                }
+            }
+            Kind::Coupled { right, .. } => {
+                for (n, column) in right.column_iter().enumerate() {
+                    let z = z(n);
+                    eta.iter_mut().zip(column.iter()).for_each(|(eta, right)| *eta += (right * z).re);
+                }
+            }
+        }
+    }
+
     /// Coefficients of the natural motions in `on · η`; 0 for the excitation.
     pub fn coefficients(&self, on: &[f64]) -> Vec<C64> {
         match &self.kind {

@@ -4,13 +4,14 @@ use damprig_core::integrator::modes::{Contact, Grip, Sign, signed};
 
 use crate::contacts::{Slide, Touch};
 use crate::course::Course;
-use crate::cubic::Cubic;
 use crate::flight::Flight;
 use crate::linear::{C64, Rest};
 use crate::mount::{Mount, WallLaw};
+use crate::polynomial::Polynomial;
+use crate::squeeze::Squeeze;
 use crate::system::System;
 
-/// A particle meets a wall at a speed greater than zero: an impact on a hard wall, the first touch of a soft or a piezoelectric one.
+/// A particle meets a wall at a speed greater than zero: an impact on a hard wall, the first touch of a soft, a piezoelectric or a Hertz wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Impact {
     /// Time, s.
@@ -23,10 +24,29 @@ pub struct Impact {
     pub approach_speed_m_per_s: f64,
     /// y, m.
     pub y_m: f64,
-    /// Impulse of a hard wall, N·s; 0 or greater. 0 of a soft wall, which pushes over time.
+    /// Impulse of a hard wall, N·s; 0 or greater. 0 of any other wall, which pushes over time.
     pub impulse_n_s: f64,
     /// Energy that is lost in it, J.
     pub lost_j: f64,
+}
+
+/// A contact with a Hertz wall, from the first touch until the penetration has returned to zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HertzContact {
+    /// Time of the first touch, s.
+    pub touch_s: f64,
+    /// Number of the impact damper.
+    pub damper: usize,
+    /// +1 at the wall on the positive side, −1 at the other.
+    pub side: Sign,
+    /// |y′ − x′| at the first touch, m/s; 0 where the particle began to press from rest.
+    pub approach_speed_m_per_s: f64,
+    /// |y′ − x′| at the end, m/s.
+    pub separation_speed_m_per_s: f64,
+    /// Duration, s; without the rounding of the times.
+    pub duration_s: f64,
+    /// Largest force, N.
+    pub peak_force_n: f64,
 }
 
 /// What a piece is made of.
@@ -39,8 +59,10 @@ pub(crate) struct Parts<'a> {
     /// The natural motions at the end of the piece.
     pub end: &'a [C64],
     pub free: &'a [Flight],
+    /// The contacts with Hertz walls, by particle.
+    pub squeezes: &'a [Option<Squeeze>],
     /// The base's displacement but for the wave's sine.
-    pub base: Cubic,
+    pub base: Polynomial,
 }
 
 /// A piece of motion without an event inside.
@@ -80,7 +102,7 @@ impl<'a> Piece<'a> {
     pub fn place(&self, place: usize) -> Course {
         let Parts { mount, system, rest, base, .. } = self.parts;
         let signal = &system.places[place];
-        self.course(&signal.coefficients, signal.cubic(rest) + mount.places[place].influence * base)
+        self.course(&signal.coefficients, signal.polynomial(rest) + mount.places[place].influence * base)
     }
 
     /// The displacement of the base; 0 where a force drives.
@@ -98,7 +120,7 @@ impl<'a> Piece<'a> {
     pub fn particle(&self, damper: usize) -> Course {
         let Parts { mount, system, .. } = self.parts;
         if let Some(n) = system.free.iter().position(|free| *free == damper) {
-            return Course::new(std::iter::empty(), self.parts.free[n].cubic(), self.length_s);
+            return Course::new(std::iter::empty(), self.parts.free[n].polynomial(), self.length_s);
         }
         self.body(mount.permanent + damper, mount.cavities[damper].influence)
     }
@@ -122,11 +144,11 @@ impl<'a> Piece<'a> {
         let row: Vec<f64> = system.members.iter().map(|member| f64::from(u8::from(*member == body))).collect();
         let mut signal = system.linear.displacement(&row);
         signal.coefficients[system.linear.natural.wave] -= C64::new(0.0, influence);
-        self.course(&signal.coefficients, signal.cubic(rest) + influence * base)
+        self.course(&signal.coefficients, signal.polynomial(rest) + influence * base)
     }
 
     /// The course with these coefficients on the natural motions, and a cubic.
-    pub(crate) fn course(&self, coefficients: &[C64], cubic: Cubic) -> Course {
+    pub(crate) fn course(&self, coefficients: &[C64], cubic: Polynomial) -> Course {
         let Parts { system, z, end, .. } = self.parts;
         let ends = z.iter().zip(end).zip(&system.linear.natural.rates);
         let terms = coefficients.iter().zip(ends).map(|(c, ((z, end), rate))| (c * z, c * end, *rate));
@@ -153,7 +175,8 @@ impl<'a> Piece<'a> {
         }
     }
 
-    /// Force of the soft or piezoelectric wall that the particle of an impact damper presses into, inwards, N.
+    /// Force of the soft, piezoelectric or Hertz wall that the particle of an impact damper presses into, inwards, N. That of a Hertz wall is the cubic that
+    /// acts in the piece: at its ends within 3·10⁻⁷ of the largest force of the contact where this is large.
     #[must_use]
     pub fn wall_force_n(&self, damper: usize) -> Option<Course> {
         let side = self.pressed_side(damper)?;
@@ -165,6 +188,10 @@ impl<'a> Piece<'a> {
         };
         match *cavity.wall(side) {
             WallLaw::Hard(_) => None,
+            WallLaw::Hertz(_) => {
+                let force = self.parts.squeezes[damper].as_ref()?.force;
+                Some(Course::new(std::iter::empty(), force, self.length_s))
+            }
             WallLaw::Soft { stiffness, damping, .. } => Some(force(stiffness, damping)),
             WallLaw::Piezoelectric(wall) => {
                 let stiffness = wall.open_stiffness();
@@ -192,10 +219,10 @@ impl<'a> Piece<'a> {
         let Parts { mount, system, rest, base, .. } = self.parts;
         let cavity = &mount.cavities[damper];
         let signal = system.place(&cavity.place, cavity.influence);
-        self.course(&signal.coefficients, signal.cubic(rest) + cavity.influence * base)
+        self.course(&signal.coefficients, signal.polynomial(rest) + cavity.influence * base)
     }
 
-    /// The side of the soft or piezoelectric wall that the particle of an impact damper presses into.
+    /// The side of the soft, piezoelectric or Hertz wall that the particle of an impact damper presses into.
     #[must_use]
     pub fn pressed_side(&self, damper: usize) -> Option<Sign> {
         if let Touch::Pressing(side) = self.parts.system.contacts.touches[damper] { Some(side) } else { None }
@@ -212,6 +239,9 @@ pub trait Observer {
 
     /// An impact.
     fn impact(&mut self, _impact: &Impact) {}
+
+    /// A contact with a Hertz wall has ended.
+    fn contact(&mut self, _contact: &HertzContact) {}
 
     /// Whether the motion goes on from time `time_s`.
     fn goes_on(&mut self, _time_s: f64) -> bool {

@@ -58,10 +58,8 @@ pub enum Refused {
         /// y − x at the wall on the positive side, m.
         to_m: f64,
     },
-    /// A wall with Hertz contact.
-    #[error(
-        "impact_dampers: a wall with Hertz contact is not available on a structure of several degrees of freedom; state its restitution"
-    )]
+    /// A wall with Hertz contact, of which no derivatives are known.
+    #[error("impact_dampers: a wall with Hertz contact has no derivatives; state its restitution")]
     Hertz,
     /// The damping couples two motions of nearly the same rate so that the closed form loses its digits.
     #[error("a natural motion is critically damped to within rounding: change its damping by one part in a million")]

@@ -3,7 +3,9 @@
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::integrator::exact::time::Time;
 use damprig_core::io::{finite, not_negative, positive};
-use damprig_core::model::{FrictionDamper, GRAVITY_M_PER_S2, Initial, Particle, SetUp as OneDegree, Structure, Tmd};
+use damprig_core::model::{
+    FrictionDamper, GRAVITY_M_PER_S2, Initial, Particle, SetUp as OneDegree, Structure, Tmd, Wall,
+};
 
 use crate::describe::{matrix, not_growing};
 use crate::{Body, Refused, State};
@@ -54,7 +56,7 @@ impl From<Structure> for Modes {
 pub struct ImpactDamper {
     /// Number of the place.
     pub place: usize,
-    /// The particle, its cavity and its walls; a wall with Hertz contact is refused.
+    /// The particle, its cavity and its walls.
     pub particle: Particle,
     /// Piezoelectric walls that stand in place of the particle's own, on the negative and the positive side.
     pub piezoelectric: [Option<PiezoelectricWall>; 2],
@@ -259,6 +261,15 @@ impl SetUp {
     /// The piezoelectric walls, in the order of [`State::charges_c`].
     pub(crate) fn piezoelectric_walls(&self) -> impl Iterator<Item = &PiezoelectricWall> {
         self.impact_dampers.iter().flat_map(|damper| damper.piezoelectric.iter().flatten())
+    }
+
+    /// Whether a particle has a wall with Hertz contact.
+    pub(crate) fn has_hertz_wall(&self) -> bool {
+        let is_hertz =
+            |(wall, in_place): (Wall, Option<PiezoelectricWall>)| in_place.is_none() && wall.hertz().is_some();
+        self.impact_dampers
+            .iter()
+            .any(|damper| damper.particle.walls().into_iter().zip(damper.piezoelectric).any(is_hertz))
     }
 
     /// One damper on a structure of its own, for the checks that a set-up of one degree of freedom has.

@@ -4,12 +4,12 @@ use damprig_core::integrator::exact::time::Time;
 
 use crate::Refused;
 use crate::contacts::Event;
-use crate::cubic::Cubic;
 use crate::flight::Flight;
 use crate::guard::{Here, Step, Verdict};
 use crate::linear::C64;
 use crate::motion::{Live, Motion, ROUNDINGS};
 use crate::observe::{Observer, Piece};
+use crate::polynomial::Polynomial;
 use crate::system::Watched;
 
 /// Events at one instant after which a step does without the guards of the joints that are at zero.
@@ -70,8 +70,14 @@ enum Length {
 impl Motion {
     /// Advances by one step, at most to `limit_s`, and handles the event at its end, if any.
     pub(crate) fn advance<O: Observer>(&mut self, limit_s: f64, observer: &mut O) -> Result<(), Refused> {
-        let rest_s = self.time.until(limit_s);
         self.handled = None;
+        if self.piece.left_s <= 0.0 {
+            self.anchor();
+            self.leave();
+            self.phase(&[])?;
+        }
+        let to_limit_s = self.time.until(limit_s);
+        let rest_s = to_limit_s.min(self.piece.left_s);
         loop {
             if self.events_at_once >= MAX_EVENTS_AT_ONCE {
                 self.level = self.level.max(self.blind_level);
@@ -100,7 +106,8 @@ impl Motion {
                     }
                 }
                 Judged::Clear => {
-                    let end = if let Length::ToLimit(_) = length { Time::at(limit_s) } else { self.after(length) };
+                    let is_at_limit = matches!(length, Length::ToLimit(length_s) if length_s == to_limit_s);
+                    let end = if is_at_limit { Time::at(limit_s) } else { self.after(length) };
                     let slow = self.here.slow;
                     self.take(length.seconds(&self.systems[self.system]), end, observer);
                     if self.is_unguarded {
@@ -142,7 +149,7 @@ impl Motion {
         let system = &self.systems[self.system];
         let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
         for (guard, live) in system.guards.iter().zip(&self.guards) {
-            let cubic = guard.with_flight(&self.free, live.cubic);
+            let cubic = guard.with_flight(&self.free, live.polynomial);
             if live.fresh > 0 || guard.is_zero(&now, &cubic, &self.free) {
                 self.blind[self.mount.joint_of_event(guard.event)] = true;
             }
@@ -150,7 +157,7 @@ impl Motion {
     }
 
     /// Whether the present step does without a guard: it is zero, and its joint one of those that no step decides about.
-    fn does_without(&self, guard: &Watched, live: &Live, now: &Now, cubic: &Cubic) -> bool {
+    fn does_without(&self, guard: &Watched, live: &Live, now: &Now, cubic: &Polynomial) -> bool {
         self.level >= self.blind_level
             && self.blind[self.mount.joint_of_event(guard.event)]
             && (live.fresh > 0 || guard.is_zero(now, cubic, &self.free))
@@ -164,7 +171,7 @@ impl Motion {
             if live.fresh > 0 {
                 continue;
             }
-            let cubic = guard.with_flight(&self.free, live.cubic);
+            let cubic = guard.with_flight(&self.free, live.polynomial);
             let here = guard.guard.at(&self.z, self.z.len(), cubic.at(0.0));
             let rounding = guard.rounding(&now, &cubic, &self.free);
             // What does not change cannot fall, even where it is zero, as at a wall that touches a particle at rest.
@@ -225,7 +232,7 @@ impl Motion {
         let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
         for (n, (guard, live)) in system.guards.iter().zip(&self.guards).enumerate() {
             let reach = &self.reaches[n - usize::from(guard.is_mirrored)];
-            let cubic = guard.with_flight(&self.free, live.cubic);
+            let cubic = guard.with_flight(&self.free, live.polynomial);
             let of_end = guard.follow(&self.ahead, step.slow, self.here.of_end.last());
             self.here.of_end.push(of_end);
             if cubic.is_constant() && reach.size() == 0.0 {
@@ -247,7 +254,7 @@ impl Motion {
                 start.value = 0.0;
             }
             let end = of_end.plus(cubic.at(h));
-            match reach.over(h, step.slow, cubic.jerk).judge(h, start, end, is_zero) {
+            match reach.over(h, step.slow, &cubic).judge(h, start, end, is_zero) {
                 Verdict::Clear => {}
                 Verdict::Falls => self.falls.push(n),
                 Verdict::Unsure => return Judged::Undecided,
@@ -266,7 +273,7 @@ impl Motion {
     fn root(&mut self, which: usize, length_s: f64, limit_s: f64) -> Option<First> {
         let system = &self.systems[self.system];
         let guard = &system.guards[which];
-        let cubic = guard.with_flight(&self.free, self.guards[which].cubic);
+        let cubic = guard.with_flight(&self.free, self.guards[which].polynomial);
         let rates = &system.linear.natural.rates;
         // At the end of the step, or at the first event found so far.
         let end_s = limit_s.min(length_s);
@@ -319,13 +326,14 @@ impl Motion {
         if O::PIECES && length_s > 0.0 {
             observer.piece(&Piece::new(self.parts(), self.time.seconds(), length_s));
         }
+        self.pass_forces(length_s);
         std::mem::swap(&mut self.z, &mut self.ahead);
         self.here.slow = None;
         self.free.iter_mut().for_each(|flight| *flight = flight.after(length_s));
-        if !self.base_cubic.is_constant() {
+        if self.rest.drifts() {
             self.base_cubic = self.base_cubic.after(length_s);
             self.rest.advance(length_s);
-            self.guards.iter_mut().for_each(|live| live.cubic = live.cubic.after(length_s));
+            self.guards.iter_mut().for_each(|live| live.polynomial = live.polynomial.after(length_s));
         }
         self.time = end;
         let wave = self.z[self.systems[self.system].linear.natural.wave];
@@ -416,17 +424,17 @@ impl Watched {
     }
 
     /// What of its value may be rounding.
-    fn rounding(&self, now: &Now, cubic: &Cubic, free: &[Flight]) -> f64 {
+    fn rounding(&self, now: &Now, cubic: &Polynomial, free: &[Flight]) -> f64 {
         self.derivative(now, cubic, 0).rounding + ROUNDINGS * self.scale(free)
     }
 
     /// Whether its value is zero but for rounding.
-    fn is_zero(&self, now: &Now, cubic: &Cubic, free: &[Flight]) -> bool {
+    fn is_zero(&self, now: &Now, cubic: &Polynomial, free: &[Flight]) -> bool {
         self.derivative(now, cubic, 0).value.abs() <= self.rounding(now, cubic, free)
     }
 
     /// The first of its derivatives, from `order` on, that is more than rounding: its order and value. `None` if none is up to [`HIGHEST`].
-    pub(crate) fn leading(&self, now: &Now, cubic: &Cubic, order: usize) -> Option<(usize, f64)> {
+    pub(crate) fn leading(&self, now: &Now, cubic: &Polynomial, order: usize) -> Option<(usize, f64)> {
         (order..=HIGHEST).find_map(|order| {
             let Derivative { value, rounding, .. } = self.derivative(now, cubic, order);
             (value.abs() > rounding).then_some((order, value))
@@ -434,7 +442,7 @@ impl Watched {
     }
 
     /// A derivative by time with the cubic's part.
-    fn derivative(&self, now: &Now, cubic: &Cubic, order: usize) -> Derivative {
+    pub(crate) fn derivative(&self, now: &Now, cubic: &Polynomial, order: usize) -> Derivative {
         let of_cubic = cubic.derivative(order);
         let mut of = Derivative { value: of_cubic, most: of_cubic.abs(), rounding: 0.0 };
         let power = i32::try_from(order).unwrap_or(i32::MAX);
@@ -453,10 +461,10 @@ impl Watched {
 
     /// Whether a guard whose first `order` derivatives (from the value on) are zero by definition stays positive for `h`: by the
     /// next one and the largest one after it (Taylor).
-    fn rises(&self, now: &Now, cubic: &Cubic, order: usize, h: f64) -> bool {
+    fn rises(&self, now: &Now, cubic: &Polynomial, order: usize, h: f64) -> bool {
         let first = self.derivative(now, cubic, order);
         let next = self.derivative(now, cubic, order + 1);
-        let most = next.most + if order == 1 { h * cubic.jerk.abs() } else { 0.0 };
+        let most = next.most + h * cubic.most(order + 2, h);
         first.value > first.rounding && most * h < (order + 1) as f64 * first.value
     }
 }
@@ -470,8 +478,8 @@ pub(crate) struct Now<'a> {
 }
 
 /// A derivative of a guard.
-struct Derivative {
-    value: f64,
+pub(crate) struct Derivative {
+    pub value: f64,
     /// The largest magnitude that it can have from now on.
     most: f64,
     /// What of it may be rounding.

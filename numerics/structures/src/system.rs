@@ -7,12 +7,13 @@ use crate::Refused;
 use crate::basis::Constraint;
 use crate::bodies::{Bodies, Link};
 use crate::contacts::{Contacts, Event, Slide, Touch};
-use crate::cubic::Cubic;
 use crate::flight::Flight;
 use crate::guard::{Guard, Step};
 use crate::linear::{C64, Linear, Rest, Signal};
 use crate::mount::{Cavity, Mount, WallLaw};
 use crate::piezoelectric::Piezoelectric;
+use crate::polynomial::Polynomial;
+use crate::push::Push;
 
 /// Longest step of a system in which nothing swings, s.
 const LONGEST_S: f64 = 1.0;
@@ -66,10 +67,10 @@ impl Watched {
     }
 
     /// The cubic in a phase, but for a free particle: `base` is the base's.
-    pub fn cubic(&self, system: &System, rest: &Rest, base: Cubic) -> Cubic {
+    pub fn polynomial(&self, system: &System, rest: &Rest, base: Polynomial) -> Polynomial {
         let of_motion = match &self.source {
             Source::Signal(signal, [of, of_rate]) => {
-                let cubic = signal.cubic(rest);
+                let cubic = signal.polynomial(rest);
                 *of * cubic + *of_rate * cubic.rate()
             }
             Source::Holding(which, factor) => {
@@ -77,15 +78,15 @@ impl Watched {
             }
         };
         let [of, of_rate] = self.of_base;
-        Cubic::constant(self.constant) + of_motion + of * base + of_rate * base.rate()
+        Polynomial::constant(self.constant) + of_motion + of * base + of_rate * base.rate()
     }
 
     /// The size of what cancels in its cubic where it is zero.
     pub fn scale(&self, free: &[Flight]) -> f64 {
         match self.flight {
             Flying::Nothing => self.constant.abs(),
-            Flying::Displacement(n, factor) => (factor * free[n].y_m).abs(),
-            Flying::Velocity(n, factor) => (factor * free[n].u_m_per_s).abs(),
+            Flying::Displacement(n, factor) => (factor * free[n].0.value).abs(),
+            Flying::Velocity(n, factor) => (factor * free[n].0.slope).abs(),
         }
     }
 
@@ -93,27 +94,29 @@ impl Watched {
     pub fn lift(&self, free: &mut [Flight], by: f64) {
         match self.flight {
             Flying::Nothing => {}
-            Flying::Displacement(n, factor) => free[n].y_m += by / factor,
-            Flying::Velocity(n, factor) => free[n].u_m_per_s += by / factor,
+            Flying::Displacement(n, factor) => free[n].0.value += by / factor,
+            Flying::Velocity(n, factor) => free[n].0.slope += by / factor,
         }
     }
 
     /// The cubic from now on with that of a free particle; `own`: without it.
-    pub fn with_flight(&self, free: &[Flight], own: Cubic) -> Cubic {
+    pub fn with_flight(&self, free: &[Flight], own: Polynomial) -> Polynomial {
         match self.flight {
             Flying::Nothing => own,
-            Flying::Displacement(n, factor) => {
-                let Flight { y_m, u_m_per_s, acceleration } = free[n];
-                let Cubic { value, slope, bend, jerk } = own;
-                let (value, slope) = (value + factor * y_m, slope + factor * u_m_per_s);
-                Cubic { value, slope, bend: bend + factor * acceleration, jerk }
-            }
-            Flying::Velocity(n, factor) => {
-                let Flight { u_m_per_s, acceleration, .. } = free[n];
-                Cubic { value: own.value + factor * u_m_per_s, slope: own.slope + factor * acceleration, ..own }
-            }
+            Flying::Displacement(n, factor) => own + factor * free[n].0,
+            Flying::Velocity(n, factor) => own + factor * free[n].0.rate(),
         }
     }
+}
+
+/// A Hertz wall that is pressed.
+#[derive(Clone, Debug)]
+pub(crate) struct Pushed {
+    pub particle: usize,
+    /// On the members per force of the wall.
+    pub push: Push,
+    /// Number of the guard that is its penetration; `None` where friction holds the particle.
+    pub guard: Option<usize>,
 }
 
 /// The system of one state of the contacts.
@@ -129,6 +132,8 @@ pub(crate) struct System {
     /// Particles in free flight.
     pub free: Vec<usize>,
     pub guards: Vec<Watched>,
+    /// Hertz walls that are pressed.
+    pub pushes: Vec<Pushed>,
     /// Absolute displacement of every place, but for the influence times the base's cubic.
     pub places: Vec<Signal>,
     pub steps: Vec<Step>,
@@ -141,7 +146,8 @@ impl System {
         let mut free = Vec::new();
         for (particle, touch) in contacts.touches.iter().enumerate() {
             let is_stuck = contacts.slides[mount.joint_of(particle)] == Slide::Stuck;
-            if is_stuck || matches!(touch, Touch::Pressing(_)) {
+            let is_link = matches!(*touch, Touch::Pressing(side) if !mount.cavities[particle].is_hertz(side));
+            if is_stuck || is_link {
                 members.push(mount.permanent + particle);
             } else {
                 free.push(particle);
@@ -174,6 +180,7 @@ impl System {
             linear,
             free,
             guards: Vec::new(),
+            pushes: Vec::new(),
             places: Vec::new(),
             steps: Vec::new(),
             longest_s: if slowest.is_finite() { 2.0 / slowest } else { LONGEST_S },
@@ -183,6 +190,7 @@ impl System {
         system.watch_sticking(mount, &stuck, &force);
         for particle in 0..mount.cavities.len() {
             system.watch_walls(mount, particle);
+            system.push_walls(mount, particle);
         }
         Ok(system)
     }
@@ -267,14 +275,19 @@ impl System {
             for side in [-1_i8, 1] {
                 // Gap to the wall, or what is left of the penetration.
                 let is_leaving = touch == Touch::Leaving(side);
-                let sign = if is_leaving { -1.0 } else { 1.0 };
+                let is_pressed = touch == Touch::Pressing(side);
+                let sign = if is_leaving || is_pressed { -1.0 } else { 1.0 };
                 let factor = sign * f64::from(side);
                 let is_mirrored = side == 1 && factor == -first;
                 first = factor;
                 let wall = cavity.piezoelectric(side);
                 let is_mirrored = is_mirrored && wall.or(cavity.piezoelectric(-1)).is_none();
                 let place = wall.map_or_else(|| place.clone(), |wall| self.place_and_surface(cavity, wall, factor));
-                let event = if is_leaving { Event::Inside(particle, side) } else { Event::Wall(particle, side) };
+                let event = match sign {
+                    1.0 => Event::Wall(particle, side),
+                    _ if is_pressed => Event::Releases(particle, side),
+                    _ => Event::Inside(particle, side),
+                };
                 self.guards.push(Watched {
                     is_mirrored,
                     constant: sign * cavity.end(side),
@@ -318,6 +331,17 @@ impl System {
                     ..Watched::of(event, beyond, [sign, 0.0], &self.linear.natural.rates)
                 });
             }
+        }
+    }
+
+    /// The Hertz wall that a particle presses into, with the guard of its penetration.
+    fn push_walls(&mut self, mount: &Mount, particle: usize) {
+        if let Touch::Pressing(side) = self.contacts.touches[particle]
+            && mount.cavities[particle].is_hertz(side)
+        {
+            let row = self.own(mount.offset_row(particle)).iter().map(|of| -signed(side, *of)).collect();
+            let guard = self.guards.iter().position(|guard| guard.event == Event::Releases(particle, side));
+            self.pushes.push(Pushed { particle, push: self.linear.push(row), guard });
         }
     }
 

@@ -109,7 +109,7 @@ impl Follower<'_> {
         let with_quantities = self.others.iter().map(|six| {
             six.each_ref().map(|setting| match setting.mount.cavities[particle].wall(side) {
                 WallLaw::Hard(law) => law.at(speed),
-                WallLaw::Soft { .. } | WallLaw::Piezoelectric(_) => f64::NAN,
+                WallLaw::Soft { .. } | WallLaw::Hertz(_) | WallLaw::Piezoelectric(_) => f64::NAN,
             })
         });
         let with_quantities: Vec<[f64; 6]> = with_quantities.collect();

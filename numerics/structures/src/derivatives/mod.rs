@@ -241,7 +241,7 @@ impl MotionCase {
         varied: &[Varied],
         goes_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Orbit, NoDerivatives> {
-        self.refuse_charges()?;
+        self.refuse_walls()?;
         let aligned = self.all_aligned(varied)?;
         let (at_s, case, section) = self.repeating(most_periods)?;
         let aligned = orbit::varied_at(&aligned, section.periods, &case.start, section.advance_rad);
@@ -250,8 +250,11 @@ impl MotionCase {
         Ok(Orbit { periods: section.periods, at_s, multipliers, derivatives: follower.result(growth, varied)? })
     }
 
-    /// The equations here are those of bodies with masses.
-    fn refuse_charges(&self) -> Result<(), NoDerivatives> {
+    /// The equations here are linear, and those of bodies with masses.
+    fn refuse_walls(&self) -> Result<(), NoDerivatives> {
+        if self.set_up.has_hertz_wall() {
+            return Err(Refused::Hertz.into());
+        }
         if self.set_up.piezoelectric_walls().next().is_some() { Err(NoDerivatives::Charge) } else { Ok(()) }
     }
 

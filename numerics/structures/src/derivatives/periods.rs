@@ -119,7 +119,7 @@ impl MotionCase {
 
     /// The same, with when it begins, s.
     pub(super) fn repeating(&self, most_periods: u32) -> Result<(f64, Self, Section), NoDerivatives> {
-        self.refuse_charges()?;
+        self.refuse_walls()?;
         let (at_s, state) = section(self, most_periods)?;
         let advance_rad = self.advance_rad(at_s);
         let periods = repeats_after(&self.of_periods(most_periods, &state, advance_rad), most_periods)?;
@@ -149,6 +149,7 @@ impl MotionCase {
     /// # Errors
     /// The motion is refused.
     pub fn bodies_after(&self, after_s: f64) -> Result<Vec<f64>, NoDerivatives> {
+        self.refuse_walls()?;
         let mut motion = Motion::new(&self.set_up, &self.excitation(), &self.start)?;
         motion.run(after_s, &mut ())?;
         let (mut q, v) = motion.bodies();
@@ -171,7 +172,7 @@ impl MotionCase {
     /// # Errors
     /// It has other places or modes than `like`.
     pub fn at_section(&self, like: &Self, section: Section, bodies: &[f64]) -> Result<Self, NoDerivatives> {
-        self.refuse_charges()?;
+        self.refuse_walls()?;
         let aligned = self.aligned(like)?;
         let mut case = aligned.of_periods(section.periods, &aligned.start, section.advance_rad);
         let excitation = case.excitation();

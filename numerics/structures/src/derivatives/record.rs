@@ -91,7 +91,7 @@ impl Open {
         let (mut start, v) = motion.bodies();
         start.extend(v);
         start.extend([motion.wave.sine, motion.wave.cosine]);
-        start.extend(motion.base_cubic.derivatives());
+        start.extend(&motion.base_cubic.derivatives()[..4]);
         start.push(1.0);
         Self { contacts: motion.contacts.clone(), from: motion.time, start }
     }

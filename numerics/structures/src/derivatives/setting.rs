@@ -54,7 +54,7 @@ pub(super) struct Setting<'a> {
 
 impl<'a> Setting<'a> {
     pub(super) fn of(case: &'a MotionCase) -> Result<Self, NoDerivatives> {
-        case.refuse_charges()?;
+        case.refuse_walls()?;
         let excitation = case.excitation();
         let mount = Mount::new(case.set_up(), &excitation)?;
         Ok(Self { case, mount, turning: excitation.angular_frequency_rad_per_s() })

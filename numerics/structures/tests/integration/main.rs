@@ -4,6 +4,7 @@ mod closed_forms;
 mod derivatives;
 mod energy;
 mod guided;
+mod hertz;
 mod laws;
 mod one_degree;
 mod one_mode;

@@ -7,7 +7,7 @@ use damprig_core::integrator::modes::Contact;
 use damprig_core::model::{Cavity, Dissipation, FrictionDamper, Hertz, Particle, Release, Wall};
 use damprig_structures::{
     Body, Drive, EnergyBook, FrictionJoint, Harvest, ImpactDamper, Mode, Modes, Motion, MotionCase, NoDerivatives,
-    Observer, Piece, PiezoelectricWall, Refused, SetUp, State, base_at_start,
+    Observer, Piece, PiezoelectricWall, SetUp, State, base_at_start,
 };
 use fastrand::Rng;
 
@@ -438,7 +438,7 @@ fn walls_and_charges_out_of_range_and_derivatives_are_refused() {
     });
     let start = |of: &SetUp| Motion::new(of, &Excitation::Fixed, &of.at_rest((0.0, 0.0)));
     assert!(start(&set_up(hertz, [Some(WALL); 2])).is_ok());
-    assert_eq!(start(&set_up(hertz, [None, Some(WALL)])).unwrap_err(), Refused::Hertz);
+    assert!(start(&set_up(hertz, [None, Some(WALL)])).is_ok());
     let start = State { charges_c: Vec::new(), ..whole.at_rest((0.0, 0.0)) };
     let refused = Motion::new(&whole, &Excitation::Fixed, &start).unwrap_err().to_string();
     assert_eq!(refused, "initial.charges_c: 0 found, 1 expected");

@@ -1,7 +1,7 @@
 //! What is no structure, no set-up or no start is refused by name.
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{Cavity, Dissipation, FrictionDamper, Hertz, Particle, Structure, Wall};
+use damprig_core::model::{Cavity, FrictionDamper, Particle, Structure, Wall};
 use damprig_structures::{
     Beam, Damping, FrictionJoint, HarmonicForce, ImpactDamper, Modes, Motion, Refused, SetUp, Storey, Support,
     base_at_start,
@@ -82,9 +82,6 @@ fn dampers_and_forces_at_no_place_are_refused() {
         assert_eq!(refused(&SetUp { driven_place, ..beside(force) }, excitation), Refused::NoSineBeside);
     }
     assert!(matches!(refused(&beside(HarmonicForce { place: 7, ..force }), &SINE), Refused::Place { place: 7, .. }));
-    let dissipation = Dissipation::HuntCrossley { coefficient_s_per_m: 0.1 };
-    let hertz = Wall::Hertz(Hertz { stiffness_n_per_m15: 1e9, dissipation });
-    assert_eq!(refused(&with_wall(hertz), &SINE), Refused::Hertz);
 }
 
 #[test]

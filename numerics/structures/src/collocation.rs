@@ -1,0 +1,211 @@
+//! The forces of Hertz walls over a piece: cubics that have the law's force at Gauss's four instants of the motion under them.
+//!
+//! Displacements and velocities depend linearly on the forces; Newton's method finds those of all contacts together.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::events::Few;
+use crate::linear::C64;
+use crate::motion::Motion;
+use crate::polynomial::Polynomial;
+use crate::push::{POWERS, at};
+use crate::squeeze::Squeeze;
+use crate::system::{System, Watched};
+
+/// What the error of a piece counts in which a contact ends.
+const PARTING: f64 = 10.0;
+
+/// Newton's steps after which a piece is halved.
+const MAX_NEWTON_STEPS: u32 = 12;
+
+/// Last change of a force in Newton's method, relative to what the error may be, and to the force.
+const CONVERGED: [f64; 2] = [1e-6, 1e-13];
+
+/// Gauss's instants of a piece, as fractions of it, and three at which the force is compared with the law.
+const INSTANTS: [f64; 7] = [
+    0.069_431_844_202_973_71,
+    0.330_009_478_207_571_87,
+    0.669_990_521_792_428_1,
+    0.930_568_155_797_026_3,
+    0.0,
+    0.5,
+    1.0,
+];
+
+/// The instants at the ends.
+pub(crate) const BEGIN: usize = 4;
+const LAST: usize = 6;
+
+/// δ and δ′.
+pub(crate) type Depth = [f64; 2];
+
+/// A contact whose force changes.
+pub(crate) struct Sliding<'a> {
+    pub particle: usize,
+    pub mass_kg: f64,
+    /// That of the penetration.
+    pub guard: &'a Watched,
+    /// z′ of the natural motions per force.
+    pub natural: &'a [C64],
+    pub squeeze: &'a Squeeze,
+    /// δ without the forces, but for natural motions.
+    pub polynomial: Polynomial,
+}
+
+/// What the contacts are over a piece: without their forces, and per power of time of each force, at every instant.
+pub(crate) struct Moved {
+    pub alone: Vec<[Depth; INSTANTS.len()]>,
+    per_power: Vec<Vec<[[Depth; POWERS]; INSTANTS.len()]>>,
+}
+
+impl Motion {
+    pub(crate) fn moved(&self, system: &System, sliding: &[Sliding], length_s: f64) -> Moved {
+        let rates = &system.linear.natural.rates;
+        let mut moved = Moved {
+            alone: vec![Default::default(); sliding.len()],
+            per_power: vec![vec![Default::default(); sliding.len()]; sliding.len()],
+        };
+        let mut ahead: Few<C64> = Few::new();
+        let mut solved: Few<[C64; POWERS]> = Few::new();
+        for (i, s) in INSTANTS.into_iter().enumerate() {
+            ahead.clear();
+            solved.clear();
+            for (z, rate) in self.z.iter().zip(rates) {
+                let turned = (rate * (s * length_s)).exp();
+                ahead.push(z * turned);
+                solved.push(at(rate * length_s, s, turned));
+            }
+            for (b, of) in sliding.iter().enumerate() {
+                let here = of.guard.guard.at(&ahead, ahead.len(), of.polynomial.at(s * length_s));
+                moved.alone[b][i] = [here.value, here.slope];
+                for (c, by) in sliding.iter().enumerate() {
+                    let depths = &mut moved.per_power[b][c][i];
+                    let natural = of.guard.guard.coefficients.iter().zip(by.natural).zip(rates.iter().zip(&solved));
+                    for ((coefficient, load), (rate, solved)) in natural {
+                        let share = coefficient * load * length_s;
+                        if share != C64::ZERO {
+                            for (depth, solved) in depths.iter_mut().zip(solved) {
+                                let more = share * solved;
+                                depth[0] += more.re;
+                                depth[1] += (rate * more).re;
+                            }
+                        }
+                    }
+                    if b == c {
+                        // The particle's own flight under sᵏ.
+                        let mut rise = length_s / of.mass_kg;
+                        for (k, depth) in depths.iter_mut().enumerate() {
+                            rise *= s;
+                            let slope = rise / (k + 1) as f64;
+                            depth[1] -= slope;
+                            depth[0] -= slope * s * length_s / (k + 2) as f64;
+                        }
+                    }
+                }
+            }
+        }
+        moved
+    }
+
+    /// The forces of all contacts as powers of the fraction of the piece, and the largest error relative to what is allowed; `None` if Newton's method
+    /// does not converge.
+    pub(crate) fn forces(
+        &self,
+        sliding: &[Sliding],
+        moved: &Moved,
+        length_s: f64,
+    ) -> Option<(Vec<[f64; POWERS]>, f64)> {
+        let count = sliding.len();
+        let powers_of = powers_of_values();
+        let mut values = DVector::from_fn(POWERS * count, |row, _| {
+            sliding[row / POWERS].squeeze.law(moved.alone[row / POWERS][BEGIN]).0
+        });
+        let powers = |values: &DVector<f64>| -> Vec<[f64; POWERS]> {
+            let of = |b: usize| powers_of.map(|row| (0..POWERS).map(|n| row[n] * values[b * POWERS + n]).sum());
+            (0..count).map(of).collect()
+        };
+        let depth = |b: usize, i: usize, forces: &[[f64; POWERS]]| {
+            let mut depth = moved.alone[b][i];
+            for (per_power, force) in moved.per_power[b].iter().zip(forces) {
+                for (per, power) in per_power[i].iter().zip(force) {
+                    depth = [depth[0] + per[0] * power, depth[1] + per[1] * power];
+                }
+            }
+            depth
+        };
+        for _ in 0..MAX_NEWTON_STEPS {
+            let forces = powers(&values);
+            let mut jacobian = DMatrix::identity(POWERS * count, POWERS * count);
+            let mut off = DVector::zeros(POWERS * count);
+            let mut noise: Few<f64> = Few::new();
+            for row in 0..POWERS * count {
+                let (b, i) = (row / POWERS, row % POWERS);
+                let depth = depth(b, i, &forces);
+                let (force, [by_depth, by_rate]) = sliding[b].squeeze.law(depth);
+                off[row] = force - values[row];
+                noise.push(
+                    8.0 * f64::EPSILON * by_depth * sliding[b].polynomial.value.abs().max(self.size_m(&sliding[b])),
+                );
+                for column in 0..POWERS * count {
+                    let (c, n) = (column / POWERS, column % POWERS);
+                    let per_power = &moved.per_power[b][c][i];
+                    let by = |which: usize| (0..POWERS).map(|k| per_power[k][which] * powers_of[k][n]).sum::<f64>();
+                    jacobian[(row, column)] -= by_depth * by(0) + by_rate * by(1);
+                }
+            }
+            let change = jacobian.lu().solve(&off)?;
+            values += &change;
+            let [of_error, of_force] = CONVERGED;
+            let most = values.amax();
+            let is_small = |(row, change): (usize, &f64)| {
+                let allowed = sliding[row / POWERS].squeeze.allowed_n_s(self.piece.tolerance) / length_s;
+                change.abs() <= (of_error * allowed).max(of_force * most).max(noise[row])
+            };
+            if !change.iter().all(|change| change.is_finite()) {
+                return None;
+            }
+            if change.iter().enumerate().all(is_small) {
+                let forces = powers(&values);
+                let error = |b: usize| {
+                    let off = |i: usize| {
+                        let s = INSTANTS[i];
+                        let cubic = forces[b].iter().rev().fold(0.0, |sum, power| sum * s + power);
+                        (cubic - sliding[b].squeeze.law(depth(b, i, &forces)).0).abs()
+                    };
+                    let most = (POWERS..INSTANTS.len()).map(off).fold(0.0, f64::max);
+                    let parts = if depth(b, LAST, &forces)[0] <= 0.0 { PARTING } else { 1.0 };
+                    parts * most * length_s / sliding[b].squeeze.allowed_n_s(self.piece.tolerance)
+                };
+                let error = (0..count).map(error).fold(0.0, f64::max);
+                return Some((forces, error));
+            }
+        }
+        None
+    }
+
+    /// Size of what cancels in a penetration, m.
+    fn size_m(&self, of: &Sliding) -> f64 {
+        of.guard.scale(&self.free)
+    }
+}
+
+/// The powers of the cubic through values at Gauss's instants: per power and value.
+fn powers_of_values() -> [[f64; POWERS]; POWERS] {
+    let mut powers_of = [[0.0; POWERS]; POWERS];
+    for n in 0..POWERS {
+        // Lagrange's polynomial of the value.
+        let (mut polynomial, mut degree) = ([1.0, 0.0, 0.0, 0.0], 0);
+        for other in (0..POWERS).filter(|other| *other != n) {
+            let gap = INSTANTS[n] - INSTANTS[other];
+            degree += 1;
+            for k in (0..=degree).rev() {
+                let below = if k > 0 { polynomial[k - 1] } else { 0.0 };
+                polynomial[k] = (below - INSTANTS[other] * polynomial[k]) / gap;
+            }
+        }
+        for (row, power) in powers_of.iter_mut().zip(polynomial) {
+            row[n] = power;
+        }
+    }
+    powers_of
+}
