@@ -50,6 +50,8 @@ pub(crate) struct Sliding<'a> {
     pub squeeze: &'a Squeeze,
     /// δ without the forces, but for natural motions.
     pub polynomial: Polynomial,
+    /// Rounding of δ, m.
+    pub rounding_m: f64,
 }
 
 /// What the contacts are over a piece: without their forces, and per power of time of each force, at every instant.
@@ -143,9 +145,7 @@ impl Motion {
                 let depth = depth(b, i, &forces);
                 let (force, [by_depth, by_rate]) = sliding[b].squeeze.law(depth);
                 off[row] = force - values[row];
-                noise.push(
-                    8.0 * f64::EPSILON * by_depth * sliding[b].polynomial.value.abs().max(self.size_m(&sliding[b])),
-                );
+                noise.push(sliding[b].rounding_m * by_depth);
                 for column in 0..POWERS * count {
                     let (c, n) = (column / POWERS, column % POWERS);
                     let per_power = &moved.per_power[b][c][i];
@@ -170,7 +170,9 @@ impl Motion {
                     let off = |i: usize| {
                         let s = INSTANTS[i];
                         let cubic = forces[b].iter().rev().fold(0.0, |sum, power| sum * s + power);
-                        (cubic - sliding[b].squeeze.law(depth(b, i, &forces)).0).abs()
+                        let (force, [by_depth, _]) = sliding[b].squeeze.law(depth(b, i, &forces));
+                        // What is only rounding cannot become less.
+                        ((cubic - force).abs() - sliding[b].rounding_m * by_depth).max(0.0)
                     };
                     let most = (POWERS..INSTANTS.len()).map(off).fold(0.0, f64::max);
                     let parts = if depth(b, LAST, &forces)[0] <= 0.0 { PARTING } else { 1.0 };
@@ -181,11 +183,6 @@ impl Motion {
             }
         }
         None
-    }
-
-    /// Size of what cancels in a penetration, m.
-    fn size_m(&self, of: &Sliding) -> f64 {
-        of.guard.scale(&self.free)
     }
 }
 

@@ -34,6 +34,9 @@ const FIRST: f64 = 1e-3;
 /// Shortest piece, relative to the same: a kink may lie in it.
 const LEAST: f64 = 1e-6;
 
+/// Roundings of a displacement that a penetration may have: those of y and x, and of the sums that x is.
+const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
+
 /// Slowest approach, m/s, that errors are relative to.
 const SLOWEST_M_PER_S: f64 = 1e-9;
 
@@ -221,6 +224,7 @@ impl Motion {
             natural: &pushed.push.natural,
             squeeze,
             polynomial: guard.with_flight(&self.free, own),
+            rounding_m: ROUNDINGS * guard.scale(&self.free),
         })
     }
 
@@ -289,5 +293,68 @@ impl Motion {
             }
         }
         self.squeezes.iter_mut().flatten().for_each(|squeeze| squeeze.force = squeeze.force.after(length_s));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ImpactDamper, Mode, Modes, Observer, SetUp, State};
+    use damprig_core::integrator::exact::Excitation;
+    use damprig_core::model::{Cavity, Dissipation, Particle, Wall};
+
+    #[derive(Default)]
+    struct Count(u32);
+
+    impl Observer for Count {
+        fn contact(&mut self, _: &HertzContact) {
+            self.0 += 1;
+        }
+    }
+
+    /// The state after some ten contacts in half a second, and how many.
+    fn run(tolerance: f64, law: Dissipation) -> (State, u32) {
+        let mode = |omega: f64, shape: [f64; 2]| Mode {
+            angular_frequency_rad_per_s: omega,
+            damping_ratio: 0.01,
+            shape: shape.to_vec(),
+            participation: 1.0,
+        };
+        let structure = Modes {
+            modes: vec![mode(16.0, [0.8, 0.3]), mode(120.0, [0.4, -0.6])],
+            influence: vec![1.0; 2],
+            coupling_per_s: Vec::new(),
+        };
+        let wall = Wall::Hertz(Hertz { stiffness_n_per_m15: 3e6, dissipation: law });
+        let cavity = Cavity::default();
+        let particle = Particle { mass_kg: 0.16, clearance_m: 3e-3, friction_coefficient: 0.02, wall, cavity };
+        let dampers = [0, 1].map(|place| ImpactDamper::new(place, particle)).to_vec();
+        let set_up = SetUp { impact_dampers: dampers, ..SetUp::bare(structure) };
+        let sine = Excitation::Sine { amplitude_m: 3e-3, angular_frequency_rad_per_s: 15.0, phase_rad: 0.3 };
+        let mut motion = Motion::new(&set_up, &sine, &set_up.at_rest(crate::base_at_start(&sine))).expect("it starts");
+        motion.piece.tolerance = tolerance;
+        let mut count = Count::default();
+        motion.run(0.5, &mut count).expect("it goes on");
+        (motion.state(), count.0)
+    }
+
+    #[test]
+    fn tighter_limits_change_the_motion_by_less_than_the_stated_error() {
+        for law in [
+            Dissipation::HuntCrossley { coefficient_s_per_m: 0.8 },
+            Dissipation::LankaraniNikravesh { coefficient: 0.7 },
+        ] {
+            let apart = |(a, b): (&State, &State)| {
+                let modal = a.modal.iter().zip(&b.modal).map(|(a, b)| a - b);
+                let bodies = a.particles.iter().zip(&b.particles).map(|(a, b)| a.y_m - b.y_m);
+                modal.chain(bodies).fold(0.0, |most: f64, off| most.max(off.abs()))
+            };
+            let (stated, contacts) = run(TOLERANCE, law);
+            let (tighter, looser) = (run(0.01 * TOLERANCE, law).0, run(1e4 * TOLERANCE, law).0);
+            let off = apart((&stated, &tighter));
+            // Each contact carries on what those before are off by, here at most tenfold.
+            assert!(contacts >= 4 && off < 1e-9 * 3e-3 * 10.0 * f64::from(contacts), "{contacts} contacts, {off:e}");
+            assert!(apart((&stated, &looser)) > 100.0 * off, "the limit acts");
+        }
     }
 }

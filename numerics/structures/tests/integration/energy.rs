@@ -4,7 +4,9 @@ use std::f64::consts::TAU;
 
 use damprig_core::analysis::energy::{Balance, EnergyMeter};
 use damprig_core::integrator::exact::{Exact, Excitation};
-use damprig_core::model::{Cavity, FrictionDamper, Particle, Release, SetUp as One, Structure, Tmd, Wall};
+use damprig_core::model::{
+    Cavity, Dissipation, FrictionDamper, Hertz, Particle, Release, SetUp as One, Structure, Tmd, Wall,
+};
 use damprig_structures::{
     EnergyBook, FrictionJoint, ImpactDamper, Modes, Motion, SetUp, State, Storey, TunedMass, base_at_start,
 };
@@ -35,10 +37,13 @@ fn of_one_mode_every_term_is_that_of_one_degree_of_freedom() {
     let bare = One::bare(structure);
     let hard = Wall::Restitution { coefficient: 0.5 };
     let soft = Wall::Voigt { stiffness_n_per_m: 4_000.0, damping_n_s_per_m: 4.0, release: Release::ZeroForce };
+    let dissipation = Dissipation::HuntCrossley { coefficient_s_per_m: 0.3 };
+    let hertz = Wall::Hertz(Hertz { stiffness_n_per_m15: 1e8, dissipation });
     let friction_damper = Some(FrictionDamper { force_n: 0.3 });
     let set_ups = [
         ("hard walls", One { particle: Some(particle(hard)), ..bare }),
         ("soft walls", One { particle: Some(particle(soft)), ..bare }),
+        ("Hertz walls", One { particle: Some(particle(hertz)), friction_damper, ..bare }),
         ("hybrid", One { particle: Some(particle(hard)), friction_damper, ..bare }),
         (
             "tuned mass",

@@ -3,12 +3,18 @@
 use damprig_core::integrator::exact::{
     ContactEnd, Exact, Excitation, HertzContact as OneContact, Observer as OneObserver,
 };
+use damprig_core::integrator::modes::Grip;
 use damprig_core::model::{
     Cavity, Dissipation, FrictionDamper, Hertz, Initial, Particle, SetUp as One, Structure, Wall,
 };
-use damprig_structures::{HertzContact, ImpactDamper, Mode, Modes, Motion, Observer, Piece, SetUp, State};
+use damprig_structures::{
+    Drive, EnergyBook, HertzContact, ImpactDamper, Mode, Modes, Motion, MotionCase, NoDerivatives, Observer, Piece,
+    Refused, SetUp, State,
+};
 
 use crate::one_mode::set_up;
+use crate::random_set_ups::{Case, Draw};
+use fastrand::Rng;
 
 const LAWS: [Dissipation; 4] = [
     Dissipation::HuntCrossley { coefficient_s_per_m: 0.0 },
@@ -25,13 +31,21 @@ const STATED: f64 = 1e-9;
 struct Contacts {
     contacts: Vec<HertzContact>,
     pieces: u32,
+    /// Of these, with two contacts, and with a friction damper that sticks.
+    at_once: u32,
+    stuck_during: u32,
+    friction_dampers: usize,
 }
 
 impl Observer for Contacts {
     const PIECES: bool = true;
 
     fn piece(&mut self, piece: &Piece) {
-        self.pieces += u32::from((0..piece.particle_count()).any(|damper| piece.pressed_side(damper).is_some()));
+        let pressed = (0..piece.particle_count()).filter(|damper| piece.pressed_side(*damper).is_some()).count();
+        self.pieces += u32::from(pressed > 0);
+        self.at_once += u32::from(pressed > 1);
+        let sticks = (0..self.friction_dampers).any(|damper| piece.grip(damper) == Grip::Stuck);
+        self.stuck_during += u32::from(pressed > 0 && sticks);
     }
 
     fn contact(&mut self, contact: &HertzContact) {
@@ -164,4 +178,184 @@ fn a_structure_of_one_mode_moves_as_with_one_degree_of_freedom() {
             agrees(&name, &One { particle: Some(inclined), friction_damper, ..bare }, &sine, 0.6);
         }
     }
+}
+
+/// Random set-ups of [`random_set_ups`](crate::random_set_ups) with Hertz walls in place of soft ones and of some hard ones. The law of Lankarani and
+/// Nikravesh is drawn on a level: the approach speed of a particle that its weight lays on a wall is not that of the touch.
+fn with_hertz_walls(number: usize) -> Case {
+    let mut rng = Rng::with_seed(1000 + number as u64);
+    let mut case = Draw(Rng::with_seed(number as u64)).case(number);
+    for damper in &mut case.set_up.impact_dampers {
+        let particle = &mut damper.particle;
+        let mut draw = |wall: Wall| {
+            let stiffness_n_per_m15 = 10.0_f64.powf(4.0 + 4.0 * rng.f64());
+            let dissipation = if particle.cavity.inclination_deg == 0.0 && rng.bool() {
+                Dissipation::LankaraniNikravesh { coefficient: 0.5 + 0.5 * rng.f64() }
+            } else {
+                Dissipation::HuntCrossley { coefficient_s_per_m: rng.f64() }
+            };
+            let takes_time = matches!(wall, Wall::Voigt { .. }) || rng.bool();
+            if takes_time { Wall::Hertz(Hertz { stiffness_n_per_m15, dissipation }) } else { wall }
+        };
+        particle.wall = draw(particle.wall);
+        particle.cavity.positive_wall = particle.cavity.positive_wall.map(draw);
+    }
+    case
+}
+
+/// Cycles that motions of random set-ups are compared over.
+const CYCLES: u32 = 3;
+
+/// Change of the start that tells how chaotic they are: above the errors of both methods.
+const NUDGE: f64 = 1e-7;
+
+/// Random set-ups.
+const RANDOM: usize = 30;
+
+/// Allowed difference, relative to the displacements and the growth: some 1e-9 of each contact from either method, which a series of bounces carries on more
+/// than a change of the start. With steps and tolerances that are ten and a hundred times finer, 1.3e-10 was measured.
+const ALLOWED: f64 = 5e-8;
+
+/// Friction joints that stick during contacts, contacts at once, tuned masses, hard walls beside Hertz walls, damping that is not modal.
+#[test]
+fn motions_of_random_set_ups_agree_with_the_second_method() {
+    let (mut compared, mut contacts, mut at_once, mut sticks, mut worst, mut unresolved) = (0, 0, 0, 0, 0.0_f64, 0);
+    let mut wrong = Vec::new();
+    for number in 0..RANDOM {
+        let case = with_hertz_walls(number);
+        let mut motion = Motion::new(&case.set_up, &case.excitation, &case.start).expect("it starts");
+        let mut beside = motion.clone();
+        match case.compare_cycles(&mut motion, CYCLES, NUDGE, ALLOWED) {
+            Ok(outcome) => {
+                assert!(!outcome.is_refused, "{number}");
+                worst = worst.max(outcome.worst);
+                compared += u32::from(outcome.cycles == CYCLES);
+                let friction_dampers = case.set_up.friction_dampers.len();
+                let mut seen = Contacts { friction_dampers, ..Contacts::default() };
+                beside.run(f64::from(outcome.cycles) * case.cycle_s, &mut seen).expect("it goes on");
+                contacts += seen.contacts.len();
+                at_once += seen.at_once;
+                sticks += seen.stuck_during;
+                unresolved += motion.unresolved();
+            }
+            Err(error) => wrong.push(format!("{number}: {error}")),
+        }
+    }
+    println!(
+        "{compared} compared, {contacts} contacts, {at_once} pieces with two, {sticks} with a joint that sticks, {worst:.1e}, {unresolved} unresolved"
+    );
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(
+        compared >= 20 && contacts > 100 && at_once > 100 && sticks > 100,
+        "{compared} {contacts} {at_once} {sticks}"
+    );
+}
+
+/// A frame with a Hertz wall and dampers of every kind: on a sine, the balance closes to rounding.
+#[test]
+fn the_energy_book_balances_on_random_set_ups() {
+    let (mut worst, mut books) = (0.0_f64, 0);
+    for number in 0..RANDOM {
+        let case = with_hertz_walls(number);
+        let mut motion = Motion::new(&case.set_up, &case.excitation, &case.start).expect("it starts");
+        // A joint to a base that moves its place otherwise has no book.
+        let Some(mut book) = EnergyBook::new(&motion) else { continue };
+        motion.run(f64::from(CYCLES) * case.cycle_s, &mut book).expect("it goes on");
+        let balance = book.balance(&motion);
+        let size = balance.input_j.abs() + balance.dissipated_j() + balance.stored_change_j.abs();
+        assert!(balance.link_damping_j > -1e-9 * size, "{number}: {balance:?}");
+        worst = worst.max(balance.residual_j.abs() / size);
+        books += 1;
+    }
+    println!("{books} books, {worst:.1e}");
+    assert!(worst < 1e-10 && books > 15, "{worst:e}, {books} books");
+}
+
+/// On a structure that is at rest after a second.
+#[test]
+fn a_particle_at_rest_on_its_wall_carries_its_weight_in_few_hundred_pieces_a_second() {
+    for stiffness_n_per_m15 in [1e5, 1e9] {
+        let law = Hertz { stiffness_n_per_m15, dissipation: Dissipation::LankaraniNikravesh { coefficient: 0.5 } };
+        let cavity = Cavity { inclination_deg: 90.0, ..Cavity::default() };
+        let mass_kg = 0.16;
+        let damper = ImpactDamper::new(0, Particle { cavity, ..particle(mass_kg, 5e-3, law) });
+        let structure = Structure::from_modal(1.6, 2.5, 0.9);
+        let set_up = SetUp { impact_dampers: vec![damper], ..SetUp::bare(structure) };
+        let mut start = set_up.at_rest((0.0, 0.0));
+        start.particles[0].y_m = -5e-3;
+        let mut motion = Motion::new(&set_up, &Excitation::Fixed, &start).unwrap();
+        let mut seen = Contacts::default();
+        motion.run(3.0, &mut seen).unwrap();
+        let (rings, mut rests) = (seen.pieces, Contacts::default());
+        motion.run(13.0, &mut rests).unwrap();
+        let weight_n = mass_kg * set_up.gravity_m_per_s2;
+        let x_m = -weight_n / structure.stiffness_n_per_m;
+        let depth_m = x_m - 5e-3 - motion.state().particles[0].y_m;
+        let expected_m = (weight_n / stiffness_n_per_m15).powf(2.0 / 3.0);
+        let contact = motion.hertz_contacts().next().expect("it stays");
+        println!(
+            "{stiffness_n_per_m15:e}: {rings} pieces, then {}, depth {:.1e}",
+            rests.pieces,
+            depth_m / expected_m - 1.0
+        );
+        // x and y are rounded.
+        assert!((depth_m - expected_m).abs() < 1e-9 * expected_m + 1e-17, "{depth_m} {expected_m}");
+        assert!(seen.contacts.is_empty() && rests.contacts.is_empty());
+        assert!(contact.touch_s == 0.0 && contact.approach_speed_m_per_s == 0.0 && contact.duration_s > 12.9);
+        assert!(rests.pieces < 4_000 && rings < 2_000, "{rings} {}", rests.pieces);
+    }
+}
+
+/// Two modes, a cavity off its centre and inclined, internal friction, two different walls.
+#[test]
+fn a_mirrored_set_up_has_the_mirrored_motion() {
+    let mode = |omega: f64, shape: f64| Mode {
+        angular_frequency_rad_per_s: omega,
+        damping_ratio: 0.01,
+        shape: vec![shape],
+        participation: 0.0,
+    };
+    let structure =
+        Modes { modes: vec![mode(16.0, 0.8), mode(90.0, 0.5)], influence: vec![1.0], coupling_per_s: vec![] };
+    let walls = LAWS.map(|dissipation| Wall::Hertz(Hertz { stiffness_n_per_m15: 1e7, dissipation }));
+    let run = |sign: f64| {
+        let [negative, positive] = if sign > 0.0 { [walls[1], walls[3]] } else { [walls[3], walls[1]] };
+        let cavity = Cavity { positive_wall: Some(positive), offset_m: sign * 1e-3, inclination_deg: sign * 8.0 };
+        let particle =
+            Particle { mass_kg: 0.16, clearance_m: 4e-3, friction_coefficient: 0.04, wall: negative, cavity };
+        let set_up = SetUp { impact_dampers: vec![ImpactDamper::new(0, particle)], ..SetUp::bare(structure.clone()) };
+        let mut start = set_up.at_rest((0.0, 0.0));
+        start.modal = vec![sign * 8e-3, sign * 1e-3];
+        start.particles[0].y_m = set_up.displacement_m(&start, 0) + sign * 1e-3;
+        let mut motion = Motion::new(&set_up, &Excitation::Fixed, &start).unwrap();
+        let mut seen = Contacts::default();
+        motion.run(2.0, &mut seen).unwrap();
+        (motion.state(), seen.contacts)
+    };
+    let ((state, contacts), (mirrored, mirrored_contacts)) = (run(1.0), run(-1.0));
+    assert!(contacts.len() > 5, "{}", contacts.len());
+    let sides: Vec<_> =
+        mirrored_contacts.iter().map(|contact| HertzContact { side: -contact.side, ..*contact }).collect();
+    assert_eq!(contacts, sides);
+    assert_eq!(state.particles[0].y_m, -mirrored.particles[0].y_m);
+    assert_eq!(state.modal, mirrored.modal.iter().map(|q| -q).collect::<Vec<_>>());
+}
+
+/// Their equations are linear.
+#[test]
+fn derivatives_of_a_motion_with_a_hertz_wall_are_refused() {
+    let law = Hertz::elastic(1e9);
+    let damper = ImpactDamper::new(0, particle(0.16, 5e-3, law));
+    let set_up = SetUp { impact_dampers: vec![damper], ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.01)) };
+    let case = MotionCase {
+        start: set_up.at_rest((0.0, 0.0)),
+        set_up,
+        drive: Drive::ClosedForm(Excitation::Fixed),
+        duration_s: 1.0,
+    };
+    let refused = NoDerivatives::Refused(Refused::Hertz);
+    assert_eq!(case.derivatives(&[], &mut |_| true).unwrap_err(), refused);
+    assert_eq!(case.orbit_derivatives(1, &[], &mut |_| true).unwrap_err(), refused);
+    assert_eq!(case.settled(1).unwrap_err(), refused);
+    assert_eq!(case.returned(&[]).unwrap_err(), refused);
 }

@@ -1,6 +1,6 @@
 //! The crate compared with the second method on random set-ups with all kinds of dampers, the same in every run.
 
-use crate::second_method::Reference;
+use crate::second_method::{Counts, Reference};
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Cavity, FrictionDamper, Particle, Release, Restitution, SpeedTable, Tmd, Wall};
 use damprig_structures::{
@@ -245,22 +245,24 @@ impl Draw {
 
 /// What a comparison found.
 #[derive(Clone, Copy, Debug, Default)]
-struct Outcome {
-    cycles: u32,
+pub struct Outcome {
+    pub cycles: u32,
     growth: f64,
     /// Largest difference relative to the displacements and the growth.
-    worst: f64,
+    pub worst: f64,
     is_chaotic: bool,
-    is_refused: bool,
+    pub is_refused: bool,
     sticks_twice: bool,
     double_impacts: u32,
+    /// Of the second method.
+    pub counts: Counts,
 }
 
 impl Case {
-    /// The case from a start that differs by [`NUDGE`].
-    fn nudged(&self) -> Self {
+    /// The case from a start that differs by this share of the displacements.
+    fn nudged(&self, nudge: f64) -> Self {
         let mut start = self.start.clone();
-        let size = NUDGE * self.scale_m;
+        let size = nudge * self.scale_m;
         for q in &mut start.modal {
             *q += size;
         }
@@ -274,15 +276,26 @@ impl Case {
     /// Compares the crate's motion with that of the second method at the ends of the cycles, until a change of the start has grown
     /// too much.
     fn compare(&self, motion: &mut Motion) -> Result<Outcome, String> {
+        self.compare_cycles(motion, CYCLES, NUDGE, ALLOWED)
+    }
+
+    /// The same over so many cycles, with another change of the start and another difference allowed.
+    pub fn compare_cycles(
+        &self,
+        motion: &mut Motion,
+        cycles: u32,
+        nudge: f64,
+        allowed: f64,
+    ) -> Result<Outcome, String> {
         let mut reference = self.reference()?;
-        let mut beside = self.nudged().reference()?;
+        let mut beside = self.nudged(nudge).reference()?;
         let mut outcome = Outcome { growth: 1.0, ..Outcome::default() };
-        for cycle in 1..=CYCLES {
+        for cycle in 1..=cycles {
             reference.cycle().map_err(|error| format!("second method, cycle {cycle}: {error}"))?;
             beside.cycle().map_err(|error| format!("second method beside, cycle {cycle}: {error}"))?;
             let state = reference.state();
             let unit = reference.scale_m();
-            outcome.growth = outcome.growth.max(reference.apart_m(&state, &beside.state()) / (NUDGE * self.scale_m));
+            outcome.growth = outcome.growth.max(reference.apart_m(&state, &beside.state()) / (nudge * self.scale_m));
             if outcome.growth > MOST_GROWTH {
                 outcome.is_chaotic = true;
                 break;
@@ -293,7 +306,7 @@ impl Case {
                 break;
             }
             let apart = reference.apart_m(&state, &motion.state()) / (unit * outcome.growth);
-            if apart.is_nan() || apart > ALLOWED {
+            if apart.is_nan() || apart > allowed {
                 let growth = outcome.growth;
                 return Err(format!(
                     "cycle {cycle}: {apart:.1e} apart at a growth of {growth:.1}, {:?}",
@@ -303,6 +316,7 @@ impl Case {
             outcome.worst = outcome.worst.max(apart);
             outcome.cycles = cycle;
         }
+        outcome.counts = reference.counts;
         outcome.sticks_twice = reference.counts.double_sticks > 0;
         outcome.double_impacts = reference.counts.double_impacts;
         Ok(outcome)
@@ -384,7 +398,7 @@ fn a_base_of_cubics_moves_random_set_ups_as_the_sine_through_their_ends() {
         }
         case.set_up.force_beside_base = None;
         let mut motion = Motion::new(&case.set_up, &case.excitation, &case.start).expect("it starts");
-        let mut beside = Motion::new(&case.set_up, &case.excitation, &case.nudged().start).expect("it starts");
+        let mut beside = Motion::new(&case.set_up, &case.excitation, &case.nudged(NUDGE).start).expect("it starts");
         let h = case.cycle_s / f64::from(CUBICS);
         let part = |n: u32| cubic(&case.excitation, f64::from(n) * h, h);
         let mut on_cubics = Motion::on_base(&case.set_up, part(0), &case.start).expect("it starts");

@@ -10,4 +10,4 @@ mod one_degree_of_freedom;
 mod reference;
 mod runge_kutta;
 
-pub use reference::Reference;
+pub use reference::{Counts, Reference};

@@ -2,9 +2,14 @@
 
 use super::runge_kutta::{DOF, Phase, Vector};
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{ImpactLaw, Release};
+use damprig_core::model::{Hertz, ImpactLaw, Release, Wall};
 use damprig_structures::{HarmonicForce, SetUp};
 use std::f64::consts::TAU;
+
+/// Steps of a contact with a Hertz wall: δ^1.5 is not smooth where it begins and ends, and with a share s of the contact as a step the error is 0.01 s^2.5 of
+/// the impulse there. In this many radians of [`super::reference`]'s steps, at this speed.
+const HERTZ_RAD: f64 = 200.0;
+const HERTZ_M_PER_S: f64 = 0.3;
 
 /// The excitation at an instant.
 #[derive(Clone, Copy, Debug, Default)]
@@ -60,11 +65,12 @@ pub fn dot(a: &Vector, b: &Vector) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// A wall: the impact law of a hard one, spring, dashpot and release of a soft one.
+/// A wall: the impact law of a hard one, spring, dashpot and release of a soft one, the law of one with Hertz contact.
 #[derive(Clone, Copy, Debug)]
 pub enum End {
     Hard(ImpactLaw<f64>),
     Soft { stiffness: f64, damping: f64, release: Release },
+    Hertz(Hertz),
 }
 
 /// A particle: its walls, their positions, and the acceleration by its weight.
@@ -102,6 +108,8 @@ pub enum Grip {
 pub struct Pattern {
     pub grips: Vec<Grip>,
     pub contacts: Vec<Contact>,
+    /// β of the contact of each particle with a Hertz wall.
+    pub dissipation: Vec<f64>,
     /// The stuck joints.
     pub stuck: Vec<usize>,
     /// Their forces per relative acceleration, with the opposite sign.
@@ -168,12 +176,12 @@ impl Equations {
             let weight = set_up.gravity_m_per_s2 * particle.mass_kg;
             friction.push(particle.friction_coefficient * weight * particle.cavity.level());
             cages.push(Cage {
-                ends: particle.walls().map(|wall| match wall.impact_law::<f64>(1.0) {
-                    Some(law) => End::Hard(law),
-                    None => {
-                        let (stiffness, damping) = wall.spring_and_dashpot().expect("no Hertz contact");
-                        End::Soft { stiffness, damping, release: wall.release().expect("a soft wall") }
+                ends: particle.walls().map(|wall| match wall {
+                    Wall::Hertz(law) => End::Hertz(law),
+                    Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release } => {
+                        End::Soft { stiffness: stiffness_n_per_m, damping: damping_n_s_per_m, release }
                     }
+                    _ => End::Hard(wall.impact_law::<f64>(1.0).expect("a hard wall")),
                 }),
                 at: particle.ends_m(),
                 weight: set_up.gravity_m_per_s2 * particle.cavity.rise(),
@@ -264,6 +272,32 @@ impl Equations {
         acceleration
     }
 
+    /// The force of the Hertz wall that a particle presses into, along its joint, and its rate.
+    fn squeezed(&self, pattern: &Pattern, joint: usize, [state, rate]: [&Phase; 2], drive: &Drive) -> Option<[f64; 2]> {
+        let Contact::Pressing(side) = *pattern.contacts.get(joint)? else { return None };
+        let End::Hertz(law) = self.cages[joint].ends[side] else { return None };
+        let (sign, relative) = (if side == 0 { -1.0 } else { 1.0 }, &self.joints[joint]);
+        let depth = sign * (relative.of(&state.displacement, drive.base[0]) - self.cages[joint].at[side]);
+        let speed = sign * relative.of(&state.velocity, drive.base[1]);
+        let share = 1.0 + pattern.dissipation[joint] * speed;
+        if depth <= 0.0 || share <= 0.0 {
+            return Some([0.0; 2]);
+        }
+        let elastic = law.stiffness_n_per_m15 * depth.powf(1.5);
+        let faster = sign * relative.of(&rate.velocity, drive.base[2]) * pattern.dissipation[joint];
+        Some([-sign * elastic * share, -sign * elastic * (1.5 * speed / depth * share + faster)])
+    }
+
+    /// Adds the accelerations by Hertz walls, or with `which` = 1 their rates.
+    fn squeeze(&self, pattern: &Pattern, phases: [&Phase; 2], drive: &Drive, acceleration: &mut Vector, which: usize) {
+        for joint in 0..self.cages.len() {
+            if let Some(force) = self.squeezed(pattern, joint, phases, drive) {
+                let response = &self.joints[joint].response;
+                acceleration.iter_mut().zip(response).for_each(|(a, r)| *a += r * force[which]);
+            }
+        }
+    }
+
     /// Adds the forces that keep stuck joints without a relative acceleration; `base` is the acceleration of the base.
     fn held(&self, pattern: &Pattern, acceleration: &mut Vector, base: f64) -> Vec<f64> {
         let relative: Vec<f64> = pattern.stuck.iter().map(|joint| self.joints[*joint].of(acceleration, base)).collect();
@@ -284,6 +318,7 @@ impl Equations {
     pub fn rate(&self, pattern: &Pattern, t: f64, state: &Phase) -> Phase {
         let drive = self.drive(t);
         let mut acceleration = self.free(pattern, state, &drive, 1.0);
+        self.squeeze(pattern, [state; 2], &drive, &mut acceleration, 0);
         if !pattern.stuck.is_empty() {
             self.held(pattern, &mut acceleration, drive.base[2]);
         }
@@ -294,9 +329,11 @@ impl Equations {
     pub fn moment(&self, pattern: &Pattern, t: f64, state: &Phase) -> Moment {
         let drive = self.drive(t);
         let mut acceleration = self.free(pattern, state, &drive, 1.0);
+        self.squeeze(pattern, [state; 2], &drive, &mut acceleration, 0);
         let forces = self.held(pattern, &mut acceleration, drive.base[2]);
         let rate = Phase { displacement: state.velocity, velocity: acceleration };
         let mut jerk = self.free(pattern, &rate, &drive.rate(), 0.0);
+        self.squeeze(pattern, [state, &rate], &drive, &mut jerk, 1);
         let force_rates = self.held(pattern, &mut jerk, drive.base[3]);
         Moment { drive, state: *state, acceleration, forces, jerk, force_rates }
     }
@@ -304,7 +341,9 @@ impl Equations {
     /// Rates of the accelerations where no force in a stuck joint changes.
     pub fn rates(&self, pattern: &Pattern, state: &Phase, acceleration: &Vector, drive: &Drive) -> Vector {
         let rate = Phase { displacement: state.velocity, velocity: *acceleration };
-        self.free(pattern, &rate, &drive.rate(), 0.0)
+        let mut rates = self.free(pattern, &rate, &drive.rate(), 0.0);
+        self.squeeze(pattern, [state, &rate], drive, &mut rates, 1);
+        rates
     }
 
     /// An upper bound of the fastest rate of the motion, rad/s.
@@ -327,7 +366,14 @@ impl Equations {
                 link(&self.joints[number], stiffness, damping);
             }
         }
-        (square.sqrt() + damping).max(self.excitation.angular_frequency_rad_per_s()).max(TAU)
+        let rate = |(number, contact): (usize, &Contact)| {
+            let Contact::Pressing(side) = *contact else { return 0.0 };
+            let End::Hertz(law) = self.cages[number].ends[side] else { return 0.0 };
+            let reduced_kg = 1.0 / self.compliance(&[number])[0][0];
+            HERTZ_RAD / law.elastic_duration_s(reduced_kg, HERTZ_M_PER_S)
+        };
+        let squeezed = pattern.contacts.iter().enumerate().map(rate).fold(0.0, f64::max);
+        (square.sqrt() + damping).max(squeezed).max(self.excitation.angular_frequency_rad_per_s()).max(TAU)
     }
 }
 

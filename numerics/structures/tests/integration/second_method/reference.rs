@@ -77,6 +77,7 @@ impl Reference {
         let pattern = Pattern {
             grips: vec![Grip::Slip(0.0); equations.joints.len()],
             contacts: vec![Contact::Clear; equations.cages.len()],
+            dissipation: vec![0.0; equations.cages.len()],
             ..Pattern::default()
         };
         let mut reference = Self {

@@ -24,6 +24,11 @@ impl Reference {
                 if matches!(self.equations.cages[number].ends[side], End::Hard(_)) {
                     return self.impact();
                 }
+                if let End::Hertz(law) = self.equations.cages[number].ends[side] {
+                    let now = self.moment(0.0, &self.state);
+                    let [_, slip, ..] = now.relative(&self.equations.joints[number]);
+                    self.pattern.dissipation[number] = law.rate_s_per_m(sign_of(side) * slip);
+                }
                 self.counts.soft_contacts += 1;
                 self.pattern.contacts[number] = Contact::Pressing(side);
             }
