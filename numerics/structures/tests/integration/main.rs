@@ -11,6 +11,7 @@ mod one_mode;
 mod orbit_derivatives;
 mod piezoelectric;
 mod piezoelectric_second_method;
+mod piezoelectric_walls;
 mod random_set_ups;
 mod refusals;
 mod second_method;

@@ -15,12 +15,12 @@ use crate::piezoelectric_second_method::{CHARGE, ENERGY, Point, Reference, Sine,
 use crate::random_set_ups::cubic;
 
 /// θ²/(kC) is 1, RC 4 ms; half a period of the particle at k takes 14 ms.
-const WALL: PiezoelectricWall =
+pub const WALL: PiezoelectricWall =
     PiezoelectricWall { stiffness_n_per_m: 8_000.0, capacitance_f: 2e-8, coupling_n_per_v: 12.65e-3, load_ohm: 2e5 };
 
-const SINE: Sine = Sine { amplitude_m: 0.003, turning: TAU * 2.2, phase_rad: 0.4 };
+pub const SINE: Sine = Sine { amplitude_m: 0.003, turning: TAU * 2.2, phase_rad: 0.4 };
 
-fn excitation(of: Sine) -> Excitation {
+pub fn excitation(of: Sine) -> Excitation {
     let Sine { amplitude_m, turning, phase_rad } = of;
     Excitation::Sine { amplitude_m, angular_frequency_rad_per_s: turning, phase_rad }
 }
@@ -44,18 +44,18 @@ fn particle(wall: Wall) -> Particle {
     Particle { mass_kg: 0.16, clearance_m: 0.006, friction_coefficient: 0.0, wall, cavity: Cavity::default() }
 }
 
-fn soft(stiffness_n_per_m: f64) -> Wall {
+pub fn soft(stiffness_n_per_m: f64) -> Wall {
     Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m: 0.0, release: Release::ZeroForce }
 }
 
 /// A particle at the first place between walls that are replaced where given.
-fn set_up(wall: Wall, piezoelectric: [Option<PiezoelectricWall>; 2]) -> SetUp {
+pub fn set_up(wall: Wall, piezoelectric: [Option<PiezoelectricWall>; 2]) -> SetUp {
     let damper = ImpactDamper { piezoelectric, ..ImpactDamper::new(0, particle(wall)) };
     SetUp { impact_dampers: vec![damper], ..SetUp::bare(structure()) }
 }
 
 /// A motion that begins at rest, with the particles in the middle of their cavities.
-fn motion(set_up: &SetUp, excitation: &Excitation) -> Motion {
+pub fn motion(set_up: &SetUp, excitation: &Excitation) -> Motion {
     let base = base_at_start(excitation);
     let mut start = set_up.at_rest(base);
     for n in 0..start.particles.len() {
@@ -65,7 +65,7 @@ fn motion(set_up: &SetUp, excitation: &Excitation) -> Motion {
 }
 
 /// The largest difference of the displacements and velocities of two motions of one structure.
-fn apart(a: &State, b: &State) -> f64 {
+pub fn apart(a: &State, b: &State) -> f64 {
     let all = |of: &State| -> Vec<f64> {
         let bodies = of.particles.iter().flat_map(|body| [body.y_m, body.u_m_per_s]);
         of.modal.iter().chain(&of.modal_rate).copied().chain(bodies).collect()
@@ -113,7 +113,7 @@ fn loads_of_either_extreme_are_short_and_open_circuits() {
 }
 
 /// Steps of the second method in a cycle, and half of those in its more accurate run.
-const STEPS: u32 = 12_000;
+pub const STEPS: u32 = 12_000;
 
 #[test]
 fn motion_and_voltage_are_those_of_a_runge_kutta_method() {
