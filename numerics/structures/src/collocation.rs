@@ -39,6 +39,9 @@ const LAST: usize = 6;
 /// δ and δ′.
 pub(crate) type Depth = [f64; 2];
 
+/// A force as Σ cₖ sᵏ of the fraction s of the piece, N.
+pub(crate) type Powers = [f64; POWERS];
+
 /// A contact whose force changes.
 pub(crate) struct Sliding<'a> {
     pub particle: usize,
@@ -58,6 +61,8 @@ pub(crate) struct Sliding<'a> {
 pub(crate) struct Moved {
     pub alone: Vec<[Depth; INSTANTS.len()]>,
     per_power: Vec<Vec<[[Depth; POWERS]; INSTANTS.len()]>>,
+    /// The powers of a cubic per value at Gauss's instants.
+    powers_of: [Powers; POWERS],
 }
 
 impl Motion {
@@ -66,6 +71,7 @@ impl Motion {
         let mut moved = Moved {
             alone: vec![Default::default(); sliding.len()],
             per_power: vec![vec![Default::default(); sliding.len()]; sliding.len()],
+            powers_of: powers_of_values(),
         };
         let mut ahead: Few<C64> = Few::new();
         let mut solved: Few<[C64; POWERS]> = Few::new();
@@ -111,74 +117,26 @@ impl Motion {
 
     /// The forces of all contacts as powers of the fraction of the piece, and the largest error relative to what is allowed; `None` if Newton's method
     /// does not converge.
-    pub(crate) fn forces(
-        &self,
-        sliding: &[Sliding],
-        moved: &Moved,
-        length_s: f64,
-    ) -> Option<(Vec<[f64; POWERS]>, f64)> {
-        let count = sliding.len();
-        let powers_of = powers_of_values();
-        let mut values = DVector::from_fn(POWERS * count, |row, _| {
-            sliding[row / POWERS].squeeze.law(moved.alone[row / POWERS][BEGIN]).0
-        });
-        let powers = |values: &DVector<f64>| -> Vec<[f64; POWERS]> {
-            let of = |b: usize| powers_of.map(|row| (0..POWERS).map(|n| row[n] * values[b * POWERS + n]).sum());
-            (0..count).map(of).collect()
-        };
-        let depth = |b: usize, i: usize, forces: &[[f64; POWERS]]| {
-            let mut depth = moved.alone[b][i];
-            for (per_power, force) in moved.per_power[b].iter().zip(forces) {
-                for (per, power) in per_power[i].iter().zip(force) {
-                    depth = [depth[0] + per[0] * power, depth[1] + per[1] * power];
-                }
-            }
-            depth
-        };
+    pub(crate) fn forces(&self, sliding: &[Sliding], moved: &Moved, length_s: f64) -> Option<(Vec<Powers>, f64)> {
+        let allowed_n = |of: &Sliding| of.squeeze.allowed_n_s(self.piece.tolerance) / length_s;
+        let first_n = |row: usize| sliding[row / POWERS].squeeze.law(moved.alone[row / POWERS][BEGIN]).0;
+        let mut values = DVector::from_fn(POWERS * sliding.len(), |row, _| first_n(row));
         for _ in 0..MAX_NEWTON_STEPS {
-            let forces = powers(&values);
-            let mut jacobian = DMatrix::identity(POWERS * count, POWERS * count);
-            let mut off = DVector::zeros(POWERS * count);
-            let mut noise: Few<f64> = Few::new();
-            for row in 0..POWERS * count {
-                let (b, i) = (row / POWERS, row % POWERS);
-                let depth = depth(b, i, &forces);
-                let (force, [by_depth, by_rate]) = sliding[b].squeeze.law(depth);
-                off[row] = force - values[row];
-                noise.push(sliding[b].rounding_m * by_depth);
-                for column in 0..POWERS * count {
-                    let (c, n) = (column / POWERS, column % POWERS);
-                    let per_power = &moved.per_power[b][c][i];
-                    let by = |which: usize| (0..POWERS).map(|k| per_power[k][which] * powers_of[k][n]).sum::<f64>();
-                    jacobian[(row, column)] -= by_depth * by(0) + by_rate * by(1);
-                }
-            }
-            let change = jacobian.lu().solve(&off)?;
+            let (change, rounding_n) = moved.newton_step(sliding, &values)?;
             values += &change;
             let [of_error, of_force] = CONVERGED;
-            let most = values.amax();
+            let most_n = values.amax();
             let is_small = |(row, change): (usize, &f64)| {
-                let allowed = sliding[row / POWERS].squeeze.allowed_n_s(self.piece.tolerance) / length_s;
-                change.abs() <= (of_error * allowed).max(of_force * most).max(noise[row])
+                let allowed_n = allowed_n(&sliding[row / POWERS]);
+                change.abs() <= (of_error * allowed_n).max(of_force * most_n).max(rounding_n[row])
             };
             if !change.iter().all(|change| change.is_finite()) {
                 return None;
             }
             if change.iter().enumerate().all(is_small) {
-                let forces = powers(&values);
-                let error = |b: usize| {
-                    let off = |i: usize| {
-                        let s = INSTANTS[i];
-                        let cubic = forces[b].iter().rev().fold(0.0, |sum, power| sum * s + power);
-                        let (force, [by_depth, _]) = sliding[b].squeeze.law(depth(b, i, &forces));
-                        // What is only rounding cannot become less.
-                        ((cubic - force).abs() - sliding[b].rounding_m * by_depth).max(0.0)
-                    };
-                    let most = (POWERS..INSTANTS.len()).map(off).fold(0.0, f64::max);
-                    let parts = if depth(b, LAST, &forces)[0] <= 0.0 { PARTING } else { 1.0 };
-                    parts * most * length_s / sliding[b].squeeze.allowed_n_s(self.piece.tolerance)
-                };
-                let error = (0..count).map(error).fold(0.0, f64::max);
+                let forces = moved.powers(&values);
+                let error = |(b, of): (usize, &Sliding)| moved.error_n(of, b, &forces) / allowed_n(of);
+                let error = sliding.iter().enumerate().map(error).fold(0.0, f64::max);
                 return Some((forces, error));
             }
         }
@@ -186,8 +144,59 @@ impl Motion {
     }
 }
 
+impl Moved {
+    /// The powers of the forces with these values at Gauss's instants.
+    fn powers(&self, values: &DVector<f64>) -> Vec<Powers> {
+        let of = |b: usize| self.powers_of.map(|row| (0..POWERS).map(|n| row[n] * values[b * POWERS + n]).sum());
+        (0..self.alone.len()).map(of).collect()
+    }
+
+    /// δ and δ′ of a contact at an instant under these forces.
+    fn depth(&self, b: usize, i: usize, forces: &[Powers]) -> Depth {
+        let mut depth = self.alone[b][i];
+        for (per_power, force) in self.per_power[b].iter().zip(forces) {
+            for (per, power) in per_power[i].iter().zip(force) {
+                depth = [depth[0] + per[0] * power, depth[1] + per[1] * power];
+            }
+        }
+        depth
+    }
+
+    /// The change of the forces at Gauss's instants towards those of the law, and the rounding of each.
+    fn newton_step(&self, sliding: &[Sliding], values: &DVector<f64>) -> Option<(DVector<f64>, Few<f64>)> {
+        let (count, forces) = (values.len(), self.powers(values));
+        let mut jacobian = DMatrix::identity(count, count);
+        let mut off = DVector::zeros(count);
+        let mut rounding_n: Few<f64> = Few::new();
+        for row in 0..count {
+            let (b, i) = (row / POWERS, row % POWERS);
+            let (force, [by_depth, by_rate]) = sliding[b].squeeze.law(self.depth(b, i, &forces));
+            off[row] = force - values[row];
+            rounding_n.push(sliding[b].rounding_m * by_depth);
+            for column in 0..count {
+                let (c, n) = (column / POWERS, column % POWERS);
+                let per_power = &self.per_power[b][c][i];
+                let by = |which: usize| (0..POWERS).map(|k| per_power[k][which] * self.powers_of[k][n]).sum::<f64>();
+                jacobian[(row, column)] -= by_depth * by(0) + by_rate * by(1);
+            }
+        }
+        Some((jacobian.lu().solve(&off)?, rounding_n))
+    }
+
+    /// What the cubic of a contact is off by in the piece, beyond rounding.
+    fn error_n(&self, of: &Sliding, b: usize, forces: &[Powers]) -> f64 {
+        let off = |i: usize| {
+            let cubic = forces[b].iter().rev().fold(0.0, |sum, power| sum * INSTANTS[i] + power);
+            let (force, [by_depth, _]) = of.squeeze.law(self.depth(b, i, forces));
+            ((cubic - force).abs() - of.rounding_m * by_depth).max(0.0)
+        };
+        let parts = if self.depth(b, LAST, forces)[0] <= 0.0 { PARTING } else { 1.0 };
+        parts * (POWERS..INSTANTS.len()).map(off).fold(0.0, f64::max)
+    }
+}
+
 /// The powers of the cubic through values at Gauss's instants: per power and value.
-fn powers_of_values() -> [[f64; POWERS]; POWERS] {
+fn powers_of_values() -> [Powers; POWERS] {
     let mut powers_of = [[0.0; POWERS]; POWERS];
     for n in 0..POWERS {
         // Lagrange's polynomial of the value.

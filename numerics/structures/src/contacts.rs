@@ -101,7 +101,7 @@ pub(crate) enum Event {
     Breaks(usize, Sign),
     /// A particle reaches a wall.
     Wall(usize, Sign),
-    /// A soft wall, piezoelectric or Hertz wall releases a particle.
+    /// A soft, piezoelectric or Hertz wall releases a particle.
     Releases(usize, Sign),
     /// A released particle is back inside the clearance.
     Inside(usize, Sign),

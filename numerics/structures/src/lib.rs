@@ -1,8 +1,8 @@
 //! Linear structures of several degrees of freedom with impact, friction and tuned mass dampers: exact motion from event to event.
 //!
-//! Every state of the contacts (each particle free, held or in a soft or piezoelectric wall, each friction damper sticking or slipping in a
-//! direction) is a linear system with constant coefficients. Its motion is a sum of exponentials and, on a base that follows samples, of cubics
-//! in time (`linear`); events are the first roots of linear functions of the motion (`guard`); forces at rest and impulses follow from convex problems
+//! Every state of the contacts (each particle free, held or in a soft, piezoelectric or Hertz wall, each friction damper sticking or slipping in a
+//! direction) is a linear system with constant coefficients. Its motion is a sum of exponentials and, on a base that follows samples or in a Hertz wall,
+//! of polynomials in time (`linear`); events are the first roots of linear functions of the motion (`guard`); forces at rest and impulses follow from convex problems
 //! (`complementarity`).
 //!
 //! # No event is missed
@@ -25,6 +25,8 @@
 //! - A particle whose bounces are lower than rounding rests on its wall.
 //! - A piezoelectric wall pushes while its force is positive. Its charge has no inertia: an equation of first order beside those of the bodies (`circuits`).
 //!   The surface that nothing touches stands elsewhere with the charge, and the next contact begins there.
+//! - A Hertz wall pushes with k δ^1.5 (1 + β δ′) ≥ 0 from δ = 0 to δ = 0. Over short pieces this is a cubic in time with a stated error, beside motions in
+//!   closed form (`squeeze`). Derivatives of a motion are not known with such a wall, and are refused.
 
 mod basis;
 mod bodies;

@@ -3,17 +3,19 @@
 //! Over a piece the force is a cubic in time, under which everything moves in closed form ([`crate::push`]): the particle flies under it, the structure takes its
 //! reaction, and guards are certified for this motion. The cubic has the law's force at Gauss's four instants of the piece, whose displacements and
 //! velocities depend on it linearly: Newton's method finds the forces of all contacts of an instant together. So what a piece gives to the bodies is off by the
-//! order h⁹ at its end (collocation), and within it by the order h⁵. The law's force at both ends and in the middle tells the error within; the
+//! order h⁹ at its end (collocation), and within it, or where an event cuts it short, by the order h⁵. The law's force at both ends and in the middle tells the error within; the
 //! lengths of the pieces follow from it, so that they become short where δ^1.5 is not smooth, near δ = 0, and where the force has a kink, as the wall starts to
 //! lag behind. An event of another joint ends a piece, and the next one has a new force. A particle that friction holds has a constant force.
 //!
-//! Stated error: 10⁻⁹ of the contact's own depth, speed, force and duration, at about 50 pieces a contact.
+//! Stated error: 10⁻⁹ of the contact's own depth, speed, force and duration. Measured: 2·10⁻¹⁰ against the closed forms of free impacts (both laws, 1 mm/s to
+//! 10 m/s), 10⁻¹⁰ of a contact against the core's engine of one degree of freedom under a base, friction and weight. A contact takes about 60 pieces; a
+//! particle at rest on a wall of steel some 200 a second.
 
 use damprig_core::integrator::exact::time::Time;
 use damprig_core::integrator::modes::{Sign, signed};
 use damprig_core::model::Hertz;
 
-use crate::collocation::{BEGIN, Depth, Sliding};
+use crate::collocation::{BEGIN, Depth, Powers, Sliding};
 use crate::contacts::{Slide, Touch};
 use crate::events::Few;
 use crate::linear::C64;
@@ -21,7 +23,6 @@ use crate::motion::Motion;
 use crate::mount::WallLaw;
 use crate::observe::HertzContact;
 use crate::polynomial::Polynomial;
-use crate::push::POWERS;
 use crate::stepping::Now;
 use crate::system::{Pushed, System};
 
@@ -50,7 +51,9 @@ pub(crate) struct Squeeze {
     side: Sign,
     /// β, s/m.
     rate_s_per_m: f64,
-    /// The largest speed so far, m/s; 0 until the contact has its scales.
+    /// Whether it has no scales yet.
+    is_new: bool,
+    /// The largest speed so far, m/s.
     speed_m_per_s: f64,
     /// mM/(m + M) of particle and structure when it began, kg, and the duration of an elastic contact, s.
     reduced_kg: f64,
@@ -123,6 +126,7 @@ impl Motion {
             law,
             side,
             rate_s_per_m: 0.0,
+            is_new: true,
             speed_m_per_s: 0.0,
             reduced_kg: 0.0,
             duration_s: 0.0,
@@ -162,6 +166,7 @@ impl Motion {
             let is_stuck = self.contacts.slides[self.mount.joint_of(particle)] == Slide::Stuck;
             if let Some(squeeze) = &mut self.squeezes[particle] {
                 changes |= !is_stuck;
+                squeeze.contact.peak_force_n = squeeze.contact.peak_force_n.max(force_n);
                 squeeze.force = Polynomial::constant(if is_stuck { force_n } else { 0.0 });
             }
         }
@@ -176,14 +181,13 @@ impl Motion {
         let sliding: Few<Sliding> = system.pushes.iter().filter_map(|pushed| self.sliding(system, pushed)).collect();
         let scaled = |share: f64| sliding.iter().map(|of| share * of.squeeze.duration_s).fold(f64::INFINITY, f64::min);
         let least_s = scaled(LEAST);
-        let is_new = |of: &Sliding| of.squeeze.contact.peak_force_n == 0.0;
-        let first_s = if sliding.iter().any(is_new) { scaled(FIRST) } else { f64::INFINITY };
+        let first_s = if sliding.iter().any(|of| of.squeeze.is_new) { scaled(FIRST) } else { f64::INFINITY };
         let mut length_s = self.piece.next_s.min(system.length_s(0)).min(first_s).max(least_s);
         let (found, next_s) = loop {
             let moved = self.moved(system, &sliding, length_s);
             let found = self.forces(&sliding, &moved, length_s);
             // The length at which the error is the largest one that is allowed; it grows with its fifth power.
-            let fits = |(powers, error): &(Vec<[f64; POWERS]>, f64)| {
+            let fits = |(powers, error): &(Vec<Powers>, f64)| {
                 let share = 0.9 * error.powf(-0.2);
                 (*error <= 1.0 || length_s <= least_s).then(|| (powers.clone(), length_s * share.clamp(0.2, 3.0)))
             };
@@ -198,16 +202,14 @@ impl Motion {
             let share = found.map_or(0.25, |(_, error)| (0.9 * error.powf(-0.2)).clamp(0.1, 0.7));
             length_s = (share * length_s).max(least_s);
         };
-        let starts: Few<(usize, Depth)> = sliding.iter().map(|of| (of.particle, self.depth(of, 0.0))).collect();
+        let starts: Few<(usize, f64)> = sliding.iter().map(|of| (of.particle, self.depth(of, 0.0)[1])).collect();
         drop(sliding);
-        for ((particle, depth), powers) in starts.into_iter().zip(found) {
+        for ((particle, rate_m_per_s), powers) in starts.into_iter().zip(found) {
             if let Some(squeeze) = &mut self.squeezes[particle] {
-                squeeze.speed_m_per_s = squeeze.speed_m_per_s.max(depth[1].abs());
-                squeeze.contact.peak_force_n = squeeze.contact.peak_force_n.max(squeeze.law(depth).0);
+                (squeeze.is_new, squeeze.speed_m_per_s) = (false, squeeze.speed_m_per_s.max(rate_m_per_s.abs()));
                 let [c0, c1, c2, c3] = powers;
                 squeeze.force =
                     Polynomial::of_powers([c0, c1 / length_s, c2 / length_s.powi(2), c3 / length_s.powi(3)]);
-                squeeze.contact.peak_force_n = squeeze.contact.peak_force_n.max(f64::MIN_POSITIVE);
             }
         }
         (self.piece.length_s, self.piece.left_s, self.piece.next_s) = (length_s, length_s, next_s);
@@ -245,7 +247,7 @@ impl Motion {
         let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
         let mut scales: Few<(usize, f64, f64)> = Few::new();
         for pushed in &system.pushes {
-            let Some(of) = self.sliding(system, pushed).filter(|of| of.squeeze.speed_m_per_s == 0.0) else { continue };
+            let Some(of) = self.sliding(system, pushed).filter(|of| of.squeeze.is_new) else { continue };
             let reduced = 1.0 / (1.0 / of.mass_kg + pushed.push.compliance);
             let mut factorial = 1.0;
             // δ = d tⁿ reaches k √δ t² = m at t = (m/(k √d))^(2/(n + 4)), and has there the speed d tⁿ⁻¹.

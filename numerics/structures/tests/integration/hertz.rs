@@ -197,8 +197,8 @@ fn with_hertz_walls(number: usize) -> Case {
             let takes_time = matches!(wall, Wall::Voigt { .. }) || rng.bool();
             if takes_time { Wall::Hertz(Hertz { stiffness_n_per_m15, dissipation }) } else { wall }
         };
-        particle.wall = draw(particle.wall);
-        particle.cavity.positive_wall = particle.cavity.positive_wall.map(draw);
+        let walls = [Some(particle.wall), particle.cavity.positive_wall].map(|wall| wall.map(&mut draw));
+        (particle.wall, particle.cavity.positive_wall) = (walls[0].expect("a wall"), walls[1]);
     }
     case
 }

@@ -96,13 +96,14 @@ fn each_of_two_walls_is_met_where_it_stands_itself() {
                 let mut start = set_up.at_rest((0.0, 0.0));
                 start.charges_c[0] = charge_c;
                 start.particles[0].u_m_per_s = sign * speed;
-                let seen = seen(&set_up, &start, 0.031);
                 // v t = d + s e^(−t/τ), where the surface has moved by 10⁻³ of s.
                 let mut expected_s = 0.006 / speed;
                 for _ in 0..20 {
                     let stands = if side == charged { stands_m * f64::exp(-expected_s / time_s) } else { 0.0 };
                     expected_s = (0.006 + stands) / speed;
                 }
+                // Up to before the particle is where the other of both is met.
+                let seen = seen(&set_up, &start, 1.01 * expected_s);
                 let [impact] = seen.impacts[..] else { panic!("{charged} {side}: {:?}", seen.impacts) };
                 assert_eq!(usize::from(impact.side > 0), side);
                 assert!((impact.time_s / expected_s - 1.0).abs() < 1e-12, "{charged} {side}: {impact:?} {expected_s}");

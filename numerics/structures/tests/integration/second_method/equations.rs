@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 /// Steps of a contact with a Hertz wall: δ^1.5 is not smooth where it begins and ends, and with a share s of the contact as a step the error is 0.01 s^2.5 of
 /// the impulse there. In this many radians of [`super::reference`]'s steps, at this speed.
-const HERTZ_RAD: f64 = 200.0;
+const HERTZ_RAD: f64 = 140.0;
 const HERTZ_M_PER_S: f64 = 0.3;
 
 /// The excitation at an instant.
