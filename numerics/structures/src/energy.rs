@@ -87,7 +87,7 @@ impl EnergyBook {
         })
     }
 
-    /// The balance up to where the motion is now. `link_damping_j` is that of soft walls, tuned masses and the loads of piezoelectric walls; what
+    /// The balance up to where the motion is now. `link_damping_j` is that of soft and Hertz walls, tuned masses and the loads of piezoelectric walls; what
     /// these store is stored.
     #[must_use]
     pub fn balance(&self, motion: &Motion) -> Balance {

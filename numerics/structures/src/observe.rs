@@ -176,7 +176,7 @@ impl<'a> Piece<'a> {
     }
 
     /// Force of the soft, piezoelectric or Hertz wall that the particle of an impact damper presses into, inwards, N. That of a Hertz wall is the cubic that
-    /// acts in the piece: at its ends within 3·10⁻⁷ of the largest force of the contact where this is large.
+    /// acts in the piece: within 10⁻⁶ of the largest force of the contact where it is large, within 10⁻⁵ near δ = 0. [`HertzContact`] has the law's.
     #[must_use]
     pub fn wall_force_n(&self, damper: usize) -> Option<Course> {
         let side = self.pressed_side(damper)?;

@@ -71,12 +71,12 @@ impl Motion {
     /// Advances by one step, at most to `limit_s`, and handles the event at its end, if any.
     pub(crate) fn advance<O: Observer>(&mut self, limit_s: f64, observer: &mut O) -> Result<(), Refused> {
         self.handled = None;
-        if self.piece.left_s <= 0.0 {
+        let to_limit_s = self.time.until(limit_s);
+        if self.piece.is_over(to_limit_s) {
             self.anchor();
             self.leave();
             self.phase(&[])?;
         }
-        let to_limit_s = self.time.until(limit_s);
         let rest_s = to_limit_s.min(self.piece.left_s);
         loop {
             if self.events_at_once >= MAX_EVENTS_AT_ONCE {
@@ -441,7 +441,7 @@ impl Watched {
         })
     }
 
-    /// A derivative by time with the cubic's part.
+    /// A derivative by time with the polynomial's part.
     pub(crate) fn derivative(&self, now: &Now, cubic: &Polynomial, order: usize) -> Derivative {
         let of_cubic = cubic.derivative(order);
         let mut of = Derivative { value: of_cubic, most: of_cubic.abs(), rounding: 0.0 };

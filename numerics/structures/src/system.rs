@@ -66,7 +66,7 @@ impl Watched {
         }
     }
 
-    /// The cubic in a phase, but for a free particle: `base` is the base's.
+    /// The polynomial in a phase, but for a free particle: `base` is the base's cubic.
     pub fn polynomial(&self, system: &System, rest: &Rest, base: Polynomial) -> Polynomial {
         let of_motion = match &self.source {
             Source::Signal(signal, [of, of_rate]) => {
@@ -81,7 +81,7 @@ impl Watched {
         Polynomial::constant(self.constant) + of_motion + of * base + of_rate * base.rate()
     }
 
-    /// The size of what cancels in its cubic where it is zero.
+    /// The size of what cancels in its polynomial where it is zero.
     pub fn scale(&self, free: &[Flight]) -> f64 {
         match self.flight {
             Flying::Nothing => self.constant.abs(),
@@ -99,7 +99,7 @@ impl Watched {
         }
     }
 
-    /// The cubic from now on with that of a free particle; `own`: without it.
+    /// The polynomial from now on with that of a free particle; `own`: without it.
     pub fn with_flight(&self, free: &[Flight], own: Polynomial) -> Polynomial {
         match self.flight {
             Flying::Nothing => own,
