@@ -72,6 +72,8 @@ class Contacts:
         Largest force, N.
     restitution : numpy.ndarray
         Separation speed over approach speed; not a number where the particle began to press from rest.
+    damper : numpy.ndarray of uint32
+        Number of the impact damper, from 1.
     """
 
     time: np.ndarray
@@ -80,6 +82,7 @@ class Contacts:
     duration: np.ndarray
     peak_force: np.ndarray
     restitution: np.ndarray
+    damper: np.ndarray
 
     def __len__(self) -> int:
         return len(self.time)

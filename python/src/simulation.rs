@@ -200,9 +200,13 @@ fn impacts<'py>(py: Python<'py>, impacts: &[ImpactRecord]) -> PyResult<Bound<'py
     dict.set_item("side", impacts.iter().map(|impact| impact.side).collect::<Vec<i8>>().into_pyarray(py))?;
     dict.set_item("approach_speed", column(|impact| impact.approach_speed_m_per_s))?;
     dict.set_item("y", column(|impact| impact.y_m))?;
-    let dampers: Vec<u32> = impacts.iter().map(|impact| impact.damper.unwrap_or(1)).collect();
-    dict.set_item("damper", dampers.into_pyarray(py))?;
+    dict.set_item("damper", dampers(impacts.iter().map(|impact| impact.damper)).into_pyarray(py))?;
     Ok(dict)
+}
+
+/// The numbers of impact dampers, from 1.
+fn dampers(all: impl Iterator<Item = Option<u32>>) -> Vec<u32> {
+    all.map(|damper| damper.unwrap_or(1)).collect()
 }
 
 fn contacts<'py>(py: Python<'py>, contacts: &[ContactRecord]) -> PyResult<Bound<'py, PyDict>> {
@@ -214,6 +218,7 @@ fn contacts<'py>(py: Python<'py>, contacts: &[ContactRecord]) -> PyResult<Bound<
     dict.set_item("duration", column(|contact| contact.duration_s))?;
     dict.set_item("peak_force", column(|contact| contact.peak_force_n))?;
     dict.set_item("restitution", column(|contact| contact.restitution.unwrap_or(f64::NAN)))?;
+    dict.set_item("damper", dampers(contacts.iter().map(|contact| contact.damper)).into_pyarray(py))?;
     Ok(dict)
 }
 

@@ -28,7 +28,7 @@ pub fn check(
     let history = out.map(|out| ("--out", out.path().to_path_buf()));
     let beside = out.filter(|_| has_walls);
     let impacts = beside.map(|out| ("the table of impacts of --out", out.impacts().path().to_path_buf()));
-    let contacts = out.filter(|_| case.set_up.has_hertz_walls());
+    let contacts = out.filter(|_| case.has_hertz_walls());
     let contacts = contacts.map(|out| ("the table of contacts of --out", out.contacts().path().to_path_buf()));
     let accumulations =
         beside.map(|out| ("the table of accumulations of --out", out.accumulations().path().to_path_buf()));

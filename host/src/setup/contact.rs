@@ -1,7 +1,7 @@
 //! What a file states of a wall's contact besides the model of the wall. Of a hard wall it turns the impulse of an impact, which takes no time,
 //! into a force and does not change the motion. Also says what acts in place of a wall with Hertz contact.
 
-use damprig_core::model::{HERTZ_TABLE_ERROR, Hertz, ImpactLaw};
+use damprig_core::model::{HERTZ_TABLE_ERROR, Hertz, ImpactLaw, Particle};
 use damprig_structures::PiezoelectricWall;
 
 /// The contact of a wall, as the file states it.
@@ -48,6 +48,13 @@ impl StatedContact {
     pub const fn piezoelectric(&self) -> Option<PiezoelectricWall> {
         if let Self::Piezoelectric(wall) = *self { Some(wall) } else { None }
     }
+}
+
+/// The contacts of the walls of a particle as hard ones: of a wall with Hertz contact its own, of another that of the file.
+#[must_use]
+pub fn contacts_of(particle: &Particle, stated: [Option<StatedContact>; 2]) -> [Option<StatedContact>; 2] {
+    let [negative, positive] = particle.walls().map(|wall| wall.hertz().map(StatedContact::HertzWall));
+    [negative.or(stated[0]), positive.or(stated[1])]
 }
 
 /// What acts in place of walls with these Hertz contacts where impacts take no time; `None` without one.

@@ -21,7 +21,7 @@ use keys::{friction_damper, particle, set_up, spring, structure, tmd};
 use spec::{Friction, ParticleSpec, Place, Relative};
 use walls::read_wall;
 
-pub use contact::{StatedContact, hertz_as_hard};
+pub use contact::{StatedContact, contacts_of, hertz_as_hard};
 pub use keys::ALL_TABLES as TABLES;
 pub(crate) use keys::set_up::BASE_AMPLITUDE;
 pub(crate) use keys::{

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use arrow_schema::Metadata;
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{Initial, SetUp, Structure, Tmd};
+use damprig_core::model::{Hertz, Initial, SetUp, Structure, Tmd};
 use damprig_particles::Damper;
 
 use super::multi_degree::MultiDegree;
@@ -15,7 +15,7 @@ use crate::failure::Failure;
 use crate::input::Source;
 use crate::motion_record::Record;
 use crate::run_folder::schema::self_description::of_case;
-use crate::setup::{self, StatedContact};
+use crate::setup::{self, StatedContact, contacts_of};
 
 /// Usual rows per period of a time history.
 const ROWS_PER_PERIOD: f64 = 200.0;
@@ -70,9 +70,12 @@ impl Case {
     /// force is that of the contact.
     #[must_use]
     pub fn without_hertz(&self) -> Self {
-        let laws = self.set_up.particle.map_or([None; 2], |particle| particle.walls().map(|wall| wall.hertz()));
-        let stated = |side: usize| laws[side].map(StatedContact::HertzWall).or(self.contacts[side]);
-        Self { set_up: self.set_up.without_hertz(), contacts: [stated(0), stated(1)], ..self.clone() }
+        Self {
+            set_up: self.set_up.without_hertz(),
+            contacts: self.set_up.particle.map_or(self.contacts, |particle| contacts_of(&particle, self.contacts)),
+            multi_degree: self.multi_degree.clone().map(MultiDegree::without_hertz),
+            ..self.clone()
+        }
     }
 
     /// What acts in place of walls with Hertz contact in a case without them ([`Case::without_hertz`]); `None` if it had none.
@@ -212,6 +215,27 @@ impl Case {
     pub fn has_soft_walls(&self) -> bool {
         let several = self.multi_degree.iter().flat_map(|several| &several.set_up.impact_dampers);
         self.set_up.has_soft_walls() || several.flat_map(|damper| damper.particle.walls()).any(|wall| wall.is_soft())
+    }
+
+    /// Whether contacts with a wall take time and are listed: a Hertz wall.
+    #[must_use]
+    pub fn has_hertz_walls(&self) -> bool {
+        let several = self.multi_degree.as_ref();
+        several.map_or_else(|| self.set_up.has_hertz_walls(), |several| several.set_up.has_hertz_walls())
+    }
+
+    /// The laws of its Hertz walls, each once.
+    #[must_use]
+    pub fn hertz_laws(&self) -> Vec<Hertz> {
+        let several = self.multi_degree.iter().flat_map(|several| &several.set_up.impact_dampers);
+        let particles = several.map(|damper| damper.particle).chain(self.set_up.particle);
+        let mut laws = Vec::new();
+        for law in particles.flat_map(|particle| particle.walls()).filter_map(|wall| wall.hertz()) {
+            if !laws.contains(&law) {
+                laws.push(law);
+            }
+        }
+        laws
     }
 
     /// Whether a wall is piezoelectric.

@@ -55,13 +55,14 @@ impl Viewer for ArcCounter {
 }
 
 /// Computing time on a usual core, s, as measured in studies: of a cycle with what a case has, of a cycle for each mode of a structure with several
-/// places, of a step for each sphere, and of a step of a record.
+/// places without and with Hertz walls, of a step for each sphere, and of a step of a record.
 const CYCLE_S: f64 = 4e-7;
 const FRICTION_CYCLE_S: f64 = 2e-6;
 const TUNED_CYCLE_S: f64 = 4e-6;
 const SOFT_CYCLE_S: f64 = 6e-6;
 const MODE_CYCLE_S: f64 = 1e-5;
 const HERTZ_CYCLE_S: f64 = 2e-5;
+const HERTZ_MODE_CYCLE_S: f64 = 1e-4;
 const SPHERE_STEP_S: f64 = 5e-7;
 const RECORD_STEP_S: f64 = 1e-7;
 
@@ -74,7 +75,10 @@ pub fn usual_s(case: &Case, duration_s: f64) -> f64 {
         return duration_s / damper.step_s(&set_up.structure) * damper.count as f64 * SPHERE_STEP_S;
     }
     if let Some(several) = &case.multi_degree {
-        return cycles * several.set_up.structure.modes.len() as f64 * MODE_CYCLE_S;
+        let modes = several.set_up.structure.modes.len() as f64;
+        // A contact in every mode, and the forces of its pieces, which cost as much as some.
+        let hertz_cycle_s = if case.has_hertz_walls() { (modes + 4.0) * HERTZ_MODE_CYCLE_S } else { 0.0 };
+        return cycles * (modes * MODE_CYCLE_S + hertz_cycle_s);
     }
     let steps = case.record.as_ref().map_or(0.0, |record| duration_s / record.step_s);
     let has_friction = set_up.friction_damper.is_some()

@@ -166,9 +166,9 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     if let (Some(section), Some(damper)) = (&spheres, &case.many_particles) {
         many_particles::read::check_contact(section, damper, case.shortest_period_s());
     }
-    // A record moves the sampled integrator; a force beside the base and piezoelectric walls need the engine for several places.
-    let takes_no_contact_time = case.record.is_some() || case.multi_degree.is_some();
-    Some(if takes_no_contact_time { case.without_hertz() } else { case })
+    // A record moves the sampled integrator, which has no contacts that last; that for several places has them.
+    let has_sampled_motion = case.record.is_some() && case.multi_degree.is_none();
+    Some(if has_sampled_motion { case.without_hertz() } else { case })
 }
 
 /// Reads `base` and `force`: the excitation, and P, N, and φ, rad, of a force beside a sine of the base.

@@ -106,10 +106,18 @@ impl MotionRow {
     }
 }
 
-/// Of a structure with several impact dampers.
-fn damper_columns(impacts: &[ImpactRecord]) -> TableBuilder<'_, ImpactRecord> {
-    let number = |impact: &ImpactRecord| i32::try_from(impact.damper.unwrap_or(1)).unwrap_or(i32::MAX);
-    impact_columns(impacts).column(Column::new("damper", "", "number of the impact damper, from 1"), number)
+/// The number of the impact damper, on a structure with several places.
+fn with_damper<R>(table: TableBuilder<'_, R>, of: fn(&R) -> Option<u32>) -> TableBuilder<'_, R> {
+    let number = move |row: &R| i32::try_from(of(row).unwrap_or(1)).unwrap_or(i32::MAX);
+    table.column(Column::new("damper", "", "number of the impact damper, from 1"), number)
+}
+
+fn damper_impact_columns(impacts: &[ImpactRecord]) -> TableBuilder<'_, ImpactRecord> {
+    with_damper(impact_columns(impacts), |impact| impact.damper)
+}
+
+fn damper_contact_columns(contacts: &[ContactRecord]) -> TableBuilder<'_, ContactRecord> {
+    with_damper(contact_columns(contacts), |contact| contact.damper)
 }
 
 fn impact_columns(impacts: &[ImpactRecord]) -> TableBuilder<'_, ImpactRecord> {
@@ -163,21 +171,23 @@ impl TimeHistory {
         let of_places = case.multi_degree.as_ref().map(MultiDegree::place_columns).unwrap_or_default();
         let motion =
             TableFile::create(&to.path, format, "motion", move |rows| MotionRow::columns(rows, &of_places), motion)?;
+        let has_several = case.multi_degree.is_some();
         let impacts = || {
             let about = about("a row for each impact");
-            let columns = if case.multi_degree.is_some() { damper_columns } else { impact_columns };
+            let columns = if has_several { damper_impact_columns } else { impact_columns };
             TableFile::create(&to.impacts().path, format, "impacts", columns, about)
         };
         let contacts = || {
             let about = about("a row for each contact with a Hertz wall that has ended");
-            TableFile::create(&to.contacts().path, format, "contacts", contact_columns, about)
+            let columns = if has_several { damper_contact_columns } else { contact_columns };
+            TableFile::create(&to.contacts().path, format, "contacts", columns, about)
         };
         let accumulations = || {
             let about = about("a row for each accumulation");
             TableFile::create(&to.accumulations().path, format, "accumulations", accumulation_columns, about)
         };
         let impacts = has_walls.then(impacts).transpose()?;
-        let contacts = case.set_up.has_hertz_walls().then(contacts).transpose()?;
+        let contacts = case.has_hertz_walls().then(contacts).transpose()?;
         let accumulations = has_walls.then(accumulations).transpose()?;
         Ok(Self { rate_hz, next: 0, motion, impacts, contacts, accumulations, failure: None })
     }

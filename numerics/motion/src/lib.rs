@@ -120,6 +120,9 @@ pub struct ContactRecord {
     pub peak_force_n: f64,
     /// Separation speed over approach speed; `None` of a contact that began from rest.
     pub restitution: Option<f64>,
+    /// Number of the impact damper, from 1, on a structure with several places.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub damper: Option<u32>,
 }
 
 /// Stick, slip and contact, as tables name them.
@@ -329,6 +332,7 @@ impl<V: Viewer> exact::Observer for ExactObserver<V> {
             duration_s: contact.duration_s,
             peak_force_n: contact.peak_force_n,
             restitution: (approach_speed_m_per_s > 0.0).then(|| end.separation_speed_m_per_s / approach_speed_m_per_s),
+            damper: None,
         });
     }
 

@@ -75,7 +75,7 @@ impl Basis {
 
     /// κ of a state, less Δι times the cubic `base` of z; `sine` is the rest of z.
     pub fn kappa(&self, q: &[f64], sine: f64, base: Polynomial) -> impl Iterator<Item = Polynomial> {
-        let rise = Polynomial { value: 0.0, ..base };
+        let rise = base + Polynomial::constant(-base.value);
         let now = move |joint: &Constraint| dot(&joint.row, q) + joint.influence * sine;
         self.constraints.iter().map(move |joint| Polynomial::constant(now(joint)) + -joint.influence * rise)
     }

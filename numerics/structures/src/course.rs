@@ -385,11 +385,7 @@ mod tests {
             let (amplitude, rate) = (C64::from_polar(*size, *phase), C64::new(-0.01, *turning));
             (amplitude, amplitude * (rate * length_s).exp(), rate)
         });
-        Course::new(
-            terms,
-            Polynomial { value: 0.1, slope: 0.02, bend: -0.05, jerk: 0.13, ..Polynomial::default() },
-            length_s,
-        )
+        Course::new(terms, Polynomial::of([0.1, 0.02, -0.05, 0.13, 0.0, 0.0, 0.0, 0.0]), length_s)
     }
 
     #[test]
@@ -421,11 +417,8 @@ mod tests {
             let slow = (C64::new(1.0, 0.0), C64::new(-0.01, 3.0));
             let terms = [slow, (C64::new(size, 0.0), C64::new(rate, 0.0))];
             let terms = terms.map(|(amplitude, rate)| (amplitude, amplitude * (rate * LENGTH_S).exp(), rate));
-            let course = Course::new(
-                terms.into_iter(),
-                Polynomial { value: 0.1, slope: 0.02, bend: -0.05, jerk: 0.13, ..Polynomial::default() },
-                LENGTH_S,
-            );
+            let course =
+                Course::new(terms.into_iter(), Polynomial::of([0.1, 0.02, -0.05, 0.13, 0.0, 0.0, 0.0, 0.0]), LENGTH_S);
             // A thousand instants a decade from 1e-12 s on: x exceeds them by at most 9.1 (0.0023 t)²/8.
             let points =
                 (0..=12_400).map(|n| course.at((1e-12 * 10.0_f64.powf(f64::from(n) / 1000.0)).min(LENGTH_S)).0.abs());

@@ -164,7 +164,7 @@ impl Reach {
 
     /// Bounds over a step of length h in which the first `slow` natural motions are slow, with the polynomial of the guard.
     #[inline]
-    pub fn over(&self, h: f64, slow: usize, polynomial: &Polynomial) -> Bounds {
+    pub fn over(&self, h: f64, slow: usize, polynomial: Polynomial) -> Bounds {
         let ([third, fourth], [ripple, fast]) = (self.slow[slow], self.fast[slow]);
         let (third, fourth) = (third + polynomial.most(3, h), fourth + polynomial.most(4, h));
         let square = h * h;

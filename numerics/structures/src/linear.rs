@@ -175,11 +175,8 @@ impl Linear {
         Push { natural: self.natural.loaded(&load), row, compliance }
     }
 
-    /// Adds what forces that are cubics over a piece of this length do.
+    /// Adds what forces that are cubics over a piece of this length do; at least one.
     pub fn pushed(&self, pushes: &[(&Push, Polynomial)], length_s: f64, rest: &mut Rest) {
-        if pushes.is_empty() {
-            return;
-        }
         rest.orders = ORDERS;
         rest.pushed.resize(pushes[0].0.row.len(), Polynomial::default());
         let mut z = vec![[C64::ZERO; ORDERS]; self.natural.rates.len()];

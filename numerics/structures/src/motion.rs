@@ -7,6 +7,7 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_core::integrator::exact::excitation::Wave;
 use damprig_core::integrator::exact::time::Time;
 use damprig_core::integrator::modes::{Sign, signed};
+use damprig_core::model::Release;
 
 use crate::bodies::dot;
 use crate::contacts::{Contacts, Event, Slide, Touch};
@@ -14,7 +15,7 @@ use crate::events::Few;
 use crate::flight::Flight;
 use crate::guard::Reach;
 use crate::linear::{C64, Rest};
-use crate::mount::Mount;
+use crate::mount::{Mount, WallLaw};
 use crate::observe::{Observer, Parts};
 use crate::polynomial::Polynomial;
 use crate::squeeze::{Squeeze, SqueezedPiece};
@@ -96,7 +97,7 @@ impl Motion {
     /// Starts at t = 0 from `start`.
     ///
     /// # Errors
-    /// A value out of range, a particle outside its cavity, a motion that has no closed form here, or a damper that the engine does
+    /// A value out of range, a particle beyond a hard wall, a motion that has no closed form here, or a damper that the engine does
     /// not have.
     pub fn new(set_up: &SetUp, excitation: &Excitation, start: &State) -> Result<Self, Refused> {
         Self::start(set_up, excitation, [0.0; 4], start)
@@ -228,7 +229,12 @@ impl Motion {
                 // A start "at the wall" is written as y = x ± d and may miss the wall by a rounding.
                 let rounding = 8.0 * f64::EPSILON * (self.q[self.mount.permanent + particle].abs() + offset.abs());
                 let cavity = &self.mount.cavities[particle];
-                let past = signed(side, offset) - self.surface(particle, side).0;
+                let (surface, surface_rate) = self.surface(particle, side);
+                let past = signed(side, offset) - surface;
+                if past > rounding && cavity.is_soft(side) {
+                    self.begin_inside(particle, side, (past, signed(side, slide) - surface_rate));
+                    continue;
+                }
                 if past > rounding {
                     let [from_m, to_m] = [-1, 1].map(|side| signed(side, self.surface(particle, side).0));
                     return Err(Refused::Outside { damper: particle, offset_m: offset, from_m, to_m });
@@ -250,6 +256,18 @@ impl Motion {
             }
         }
         if hits.is_empty() { self.resolve(&zero, &[]) } else { self.hit(&hits, zero, &mut ()) }
+    }
+
+    /// A particle begins in a soft wall, at a penetration with its rate, as where another motion ended: it presses, or leaves where the force would pull.
+    fn begin_inside(&mut self, particle: usize, side: Sign, (past, rate): (f64, f64)) {
+        match *self.mount.cavities[particle].wall(side) {
+            WallLaw::Soft { stiffness, damping, release: Release::ZeroForce }
+                if stiffness * past + damping * rate <= 0.0 =>
+            {
+                self.contacts.touches[particle] = Touch::Leaving(side);
+            }
+            _ => self.begin_pressing(particle, side, rate.max(0.0)),
+        }
     }
 
     /// Relative velocity of a joint.
@@ -335,7 +353,7 @@ impl Motion {
                 // More derivatives than those by definition may be zero: at a wall that a particle touches without speed.
                 let whole = guard.with_flight(&self.free, polynomial);
                 let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
-                let rising = guard.leading(&now, &whole, hint).filter(|(_, value)| *value > 0.0);
+                let rising = guard.leading(&now, whole, hint).filter(|(_, value)| *value > 0.0);
                 fresh = rising.map_or(hint, |(order, _)| order);
             }
             self.guards.push(Live { polynomial, fresh });
@@ -360,8 +378,10 @@ impl Motion {
         let base_motion = (self.base_cubic, self.mount.share * self.wave.sine);
         system.linear.rest(&system.bodies, q, &system.force, base_motion, &mut self.rest);
         let force = |particle: usize| self.squeezes[particle].as_ref().map_or_else(Polynomial::default, |of| of.force);
-        let pushes = system.pushes.iter().map(|pushed| (&pushed.push, force(pushed.particle)));
-        system.linear.pushed(&pushes.collect::<Few<_>>(), self.piece.length_s, &mut self.rest);
+        if !system.pushes.is_empty() {
+            let pushes = system.pushes.iter().map(|pushed| (&pushed.push, force(pushed.particle)));
+            system.linear.pushed(&pushes.collect::<Vec<_>>(), self.piece.length_s, &mut self.rest);
+        }
         system.linear.enter(&self.rest, q, v, wave, (&mut self.z, &mut self.roundings));
         let (base, base_rate) = self.base();
         self.free.clear();

@@ -15,18 +15,34 @@ pub(crate) struct Polynomial {
     pub slope: f64,
     pub bend: f64,
     pub jerk: f64,
-    /// Its derivatives from the fourth on.
-    pub higher: [f64; ORDERS - 4],
+    /// Its derivatives from the fourth on, and whether one may not be zero: few are no cubics, and every step evaluates some.
+    higher: [f64; ORDERS - 4],
+    is_higher: bool,
 }
 
 impl Polynomial {
+    /// The same with `factor` times another.
+    #[inline]
+    pub fn with(self, factor: f64, other: Self) -> Self {
+        if other.is_higher {
+            return self + factor * other;
+        }
+        Self {
+            value: self.value + factor * other.value,
+            slope: self.slope + factor * other.slope,
+            bend: self.bend + factor * other.bend,
+            jerk: self.jerk + factor * other.jerk,
+            ..self
+        }
+    }
+
     pub fn constant(value: f64) -> Self {
         Self { value, ..Self::default() }
     }
 
     /// From its derivatives at zero, the value first.
     pub fn of([value, slope, bend, jerk, higher @ ..]: [f64; ORDERS]) -> Self {
-        Self { value, slope, bend, jerk, higher }
+        Self { value, slope, bend, jerk, higher, is_higher: higher != [0.0; ORDERS - 4] }
     }
 
     /// Σ cₖ tᵏ.
@@ -48,15 +64,14 @@ impl Polynomial {
 
     #[inline]
     pub fn is_cubic(&self) -> bool {
-        self.higher == [0.0; ORDERS - 4]
+        !self.is_higher
     }
 
     /// Value and slope at t.
     #[inline]
     pub fn at(&self, t: f64) -> Here {
         if !self.is_cubic() {
-            let all = self.derivatives();
-            return Here { value: taylor(&all, t), slope: taylor(&all[1..], t) };
+            return Here { value: self.taylor(0, t), slope: self.taylor(1, t) };
         }
         Here {
             value: self.value + t * (self.slope + 0.5 * t * (self.bend + t * self.jerk * (1.0 / 3.0))),
@@ -64,27 +79,38 @@ impl Polynomial {
         }
     }
 
+    /// A derivative at t, where it is no cubic.
+    #[cold]
+    fn taylor(self, order: usize, t: f64) -> f64 {
+        taylor(&self.derivatives()[order..], t)
+    }
+
     /// Second derivative at t.
+    #[inline]
     pub fn bend_at(&self, t: f64) -> f64 {
-        if self.is_cubic() { self.bend + t * self.jerk } else { taylor(&self.derivatives()[2..], t) }
+        if self.is_cubic() { self.bend + t * self.jerk } else { self.taylor(2, t) }
     }
 
     /// Its derivative.
     pub fn rate(&self) -> Self {
-        let [fourth, fifth, sixth, seventh] = self.higher;
-        let higher = [fifth, sixth, seventh, 0.0];
-        Self { value: self.slope, slope: self.bend, bend: self.jerk, jerk: fourth, higher }
+        if self.is_cubic() {
+            return Self { value: self.slope, slope: self.bend, bend: self.jerk, ..Self::default() };
+        }
+        let [_, rates @ ..] = self.derivatives();
+        let mut all = [0.0; ORDERS];
+        all[..ORDERS - 1].copy_from_slice(&rates);
+        Self::of(all)
     }
 
     /// The same with its origin `t` later.
+    #[inline]
     pub fn after(&self, t: f64) -> Self {
         if self.is_cubic() {
             let Here { value, slope } = self.at(t);
             return Self { value, slope, bend: self.bend_at(t), ..*self };
         }
-        let all = self.derivatives();
         let mut later = [0.0; ORDERS];
-        later.iter_mut().enumerate().for_each(|(order, to)| *to = taylor(&all[order..], t));
+        later.iter_mut().enumerate().for_each(|(order, to)| *to = self.taylor(order, t));
         Self::of(later)
     }
 
@@ -107,15 +133,18 @@ impl Polynomial {
     }
 
     /// Whether it is a constant.
+    #[inline]
     pub fn is_constant(&self) -> bool {
         self.slope == 0.0 && self.bend == 0.0 && self.jerk == 0.0 && self.is_cubic()
     }
 
     /// The size of its terms up to time `t`.
     pub fn size(&self, t: f64) -> f64 {
-        let [value, slope, bend, jerk, ..] = self.derivatives().map(f64::abs);
-        let size = value + t * (slope + 0.5 * t * (bend + t * jerk * (1.0 / 3.0)));
-        if self.is_cubic() { size } else { self.most(0, t) }
+        if !self.is_cubic() {
+            return self.size_of(0, t);
+        }
+        let [value, slope, bend, jerk] = [self.value, self.slope, self.bend, self.jerk].map(f64::abs);
+        value + t * (slope + 0.5 * t * (bend + t * jerk * (1.0 / 3.0)))
     }
 
     /// Bound of a derivative up to time `t`.
@@ -124,9 +153,15 @@ impl Polynomial {
         match order {
             3 if self.is_cubic() => self.jerk.abs(),
             4.. if self.is_cubic() => 0.0,
-            0..ORDERS => taylor(&self.derivatives().map(f64::abs)[order..], t),
+            0..ORDERS => self.size_of(order, t),
             _ => 0.0,
         }
+    }
+
+    /// The size of the terms of a derivative up to time `t`.
+    #[cold]
+    fn size_of(self, order: usize, t: f64) -> f64 {
+        taylor(&self.derivatives().map(f64::abs)[order..], t)
     }
 }
 
@@ -138,29 +173,30 @@ fn taylor(derivatives: &[f64], t: f64) -> f64 {
 impl Add for Polynomial {
     type Output = Self;
 
+    #[inline]
     fn add(self, other: Self) -> Self {
-        let mut higher = self.higher;
-        higher.iter_mut().zip(other.higher).for_each(|(sum, more)| *sum += more);
-        Self {
+        let mut sum = Self {
             value: self.value + other.value,
             slope: self.slope + other.slope,
             bend: self.bend + other.bend,
             jerk: self.jerk + other.jerk,
-            higher,
+            ..self
+        };
+        if other.is_higher {
+            sum.higher.iter_mut().zip(other.higher).for_each(|(sum, more)| *sum += more);
+            sum.is_higher = true;
         }
+        sum
     }
 }
 
 impl Mul<Polynomial> for f64 {
     type Output = Polynomial;
 
+    #[inline]
     fn mul(self, of: Polynomial) -> Polynomial {
-        Polynomial {
-            value: self * of.value,
-            slope: self * of.slope,
-            bend: self * of.bend,
-            jerk: self * of.jerk,
-            higher: of.higher.map(|derivative| self * derivative),
-        }
+        let (value, slope, bend, jerk) = (self * of.value, self * of.slope, self * of.bend, self * of.jerk);
+        let higher = if of.is_higher { of.higher.map(|derivative| self * derivative) } else { of.higher };
+        Polynomial { value, slope, bend, jerk, higher, ..of }
     }
 }

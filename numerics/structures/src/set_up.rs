@@ -263,8 +263,18 @@ impl SetUp {
         self.impact_dampers.iter().flat_map(|damper| damper.piezoelectric.iter().flatten())
     }
 
+    /// The set-up for motions whose impacts take no time: its walls with Hertz contact as hard ones ([`Particle::without_hertz`]).
+    #[must_use]
+    pub fn without_hertz(mut self) -> Self {
+        for damper in &mut self.impact_dampers {
+            damper.particle = damper.particle.without_hertz();
+        }
+        self
+    }
+
     /// Whether a particle has a wall with Hertz contact.
-    pub(crate) fn has_hertz_wall(&self) -> bool {
+    #[must_use]
+    pub fn has_hertz_walls(&self) -> bool {
         let is_hertz =
             |(wall, in_place): (Wall, Option<PiezoelectricWall>)| in_place.is_none() && wall.hertz().is_some();
         self.impact_dampers

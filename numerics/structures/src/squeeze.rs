@@ -271,7 +271,7 @@ impl Motion {
             // δ = d tⁿ reaches k √δ t² = m at t = (m/(k √d))^(2/(n + 4)), and has there the speed d tⁿ⁻¹.
             let mut speed = |order: usize| {
                 factorial *= order as f64;
-                let d = of.guard.derivative(&now, &of.polynomial, order).value.abs() / factorial;
+                let d = of.guard.derivative(&now, of.polynomial, order).value.abs() / factorial;
                 if d == 0.0 {
                     return 0.0;
                 }

@@ -150,14 +150,14 @@ impl Motion {
         let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
         for (guard, live) in system.guards.iter().zip(&self.guards) {
             let cubic = guard.with_flight(&self.free, live.polynomial);
-            if live.fresh > 0 || guard.is_zero(&now, &cubic, &self.free) {
+            if live.fresh > 0 || guard.is_zero(&now, cubic, &self.free) {
                 self.blind[self.mount.joint_of_event(guard.event)] = true;
             }
         }
     }
 
     /// Whether the present step does without a guard: it is zero, and its joint one of those that no step decides about.
-    fn does_without(&self, guard: &Watched, live: &Live, now: &Now, cubic: &Polynomial) -> bool {
+    fn does_without(&self, guard: &Watched, live: &Live, now: &Now, cubic: Polynomial) -> bool {
         self.level >= self.blind_level
             && self.blind[self.mount.joint_of_event(guard.event)]
             && (live.fresh > 0 || guard.is_zero(now, cubic, &self.free))
@@ -173,7 +173,7 @@ impl Motion {
             }
             let cubic = guard.with_flight(&self.free, live.polynomial);
             let here = guard.guard.at(&self.z, self.z.len(), cubic.at(0.0));
-            let rounding = guard.rounding(&now, &cubic, &self.free);
+            let rounding = guard.rounding(&now, cubic, &self.free);
             // What does not change cannot fall, even where it is zero, as at a wall that touches a particle at rest.
             let is_constant = cubic.is_constant() && self.reaches[n - usize::from(guard.is_mirrored)].size() == 0.0;
             if here.value > rounding || is_constant {
@@ -187,7 +187,7 @@ impl Motion {
                 continue;
             }
             // What it does next: a particle at a wall may only touch it, or follow it.
-            let (order, next) = guard.leading(&now, &cubic, 1).unwrap_or((1, here.slope));
+            let (order, next) = guard.leading(&now, cubic, 1).unwrap_or((1, here.slope));
             if next > 0.0 {
                 live.fresh = order;
                 // Rounding has put a particle behind its wall, or its velocity behind zero.
@@ -238,12 +238,12 @@ impl Motion {
             if cubic.is_constant() && reach.size() == 0.0 {
                 continue;
             }
-            if self.does_without(guard, live, &now, &cubic) {
+            if self.does_without(guard, live, &now, cubic) {
                 self.is_unguarded = true;
                 continue;
             }
             if live.fresh > 1 {
-                if guard.rises(&now, &cubic, live.fresh, h) {
+                if guard.rises(&now, cubic, live.fresh, h) {
                     continue;
                 }
                 return Judged::Undecided;
@@ -254,7 +254,7 @@ impl Motion {
                 start.value = 0.0;
             }
             let end = of_end.plus(cubic.at(h));
-            match reach.over(h, step.slow, &cubic).judge(h, start, end, is_zero) {
+            match reach.over(h, step.slow, cubic).judge(h, start, end, is_zero) {
                 Verdict::Clear => {}
                 Verdict::Falls => self.falls.push(n),
                 Verdict::Unsure => return Judged::Undecided,
@@ -424,17 +424,17 @@ impl Watched {
     }
 
     /// What of its value may be rounding.
-    fn rounding(&self, now: &Now, cubic: &Polynomial, free: &[Flight]) -> f64 {
+    fn rounding(&self, now: &Now, cubic: Polynomial, free: &[Flight]) -> f64 {
         self.derivative(now, cubic, 0).rounding + ROUNDINGS * self.scale(free)
     }
 
     /// Whether its value is zero but for rounding.
-    fn is_zero(&self, now: &Now, cubic: &Polynomial, free: &[Flight]) -> bool {
+    fn is_zero(&self, now: &Now, cubic: Polynomial, free: &[Flight]) -> bool {
         self.derivative(now, cubic, 0).value.abs() <= self.rounding(now, cubic, free)
     }
 
     /// The first of its derivatives, from `order` on, that is more than rounding: its order and value. `None` if none is up to [`HIGHEST`].
-    pub(crate) fn leading(&self, now: &Now, cubic: &Polynomial, order: usize) -> Option<(usize, f64)> {
+    pub(crate) fn leading(&self, now: &Now, cubic: Polynomial, order: usize) -> Option<(usize, f64)> {
         (order..=HIGHEST).find_map(|order| {
             let Derivative { value, rounding, .. } = self.derivative(now, cubic, order);
             (value.abs() > rounding).then_some((order, value))
@@ -442,7 +442,7 @@ impl Watched {
     }
 
     /// A derivative by time with the polynomial's part.
-    pub(crate) fn derivative(&self, now: &Now, cubic: &Polynomial, order: usize) -> Derivative {
+    pub(crate) fn derivative(&self, now: &Now, cubic: Polynomial, order: usize) -> Derivative {
         let of_cubic = cubic.derivative(order);
         let mut of = Derivative { value: of_cubic, most: of_cubic.abs(), rounding: 0.0 };
         let power = i32::try_from(order).unwrap_or(i32::MAX);
@@ -461,7 +461,7 @@ impl Watched {
 
     /// Whether a guard whose first `order` derivatives (from the value on) are zero by definition stays positive for `h`: by the
     /// next one and the largest one after it (Taylor).
-    fn rises(&self, now: &Now, cubic: &Polynomial, order: usize, h: f64) -> bool {
+    fn rises(&self, now: &Now, cubic: Polynomial, order: usize, h: f64) -> bool {
         let first = self.derivative(now, cubic, order);
         let next = self.derivative(now, cubic, order + 1);
         let most = next.most + h * cubic.most(order + 2, h);

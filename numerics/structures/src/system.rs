@@ -100,11 +100,12 @@ impl Watched {
     }
 
     /// The polynomial from now on with that of a free particle; `own`: without it.
+    #[inline]
     pub fn with_flight(&self, free: &[Flight], own: Polynomial) -> Polynomial {
         match self.flight {
             Flying::Nothing => own,
-            Flying::Displacement(n, factor) => own + factor * free[n].0,
-            Flying::Velocity(n, factor) => own + factor * free[n].0.rate(),
+            Flying::Displacement(n, factor) => own.with(factor, free[n].0),
+            Flying::Velocity(n, factor) => own.with(factor, free[n].0.rate()),
         }
     }
 }

@@ -116,6 +116,14 @@ impl Particle {
         let [negative, positive] = self.walls();
         negative == positive && self.cavity.inclination_deg == 0.0
     }
+
+    /// The particle for motions whose impacts take no time: its walls with Hertz contact as hard ones ([`Wall::without_hertz`]).
+    #[must_use]
+    pub fn without_hertz(mut self) -> Self {
+        self.wall = self.wall.without_hertz();
+        self.cavity.positive_wall = self.cavity.positive_wall.map(Wall::without_hertz);
+        self
+    }
 }
 
 /// A dry friction damper between the structure and the moving base: a set-valued Coulomb force on x′ − z′.
@@ -197,10 +205,7 @@ impl SetUp {
     /// The set-up for motions whose impacts take no time: its walls with Hertz contact as hard ones ([`Wall::without_hertz`]).
     #[must_use]
     pub fn without_hertz(mut self) -> Self {
-        if let Some(particle) = &mut self.particle {
-            particle.wall = particle.wall.without_hertz();
-            particle.cavity.positive_wall = particle.cavity.positive_wall.map(|wall| wall.without_hertz());
-        }
+        self.particle = self.particle.map(Particle::without_hertz);
         self
     }
 

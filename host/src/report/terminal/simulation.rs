@@ -190,9 +190,7 @@ fn spheres_results(result: &SpheresResult) -> Vec<(&'static str, String)> {
 fn contact_times(contacts: &ContactFigures, case: &Case) -> String {
     let ms = |seconds: f64| significant(seconds * 1e3, 4);
     let speed = contacts.mean_approach_speed_m_per_s;
-    let walls = case.set_up.particle.map_or([None; 2], |particle| particle.walls().map(|wall| wall.hertz()));
-    let mut laws: Vec<_> = walls.into_iter().flatten().collect();
-    laws.dedup();
+    let laws = case.hertz_laws();
     let e: Vec<_> = laws.iter().map(|law| significant(law.restitution(speed), 4)).collect();
     let speed = significant(speed, 3);
     let (shortest, longest, e) = (ms(contacts.shortest_s), ms(contacts.longest_s), e.join(" and "));

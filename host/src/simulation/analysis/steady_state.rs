@@ -275,8 +275,10 @@ impl Analysis {
     /// the transient of a motion in closed form, and how far the sensitivities are; a run that it ends has no driven motion.
     pub fn complete(case: &Case, written: &WrittenCase, watch: &mut impl Observer) -> Self {
         let found = if case.multi_degree.is_some() { None } else { Self::with_sensitivities(case, watch) };
+        // Derivatives are those of impacts that take no time; the energy is that of the same walls.
+        let hard = case.without_hertz();
         let mut analysis = found.unwrap_or(Self {
-            walls: case.hertz_as_hard(),
+            walls: hard.hertz_as_hard(),
             energy: None,
             driven: None,
             lyapunov: None,
@@ -286,8 +288,8 @@ impl Analysis {
         let driven = analysis.driven.as_ref();
         let is_chaotic = driven.and_then(|driven| driven.lyapunov.as_ref()).is_some_and(Lyapunov::is_chaotic);
         let goes_on: &mut dyn FnMut(f64) -> bool = &mut |t_s| watch.goes_on(t_s);
-        if let Some(several) = &case.multi_degree {
-            analysis.energy = driver::energy(case, several, goes_on);
+        if let Some(several) = &hard.multi_degree {
+            analysis.energy = driver::energy(&hard, several, goes_on);
         }
         if is_chaotic {
             analysis.no_sensitivities = Some("none: the motion is chaotic".into());

@@ -5,7 +5,7 @@ use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::io::Invalid;
 use damprig_motion::placed_motion::powers;
-use damprig_structures::{EnergyBook, Impact, Motion, Observer, Piece, Refused, State};
+use damprig_structures::{EnergyBook, HertzContact, Impact, Motion, Observer, Piece, Refused, State};
 
 use super::measure::{DamperMeter, HarvestMeter, ModeMeter, PlaceMeter, PlacesResult, measured_from_s};
 use super::piece::PieceAtPlace;
@@ -13,7 +13,7 @@ use super::{MultiDegree, Shown};
 use crate::motion_record::{Play, Record};
 use crate::simulation::Case;
 use crate::simulation::collector::{Collector, RunOptions, run_in_parts};
-use crate::simulation::motion::{ImpactRecord, Viewer};
+use crate::simulation::motion::{ContactRecord, ImpactRecord, Viewer};
 use crate::simulation::result::Summary;
 
 /// Steps between two questions whether to go on: about a millisecond.
@@ -61,6 +61,22 @@ impl Observer for Watch<'_, '_> {
             side,
             approach_speed_m_per_s,
             y_m: if is_shown { y_m } else { f64::NAN },
+            damper: u32::try_from(damper + 1).ok(),
+        });
+    }
+
+    fn contact(&mut self, contact: &HertzContact) {
+        let HertzContact { touch_s, damper, side, approach_speed_m_per_s, separation_speed_m_per_s, .. } = *contact;
+        if let Some(meter) = self.dampers.get_mut(damper) {
+            meter.contact(contact);
+        }
+        self.viewer.contact(&ContactRecord {
+            t_s: touch_s,
+            side,
+            approach_speed_m_per_s,
+            duration_s: contact.duration_s,
+            peak_force_n: contact.peak_force_n,
+            restitution: (approach_speed_m_per_s > 0.0).then(|| separation_speed_m_per_s / approach_speed_m_per_s),
             damper: u32::try_from(damper + 1).ok(),
         });
     }
@@ -167,6 +183,7 @@ pub(in crate::simulation) fn run<V: Viewer>(
     refused.map_err(Invalid::from)?;
     let motion = running.motion;
     response.finish(motion.time_s());
+    DamperMeter::end(&mut dampers, &motion);
     let harvested = |damper| harvest.as_ref().and_then(|meter| meter.power_and_voltage(motion.time_s(), damper));
     let summary = Summary {
         harvested_power_w: harvested(None).map(|(power_w, _)| power_w),
@@ -264,6 +281,7 @@ pub fn counted(
     }
     let motion = running.motion;
     response.finish(motion.time_s());
+    DamperMeter::end(&mut dampers, &motion);
     let harvested = harvest.and_then(|meter| meter.power_and_voltage(end_s, None));
     Ok((!is_stopped).then(|| Summary {
         harvested_power_w: harvested.map(|(power_w, _)| power_w),

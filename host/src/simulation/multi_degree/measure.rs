@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use damprig_core::model::{Particle, Wall};
-use damprig_structures::{Course, Harvest, Impact, ImpactDamper, Mode, Motion, Observer, Piece};
+use damprig_structures::{Course, Harvest, HertzContact, Impact, ImpactDamper, Mode, Motion, Observer, Piece};
 use serde::Serialize;
 
 use super::MultiDegree;
@@ -140,8 +140,26 @@ impl DamperMeter {
         }
     }
 
-    /// Takes the force of a soft wall during a piece of motion.
+    /// Takes a contact with a Hertz wall.
+    pub fn contact(&mut self, contact: &HertzContact) {
+        self.peak_n = self.peak_n.max(contact.peak_force_n);
+    }
+
+    /// Takes the contacts with Hertz walls that last at the end of a motion.
+    pub fn end(all: &mut [Self], motion: &Motion) {
+        for contact in motion.hertz_contacts() {
+            if let Some(meter) = all.get_mut(contact.damper) {
+                meter.contact(&contact);
+            }
+        }
+    }
+
+    /// Takes the force of a wall of spring and dashpot, or of a piezoelectric one, during a piece of motion.
     pub fn piece(&mut self, piece: &Piece) {
+        let pressed = piece.pressed_side(self.damper).map(|side| self.particle.walls()[usize::from(side > 0)]);
+        if pressed.is_none_or(|wall| wall.hertz().is_some()) {
+            return;
+        }
         if let Some(force) = piece.wall_force_n(self.damper) {
             self.peak_n = force.largest_abs((0.0, piece.length_s), self.peak_n);
         }

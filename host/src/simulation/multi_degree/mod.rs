@@ -9,7 +9,7 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Initial, SetUp as OneDegree, Structure, Tmd};
 use damprig_structures::{Body, FrictionJoint, SetUp, State, TunedMass, base_at_start};
 
-use crate::setup::StatedContact;
+use crate::setup::{StatedContact, contacts_of};
 use crate::structure::{OnBeam, at_place, description};
 
 /// A structure of several degrees of freedom with its dampers, as simulated.
@@ -89,6 +89,16 @@ impl MultiDegree {
     pub fn shortest_s(&self) -> f64 {
         let modes = self.set_up.structure.modes.iter();
         1.0 / modes.map(|mode| mode.angular_frequency_rad_per_s).fold(0.0, f64::max)
+    }
+
+    /// The same for motions whose impacts take no time: walls with Hertz contact as hard ones, whose force is that of the contact.
+    #[must_use]
+    pub fn without_hertz(mut self) -> Self {
+        for (damper, contacts) in self.set_up.impact_dampers.iter().zip(&mut self.contacts) {
+            *contacts = contacts_of(&damper.particle, *contacts);
+        }
+        self.set_up = self.set_up.without_hertz();
+        self
     }
 
     /// The mass of all particles and tuned masses, kg, and the structure at the place of the first; `None` without one.

@@ -14,7 +14,7 @@ use crate::simulation::excitation::CaseExcitation;
 use crate::simulation::keys::{case, force_sine};
 use crate::simulation::read_case::{base_amplitude, check_cycles, read_excitation, read_run};
 use crate::structure::{DESCRIPTIONS, at_place, check_participation, description, description_of, read_structure};
-use dampers::{Dampers, contacts_of, impact_damper, read_places};
+use dampers::{Dampers, impact_damper, read_places};
 use start::{BaseStart, Start, read_initial, start};
 
 /// Reads the case, whose structure the key `key` describes; `None` after a problem has been reported.
@@ -130,7 +130,7 @@ pub fn of_one_degree(root: &Section, case: &Case, beside: Option<(f64, f64)>) ->
         });
         return None;
     }
-    let mut set_up = SetUp::from(&case.set_up.without_hertz());
+    let mut set_up = SetUp::from(&case.set_up);
     set_up.force_beside_base =
         beside.map(|(amplitude_n, phase_rad)| HarmonicForce { place: 0, amplitude_n, phase_rad });
     set_up.driven_place = (!case.excitation.moves_base()).then_some(0);
@@ -143,7 +143,7 @@ pub fn of_one_degree(root: &Section, case: &Case, beside: Option<(f64, f64)>) ->
         key,
         kind: "one degree of freedom".into(),
         set_up,
-        contacts: case.set_up.particle.iter().map(|particle| contacts_of(particle, case.contacts)).collect(),
+        contacts: case.set_up.particle.iter().map(|_| case.contacts).collect(),
         places: vec![set_up_keys::STRUCTURE.name().into()],
         on_beam: None,
         observed: 0,

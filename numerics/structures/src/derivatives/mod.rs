@@ -252,7 +252,7 @@ impl MotionCase {
 
     /// The equations here are linear, and those of bodies with masses.
     fn refuse_walls(&self) -> Result<(), NoDerivatives> {
-        if self.set_up.has_hertz_wall() {
+        if self.set_up.has_hertz_walls() {
             return Err(Refused::Hertz.into());
         }
         if self.set_up.piezoelectric_walls().next().is_some() { Err(NoDerivatives::Charge) } else { Ok(()) }

@@ -1,10 +1,10 @@
 //! Laws that hold for every motion: energy, simultaneous impacts, joints that stick together.
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{Cavity, FrictionDamper, Particle, Release, Tmd, Wall};
+use damprig_core::model::{Cavity, Dissipation, FrictionDamper, Hertz, Particle, Release, Tmd, Wall};
 use damprig_structures::{
-    Body, FrictionJoint, Impact, ImpactDamper, Modes, Motion, Observer, Piece, SetUp, State, Storey, TunedMass,
-    base_at_start,
+    Body, FrictionJoint, Impact, ImpactDamper, Modes, Motion, Observer, Piece, PiezoelectricWall, SetUp, State, Storey,
+    TunedMass, base_at_start,
 };
 
 fn frame(storeys: usize, damping_n_s_per_m: f64) -> Modes {
@@ -167,6 +167,48 @@ fn a_start_at_a_soft_wall_has_no_steps_without_guards() {
             );
             assert!(times.0.iter().all(|(time_s, _)| *time_s > 0.01), "an impact at the start: {:?}", times.0[0]);
         }
+    }
+}
+
+/// Free vibration between soft walls of every kind, ended at instants of which many lie in contacts: begun again from each of its states, it goes on as
+/// the motion that was not ended. The contact with a Hertz wall is begun anew with its stated error.
+#[test]
+fn a_motion_goes_on_from_its_state_in_a_soft_wall() {
+    let piezoelectric =
+        PiezoelectricWall { stiffness_n_per_m: 2e4, coupling_n_per_v: 2e-2, capacitance_f: 2e-8, load_ohm: 2e5 };
+    let voigt = |release| Wall::Voigt { stiffness_n_per_m: 2e4, damping_n_s_per_m: 20.0, release };
+    let hertz = Wall::Hertz(Hertz {
+        stiffness_n_per_m15: 1e6,
+        dissipation: Dissipation::HuntCrossley { coefficient_s_per_m: 0.3 },
+    });
+    for (wall, in_place, tolerance) in [
+        (voigt(Release::ZeroPenetration), None, 1e-12),
+        (voigt(Release::ZeroForce), None, 1e-12),
+        (voigt(Release::ZeroPenetration), Some(piezoelectric), 1e-12),
+        (hertz, None, 1e-8),
+    ] {
+        let damper = ImpactDamper { piezoelectric: [in_place; 2], ..ImpactDamper::new(2, particle(0.3, 0.004, wall)) };
+        let set_up = SetUp { impact_dampers: vec![damper], ..SetUp::bare(frame(3, 2.0)) };
+        let mut start = set_up.at_rest((0.0, 0.0));
+        start.modal[0] = 0.03;
+        start.particles[0].y_m = set_up.displacement_m(&start, 2);
+        let begin = |from: &State| Motion::new(&set_up, &Excitation::Fixed, from).unwrap();
+        let end = |mut motion: Motion, until_s: f64| {
+            motion.run(until_s, &mut ()).unwrap();
+            motion.state()
+        };
+        let (whole_s, mut inside) = (1.0, 0);
+        let whole = end(begin(&start), whole_s);
+        for n in 1..200 {
+            let at_s = 0.005 * f64::from(n);
+            let here = end(begin(&start), at_s);
+            let offset_m = here.particles[0].y_m - set_up.displacement_m(&here, 2);
+            inside += u32::from(offset_m.abs() > 0.004 + 1e-9);
+            let later = end(begin(&here), whole_s - at_s);
+            let off = later.particles[0].y_m - whole.particles[0].y_m;
+            assert!(off.abs() < tolerance * 0.03, "{wall:?} {in_place:?} at {at_s}: {off}");
+        }
+        assert!(inside > 5, "{wall:?}: {inside}");
     }
 }
 

@@ -82,19 +82,17 @@ impl Dampers {
             return None;
         }
         let stated = spec.at(z_m);
-        // A Hertz wall acts as a hard one, whose force is that of the contact.
-        let read = stated.without_hertz();
-        if let Some((particle, stated)) = read.particle.zip(stated.particle) {
-            let contacts = contacts_of(&stated, spec.contacts());
+        if let Some(particle) = stated.particle {
+            let contacts = spec.contacts();
             self.contacts.push(contacts);
             self.set_up.impact_dampers.push(impact_damper(place, particle, contacts));
             self.starts_m.push(spec.particle_start_m(z_m));
         }
         // Without a force there is no damper.
-        if let Some(damper) = read.friction_damper.filter(|damper| damper.force_n > 0.0) {
+        if let Some(damper) = stated.friction_damper.filter(|damper| damper.force_n > 0.0) {
             self.set_up.friction_dampers.push(FrictionJoint { place, other, damper });
         }
-        self.set_up.tuned_masses.extend(read.tmd.map(|tmd| TunedMass { place, tmd }));
+        self.set_up.tuned_masses.extend(stated.tmd.map(|tmd| TunedMass { place, tmd }));
         Some(())
     }
 }
@@ -103,10 +101,4 @@ impl Dampers {
 pub fn impact_damper(place: usize, particle: Particle, contacts: [Option<StatedContact>; 2]) -> ImpactDamper {
     let piezoelectric = contacts.map(|contact| contact.and_then(|contact| contact.piezoelectric()));
     ImpactDamper { place, particle, piezoelectric }
-}
-
-/// The contacts of the walls of a particle as stated: of a hard wall that of the file, of one with Hertz contact its own.
-pub fn contacts_of(stated: &Particle, of_hard: [Option<StatedContact>; 2]) -> [Option<StatedContact>; 2] {
-    let [negative, positive] = stated.walls().map(|wall| wall.hertz().map(StatedContact::HertzWall));
-    [negative.or(of_hard[0]), positive.or(of_hard[1])]
 }
