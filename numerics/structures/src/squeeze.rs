@@ -41,8 +41,9 @@ const LEAST: f64 = 1e-6;
 /// Roundings of a displacement that a penetration may have: those of y and x, and of the sums that x is.
 const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
 
-/// Slowest approach, m/s, that errors are relative to.
-const SLOWEST_M_PER_S: f64 = 1e-9;
+/// Slowest approach, m/s, that errors are relative to, and that β is taken from: a particle that lies at its wall while the structure begins to move from
+/// rest has hardly any, and Lankarani and Nikravesh's β of it would be a dashpot that nothing presses in.
+const SLOWEST_M_PER_S: f64 = 1e-5;
 
 /// Highest power of time by which a contact from rest may begin that its scale is computed from.
 const MAX_ORDER: usize = 6;
@@ -293,8 +294,11 @@ impl Motion {
 
     /// Takes the forces of a step of this length, which is judged: their largest values, and their courses from its end on.
     pub(crate) fn pass_forces(&mut self, length_s: f64) {
-        self.piece.left_s -= length_s;
         let system = &self.systems[self.system];
+        if system.pushes.is_empty() {
+            return;
+        }
+        self.piece.left_s -= length_s;
         let mut largest: Few<(usize, f64)> = Few::new();
         for pushed in &system.pushes {
             let Some(of) = self.sliding(system, pushed) else { continue };
