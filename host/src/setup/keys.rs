@@ -171,7 +171,7 @@ tables! {
         ];
     }
 
-    "A wall with Hertz contact and dissipation: F = k·δ^1.5·(1 + β·δ′), δ the penetration. Cases follow it, with one degree of freedom on an excitation in closed form; elsewhere a hard wall with the restitution of its free impacts acts in its place."
+    "A wall with Hertz contact and dissipation: F = k·δ^1.5·(1 + β·δ′), δ the penetration. Cases follow it, but those with one degree of freedom on a recorded motion; there, and in campaigns, a hard wall with the restitution of its free impacts acts in its place."
     wall_hertz("particle.wall", "hertz") {
         STIFFNESS: Required, [
             number("stiffness_n_per_m15", Positive, "k, the stiffness of the contact").usual(1e4, 1e12),

@@ -66,7 +66,10 @@ pub fn values(array: &dyn Array) -> Option<Vec<Value>> {
             }
         };
     }
-    numbers!(Float64Type, Value::F64, |v| v);
+    // A missing number is none.
+    if let Some(a) = array.as_primitive_opt::<Float64Type>() {
+        return Some(a.iter().map(|v| Value::F64(v.unwrap_or(f64::NAN))).collect());
+    }
     numbers!(Float32Type, Value::F32, |v| v);
     numbers!(Int32Type, Value::F64, f64::from);
     numbers!(UInt64Type, Value::U64, |v| v);

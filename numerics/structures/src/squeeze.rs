@@ -129,6 +129,9 @@ impl Motion {
         self.contacts.touches[damper] = Touch::Pressing(side);
         let WallLaw::Hertz(law) = *self.mount.cavities[damper].wall(side) else { return };
         let (touch_s, none) = (self.time.seconds(), 0.0);
+        // One that is slower begins from rest: its speed may be rounding.
+        let approach_speed_m_per_s =
+            if approach_speed_m_per_s < SLOWEST_M_PER_S { none } else { approach_speed_m_per_s };
         let contact = HertzContact {
             touch_s,
             damper,
@@ -257,7 +260,7 @@ impl Motion {
         [here.value, here.slope]
     }
 
-    /// The scales of contacts that begin, and their β.
+    /// The scales of contacts that begin, and their β; of a contact that nothing has pressed yet, anew.
     ///
     /// The approach speed of the law of dissipation is at least the speed that the other forces alone give the particle within the
     /// duration of a contact: a particle that is laid on its wall has no approach speed of its own.
@@ -266,7 +269,9 @@ impl Motion {
         let now = Now { z: &self.z, rates: &system.linear.natural.rates, roundings: &self.roundings };
         let mut scales: Few<(usize, f64, f64)> = Few::new();
         for pushed in &system.pushes {
-            let Some(of) = self.sliding(system, pushed).filter(|of| of.squeeze.is_new) else { continue };
+            // What presses it may begin to move later than it lies at its wall.
+            let has_no_scale = |of: &Sliding| of.squeeze.is_new || of.squeeze.speed_m_per_s <= SLOWEST_M_PER_S;
+            let Some(of) = self.sliding(system, pushed).filter(has_no_scale) else { continue };
             let reduced = 1.0 / (1.0 / of.mass_kg + pushed.push.compliance);
             let mut factorial = 1.0;
             // δ = d tⁿ reaches k √δ t² = m at t = (m/(k √d))^(2/(n + 4)), and has there the speed d tⁿ⁻¹.

@@ -193,6 +193,28 @@ fn a_structure_of_one_mode_moves_as_with_one_degree_of_freedom() {
     }
 }
 
+/// A particle lies at its wall while friction holds the structure, until a rising force moves it: the law's speed is that of this motion, not that of the
+/// rest before.
+#[test]
+fn a_particle_at_its_wall_is_pressed_as_the_structure_breaks_away() {
+    let law = Hertz { stiffness_n_per_m15: 3.5e4, dissipation: Dissipation::LankaraniNikravesh { coefficient: 0.5 } };
+    let one = One {
+        particle: Some(particle(3.0, 3e-4, law)),
+        friction_damper: Some(FrictionDamper { force_n: 4.7 }),
+        ..One::bare(Structure { mass_kg: 8.0, stiffness_n_per_m: 3800.0, damping_n_s_per_m: 0.0 })
+    };
+    let force = Excitation::ForceHalfSine { amplitude_n: 6.4, duration_s: 0.3 };
+    let initial = Initial { y_m: -3e-4, ..one.neutral() };
+    let mut expected = OneContacts::default();
+    Exact::new(&one, &force, &initial).unwrap().run(1.0, &mut expected);
+    let mut found = Contacts::default();
+    let start = State::of_one_degree(&one, &initial, &force);
+    Motion::new(&set_up(&one, &force), &force, &start).unwrap().run(1.0, &mut found).unwrap();
+    let (found, expected) = (&found.contacts[0], &expected.0[0]);
+    assert!((found.peak_force_n / expected.peak_force_n - 1.0).abs() < 1e-7, "{found:?} {expected:?}");
+    assert!((found.duration_s / expected.duration_s - 1.0).abs() < 1e-7, "{found:?} {expected:?}");
+}
+
 /// Random set-ups of [`random_set_ups`](crate::random_set_ups) with Hertz walls in place of soft ones and of some hard ones. The law of Lankarani and
 /// Nikravesh is drawn on a level: the approach speed of a particle that its weight lays on a wall is not that of the touch.
 fn with_hertz_walls(number: usize) -> Case {
