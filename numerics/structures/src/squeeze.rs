@@ -55,7 +55,7 @@ pub(crate) struct Squeeze {
     side: Sign,
     /// β, s/m.
     rate_s_per_m: f64,
-    /// Whether it has no scales yet.
+    /// Whether it has just begun, and its scales may be others yet.
     is_new: bool,
     /// The largest speed so far, m/s.
     speed_m_per_s: f64,
@@ -226,7 +226,7 @@ impl Motion {
         drop(sliding);
         for ((particle, rate_m_per_s), powers) in starts.into_iter().zip(found) {
             if let Some(squeeze) = &mut self.squeezes[particle] {
-                (squeeze.is_new, squeeze.speed_m_per_s) = (false, squeeze.speed_m_per_s.max(rate_m_per_s.abs()));
+                squeeze.speed_m_per_s = squeeze.speed_m_per_s.max(rate_m_per_s.abs());
                 let [c0, c1, c2, c3] = powers;
                 squeeze.force =
                     Polynomial::of_powers([c0, c1 / length_s, c2 / length_s.powi(2), c3 / length_s.powi(3)]);
@@ -321,7 +321,11 @@ impl Motion {
                 squeeze.contact.peak_force_n = squeeze.contact.peak_force_n.max(force_n);
             }
         }
-        self.squeezes.iter_mut().flatten().for_each(|squeeze| squeeze.force = squeeze.force.after(length_s));
+        for squeeze in self.squeezes.iter_mut().flatten() {
+            // Events of one instant follow each other until all joints have their directions.
+            squeeze.is_new &= length_s <= LEAST * squeeze.duration_s;
+            squeeze.force = squeeze.force.after(length_s);
+        }
     }
 }
 

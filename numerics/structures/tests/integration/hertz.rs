@@ -203,7 +203,7 @@ fn a_particle_at_its_wall_is_pressed_as_the_structure_breaks_away() {
         friction_damper: Some(FrictionDamper { force_n: 4.7 }),
         ..One::bare(Structure { mass_kg: 8.0, stiffness_n_per_m: 3800.0, damping_n_s_per_m: 0.0 })
     };
-    let force = Excitation::ForceHalfSine { amplitude_n: 6.4, duration_s: 0.3 };
+    let force = Excitation::ForceHalfSine { amplitude_n: 6.3588, duration_s: 0.2965 };
     let initial = Initial { y_m: -3e-4, ..one.neutral() };
     let mut expected = OneContacts::default();
     Exact::new(&one, &force, &initial).unwrap().run(1.0, &mut expected);
