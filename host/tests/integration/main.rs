@@ -52,6 +52,7 @@ mod multi_degree;
 mod mutations;
 mod noise;
 mod not_files;
+mod one_storey;
 mod optimise;
 mod optimise_gradient;
 mod optimise_robust;
