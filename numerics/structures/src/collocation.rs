@@ -51,6 +51,8 @@ pub(crate) struct Sliding<'a> {
     /// z′ of the natural motions per force.
     pub natural: &'a [C64],
     pub squeeze: &'a Squeeze,
+    /// Whether it has no force ([`Squeeze::is_faint`]).
+    pub is_faint: bool,
     /// δ without the forces, but for natural motions.
     pub polynomial: Polynomial,
     /// Rounding of δ, m.
@@ -119,7 +121,10 @@ impl Motion {
     /// does not converge.
     pub(crate) fn forces(&self, sliding: &[Sliding], moved: &Moved, length_s: f64) -> Option<(Vec<Powers>, f64)> {
         let allowed_n = |of: &Sliding| of.squeeze.allowed_n_s(self.piece.tolerance) / length_s;
-        let first_n = |row: usize| sliding[row / POWERS].squeeze.law(moved.alone[row / POWERS][BEGIN]).0;
+        let first_n = |row: usize| {
+            let (b, of) = (row / POWERS, &sliding[row / POWERS]);
+            if of.is_faint { 0.0 } else { of.squeeze.law(moved.alone[b][BEGIN]).0 }
+        };
         let mut values = DVector::from_fn(POWERS * sliding.len(), |row, _| first_n(row));
         for _ in 0..MAX_NEWTON_STEPS {
             let (change, rounding_n) = moved.newton_step(sliding, &values)?;
@@ -170,6 +175,10 @@ impl Moved {
         let mut rounding_n: Few<f64> = Few::new();
         for row in 0..count {
             let (b, i) = (row / POWERS, row % POWERS);
+            if sliding[b].is_faint {
+                rounding_n.push(0.0);
+                continue;
+            }
             let (force, [by_depth, by_rate]) = sliding[b].squeeze.law(self.depth(b, i, &forces));
             off[row] = force - values[row];
             rounding_n.push(sliding[b].rounding_m * by_depth);
@@ -191,7 +200,9 @@ impl Moved {
             ((cubic - force).abs() - of.rounding_m * by_depth).max(0.0)
         };
         let parts = if self.depth(b, LAST, forces)[0] <= 0.0 { PARTING } else { 1.0 };
-        parts * (POWERS..INSTANTS.len()).map(off).fold(0.0, f64::max)
+        // Without a force it is off at Gauss's instants too.
+        let first = if of.is_faint { 0 } else { POWERS };
+        parts * (first..INSTANTS.len()).map(off).fold(0.0, f64::max)
     }
 }
 

@@ -183,11 +183,10 @@ impl Motion {
             Event::Wall(particle, side) => {
                 self.place_at_wall(particle, side);
                 if self.mount.cavities[particle].is_soft(side) {
-                    let approach_speed_m_per_s = signed(side, self.offset(particle).1);
                     let approaches = signed(side, self.slip_beyond_rounding(self.mount.joint_of(particle))) > 0.0;
-                    self.begin_pressing(particle, side, if approaches { approach_speed_m_per_s } else { 0.0 });
-                    if approaches {
-                        observer.impact(&self.impact(particle, side, approach_speed_m_per_s, 0.0));
+                    let speed_m_per_s = if approaches { signed(side, self.offset(particle).1) } else { 0.0 };
+                    if self.begin_pressing(particle, side, speed_m_per_s) > 0.0 {
+                        observer.impact(&self.impact(particle, side, speed_m_per_s, 0.0));
                     }
                     return self.resolve(&zero, &[(Event::Releases(particle, side), 1)]);
                 }

@@ -266,7 +266,9 @@ impl Motion {
             {
                 self.contacts.touches[particle] = Touch::Leaving(side);
             }
-            _ => self.begin_pressing(particle, side, rate.max(0.0)),
+            _ => {
+                self.begin_pressing(particle, side, rate.max(0.0));
+            }
         }
     }
 

@@ -117,6 +117,13 @@ impl Squeeze {
         (root * depth_m * share, [1.5 * root * share, root * depth_m * self.rate_s_per_m])
     }
 
+    /// Whether nothing has pressed it so far that is more than an error may be, since it began from rest. It then has no force: the error of a cubic
+    /// would part the bodies while they hardly touch.
+    pub fn is_faint(&self, tolerance: f64) -> bool {
+        let contact = &self.contact;
+        contact.approach_speed_m_per_s == 0.0 && contact.peak_force_n * self.duration_s <= self.allowed_n_s(tolerance)
+    }
+
     /// What an error of the force may be over a piece, N·s.
     pub fn allowed_n_s(&self, tolerance: f64) -> f64 {
         tolerance * self.reduced_kg * self.speed_m_per_s
@@ -124,10 +131,10 @@ impl Squeeze {
 }
 
 impl Motion {
-    /// A particle begins to press into a wall.
-    pub(crate) fn begin_pressing(&mut self, damper: usize, side: Sign, approach_speed_m_per_s: f64) {
+    /// A particle begins to press into a wall. The speed that it approaches with: of a Hertz wall 0 where it begins from rest.
+    pub(crate) fn begin_pressing(&mut self, damper: usize, side: Sign, approach_speed_m_per_s: f64) -> f64 {
         self.contacts.touches[damper] = Touch::Pressing(side);
-        let WallLaw::Hertz(law) = *self.mount.cavities[damper].wall(side) else { return };
+        let WallLaw::Hertz(law) = *self.mount.cavities[damper].wall(side) else { return approach_speed_m_per_s };
         let (touch_s, none) = (self.time.seconds(), 0.0);
         // One that is slower begins from rest: its speed may be rounding.
         let approach_speed_m_per_s =
@@ -153,18 +160,27 @@ impl Motion {
             contact,
             force: Polynomial::default(),
         });
+        approach_speed_m_per_s
     }
 
-    /// The contact of a particle with a Hertz wall, which ends now; `None` of another wall.
+    /// The contact of a particle with a Hertz wall, which ends now; `None` of another wall, and where nothing has pressed.
     pub(crate) fn end_contact(&mut self, damper: usize) -> Option<HertzContact> {
-        let Squeeze { side, touch, contact, .. } = self.squeezes[damper].take()?;
+        let squeeze = self.squeezes[damper].take()?;
+        if squeeze.is_faint(self.piece.tolerance) {
+            return None;
+        }
+        let Squeeze { side, touch, contact, .. } = squeeze;
         let separation_speed_m_per_s = -signed(side, self.offset(damper).1);
         Some(HertzContact { duration_s: self.time.since(touch), separation_speed_m_per_s, ..contact })
     }
 
     /// The contacts with Hertz walls that last now, with their durations and largest forces so far; without a speed of separation.
     pub fn hertz_contacts(&self) -> impl Iterator<Item = HertzContact> {
-        let of = |squeeze: &Squeeze| HertzContact { duration_s: self.time.since(squeeze.touch), ..squeeze.contact };
+        let of = |squeeze: &Squeeze| HertzContact {
+            duration_s: self.time.since(squeeze.touch),
+            peak_force_n: squeeze.contact.peak_force_n.max(squeeze.force.value),
+            ..squeeze.contact
+        };
         self.squeezes.iter().flatten().map(of)
     }
 
@@ -247,6 +263,7 @@ impl Motion {
             guard,
             natural: &pushed.push.natural,
             squeeze,
+            is_faint: squeeze.is_faint(self.piece.tolerance),
             polynomial: guard.with_flight(&self.free, own),
             rounding_m: ROUNDINGS * guard.scale(&self.free),
         })

@@ -469,3 +469,27 @@ fn a_wall_that_is_taken_away_lags_behind_and_does_not_pull() {
     println!("{} pieces, least {:.1e} N, {:.1e} apart", seen.pieces, seen.least_n, outcome.worst);
     assert_eq!(outcome.cycles, 1);
 }
+
+/// A particle that lies at its wall is carried by a structure that begins to move as t⁴: no contact but this one, and its force at the end of the run.
+#[test]
+fn a_particle_at_its_wall_is_carried_from_rest_in_one_contact() {
+    let law = Hertz { stiffness_n_per_m15: 1e9, dissipation: Dissipation::HuntCrossley { coefficient_s_per_m: 0.3 } };
+    let one = One {
+        particle: Some(particle(0.1, 1e-3, law)),
+        ..One::bare(Structure { mass_kg: 1.2, stiffness_n_per_m: 360.0, damping_n_s_per_m: 0.0 })
+    };
+    let base = Excitation::Versine { amplitude_m: 3e-4, duration_s: 0.37 };
+    let initial = Initial { y_m: -1e-3, ..one.neutral() };
+    let mut exact = Exact::new(&one, &base, &initial).unwrap();
+    exact.run(0.05, &mut ());
+    let start = State::of_one_degree(&one, &initial, &base);
+    let mut motion = Motion::new(&set_up(&one, &base), &base, &start).unwrap();
+    let mut found = Contacts::default();
+    motion.run(0.05, &mut found).unwrap();
+    assert!(found.contacts.is_empty() && motion.unresolved() == 0, "{:?}", found.contacts);
+    let now = motion.hertz_contacts().next().unwrap();
+    let depth_m = -1e-3 - exact.state().offset_m;
+    let force_n = law.stiffness_n_per_m15 * depth_m.powf(1.5) * (1.0 - 0.45 * exact.state().slide_m_per_s);
+    // A penetration of 12 nm has 1e-8 of rounding beside a clearance of 1 mm.
+    assert!((now.peak_force_n / force_n - 1.0).abs() < 3e-8, "{now:?} {force_n}");
+}
