@@ -7,7 +7,7 @@ use crate::simulation::analysis::{Analysis, ForcedResponse, Lyapunov, MotionKind
 
 /// The lines below the summary of a simulation.
 pub fn text(analysis: &Analysis) -> String {
-    let mut lines: Vec<(&str, String)> = analysis.walls.clone().map(|text| ("walls", text)).into_iter().collect();
+    let mut lines: Vec<(&str, String)> = analysis.walls.as_deref().map(on_walls).into_iter().collect();
     lines.extend(analysis.energy.as_ref().map(energy).unwrap_or_default());
     let driven = analysis.driven.as_ref();
     lines.extend(driven.map(steady).unwrap_or_default());
@@ -48,6 +48,11 @@ fn multiplier([re, im]: &[f64; 2]) -> String {
 
 fn periods(count: u32) -> String {
     if count == 1 { "one period".to_string() } else { format!("{count} periods") }
+}
+
+/// What acts in place of Hertz walls: another motion than that of the summary.
+fn on_walls(acting: &str) -> (&'static str, String) {
+    ("walls", format!("{acting}; the energy, steady state and sensitivities below are of that motion"))
 }
 
 fn energy(e: &Balance) -> Vec<(&'static str, String)> {
