@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
 use damprig::monitor::feed::{Update, Watched};
-use damprig::monitor::message::{Limits, Source, SourceKind};
+use damprig::monitor::message::{Limits, SourceKind, WatchedSource};
 use damprig::monitor::numbers::SignalName;
 use damprig::monitor::{Handles, Monitor, Permissions, Serving};
 use tungstenite::client::IntoClientRequest;
@@ -22,8 +22,13 @@ fn main() {
     let serving = Serving { listen, token: None };
     let monitor = Monitor::start(Some(serving), Permissions::default(), Handles::default()).expect("a free port");
     let feed = monitor.feed();
-    let source =
-        Source { kind: SourceKind::Run, name: "bench".into(), rig: String::new(), board: String::new(), folder: None };
+    let source = WatchedSource {
+        kind: SourceKind::Run,
+        name: "bench".into(),
+        rig: String::new(),
+        board: String::new(),
+        folder: None,
+    };
     let signals: Vec<SignalName> = (0..8).map(|n| SignalName { name: format!("s{n}"), unit: "m".into() }).collect();
     feed.send(Update::Watch(Box::new(Watched {
         source,

@@ -7,7 +7,7 @@
 use std::time::{Duration, Instant};
 
 use damprig::client::link::{Address, Speed};
-use damprig::client::session::{Report, Session, SessionError};
+use damprig::client::session::{DeviceReport, Session, SessionError};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::TICK_HZ;
 use damprig_core::measure::steadiness::SteadyLimits;
@@ -48,7 +48,7 @@ fn measure(speed: f64) -> Result<(), SessionError> {
     let begun = Instant::now();
     let (mut blocks, mut next_tick, mut lost) = (Vec::new(), None, 0);
     while begun.elapsed().as_secs_f64() < MEASURED_S {
-        if let Some(Report::Telemetry(rows)) = session.next_report()? {
+        if let Some(DeviceReport::Telemetry(rows)) = session.next_report()? {
             let host_s = begun.elapsed().as_secs_f64();
             let count = rows.values.len() as u32 / u32::from(rows.width);
             // Rows from before the start have greater ticks.

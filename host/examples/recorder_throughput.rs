@@ -11,8 +11,8 @@ use std::time::Instant;
 use damprig::run_folder::journal::Journal;
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::schema::samples::{JOINED, PointLabel, SampleColumn};
-use damprig::run_folder::write::recorder::{Recorder, Recording, Rows};
-use damprig::run_folder::write::writer::{Layout, Writer};
+use damprig::run_folder::write::recorder::{PointRows, Recorder, Recording};
+use damprig::run_folder::write::writer::{RecordLayout, RunWriter};
 
 const SIGNALS: usize = 50;
 const RATE_HZ: u32 = 10_000;
@@ -31,9 +31,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
 fn measure(folder: &std::path::Path, seconds: u32) -> Result<(), Box<dyn std::error::Error>> {
     let signals = (0..SIGNALS).map(|n| SampleColumn { name: format!("s{n}_m"), unit: "m".into() }).collect();
-    let layout =
-        Layout { signals, every_ticks: 1, tick_hz: f64::from(RATE_HZ), order: Vec::new(), about: Default::default() };
-    let writer = Writer::new(folder, Journal::open(folder)?, layout, JournalState::default())?;
+    let layout = RecordLayout {
+        signals,
+        every_ticks: 1,
+        tick_hz: f64::from(RATE_HZ),
+        order: Vec::new(),
+        about: Default::default(),
+    };
+    let writer = RunWriter::new(folder, Journal::open(folder)?, layout, JournalState::default())?;
     let mut random = fastrand::Rng::with_seed(1);
     let stop = AtomicBool::new(false);
 
@@ -45,7 +50,7 @@ fn measure(folder: &std::path::Path, seconds: u32) -> Result<(), Box<dyn std::er
         let label = PointLabel { point_index, frequency_hz: 2.5, ..PointLabel::default() };
         // Random values, because repeated values would be compressed.
         let values = (0..ROWS as usize * SIGNALS).map(|_| random.f32() - 0.5).collect();
-        recorder.rows(Rows { label: Arc::new(label), ticks: (n * ROWS..(n + 1) * ROWS).collect(), values }, &stop);
+        recorder.rows(PointRows { label: Arc::new(label), ticks: (n * ROWS..(n + 1) * ROWS).collect(), values }, &stop);
     }
     let dropped = recorder.dropped_rows();
     let (writer, stored) = recorder.finish();

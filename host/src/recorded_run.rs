@@ -8,7 +8,7 @@ use crate::campaign::Campaign;
 use crate::client::session::Session;
 use crate::failure::Failure;
 use crate::host_time;
-use crate::prediction::Predicted;
+use crate::prediction::CampaignPrediction;
 use crate::report::figures::campaign as figures;
 use crate::report::figures::peak_motion::draw as draw_motions;
 use crate::report::figures::{force_surface, resonance};
@@ -18,13 +18,13 @@ use crate::report::plot::{Breadth, Picture};
 use crate::report::resonance::TrackedCurve;
 use crate::report::resonance_table;
 use crate::run_folder::checksum;
-use crate::run_folder::journal::{Begin, CopiedFile, Ended, Entry, Journal, Withdrawn};
+use crate::run_folder::journal::{Begin, CopiedFile, Ended, Journal, JournalEntry, Withdrawn};
 use crate::run_folder::read::folder::id_of;
 use crate::run_folder::schema::acting_settings::acting_settings;
 use crate::run_folder::schema::journal_state::JournalState;
-use crate::run_folder::schema::manifest::{Durations, Ending, Manifest, SetUpRecord};
+use crate::run_folder::schema::manifest::{Durations, Manifest, RunEnding, SetUpRecord};
 use crate::run_folder::schema::self_description;
-use crate::run_folder::write::writer::{Layout, Writer};
+use crate::run_folder::write::writer::{RecordLayout, RunWriter};
 use crate::run_folder::write::{OutputFolder, Recorder};
 use crate::run_folder::{ResultRow, RunFolder};
 use crate::runner::{RunError, Selection, Tally, device_record};
@@ -52,7 +52,7 @@ pub fn begin_entry(
 }
 
 /// Largest predicted |x| of each set-up in use, m.
-fn largest_predicted(predicted: &Predicted) -> BTreeMap<usize, f64> {
+fn largest_predicted(predicted: &CampaignPrediction) -> BTreeMap<usize, f64> {
     let largest = predicted.largest();
     let swings = largest.iter().map(|p| (p.set_up, p.swing.max_x_m));
     let mut all = BTreeMap::new();
@@ -80,7 +80,7 @@ pub struct RunStart {
 /// A run that is being recorded.
 pub struct RecordedRun<'a> {
     /// Takes what the run reports.
-    pub recorder: Recorder<Writer>,
+    pub recorder: Recorder<RunWriter>,
     campaign: &'a Campaign,
     folder: &'a OutputFolder,
     manifest: Manifest,
@@ -111,7 +111,7 @@ impl<'a> RecordedRun<'a> {
     /// A file that cannot be written.
     pub fn begin(
         campaign: &'a Campaign,
-        predicted: &Predicted,
+        predicted: &CampaignPrediction,
         folder: &'a OutputFolder,
         start: RunStart,
     ) -> Result<Self, Failure> {
@@ -120,16 +120,16 @@ impl<'a> RecordedRun<'a> {
         begin.run =
             taken.begun.first().map(|first| first.run.clone()).filter(|run| !run.is_empty()).unwrap_or_else(name);
         let mut manifest = first_manifest(campaign, predicted, &begin, &taken);
-        let layout = Layout {
+        let layout = RecordLayout {
             signals: begin.signals.clone(),
             every_ticks: begin.every_ticks,
             tick_hz: begin.device.tick_hz,
             order: campaign.in_order(),
             about: self_description::of_run(&begin.run, &manifest),
         };
-        let mut writer = Writer::new(folder.path(), journal, layout, taken)?;
-        writer.note(&Entry::Begin(Box::new(begin)))?;
-        withdrawn.into_iter().try_for_each(|result| writer.note(&Entry::Withdrawn(result)))?;
+        let mut writer = RunWriter::new(folder.path(), journal, layout, taken)?;
+        writer.note(&JournalEntry::Begin(Box::new(begin)))?;
+        withdrawn.into_iter().try_for_each(|result| writer.note(&JournalEntry::Withdrawn(result)))?;
         manifest.note(campaign, writer.state(), writer.rows());
         folder.write_manifest(&manifest)?;
         let taken = writer.state().clone();
@@ -162,7 +162,7 @@ impl<'a> RecordedRun<'a> {
             controller: tally.controller,
             wall_s: self.wall.elapsed().as_secs_f64(),
         };
-        let ended = Entry::Ended(ended);
+        let ended = JournalEntry::Ended(ended);
         let noted = writer.note(&ended);
         let mut taken = writer.state().clone();
         if noted.is_err() {
@@ -174,7 +174,7 @@ impl<'a> RecordedRun<'a> {
         manifest.clock = Durations { rig_s: tally.rig_s, wall_s: taken.wall_s() };
         manifest.counters = taken.losses();
         manifest.note(self.campaign, &taken, writer.rows());
-        manifest.ending = reason.map_or(Ending::Complete, |reason| Ending::Incomplete { reason });
+        manifest.ending = reason.map_or(RunEnding::Complete, |reason| RunEnding::Incomplete { reason });
         let path = self.folder.path();
         let source = source_of(&RunFolder::with_manifest(path, manifest.clone()).id(), &manifest);
         let write = |picture: Picture, stem: &str| picture.of_source(&source).write(path, stem);
@@ -223,7 +223,12 @@ fn source_of(id: &str, manifest: &Manifest) -> String {
 }
 
 /// The manifest of a run that begins.
-fn first_manifest(campaign: &Campaign, predicted: &Predicted, begin: &Begin, taken: &JournalState) -> Manifest {
+fn first_manifest(
+    campaign: &Campaign,
+    predicted: &CampaignPrediction,
+    begin: &Begin,
+    taken: &JournalState,
+) -> Manifest {
     let record = |(set_up, x_m): (&usize, &f64)| {
         let own = predicted.responses.iter().filter(|response| response.set_up == *set_up);
         let in_dwells = own.filter_map(|response| response.dwell_max_x_m).fold(f64::NAN, f64::max);

@@ -15,7 +15,7 @@ use crate::host_time::date_text;
 use crate::input::{Problem, Source, Span, replacement};
 
 /// A setting: its path in the file and its value.
-pub type Entry = (Vec<String>, f32);
+pub type SettingEntry = (Vec<String>, f32);
 
 /// Where settings come from, in words.
 #[must_use]
@@ -52,8 +52,8 @@ pub fn limits_text(settings: &Settings) -> String {
 
 /// All settings with their paths, in order.
 #[must_use]
-pub fn entries(settings: &Settings) -> Vec<Entry> {
-    fn walk(table: &Table, path: &[String], into: &mut Vec<Entry>) {
+pub fn entries(settings: &Settings) -> Vec<SettingEntry> {
+    fn walk(table: &Table, path: &[String], into: &mut Vec<SettingEntry>) {
         for (key, value) in table {
             let place: Vec<String> = path.iter().chain([key]).cloned().collect();
             match value {
@@ -82,7 +82,7 @@ pub fn to_toml(settings: &Settings, head: &str) -> String {
 
 /// Some settings as a file; `head` goes before them as a comment. Dates are also written as such.
 #[must_use]
-pub fn toml_of(entries: &[Entry], head: &str) -> String {
+pub fn toml_of(entries: &[SettingEntry], head: &str) -> String {
     let mut text = String::new();
     for line in head.lines() {
         let _ = writeln!(text, "# {line}");
@@ -141,7 +141,7 @@ pub fn read_board(path: &Path) -> Result<Settings, Failure> {
 #[must_use]
 pub fn differences(before: &Settings, now: &Settings, is_meant: impl Fn(&[String]) -> bool) -> Vec<String> {
     let pairs = entries(before).into_iter().zip(entries(now));
-    let differ = |((place, before), (_, now)): (Entry, Entry)| {
+    let differ = |((place, before), (_, now)): (SettingEntry, SettingEntry)| {
         let differs = is_meant(&place) && before.to_bits() != now.to_bits();
         differs.then(|| format!("{}: {} when it was started, {} now", place.join("."), decimal(before), decimal(now)))
     };
@@ -329,8 +329,8 @@ mod tests {
     fn a_file_without_dates_of_calibrations_is_read() {
         let mut before = Settings::default();
         before.calibration.x.zero_counts = 32_700.0;
-        let own = |(place, _): &Entry| place[0] != "calibrated";
-        let entries: Vec<Entry> = entries(&before).into_iter().filter(own).collect();
+        let own = |(place, _): &SettingEntry| place[0] != "calibrated";
+        let entries: Vec<SettingEntry> = entries(&before).into_iter().filter(own).collect();
         assert_eq!(entries.len(), 45);
         let read = from_toml(&Source::new("old.toml", toml_of(&entries, "")), &Settings::default()).unwrap();
         assert_eq!(read, before);

@@ -7,19 +7,19 @@ use std::time::Duration;
 
 use damprig::campaign::{Campaign, CampaignSetUp};
 use damprig::client::link::VirtualRig;
-use damprig::client::session::{Report, Session};
+use damprig::client::session::{DeviceReport, Session};
 use damprig::failure::Failure;
 use damprig::host_time;
 use damprig::input::Source;
-use damprig::prediction::Predicted;
+use damprig::prediction::CampaignPrediction;
 use damprig::recorded_run::{RecordedRun, RunStart, begin_entry};
 use damprig::run_folder::ResultRow;
-use damprig::run_folder::journal::Entry;
+use damprig::run_folder::journal::JournalEntry;
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::schema::results;
 use damprig::run_folder::schema::transients::{self, TransientRow};
 use damprig::run_folder::write::OutputFolder;
-use damprig::run_folder::write::recorder::{Recording, Rows};
+use damprig::run_folder::write::recorder::{PointRows, Recording};
 use damprig::runner::rehearsal::accept;
 use damprig::runner::{Run, RunError, Selection, Watcher};
 use damprig_core::control::fault::Fault;
@@ -84,7 +84,7 @@ impl Bench {
         self.warnings.extend(campaign.source.warnings());
         let (selection, warnings) = accept(&mut campaign, &self.session)?;
         self.warnings.extend(warnings);
-        let predicted = Predicted::of(&campaign)?;
+        let predicted = CampaignPrediction::of(&campaign)?;
         let drive_m = f64::from(self.session.settings.calibration.drive.range().amplitude_m());
         self.warnings.extend(predicted.check(&campaign, drive_m)?);
         Ok(Prepared { campaign, selection, predicted })
@@ -165,8 +165,8 @@ impl Bench {
     fn take_reports(&mut self) {
         while let Some(report) = self.session.report_at_hand() {
             match report {
-                Report::Telemetry(message) => self.take_rows(&message),
-                Report::Event { tick, event } => self.events.push(described(tick, &event)),
+                DeviceReport::Telemetry(message) => self.take_rows(&message),
+                DeviceReport::Event { tick, event } => self.events.push(described(tick, &event)),
             }
         }
     }
@@ -210,7 +210,7 @@ impl Bench {
 struct Prepared {
     campaign: Campaign,
     selection: Selection,
-    predicted: Predicted,
+    predicted: CampaignPrediction,
 }
 
 /// The results of a campaign without a folder.
@@ -263,9 +263,9 @@ impl Recording for Unrecorded {
         Ok(())
     }
 
-    fn note(&self, _: Entry) {}
+    fn note(&self, _: JournalEntry) {}
 
-    fn rows(&mut self, _: Rows, _: &AtomicBool) {}
+    fn rows(&mut self, _: PointRows, _: &AtomicBool) {}
 
     fn dropped_rows(&self) -> u64 {
         0

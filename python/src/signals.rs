@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use damprig::failure::Failure;
 use damprig::input::Files;
-use damprig::motion_record::{Quantity, Spec, read};
+use damprig::motion_record::{RecordQuantity, Spec, read};
 use damprig::signal_file::unit::Unit;
-use damprig::signal_file::{Axis, Selector, Sensitivity, Signal, Stated, read as read_file};
-use damprig::spectrum::{Method, spectra};
+use damprig::signal_file::{Selector, SensorSensitivity, Signal, SignalAxis, StatedSignal, read as read_file};
+use damprig::spectrum::{PeakMethod, spectra};
 use numpy::{Complex64, IntoPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -22,17 +22,17 @@ fn dict(py: Python<'_>, signal: Signal) -> PyResult<Bound<'_, PyDict>> {
     dict.set_item("si", signal.unit.map(|unit| unit.si))?;
     dict.set_item("remark", signal.remark)?;
     match signal.axis {
-        Axis::Time { start_s, step_s } => {
+        SignalAxis::Time { start_s, step_s } => {
             dict.set_item("start_s", start_s)?;
             dict.set_item("step_s", step_s)?;
         }
-        Axis::Times(times_s) => dict.set_item("time", times_s.into_pyarray(py))?,
-        Axis::Frequency { .. } => {
+        SignalAxis::Times(times_s) => dict.set_item("time", times_s.into_pyarray(py))?,
+        SignalAxis::Frequency { .. } => {
             let places: Vec<f64> = (0..signal.values.len()).map(|n| signal.axis.at(n)).collect();
             dict.set_item("frequency", places.into_pyarray(py))?;
         }
-        Axis::Frequencies(places) => dict.set_item("frequency", places.into_pyarray(py))?,
-        Axis::Unknown(why) => dict.set_item("unknown", why)?,
+        SignalAxis::Frequencies(places) => dict.set_item("frequency", places.into_pyarray(py))?,
+        SignalAxis::Unknown(why) => dict.set_item("unknown", why)?,
     }
     match signal.imaginary {
         Some(imaginary) => {
@@ -70,9 +70,9 @@ pub fn response_spectrum<'py>(
     sensitivity: Option<&str>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let method = match method {
-        "exact" => Method::Exact,
-        "at-samples" => Method::AtSamples,
-        "newmark" => Method::Newmark,
+        "exact" => PeakMethod::Exact,
+        "at-samples" => PeakMethod::AtSamples,
+        "newmark" => PeakMethod::Newmark,
         other => {
             let text = format!("method = {other:?} is not allowed: must be \"exact\", \"at-samples\" or \"newmark\"");
             return Err(input_error(py, text));
@@ -86,11 +86,11 @@ pub fn response_spectrum<'py>(
     }
     let stated = |name: &str, why: String| input_error(py, format!("{name}: {why}"));
     let spec = Spec {
-        quantity: Some(Quantity::Acceleration),
-        stated: Stated {
+        quantity: Some(RecordQuantity::Acceleration),
+        stated: StatedSignal {
             unit: unit.map(str::parse::<Unit>).transpose().map_err(|why| stated("unit", why))?,
             sensitivity: sensitivity
-                .map(str::parse::<Sensitivity>)
+                .map(str::parse::<SensorSensitivity>)
                 .transpose()
                 .map_err(|why| stated("sensitivity", why))?,
             calibration: None,
@@ -103,7 +103,7 @@ pub fn response_spectrum<'py>(
         Ok(points.map_err(|why| Failure::Input(format!("{}: {why}", record.display())))?)
     })?;
     let dict = PyDict::new(py);
-    let column = |name: &str, value: fn(&damprig::spectrum::Point) -> f64| {
+    let column = |name: &str, value: fn(&damprig::spectrum::SpectrumPoint) -> f64| {
         dict.set_item(name, points.iter().map(value).collect::<Vec<f64>>().into_pyarray(py))
     };
     column("damping_ratio", |point| point.damping_ratio)?;

@@ -15,13 +15,13 @@ use damprig::report::{basins_files, bifurcation_files};
 use damprig::run_folder::read::parquet_file;
 use damprig::simulation::{Case, SetValues};
 use damprig::study::Study;
-use damprig::study::axis::Value;
+use damprig::study::axis::AxisValue;
 use damprig::study::basins::{self as starts, Grid};
 use damprig::study::bifurcation::{self as sweep, Direction, Sweep, SweepAxis};
-use damprig::study::data_set::{DataSet, Manifest, TABLE};
+use damprig::study::data_set::{DataSet, StudyManifest, TABLE};
 use damprig::study::evaluate::{UNRESOLVED, main_column};
 use damprig::study::given_points::GivenPoints;
-use damprig::study::run::{self, Ending, Progress};
+use damprig::study::run::{self, StudyEnding, StudyProgress};
 use damprig::study::sensitivity::SensitivityIndices;
 use damprig::study::store::Store;
 use damprig::study::table::StudyTable;
@@ -91,15 +91,15 @@ pub fn study_run(
             None => Ok(()),
         };
         let ended = watched_and_told(told, |goes_on| {
-            run::run(&study, &data_set, &|progress: &Progress| {
+            run::run(&study, &data_set, &|progress: &StudyProgress| {
                 // Told by several threads: a late one does not take back what another has told.
                 done.fetch_max(progress.done, Ordering::Relaxed);
                 goes_on()
             })
         })??;
         match ended {
-            (Ending::Complete, _) => Ok(Python::attach(told)?),
-            (Ending::Stopped, _) => Err(Failure::stopped().into()),
+            (StudyEnding::Complete, _) => Ok(Python::attach(told)?),
+            (StudyEnding::Stopped, _) => Err(Failure::stopped().into()),
         }
     })
 }
@@ -128,7 +128,7 @@ pub fn study_rows(py: Python<'_>, study: &Bound<'_, PyAny>, part: u64, at_once: 
     let design = Design::of("study", study)?;
     work(py, || {
         let study = design.read(Study::read, Study::parse)?;
-        let manifest = Manifest::of(&study);
+        let manifest = StudyManifest::of(&study);
         let cores = thread::available_parallelism().map_or(1, usize::from);
         let threads = if std::env::var_os("RAYON_NUM_THREADS").is_some() { 0 } else { (cores / at_once.max(1)).max(1) };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
@@ -196,7 +196,7 @@ fn joined(study: &Study, data_set: &DataSet) -> Result<Joined, Failure> {
     };
     let sensitivity = serde_json::to_string(&sensitivity).map_err(Failure::from)?;
     let objective = main_column(study, study.objective);
-    let (mut progress, mut row) = (Progress::none(study.rows()), 0);
+    let (mut progress, mut row) = (StudyProgress::none(study.rows()), 0);
     for batch in parquet_file::read_columns(&table.0, &[&objective])? {
         for value in batch?.column(0).as_primitive::<Float64Type>() {
             progress.meet(study, row, value.unwrap_or(f64::NAN));
@@ -207,8 +207,8 @@ fn joined(study: &Study, data_set: &DataSet) -> Result<Joined, Failure> {
         let values = study.points.values(&study.axes, row, 0);
         let kept = study.points.kept().iter();
         let value = |axis: &usize| match &values[*axis] {
-            Value::Number(number) => (study.axes[*axis].key.clone(), Some(*number), None),
-            Value::Word(word) => (study.axes[*axis].key.clone(), None, Some(word.clone())),
+            AxisValue::Number(number) => (study.axes[*axis].key.clone(), Some(*number), None),
+            AxisValue::Word(word) => (study.axes[*axis].key.clone(), None, Some(word.clone())),
         };
         kept.map(value).collect()
     };

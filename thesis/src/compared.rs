@@ -13,7 +13,7 @@ use super::published::{Published, PublishedValue, compared_part};
 use super::published_curve::PublishedCurve;
 use super::results::{ResultError, Results};
 use super::run::{OVERLAYS, command};
-use damprig::input::key::Unit;
+use damprig::input::key::KeyUnit;
 use damprig::study::Study;
 
 /// A published value beside what was computed.
@@ -36,7 +36,7 @@ impl Row<'_> {
         if self.value.below.is_some() {
             return "%";
         }
-        self.value.quantity.as_deref().and_then(Unit::of).map_or("", |unit| unit.symbol)
+        self.value.quantity.as_deref().and_then(KeyUnit::of).map_or("", |unit| unit.symbol)
     }
 
     /// Computed less published over published; `None` without both, or for a published 0.

@@ -10,7 +10,7 @@ use damprig::input::section::{FreeKey, FreeValue};
 use damprig::report::figures::study::{PublishedPoints, draw_with};
 use damprig::run_folder::own_files;
 use damprig::study::Study;
-use damprig::study::axis::Value;
+use damprig::study::axis::AxisValue;
 
 /// Name of the figure with published points, beside those of the study.
 pub const WITH_PUBLISHED: &str = "published.svg";
@@ -78,8 +78,8 @@ fn points_of(published: &Published, item: &Item, part: &Part) -> Vec<(String, Pu
 fn over_each_key(value: &PublishedValue, part: &Part) -> Vec<(String, PublishedPoints)> {
     let (Some(number), Some(quantity)) = (value.value, &value.quantity) else { return Vec::new() };
     let at = pairs(&part.row_for(&value.at));
-    let point = |(key, place): &(String, Value)| {
-        let Value::Number(place) = place else { return None };
+    let point = |(key, place): &(String, AxisValue)| {
+        let AxisValue::Number(place) = place else { return None };
         let points = PublishedPoints {
             at: at.iter().filter(|(other, _)| other != key).cloned().collect(),
             over: key.clone(),
@@ -91,10 +91,10 @@ fn over_each_key(value: &PublishedValue, part: &Part) -> Vec<(String, PublishedP
     at.iter().filter_map(point).collect()
 }
 
-fn pairs(at: &[FreeKey]) -> Vec<(String, Value)> {
+fn pairs(at: &[FreeKey]) -> Vec<(String, AxisValue)> {
     let value = |value: &FreeValue| match value {
-        FreeValue::Number(number) => Value::Number(*number),
-        FreeValue::Word(word) => Value::Word(word.clone()),
+        FreeValue::Number(number) => AxisValue::Number(*number),
+        FreeValue::Word(word) => AxisValue::Word(word.clone()),
     };
     at.iter().map(|key| (key.key.clone(), value(&key.value))).collect()
 }

@@ -3,7 +3,7 @@
 use super::catalogue::{Catalogue, Part, Work};
 use super::keys::curve as keys;
 use super::published::{Origin, item_named, place_of, refuse_name};
-use damprig::input::key::Quantity;
+use damprig::input::key::KeyedQuantity;
 use damprig::input::section::{FreeKey, Given};
 use damprig::input::{Number, Section};
 
@@ -92,7 +92,7 @@ pub(super) fn filling(s: &Section, curves: &[PublishedCurve]) -> Option<(usize, 
 
 /// The points, sorted; none if both lists are left out.
 fn points(s: &Section) -> Option<Vec<(f64, f64)>> {
-    let list = |quantity: &Quantity| match s.given(quantity) {
+    let list = |quantity: &KeyedQuantity| match s.given(quantity) {
         Some((_, Given::Numbers(numbers))) => numbers,
         _ => Vec::new(),
     };

@@ -34,11 +34,11 @@ pub enum NoDrive {
 
 /// A mounted drive of an ST-LINK.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Drive {
+pub struct MountedDrive {
     folder: PathBuf,
 }
 
-impl Drive {
+impl MountedDrive {
     /// The drive that is mounted at `folder`.
     ///
     /// # Errors
@@ -62,7 +62,7 @@ impl Drive {
         Self::among(&mounted())
     }
 
-    /// As [`Drive::find`], among these folders.
+    /// As [`MountedDrive::find`], among these folders.
     ///
     /// # Errors
     /// None, or several.
@@ -188,16 +188,18 @@ mod tests {
         let by_label = drive(&parent, "NOD_G474RE1", "");
         let by_text = drive(&parent, "mnt", "Board: NUCLEO-G474RE");
         for own in [&by_label, &by_text] {
-            let found = Drive::among(&[stick.clone(), other.clone(), own.clone()]).unwrap();
+            let found = MountedDrive::among(&[stick.clone(), other.clone(), own.clone()]).unwrap();
             assert_eq!(found.folder(), own);
         }
-        let Err(NoDrive::Ambiguous(text)) = Drive::among(&[by_label, by_text]) else { panic!("one was chosen") };
+        let Err(NoDrive::Ambiguous(text)) = MountedDrive::among(&[by_label, by_text]) else { panic!("one was chosen") };
         assert!(text.contains("2 boards") && text.contains("--drive "), "{text}");
-        let Err(NoDrive::Missing(text)) = Drive::among(&[stick.clone(), other]) else { panic!("one was found") };
+        let Err(NoDrive::Missing(text)) = MountedDrive::among(&[stick.clone(), other]) else { panic!("one was found") };
         assert!(text.contains("NOD_F446RE"), "{text}");
-        let Err(NoDrive::Missing(text)) = Drive::among(std::slice::from_ref(&stick)) else { panic!("one was found") };
+        let Err(NoDrive::Missing(text)) = MountedDrive::among(std::slice::from_ref(&stick)) else {
+            panic!("one was found")
+        };
         assert!(text.contains("no drive of an ST-LINK") && text.contains("NOD_G474RE"), "{text}");
-        assert!(Drive::at(&stick).unwrap_err().contains("neither DETAILS.TXT nor MBED.HTM"));
+        assert!(MountedDrive::at(&stick).unwrap_err().contains("neither DETAILS.TXT nor MBED.HTM"));
     }
 
     #[test]

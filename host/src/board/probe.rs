@@ -114,11 +114,11 @@ const LINUX: &str = if cfg!(target_os = "linux") {
 };
 
 /// A probe attached to the chip.
-pub struct Attached {
+pub struct AttachedProbe {
     session: Session,
 }
 
-impl Attached {
+impl AttachedProbe {
     /// Attaches to the running chip without stopping it.
     ///
     /// # Errors

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use damprig_core::model::GRAVITY_M_PER_S2;
 use damprig_core::settings::{Period, Settings};
 
-use crate::identify::table::{METRES, Quantity};
+use crate::identify::table::{METRES, TableQuantity};
 use crate::input::near;
 
 /// Units of force; of a weight also its mass.
@@ -81,7 +81,7 @@ impl Channel {
 
     /// The column of the references.
     #[must_use]
-    pub fn reference(self) -> Quantity {
+    pub fn reference(self) -> TableQuantity {
         let (units, about, most) = match self {
             Self::X | Self::Z => (METRES, "position of the target", 0.5),
             Self::Match => (METRES, "position or amplitude by x", 0.5),
@@ -90,12 +90,12 @@ impl Channel {
             Self::Drive => (METRES, "demanded displacement", 0.5),
             Self::FrictionSpring => (METRES, "deflection of the spring", 0.5),
         };
-        Quantity { stem: "reference", units, about, most }
+        TableQuantity { stem: "reference", units, about, most }
     }
 
     /// The column of the readings.
     #[must_use]
-    pub fn reading(self) -> Quantity {
+    pub fn reading(self) -> TableQuantity {
         let (units, about, most) = match self {
             Self::X | Self::Z => (METRES, "reading of the sensor", 0.5),
             Self::Match => (METRES, "position or amplitude by z", 0.5),
@@ -103,14 +103,14 @@ impl Channel {
             Self::Walls => (NEWTON_SECONDS, "impulse as measured", 100.0),
             Self::Drive => (METRES, "displacement of the base by z", 0.5),
         };
-        Quantity { stem: "reading", units, about, most }
+        TableQuantity { stem: "reading", units, about, most }
     }
 
     /// The column of readings in counts of the converter, where there may be one.
     #[must_use]
-    pub fn counts(self) -> Option<Quantity> {
+    pub fn counts(self) -> Option<TableQuantity> {
         let about = "reading of the converter";
-        matches!(self, Self::X | Self::Z | Self::Spring).then_some(Quantity {
+        matches!(self, Self::X | Self::Z | Self::Spring).then_some(TableQuantity {
             stem: "reading",
             units: COUNTS,
             about,

@@ -6,7 +6,7 @@
 
 use serde::Serialize;
 
-use super::readings::Point;
+use super::readings::CalibrationPoint;
 use crate::identify::statistics::{Value, line, student_tail};
 
 /// Probability of a false alarm of the test for outliers, over all points.
@@ -17,7 +17,7 @@ pub const MIN_POINTS: usize = 4;
 
 /// A straight line through the readings, over the references.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Line {
+pub struct CalibrationLine {
     /// Reading per reference.
     pub slope: Value,
     /// Reading at reference 0.
@@ -39,14 +39,14 @@ pub struct Outlier {
 
 /// The line through points; `None` for fewer than [`MIN_POINTS`], or references that are all the same.
 #[must_use]
-pub fn straight(points: &[Point]) -> Option<Line> {
+pub fn straight(points: &[CalibrationPoint]) -> Option<CalibrationLine> {
     if points.len() < MIN_POINTS {
         return None;
     }
     let (x, y): (Vec<f64>, Vec<f64>) = points.iter().map(|p| (p.reference, p.reading)).unzip();
     let fitted = line(&x, &y, |_| 1.0)?;
     let residuals = residuals(&x, &y, fitted.intercept.value, fitted.slope.value);
-    Some(Line { slope: fitted.slope, intercept: fitted.intercept, outliers: outliers(&x, &y), residuals })
+    Some(CalibrationLine { slope: fitted.slope, intercept: fitted.intercept, outliers: outliers(&x, &y), residuals })
 }
 
 fn residuals(x: &[f64], y: &[f64], intercept: f64, slope: f64) -> Vec<f64> {
@@ -90,7 +90,7 @@ fn deleted(x: &[f64], y: &[f64], among: &[usize], out: usize) -> Option<(f64, f6
     Some((student_tail(off / own.sqrt().max(rounding), xs.len() as u32 - 2), off))
 }
 
-impl Line {
+impl CalibrationLine {
     /// RMS of the residuals, per degree of freedom.
     #[must_use]
     pub fn residual_rms(&self) -> f64 {
@@ -108,12 +108,12 @@ impl Line {
 /// Mean difference of the readings at the same reference on the way down and on the way up, with the scatter of the
 /// differences; `None` unless two references were met both ways. The way turns at the reference of largest magnitude.
 #[must_use]
-pub fn hysteresis(points: &[Point]) -> Option<Value> {
+pub fn hysteresis(points: &[CalibrationPoint]) -> Option<Value> {
     let top = (0..points.len()).max_by(|&a, &b| points[a].reference.abs().total_cmp(&points[b].reference.abs()))?;
     let span = points.iter().map(|p| p.reference.abs()).fold(0.0, f64::max);
     let (up, down) = (&points[..top], &points[top + 1..]);
-    let pair = |low: &Point| {
-        let near = |p: &&Point| (p.reference - low.reference).abs() <= 1e-6 * span;
+    let pair = |low: &CalibrationPoint| {
+        let near = |p: &&CalibrationPoint| (p.reference - low.reference).abs() <= 1e-6 * span;
         down.iter().find(near).map(|high| high.reading - low.reading)
     };
     Value::mean(&up.iter().filter_map(pair).collect::<Vec<f64>>())
@@ -121,13 +121,13 @@ pub fn hysteresis(points: &[Point]) -> Option<Value> {
 
 /// The mean ratio of reference over reading: of points whose error is a share of their size, like the blows of a hammer.
 #[must_use]
-pub fn ratio(points: &[Point]) -> Option<Value> {
+pub fn ratio(points: &[CalibrationPoint]) -> Option<Value> {
     Value::mean(&points.iter().map(|p| p.reference / p.reading).collect::<Vec<f64>>())
 }
 
 /// The points whose ratio of reference over reading does not belong to the others, the worst first; `off` is relative.
 #[must_use]
-pub fn outlying_ratios(points: &[Point]) -> Vec<Outlier> {
+pub fn outlying_ratios(points: &[CalibrationPoint]) -> Vec<Outlier> {
     let ratios: Vec<f64> = points.iter().map(|p| p.reference / p.reading).collect();
     let mut left: Vec<usize> = (0..ratios.len()).collect();
     let mut found = Vec::new();
@@ -157,8 +157,8 @@ pub fn outlying_ratios(points: &[Point]) -> Vec<Outlier> {
 mod tests {
     use super::*;
 
-    fn points(list: &[(f64, f64)]) -> Vec<Point> {
-        list.iter().map(|(reference, reading)| Point::new(*reference, *reading)).collect()
+    fn points(list: &[(f64, f64)]) -> Vec<CalibrationPoint> {
+        list.iter().map(|(reference, reading)| CalibrationPoint::new(*reference, *reading)).collect()
     }
 
     #[test]

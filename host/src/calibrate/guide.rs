@@ -8,8 +8,8 @@ use damprig_core::settings::Settings;
 use super::Channel;
 use super::fit;
 use super::moving::{blows, drive, dwell_s, matched, spring};
-use super::readings::{Kept, Point};
-use super::rig::{CalibratedRig, Reading};
+use super::readings::{CalibrationPoint, KeptFile};
+use super::rig::{CalibratedRig, RestReading};
 use crate::failure::Failure;
 
 /// Share of the usable span that a target at rest may drift during a reading.
@@ -97,7 +97,7 @@ pub trait Operator {
 
 /// What to measure.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
+pub struct CalibrationPlan {
     /// The channel.
     pub channel: Channel,
     /// The references of a channel at rest, or deflections of the spring, SI; empty for the defaults.
@@ -117,11 +117,11 @@ pub struct Plan {
 /// # Errors
 /// Ctrl-C, a rig that fails; the points so far are kept.
 pub fn measure(
-    plan: &Plan,
+    plan: &CalibrationPlan,
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
-    kept: &Kept,
-) -> Result<Vec<Point>, Failure> {
+    kept: &KeptFile,
+) -> Result<Vec<CalibrationPoint>, Failure> {
     match plan.channel {
         Channel::X | Channel::Z | Channel::Spring => at_rest(plan, rig, operator, kept),
         Channel::Match => matched(plan, rig, operator, kept),
@@ -132,11 +132,11 @@ pub fn measure(
 }
 
 fn at_rest(
-    plan: &Plan,
+    plan: &CalibrationPlan,
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
-    kept: &Kept,
-) -> Result<Vec<Point>, Failure> {
+    kept: &KeptFile,
+) -> Result<Vec<CalibrationPoint>, Failure> {
     let settings = rig.session.settings;
     if plan.channel == Channel::Spring && rig.spring_stage()? != SpringStage::Unhomed {
         return Err(Failure::Input(
@@ -144,26 +144,26 @@ fn at_rest(
              and on, then calibrate".into(),
         ));
     }
-    let mut points: Vec<Point> = Vec::new();
+    let mut points: Vec<CalibrationPoint> = Vec::new();
     let mut places: Vec<usize> = Vec::new();
     let mut at = 0;
     while at < plan.references.len() {
         match one(plan, plan.references[at], (at + 1, plan.references.len()), rig, operator, &settings)? {
-            Taken::Point(point) => {
+            TakenPoint::Point(point) => {
                 points.push(point);
                 places.push(at);
                 kept.write(&points)?;
                 at += 1;
             }
-            Taken::Repeat => match (points.pop(), places.pop()) {
+            TakenPoint::Repeat => match (points.pop(), places.pop()) {
                 (Some(_), Some(before)) => {
                     kept.write(&points)?;
                     at = before;
                 }
                 _ => operator.tell("there is no earlier point to repeat"),
             },
-            Taken::Skipped => at += 1,
-            Taken::End => break,
+            TakenPoint::Skipped => at += 1,
+            TakenPoint::End => break,
         }
     }
     repeat_outliers(plan, &mut points, rig, operator, &settings)?;
@@ -172,8 +172,8 @@ fn at_rest(
 }
 
 /// What came of asking for a point.
-enum Taken {
-    Point(Point),
+enum TakenPoint {
+    Point(CalibrationPoint),
     Repeat,
     Skipped,
     End,
@@ -181,13 +181,13 @@ enum Taken {
 
 /// Asks for a reference and measures it, again and again until the reading is one.
 fn one(
-    plan: &Plan,
+    plan: &CalibrationPlan,
     wanted: f64,
     place: (usize, usize),
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
     settings: &Settings,
-) -> Result<Taken, Failure> {
+) -> Result<TakenPoint, Failure> {
     let channel = plan.channel;
     let mut refused = 0;
     while refused < MAX_REFUSED {
@@ -195,9 +195,9 @@ fn one(
         let reference = match operator.ask(rig, &ask)? {
             GuideReply::Done => wanted,
             GuideReply::At(value) => value,
-            GuideReply::Repeat => return Ok(Taken::Repeat),
-            GuideReply::Skip => return Ok(Taken::Skipped),
-            GuideReply::End => return Ok(Taken::End),
+            GuideReply::Repeat => return Ok(TakenPoint::Repeat),
+            GuideReply::Skip => return Ok(TakenPoint::Skipped),
+            GuideReply::End => return Ok(TakenPoint::End),
         };
         if let Err(why) = allowed(channel, reference, settings) {
             operator.tell(&why);
@@ -206,7 +206,7 @@ fn one(
         let [reading] = rig.read([channel.signal().unwrap_or_default()], plan.measure_s)?;
         match problem(channel, &reading, settings) {
             None => {
-                let Reading { mean, scatter, drift } = reading;
+                let RestReading { mean, scatter, drift } = reading;
                 let (unit, factor) = channel.shown_reading();
                 operator.tell(&format!(
                     "  reads {:+.4} {unit}, scatter {:.4} {unit}, drift {:+.4} {unit}",
@@ -214,7 +214,11 @@ fn one(
                     scatter * factor,
                     drift * factor
                 ));
-                return Ok(Taken::Point(Point { scatter, drift, ..Point::new(reference, mean) }));
+                return Ok(TakenPoint::Point(CalibrationPoint {
+                    scatter,
+                    drift,
+                    ..CalibrationPoint::new(reference, mean)
+                }));
             }
             Some(why) => operator.tell(&why),
         }
@@ -248,12 +252,12 @@ pub fn allowed(channel: Channel, reference: f64, settings: &Settings) -> Result<
 }
 
 /// Why a reading at rest is none, and what to do.
-fn problem(channel: Channel, reading: &Reading, settings: &Settings) -> Option<String> {
+fn problem(channel: Channel, reading: &RestReading, settings: &Settings) -> Option<String> {
     let [low, high] = channel.usable(settings)?;
     let (unit, factor) = channel.shown_reading();
     let shown = |value: f64| format!("{:.4} {unit}", value * factor);
     let span = high - low;
-    let Reading { mean, scatter, drift } = *reading;
+    let RestReading { mean, scatter, drift } = *reading;
     if !mean.is_finite() || mean <= low || mean >= high {
         return Some(format!(
             "{channel} reads {}, the end of its span: is the target in the range of the sensor, the cable plugged in and the sensor \
@@ -278,8 +282,8 @@ fn problem(channel: Channel, reading: &Reading, settings: &Settings) -> Option<S
 
 /// Offers to repeat each point that does not belong to the others, once.
 fn repeat_outliers(
-    plan: &Plan,
-    points: &mut [Point],
+    plan: &CalibrationPlan,
+    points: &mut [CalibrationPoint],
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
     settings: &Settings,
@@ -295,7 +299,7 @@ fn repeat_outliers(
             outlier.off * factor
         ));
         let place = (outlier.point + 1, points.len());
-        if let Taken::Point(point) = one(plan, reference, place, rig, operator, settings)? {
+        if let TakenPoint::Point(point) = one(plan, reference, place, rig, operator, settings)? {
             points[outlier.point] = point;
         }
     }
@@ -307,25 +311,29 @@ fn repeat_outliers(
 ///
 /// # Errors
 /// As [`measure`].
-pub fn check(plan: &Plan, rig: &mut CalibratedRig<'_>, operator: &mut dyn Operator) -> Result<Vec<Point>, Failure> {
+pub fn check(
+    plan: &CalibrationPlan,
+    rig: &mut CalibratedRig<'_>,
+    operator: &mut dyn Operator,
+) -> Result<Vec<CalibrationPoint>, Failure> {
     let settings = rig.session.settings;
     match plan.channel {
         Channel::X | Channel::Z | Channel::Spring => {
             // Not in the middle, where a wrong gain does not show.
             let reference = plan.references.iter().copied().max_by(f64::total_cmp).unwrap_or_default();
             match one(plan, reference, (1, 1), rig, operator, &settings)? {
-                Taken::Point(point) => Ok(vec![point]),
+                TakenPoint::Point(point) => Ok(vec![point]),
                 _ => Ok(Vec::new()),
             }
         }
-        Channel::Walls => blows(&Plan { blows: 1, ..plan.clone() }, rig, operator, &mut |_| Ok(())),
+        Channel::Walls => blows(&CalibrationPlan { blows: 1, ..plan.clone() }, rig, operator, &mut |_| Ok(())),
         Channel::Match | Channel::Drive => {
             let frequency = plan.frequencies_hz.first().copied().unwrap_or(2.0);
             let point = |result: &PointResult| {
                 let reference =
                     if plan.channel == Channel::Match { result.x_amplitude_m } else { result.drive_amplitude_m };
-                let point = Point::new(f64::from(reference), f64::from(result.z_amplitude_m));
-                Point { frequency_hz: f64::from(result.frequency_hz), ..point }
+                let point = CalibrationPoint::new(f64::from(reference), f64::from(result.z_amplitude_m));
+                CalibrationPoint { frequency_hz: f64::from(result.frequency_hz), ..point }
             };
             let results = rig.sines(plan.amplitude_m, &[frequency], dwell_s(plan, &[frequency]))?;
             Ok(results.iter().map(point).collect())
@@ -357,7 +365,8 @@ mod tests {
 
     #[test]
     fn a_moving_target_and_a_rail_are_no_readings() {
-        let told = |mean, scatter, drift| problem(Channel::X, &Reading { mean, scatter, drift }, &Settings::default());
+        let told =
+            |mean, scatter, drift| problem(Channel::X, &RestReading { mean, scatter, drift }, &Settings::default());
         assert_eq!(told(0.01, 5e-6, 1e-6), None);
         assert!(told(0.01, 5e-6, 1e-3).unwrap().contains("still moves"));
         assert!(told(0.01, 1e-3, 0.0).unwrap().contains("still moves"));

@@ -17,5 +17,5 @@ pub mod solve;
 mod walls;
 
 pub use channel::Channel;
-pub use readings::Point;
+pub use readings::CalibrationPoint;
 pub use solve::Solved;

@@ -3,18 +3,18 @@
 use damprig_core::control::friction_spring::{SpringCommand, SpringEvent, Target};
 use damprig_core::io::DriveScale;
 
-use super::guide::{Ask, GuideReply, Operator, Plan, ready};
-use super::readings::{Kept, Point};
+use super::guide::{Ask, CalibrationPlan, GuideReply, Operator, ready};
+use super::readings::{CalibrationPoint, KeptFile};
 use super::rig::CalibratedRig;
 use crate::failure::Failure;
 
 /// Both displacement sensors on the moving base: three amplitudes at each frequency.
 pub(super) fn matched(
-    plan: &Plan,
+    plan: &CalibrationPlan,
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
-    kept: &Kept,
-) -> Result<Vec<Point>, Failure> {
+    kept: &KeptFile,
+) -> Result<Vec<CalibrationPoint>, Failure> {
     ready(
         rig,
         operator,
@@ -24,10 +24,10 @@ pub(super) fn matched(
     let mut points = Vec::new();
     for part in [0.25, 0.5, 1.0] {
         for result in rig.sines(part * plan.amplitude_m, &frequencies, dwell_s(plan, &frequencies))? {
-            points.push(Point {
+            points.push(CalibrationPoint {
                 frequency_hz: f64::from(result.frequency_hz),
                 lead_rad: -f64::from(result.phase_rad),
-                ..Point::new(f64::from(result.x_amplitude_m), f64::from(result.z_amplitude_m))
+                ..CalibrationPoint::new(f64::from(result.x_amplitude_m), f64::from(result.z_amplitude_m))
             });
             kept.write(&points)?;
         }
@@ -36,7 +36,7 @@ pub(super) fn matched(
 }
 
 /// A dwell has at least six cycles.
-pub(super) fn dwell_s(plan: &Plan, frequencies: &[f64]) -> f64 {
+pub(super) fn dwell_s(plan: &CalibrationPlan, frequencies: &[f64]) -> f64 {
     let lowest = frequencies.iter().copied().fold(f64::INFINITY, f64::min);
     plan.measure_s.max(8.0 / lowest)
 }
@@ -46,11 +46,11 @@ const LONGEST_HOLD_S: f64 = 19.0;
 
 /// Sines of four amplitudes, then steps to either side.
 pub(super) fn drive(
-    plan: &Plan,
+    plan: &CalibrationPlan,
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
-    kept: &Kept,
-) -> Result<Vec<Point>, Failure> {
+    kept: &KeptFile,
+) -> Result<Vec<CalibrationPoint>, Failure> {
     ready(rig, operator, "Take the structure off the base. z must be calibrated. The base will move.")?;
     let scale = rig.session.settings.calibration.drive;
     let steps = [0.25, 0.5, 0.75, 1.0, -0.25, -0.5, -0.75, -1.0, 0.0].map(|part| part * plan.amplitude_m);
@@ -65,8 +65,8 @@ pub(super) fn drive(
     for part in [0.25, 0.5, 0.75, 1.0] {
         let amplitude = part * plan.amplitude_m;
         for result in rig.sines(amplitude, &frequencies, dwell_s(plan, &frequencies))? {
-            let point = Point::new(put_amplitude_m(&scale, amplitude), f64::from(result.z_amplitude_m));
-            points.push(Point { frequency_hz: f64::from(result.frequency_hz), ..point });
+            let point = CalibrationPoint::new(put_amplitude_m(&scale, amplitude), f64::from(result.z_amplitude_m));
+            points.push(CalibrationPoint { frequency_hz: f64::from(result.frequency_hz), ..point });
             kept.write(&points)?;
         }
     }
@@ -81,7 +81,11 @@ pub(super) fn drive(
                 demand * 1e3
             ));
         }
-        points.push(Point { scatter: z.scatter, drift: z.drift, ..Point::new(put_m(&scale, demand), z.mean - rest) });
+        points.push(CalibrationPoint {
+            scatter: z.scatter,
+            drift: z.drift,
+            ..CalibrationPoint::new(put_m(&scale, demand), z.mean - rest)
+        });
     }
     kept.write(&points)?;
     Ok(points)
@@ -105,12 +109,12 @@ fn put_amplitude_m(scale: &DriveScale, amplitude_m: f64) -> f64 {
 
 /// Blows on both walls; `keep` gets the points after each.
 pub(super) fn blows(
-    plan: &Plan,
+    plan: &CalibrationPlan,
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
-    keep: &mut dyn FnMut(&[Point]) -> Result<(), Failure>,
-) -> Result<Vec<Point>, Failure> {
-    let mut points: Vec<Point> = Vec::new();
+    keep: &mut dyn FnMut(&[CalibrationPoint]) -> Result<(), Failure>,
+) -> Result<Vec<CalibrationPoint>, Failure> {
+    let mut points: Vec<CalibrationPoint> = Vec::new();
     'walls: for side in [-1i8, 1] {
         let first = points.len();
         while points.len() - first < plan.blows {
@@ -146,7 +150,7 @@ pub(super) fn blows(
             let measured_n_s = f64::from(blow.impulse_n_s);
             match operator.ask(rig, &Ask::Impulse { measured_n_s })? {
                 GuideReply::At(impulse) if impulse > 0.0 => {
-                    points.push(Point { side, ..Point::new(impulse, measured_n_s) });
+                    points.push(CalibrationPoint { side, ..CalibrationPoint::new(impulse, measured_n_s) });
                     keep(&points)?;
                 }
                 GuideReply::End => break 'walls,
@@ -161,11 +165,11 @@ pub(super) fn blows(
 
 /// Deflections of the spring on the structure, up and down.
 pub(super) fn spring(
-    plan: &Plan,
+    plan: &CalibrationPlan,
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
-    kept: &Kept,
-) -> Result<Vec<Point>, Failure> {
+    kept: &KeptFile,
+) -> Result<Vec<CalibrationPoint>, Failure> {
     ready(rig, operator, "Mount the structure and let it come to rest. The friction damper will touch it and press.")?;
     let measured = deflections(plan, rig, operator, kept);
     rig.release_spring();
@@ -173,11 +177,11 @@ pub(super) fn spring(
 }
 
 fn deflections(
-    plan: &Plan,
+    plan: &CalibrationPlan,
     rig: &mut CalibratedRig<'_>,
     operator: &mut dyn Operator,
-    kept: &Kept,
-) -> Result<Vec<Point>, Failure> {
+    kept: &KeptFile,
+) -> Result<Vec<CalibrationPoint>, Failure> {
     let is_on_target = |event: &SpringEvent| matches!(event, SpringEvent::OnTarget { .. });
     rig.spring(SpringCommand::Home, |event| matches!(event, SpringEvent::Homed))?;
     rig.spring(SpringCommand::TouchOff, is_on_target)?;
@@ -204,7 +208,11 @@ fn deflections(
         let [position, force] = rig.read(["spring_position", "spring_force"], plan.measure_s)?;
         let deflection = position.mean - f64::from(zero.zero_m);
         operator.tell(&format!("  {:.4} mm: {:.4} N", deflection * 1e3, force.mean));
-        points.push(Point { scatter: force.scatter, drift: force.drift, ..Point::new(deflection, force.mean) });
+        points.push(CalibrationPoint {
+            scatter: force.scatter,
+            drift: force.drift,
+            ..CalibrationPoint::new(deflection, force.mean)
+        });
         kept.write(&points)?;
     }
     Ok(points)

@@ -8,12 +8,12 @@ use serde::Serialize;
 
 use super::Channel;
 use crate::failure::Failure;
-use crate::identify::table::{Quantity, Table};
+use crate::identify::table::{NumberTable, TableQuantity};
 use crate::storage::whole_file::replace;
 
 /// A point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Point {
+pub struct CalibrationPoint {
     /// The reference, in the channel's SI unit.
     pub reference: f64,
     /// The reading under the settings in use, in the channel's SI unit.
@@ -30,7 +30,7 @@ pub struct Point {
     pub lead_rad: f64,
 }
 
-impl Point {
+impl CalibrationPoint {
     /// A point of which nothing else is known.
     #[must_use]
     pub fn new(reference: f64, reading: f64) -> Self {
@@ -39,12 +39,13 @@ impl Point {
 }
 
 /// The wall of a blow.
-const SIDE: Quantity = Quantity { stem: "side", units: &[("", 1.0)], about: "wall that was hit, −1 or 1", most: 1.0 };
+const SIDE: TableQuantity =
+    TableQuantity { stem: "side", units: &[("", 1.0)], about: "wall that was hit, −1 or 1", most: 1.0 };
 /// Frequency of a moving target.
-const FREQUENCY: Quantity =
-    Quantity { stem: "frequency", units: &[("hz", 1.0)], about: "frequency of the target", most: 1e3 };
+const FREQUENCY: TableQuantity =
+    TableQuantity { stem: "frequency", units: &[("hz", 1.0)], about: "frequency of the target", most: 1e3 };
 /// Lead of z.
-const LEAD: Quantity = Quantity {
+const LEAD: TableQuantity = TableQuantity {
     stem: "lead",
     units: &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)],
     about: "phase by which z leads x",
@@ -55,8 +56,8 @@ const LEAD: Quantity = Quantity {
 ///
 /// # Errors
 /// An unreadable file, missing columns, values that are no numbers or not probable in their unit: file, line and what to do.
-pub fn read(path: &Path, channel: Channel, settings: &Settings) -> Result<Vec<Point>, Failure> {
-    let table = Table::read(path)?;
+pub fn read(path: &Path, channel: Channel, settings: &Settings) -> Result<Vec<CalibrationPoint>, Failure> {
+    let table = NumberTable::read(path)?;
     let references = table.column(&channel.reference())?;
     let readings = match channel.counts().filter(|counts| table.has(counts)) {
         Some(counts) if !table.has(&channel.reading()) => {
@@ -64,7 +65,8 @@ pub fn read(path: &Path, channel: Channel, settings: &Settings) -> Result<Vec<Po
         }
         _ => table.column(&channel.reading())?,
     };
-    let optional = |quantity: &Quantity| if table.has(quantity) { table.column(quantity).map(Some) } else { Ok(None) };
+    let optional =
+        |quantity: &TableQuantity| if table.has(quantity) { table.column(quantity).map(Some) } else { Ok(None) };
     let (sides, frequencies, leads) = (optional(&SIDE)?, optional(&FREQUENCY)?, optional(&LEAD)?);
     let at = |column: &Option<Vec<f64>>, row: usize| column.as_ref().map_or(0.0, |values| values[row]);
     if let Some(row) = sides.iter().flatten().position(|side| side.abs() != 1.0) {
@@ -72,11 +74,11 @@ pub fn read(path: &Path, channel: Channel, settings: &Settings) -> Result<Vec<Po
         let text = format!("line {line}: side must be −1 (the wall at −d) or 1 (the wall at +d)");
         return Err(table.refuse(text));
     }
-    let point = |(row, (reference, reading)): (usize, (&f64, &f64))| Point {
+    let point = |(row, (reference, reading)): (usize, (&f64, &f64))| CalibrationPoint {
         side: at(&sides, row) as i8,
         frequency_hz: at(&frequencies, row),
         lead_rad: at(&leads, row),
-        ..Point::new(*reference, *reading)
+        ..CalibrationPoint::new(*reference, *reading)
     };
     Ok(references.iter().zip(&readings).enumerate().map(point).collect())
 }
@@ -93,17 +95,17 @@ fn of_counts(channel: Channel, counts: f64, settings: &Settings) -> f64 {
 }
 
 /// A column of the kept file: its name and its value.
-type Column = (String, fn(&Point) -> f64);
+type KeptColumn = (String, fn(&CalibrationPoint) -> f64);
 
 /// Points as CSV that [`read`] reads.
 #[must_use]
-pub fn to_csv(channel: Channel, points: &[Point]) -> String {
-    let unit = |quantity: Quantity| quantity.units[0].0;
+pub fn to_csv(channel: Channel, points: &[CalibrationPoint]) -> String {
+    let unit = |quantity: TableQuantity| quantity.units[0].0;
     let (reference, reading) = (unit(channel.reference()), unit(channel.reading()));
-    let has = |of: &fn(&Point) -> f64| points.iter().any(|point| of(point) != 0.0);
-    let mut columns: Vec<Column> =
+    let has = |of: &fn(&CalibrationPoint) -> f64| points.iter().any(|point| of(point) != 0.0);
+    let mut columns: Vec<KeptColumn> =
         vec![(format!("reference_{reference}"), |p| p.reference), (format!("reading_{reading}"), |p| p.reading)];
-    let optional: [Column; 5] = [
+    let optional: [KeptColumn; 5] = [
         (format!("scatter_{reading}"), |p| p.scatter),
         (format!("drift_{reading}"), |p| p.drift),
         ("side".into(), |p| f64::from(p.side)),
@@ -121,12 +123,12 @@ pub fn to_csv(channel: Channel, points: &[Point]) -> String {
 
 /// The file in which points are kept while they are taken, so that none is lost.
 #[derive(Clone, Debug)]
-pub struct Kept {
+pub struct KeptFile {
     path: PathBuf,
     channel: Channel,
 }
 
-impl Kept {
+impl KeptFile {
     /// Makes the file, which must be new.
     ///
     /// # Errors
@@ -156,7 +158,7 @@ impl Kept {
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn write(&self, points: &[Point]) -> Result<(), Failure> {
+    pub fn write(&self, points: &[CalibrationPoint]) -> Result<(), Failure> {
         let failed = |e: &dyn std::fmt::Display| {
             Failure::Failed(format!("cannot keep the readings in {}: {e}", self.path.display()))
         };
@@ -180,7 +182,7 @@ impl Kept {
 mod tests {
     use super::*;
 
-    fn read_text(text: &str, channel: Channel) -> Result<Vec<Point>, Failure> {
+    fn read_text(text: &str, channel: Channel) -> Result<Vec<CalibrationPoint>, Failure> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("readings.csv");
         std::fs::write(&path, text).unwrap();
@@ -192,15 +194,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("kept.csv");
         let points = [
-            Point { side: -1, scatter: 1e-3, ..Point::new(0.1 + 0.2, 0.25) },
-            Point { side: 1, ..Point::new(1.0 / 3.0, 0.125) },
+            CalibrationPoint { side: -1, scatter: 1e-3, ..CalibrationPoint::new(0.1 + 0.2, 0.25) },
+            CalibrationPoint { side: 1, ..CalibrationPoint::new(1.0 / 3.0, 0.125) },
         ];
-        let kept = Kept::create(path.clone(), Channel::Walls).unwrap();
+        let kept = KeptFile::create(path.clone(), Channel::Walls).unwrap();
         kept.write(&points).unwrap();
         let found = read(&path, Channel::Walls, &Settings::default()).unwrap();
-        let without_scatter = points.map(|point| Point { scatter: 0.0, ..point });
+        let without_scatter = points.map(|point| CalibrationPoint { scatter: 0.0, ..point });
         assert_eq!(found, without_scatter);
-        assert!(Kept::create(path, Channel::Walls).is_err(), "it exists");
+        assert!(KeptFile::create(path, Channel::Walls).is_err(), "it exists");
     }
 
     #[test]

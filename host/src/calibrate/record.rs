@@ -6,12 +6,12 @@ use damprig_core::settings::Settings;
 use serde::Serialize;
 
 use super::Channel;
-use super::readings::{Point, to_csv};
+use super::readings::{CalibrationPoint, to_csv};
 use super::solve::Solved;
 use crate::failure::Failure;
 use crate::host_time::date_text;
 use crate::identify::Estimate;
-use crate::settings::{Entry, check, decimal, entries, toml_of, with_values};
+use crate::settings::{SettingEntry, check, decimal, entries, toml_of, with_values};
 
 /// From this distance on the new gain and the old one differ, standard uncertainties.
 const DIFFERS: f64 = 2.0;
@@ -32,7 +32,7 @@ pub struct Change {
 
 /// A calibration with everything that is told, written and kept of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Record {
+pub struct CalibrationRecord {
     /// The channel.
     pub channel: &'static str,
     /// What the points were taken from: a rig, or a file.
@@ -56,7 +56,7 @@ pub struct Record {
     /// RMS of the residuals, in the channel's SI unit.
     pub residual: f64,
     /// The points, in SI units.
-    pub points: Vec<Point>,
+    pub points: Vec<CalibrationPoint>,
     /// The residual of each point.
     pub residuals: Vec<f64>,
     /// Places of the points that do not belong to the others, from 0.
@@ -67,7 +67,7 @@ pub struct Record {
     pub changes: Vec<Change>,
     /// Points that were measured again with the new settings.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub checked: Vec<Point>,
+    pub checked: Vec<CalibrationPoint>,
     #[serde(skip)]
     settings: Settings,
     #[serde(skip)]
@@ -83,7 +83,7 @@ pub struct Validity {
     pub valid_days: f32,
 }
 
-impl Record {
+impl CalibrationRecord {
     /// The record of a solved calibration on a board with the settings `old`.
     ///
     /// # Errors
@@ -91,7 +91,7 @@ impl Record {
     pub fn new(
         channel: Channel,
         taken_from: String,
-        points: Vec<Point>,
+        points: Vec<CalibrationPoint>,
         solved: Solved,
         old: &Settings,
         validity: Validity,
@@ -171,13 +171,13 @@ impl Record {
         let _ = write!(head, "Points:\n{}", to_csv(self.kind, &self.points));
         let own = format!("calibrated.{}", self.channel.replace('-', "_"));
         let keys: Vec<&str> = self.estimates.iter().filter_map(|e| e.key).collect();
-        let is_meant = |(place, _): &Entry| {
+        let is_meant = |(place, _): &SettingEntry| {
             let path = place.join(".");
             path.starts_with(&format!("{own}."))
                 || keys.contains(&path.as_str())
                 || self.changes.iter().any(|c| c.setting == path)
         };
-        let list: Vec<Entry> = entries(&self.settings).into_iter().filter(is_meant).collect();
+        let list: Vec<SettingEntry> = entries(&self.settings).into_iter().filter(is_meant).collect();
         toml_of(&list, head.trim_end())
     }
 }
@@ -268,17 +268,17 @@ mod tests {
     use crate::settings::from_toml;
 
     /// Seven points of an x sensor with this slope, with a scatter of a few µm.
-    fn points(slope: f64, zero: f64) -> Vec<Point> {
+    fn points(slope: f64, zero: f64) -> Vec<CalibrationPoint> {
         let scatter = [3e-6, -2e-6, 1e-6, -4e-6, 2e-6, 1e-6, -1e-6];
         let at = |n: i32| f64::from(n) * 0.02;
-        (-3..=3).zip(scatter).map(|(n, e)| Point::new(at(n), zero + slope * at(n) + e)).collect()
+        (-3..=3).zip(scatter).map(|(n, e)| CalibrationPoint::new(at(n), zero + slope * at(n) + e)).collect()
     }
 
-    fn record(slope: f64, zero: f64) -> Record {
+    fn record(slope: f64, zero: f64) -> CalibrationRecord {
         let (old, points) = (Settings::default(), points(slope, zero));
         let solved = solve(Channel::X, &points, &old, false).unwrap();
         let validity = Validity { date_days: 20_574.0, valid_days: 365.0 };
-        Record::new(Channel::X, "test".into(), points, solved, &old, validity).unwrap()
+        CalibrationRecord::new(Channel::X, "test".into(), points, solved, &old, validity).unwrap()
     }
 
     #[test]

@@ -16,7 +16,7 @@ use damprig_core::rig::State;
 use damprig_protocol::upload::checksum;
 use damprig_protocol::{Event, Request};
 
-use crate::client::session::{Report, Session};
+use crate::client::session::{DeviceReport, Session};
 use crate::failure::Failure;
 
 /// Time limit of a move of the spring: longer than the whole travel there and back at the search rate.
@@ -36,7 +36,7 @@ const STEP_COUNT_M: f32 = 1e-6;
 
 /// A reading at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reading {
+pub struct RestReading {
     /// Mean.
     pub mean: f64,
     /// RMS scatter of the values of a tick.
@@ -45,7 +45,7 @@ pub struct Reading {
     pub drift: f64,
 }
 
-impl Reading {
+impl RestReading {
     /// Of evenly spaced values.
     #[must_use]
     pub fn of(values: &[f64]) -> Self {
@@ -105,7 +105,7 @@ impl<'a> CalibratedRig<'a> {
     ///
     /// # Errors
     /// The rig is not idle, has no such signal, or the link breaks.
-    pub fn read<const N: usize>(&mut self, names: [&str; N], measure_s: f64) -> Result<[Reading; N], Failure> {
+    pub fn read<const N: usize>(&mut self, names: [&str; N], measure_s: f64) -> Result<[RestReading; N], Failure> {
         let (status, _) = self.session.status()?;
         if status.state != State::Idle {
             return Err(Failure::Failed(format!("the rig is {}, not idle", status.state.text())));
@@ -116,17 +116,17 @@ impl<'a> CalibratedRig<'a> {
         while columns[0].len() < wanted {
             self.go_on()?;
             match self.session.next_report()? {
-                Some(Report::Telemetry(message)) if usize::from(message.width) == N => {
+                Some(DeviceReport::Telemetry(message)) if usize::from(message.width) == N => {
                     for row in message.values.chunks_exact(N) {
                         row.iter().zip(&mut columns).for_each(|(value, column)| column.push(f64::from(*value)));
                     }
                 }
-                Some(Report::Event { event: Event::Fault(fault), .. }) => return Err(failed(fault)),
+                Some(DeviceReport::Event { event: Event::Fault(fault), .. }) => return Err(failed(fault)),
                 _ => {}
             }
         }
         self.quiet()?;
-        Ok(columns.map(|values| Reading::of(&values[DROPPED_ROWS..wanted])))
+        Ok(columns.map(|values| RestReading::of(&values[DROPPED_ROWS..wanted])))
     }
 
     /// Selects every tick of these signals, or none, and impacts.
@@ -206,10 +206,10 @@ impl<'a> CalibratedRig<'a> {
         loop {
             self.go_on()?;
             match self.session.next_report()? {
-                Some(Report::Event { event: Event::Fault(fault), .. }) => return Err(failed(fault)),
-                Some(Report::Event { event: Event::Finished { .. }, .. }) => return Ok(()),
-                Some(Report::Event { event, .. }) => on_event(&event),
-                Some(Report::Telemetry(_)) => {}
+                Some(DeviceReport::Event { event: Event::Fault(fault), .. }) => return Err(failed(fault)),
+                Some(DeviceReport::Event { event: Event::Finished { .. }, .. }) => return Ok(()),
+                Some(DeviceReport::Event { event, .. }) => on_event(&event),
+                Some(DeviceReport::Telemetry(_)) => {}
                 None => {
                     // The event of the end may have been lost.
                     let (status, _) = self.session.status()?;
@@ -229,7 +229,7 @@ impl<'a> CalibratedRig<'a> {
     ///
     /// # Errors
     /// As [`CalibratedRig::sines`].
-    pub fn steps(&mut self, demands_m: &[f64], hold_s: f64) -> Result<Vec<(f64, Reading)>, Failure> {
+    pub fn steps(&mut self, demands_m: &[f64], hold_s: f64) -> Result<Vec<(f64, RestReading)>, Failure> {
         let samples = |seconds: f64| (seconds * f64::from(STEP_RATE_HZ)).round() as usize;
         let (move_s, mut record, mut holds) = (1.0, Vec::new(), Vec::new());
         let mut before = 0.0;
@@ -270,9 +270,9 @@ impl<'a> CalibratedRig<'a> {
             let from = begun + start * per_sample + half;
             let part = rows.get(from..from + half * 4 / 5)?;
             let demand = part.iter().map(|(drive, _)| drive).sum::<f64>() / part.len().max(1) as f64;
-            Some((demand, Reading::of(&part.iter().map(|(_, z)| *z).collect::<Vec<f64>>())))
+            Some((demand, RestReading::of(&part.iter().map(|(_, z)| *z).collect::<Vec<f64>>())))
         };
-        let held: Option<Vec<(f64, Reading)>> = holds[..demands_m.len()].iter().map(hold).collect();
+        let held: Option<Vec<(f64, RestReading)>> = holds[..demands_m.len()].iter().map(hold).collect();
         held.ok_or_else(|| Failure::Failed("rows of the steps were lost".into()))
     }
 
@@ -291,14 +291,14 @@ impl<'a> CalibratedRig<'a> {
         loop {
             self.go_on()?;
             match self.session.next_report()? {
-                Some(Report::Telemetry(message)) if message.width == 2 => {
+                Some(DeviceReport::Telemetry(message)) if message.width == 2 => {
                     if message.first_tick as usize != rows.len() {
                         return Err(Failure::Failed("rows of the steps were lost on the link".into()));
                     }
                     rows.extend(message.values.chunks_exact(2).map(|row| (f64::from(row[0]), f64::from(row[1]))));
                 }
-                Some(Report::Event { event: Event::Fault(fault), .. }) => return Err(failed(fault)),
-                Some(Report::Event { event: Event::Finished { .. }, .. }) => return Ok(rows),
+                Some(DeviceReport::Event { event: Event::Fault(fault), .. }) => return Err(failed(fault)),
+                Some(DeviceReport::Event { event: Event::Finished { .. }, .. }) => return Ok(rows),
                 _ => {}
             }
         }
@@ -321,12 +321,12 @@ impl<'a> CalibratedRig<'a> {
         loop {
             self.go_on()?;
             match self.session.next_report()? {
-                Some(Report::Event { event: Event::Impact(impact), .. }) => {
+                Some(DeviceReport::Event { event: Event::Impact(impact), .. }) => {
                     if strongest.is_none_or(|(known, _)| impact.impulse_n_s > known.impulse_n_s) {
                         strongest = Some((impact, strongest.map_or_else(Instant::now, |(_, since)| since)));
                     }
                 }
-                Some(Report::Event { event: Event::Fault(fault), .. }) => return Err(failed(fault)),
+                Some(DeviceReport::Event { event: Event::Fault(fault), .. }) => return Err(failed(fault)),
                 Some(_) => {}
                 // Under a granted clock nothing comes later than what has come.
                 None => {
@@ -362,12 +362,13 @@ impl<'a> CalibratedRig<'a> {
         loop {
             self.go_on()?;
             match self.session.next_report()? {
-                Some(Report::Event {
-                    event: Event::Spring(SpringEvent::Fault(fault)) | Event::Fault(fault), ..
+                Some(DeviceReport::Event {
+                    event: Event::Spring(SpringEvent::Fault(fault)) | Event::Fault(fault),
+                    ..
                 }) => {
                     return Err(failed(fault));
                 }
-                Some(Report::Event { event: Event::Spring(event), .. }) if is_done(&event) => {
+                Some(DeviceReport::Event { event: Event::Spring(event), .. }) if is_done(&event) => {
                     self.session.use_up_credit()?;
                     while self.session.report_at_hand().is_some() {}
                     return Ok(event);
@@ -411,10 +412,10 @@ mod tests {
     #[test]
     fn drift_and_scatter_are_told_apart() {
         let drifting: Vec<f64> = (0..1001).map(|n| 1.0 + f64::from(n) * 1e-3).collect();
-        let reading = Reading::of(&drifting);
+        let reading = RestReading::of(&drifting);
         assert!((reading.mean - 1.5).abs() < 1e-12 && (reading.drift - 1.0).abs() < 1e-9 && reading.scatter < 1e-9);
         let alternating: Vec<f64> = (0..1000).map(|n| if n % 2 == 0 { 1.0 } else { -1.0 }).collect();
-        let reading = Reading::of(&alternating);
+        let reading = RestReading::of(&alternating);
         assert!((reading.scatter - 1.0).abs() < 2e-3 && reading.drift.abs() < 0.01, "{reading:?}");
     }
 }

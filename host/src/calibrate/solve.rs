@@ -2,8 +2,8 @@
 
 use damprig_core::settings::Settings;
 
-use super::fit::{self, Line, Outlier};
-use super::readings::Point;
+use super::fit::{self, CalibrationLine, Outlier};
+use super::readings::CalibrationPoint;
 use super::{Channel, walls};
 use crate::failure::Failure;
 use crate::identify::Estimate;
@@ -40,7 +40,7 @@ const BY_LINE: &str = "line through the readings";
 /// Too few points, a reversed sign, a gain that cannot be: what it is, and what to do.
 pub fn solve(
     channel: Channel,
-    points: &[Point],
+    points: &[CalibrationPoint],
     settings: &Settings,
     allows_reversed: bool,
 ) -> Result<Solved, Failure> {
@@ -51,7 +51,12 @@ pub fn solve(
     }
 }
 
-fn by_line(channel: Channel, points: &[Point], settings: &Settings, allows_reversed: bool) -> Result<Solved, Failure> {
+fn by_line(
+    channel: Channel,
+    points: &[CalibrationPoint],
+    settings: &Settings,
+    allows_reversed: bool,
+) -> Result<Solved, Failure> {
     let line = checked_line(channel, points, allows_reversed)?;
     let change = gain_change(channel, line.slope, settings);
     plausible(channel, change.value)?;
@@ -74,7 +79,11 @@ fn by_line(channel: Channel, points: &[Point], settings: &Settings, allows_rever
 }
 
 /// The line through the points, if it rises.
-fn checked_line(channel: Channel, points: &[Point], allows_reversed: bool) -> Result<Line, Failure> {
+fn checked_line(
+    channel: Channel,
+    points: &[CalibrationPoint],
+    allows_reversed: bool,
+) -> Result<CalibrationLine, Failure> {
     let line = fit::straight(points).ok_or_else(|| too_few(channel, points))?;
     let slope = line.slope;
     // A small reading over a large range of references has no slope at all.
@@ -110,7 +119,7 @@ fn gain_change(channel: Channel, slope: Value, settings: &Settings) -> Value {
     }
 }
 
-fn too_few(channel: Channel, points: &[Point]) -> Failure {
+fn too_few(channel: Channel, points: &[CalibrationPoint]) -> Failure {
     let mut references: Vec<f64> = points.iter().map(|p| p.reference).collect();
     references.sort_by(f64::total_cmp);
     references.dedup();
@@ -170,7 +179,7 @@ fn old(channel: Channel, settings: &Settings) -> (f64, f64) {
     (f64::from(gain), f64::from(zero))
 }
 
-fn estimates(channel: Channel, line: &Line, settings: &Settings, change: Value) -> Vec<Estimate> {
+fn estimates(channel: Channel, line: &CalibrationLine, settings: &Settings, change: Value) -> Vec<Estimate> {
     let (gain, zero) = old(channel, settings);
     let (gain_key, zero_key) = keys(channel);
     let unit = match channel {
@@ -195,10 +204,10 @@ const SAME_GAIN: f64 = 0.02;
 /// The drive: the zero from steps, as the demand for which the base stands where it rests without the drive. The gain from steps
 /// too, unless the base does not follow them as it follows a sine; then that of the sine, at which the drive is used. A sine
 /// that z reads is smaller by the response of its sensor, so that steps are the better measure.
-fn drive(points: &[Point], settings: &Settings, allows_reversed: bool) -> Result<Solved, Failure> {
+fn drive(points: &[CalibrationPoint], settings: &Settings, allows_reversed: bool) -> Result<Solved, Failure> {
     let (moving, still): (Vec<usize>, Vec<usize>) = (0..points.len()).partition(|i| points[*i].frequency_hz > 0.0);
-    let line_of = |places: &[usize]| -> Result<Option<Line>, Failure> {
-        let own: Vec<Point> = places.iter().map(|i| points[*i]).collect();
+    let line_of = |places: &[usize]| -> Result<Option<CalibrationLine>, Failure> {
+        let own: Vec<CalibrationPoint> = places.iter().map(|i| points[*i]).collect();
         if own.is_empty() { Ok(None) } else { checked_line(Channel::Drive, &own, allows_reversed).map(Some) }
     };
     let (steps, sines) = (line_of(&still)?, line_of(&moving)?);
@@ -243,7 +252,7 @@ fn drive(points: &[Point], settings: &Settings, allows_reversed: bool) -> Result
     Ok(solved)
 }
 
-fn drive_zero(steps: &Line, settings: &Settings) -> Estimate {
+fn drive_zero(steps: &CalibrationLine, settings: &Settings) -> Estimate {
     let (gain, zero) = old(Channel::Drive, settings);
     let (base, slope) = (steps.intercept, steps.slope.value);
     let counts = base.mapped(zero - base.value / (slope * gain), 1.0 / (slope * gain));
@@ -252,7 +261,7 @@ fn drive_zero(steps: &Line, settings: &Settings) -> Estimate {
 }
 
 /// A remark if the references cover only a part of the span.
-fn covers(channel: Channel, points: &[Point], settings: &Settings) -> Option<String> {
+fn covers(channel: Channel, points: &[CalibrationPoint], settings: &Settings) -> Option<String> {
     let [low, high] = channel.usable(settings)?;
     let (least, most) = points
         .iter()
@@ -266,7 +275,7 @@ fn covers(channel: Channel, points: &[Point], settings: &Settings) -> Option<Str
     })
 }
 
-fn linearity(channel: Channel, points: &[Point], line: &Line) -> String {
+fn linearity(channel: Channel, points: &[CalibrationPoint], line: &CalibrationLine) -> String {
     let readings = points.iter().map(|p| p.reading);
     let span = readings.clone().fold(f64::NEG_INFINITY, f64::max) - readings.fold(f64::INFINITY, f64::min);
     let (unit, factor) = channel.shown_reading();
@@ -283,7 +292,7 @@ fn short(value: f64) -> String {
     format!("{value:.0$}", decimals.clamp(0.0, 9.0) as usize)
 }
 
-fn hysteresis(channel: Channel, points: &[Point]) -> Option<String> {
+fn hysteresis(channel: Channel, points: &[CalibrationPoint]) -> Option<String> {
     let found = fit::hysteresis(points)?;
     let (unit, factor) = channel.shown_reading();
     let [low, high] = found.interval_95();
@@ -297,9 +306,9 @@ fn hysteresis(channel: Channel, points: &[Point]) -> Option<String> {
 }
 
 /// The time by which z is ahead of x, from the phases at several frequencies; it is recorded, not corrected.
-fn time_difference(points: &[Point], estimates: &mut Vec<Estimate>) -> Vec<String> {
+fn time_difference(points: &[CalibrationPoint], estimates: &mut Vec<Estimate>) -> Vec<String> {
     use std::f64::consts::TAU;
-    let moving: Vec<&Point> = points.iter().filter(|p| p.frequency_hz > 0.0).collect();
+    let moving: Vec<&CalibrationPoint> = points.iter().filter(|p| p.frequency_hz > 0.0).collect();
     if moving.is_empty() {
         return vec!["time difference: not measured, the target did not move".into()];
     }
@@ -336,18 +345,18 @@ fn delay(omega: &[f64], leads: &[f64]) -> Option<Value> {
 mod tests {
     use super::*;
 
-    fn points(list: &[(f64, f64)]) -> Vec<Point> {
-        list.iter().map(|(reference, reading)| Point::new(*reference, *reading)).collect()
+    fn points(list: &[(f64, f64)]) -> Vec<CalibrationPoint> {
+        list.iter().map(|(reference, reading)| CalibrationPoint::new(*reference, *reading)).collect()
     }
 
     /// Readings of a sensor with this slope and zero at seven references, which scatter a little.
-    fn seven(slope: f64, zero: f64) -> Vec<Point> {
+    fn seven(slope: f64, zero: f64) -> Vec<CalibrationPoint> {
         let scatter = [3e-6, -2e-6, 1e-6, -4e-6, 2e-6, 1e-6, -1e-6];
         let point = |(n, e): (i32, f64)| (f64::from(n) * 0.02, zero + slope * f64::from(n) * 0.02 + e);
         points(&(-3..=3).zip(scatter).map(point).collect::<Vec<_>>())
     }
 
-    fn told(channel: Channel, points: &[Point]) -> String {
+    fn told(channel: Channel, points: &[CalibrationPoint]) -> String {
         solve(channel, points, &Settings::default(), false).unwrap_err().to_string()
     }
 
@@ -365,7 +374,8 @@ mod tests {
 
     #[test]
     fn what_cannot_be_is_said_in_the_words_of_the_experiment() {
-        let mm: Vec<Point> = seven(1.0, 0.0).iter().map(|p| Point { reference: p.reference * 1e3, ..*p }).collect();
+        let mm: Vec<CalibrationPoint> =
+            seven(1.0, 0.0).iter().map(|p| CalibrationPoint { reference: p.reference * 1e3, ..*p }).collect();
         assert!(told(Channel::X, &mm).contains("in mm where m is meant"));
         assert!(told(Channel::X, &seven(-1.0, 0.0)).contains("reversed sign"));
         assert!(told(Channel::X, &seven(1.0, 0.0)[..3]).contains("too few points for x: 3"));
@@ -387,9 +397,10 @@ mod tests {
         assert!((solved.estimates[1].value - zero).abs() < 1e-6 && (solved.change.value - 1.1).abs() < 1e-9);
         // A sine at which the base moves half as far.
         let mut all = points(&still);
-        all.extend(
-            (1..=4).map(|n| Point { frequency_hz: 2.5, ..Point::new(f64::from(n) * 1e-3, f64::from(n) * 0.5e-3) }),
-        );
+        all.extend((1..=4).map(|n| CalibrationPoint {
+            frequency_hz: 2.5,
+            ..CalibrationPoint::new(f64::from(n) * 1e-3, f64::from(n) * 0.5e-3)
+        }));
         let solved = solve(Channel::Drive, &all, &settings, false).unwrap();
         assert!((solved.change.value - 0.5).abs() < 1e-9 && (solved.estimates[1].value - zero).abs() < 1e-6);
         assert!(solved.remarks.iter().any(|r| r.contains("0.4545 times as far")), "{:?}", solved.remarks);
@@ -398,10 +409,14 @@ mod tests {
     #[test]
     fn a_lead_is_the_slope_of_phase_over_frequency() {
         use std::f64::consts::TAU;
-        let list: Vec<Point> = [1.0, 2.0, 4.0, 1.0, 2.0, 4.0]
+        let list: Vec<CalibrationPoint> = [1.0, 2.0, 4.0, 1.0, 2.0, 4.0]
             .iter()
             .zip([1e-3, 1e-3, 1e-3, 2e-3, 2e-3, 2e-3])
-            .map(|(f, x)| Point { frequency_hz: *f, lead_rad: TAU * f * 4e-5, ..Point::new(x, 0.97 * x) })
+            .map(|(f, x)| CalibrationPoint {
+                frequency_hz: *f,
+                lead_rad: TAU * f * 4e-5,
+                ..CalibrationPoint::new(x, 0.97 * x)
+            })
             .collect();
         let solved = solve(Channel::Match, &list, &Settings::default(), false).unwrap();
         assert!((solved.change.value - 1.0 / 0.97).abs() < 1e-9);

@@ -4,7 +4,7 @@ use damprig_core::settings::Settings;
 
 use super::Channel;
 use super::fit::{self, Outlier};
-use super::readings::Point;
+use super::readings::CalibrationPoint;
 use super::solve::{Solved, plausible};
 use crate::failure::Failure;
 use crate::identify::Estimate;
@@ -16,7 +16,7 @@ const METHOD: &str = "mean of the ratios";
 const KEY: &str = "calibration.walls.newtons_per_count";
 
 /// Both walls share a scale: the mean of their ratios.
-pub(super) fn solve(points: &[Point], settings: &Settings) -> Result<Solved, Failure> {
+pub(super) fn solve(points: &[CalibrationPoint], settings: &Settings) -> Result<Solved, Failure> {
     let unusable = points.iter().position(|p| p.reference <= 0.0 || p.reading <= 0.0);
     if let Some(at) = unusable {
         return Err(Failure::Input(format!(
@@ -26,8 +26,8 @@ pub(super) fn solve(points: &[Point], settings: &Settings) -> Result<Solved, Fai
             points[at].reading
         )));
     }
-    let of = |side: i8| -> Vec<Point> { points.iter().filter(|p| p.side == side).copied().collect() };
-    let sides: Vec<(&str, Vec<Point>)> = [("at −d", of(-1)), ("at +d", of(1)), ("without a side", of(0))]
+    let of = |side: i8| -> Vec<CalibrationPoint> { points.iter().filter(|p| p.side == side).copied().collect() };
+    let sides: Vec<(&str, Vec<CalibrationPoint>)> = [("at −d", of(-1)), ("at +d", of(1)), ("without a side", of(0))]
         .into_iter()
         .filter(|(_, p)| !p.is_empty())
         .collect();
@@ -97,10 +97,11 @@ mod tests {
 
     #[test]
     fn walls_that_differ_are_told_apart_from_walls_that_scatter() {
-        let blows = |high: f64| -> Vec<Point> {
+        let blows = |high: f64| -> Vec<CalibrationPoint> {
             let scatter = [1.01, 0.99, 1.005, 0.995, 1.0, 1.008, 0.992, 1.003, 0.997, 1.0];
-            let one =
-                |side: i8, factor: f64| scatter.map(|e| Point { side, ..Point::new(0.1 * e * factor, 0.1) }).to_vec();
+            let one = |side: i8, factor: f64| {
+                scatter.map(|e| CalibrationPoint { side, ..CalibrationPoint::new(0.1 * e * factor, 0.1) }).to_vec()
+            };
             [one(-1, 1.02), one(1, high)].concat()
         };
         let settings = Settings::default();

@@ -8,7 +8,7 @@ use damprig_core::model::Structure;
 
 use super::keys::{campaign, experiment};
 use super::playback;
-use super::stepped_sine::{self, Start, SteppedSine, TrackedResonance, kept_in_words};
+use super::stepped_sine::{self, PointStart, SteppedSine, TrackedResonance, kept_in_words};
 use super::transient::{self, FreeVibration, Playback};
 use super::{AroundPeak, CampaignSetUp, Plan, RigSettings};
 use crate::input::{Problem, Section, Text, listed, near};
@@ -31,12 +31,12 @@ pub struct Experiment {
     /// What a person does before it.
     pub instruction: Option<String>,
     /// Its kind, with its parameters.
-    pub kind: Kind,
+    pub kind: ExperimentKind,
 }
 
 /// The kinds of experiments.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Kind {
+pub enum ExperimentKind {
     /// One frequency after another.
     SteppedSine(SteppedSine),
     /// The base follows a record or a pulse.
@@ -52,7 +52,7 @@ impl Experiment {
     /// The stepped sine, if it is one.
     #[must_use]
     pub fn stepped_sine(&self) -> Option<&SteppedSine> {
-        if let Kind::SteppedSine(sine) = &self.kind { Some(sine) } else { None }
+        if let ExperimentKind::SteppedSine(sine) = &self.kind { Some(sine) } else { None }
     }
 
     /// The stepped sine that drives the base at known frequencies, if it is one.
@@ -82,13 +82,13 @@ impl Experiment {
     /// The playback, if it is one.
     #[must_use]
     pub fn playback(&self) -> Option<&Playback> {
-        if let Kind::Playback(playback) = &self.kind { Some(playback) } else { None }
+        if let ExperimentKind::Playback(playback) = &self.kind { Some(playback) } else { None }
     }
 
     /// The free vibration, if it is one.
     #[must_use]
     pub fn free_vibration(&self) -> Option<&FreeVibration> {
-        if let Kind::FreeVibration(free) = &self.kind { Some(free) } else { None }
+        if let ExperimentKind::FreeVibration(free) = &self.kind { Some(free) } else { None }
     }
 
     /// |x| below which the structure counts as at rest before the experiment, m; none of a free vibration, in which a person holds
@@ -96,9 +96,9 @@ impl Experiment {
     #[must_use]
     pub fn rest_level_m(&self) -> Option<f64> {
         match &self.kind {
-            Kind::SteppedSine(sine) => Some(sine.rest_level_m),
-            Kind::Playback(playback) => Some(playback.rest_level_m),
-            Kind::FreeVibration(_) => None,
+            ExperimentKind::SteppedSine(sine) => Some(sine.rest_level_m),
+            ExperimentKind::Playback(playback) => Some(playback.rest_level_m),
+            ExperimentKind::FreeVibration(_) => None,
         }
     }
 
@@ -147,7 +147,7 @@ impl Experiment {
     #[must_use]
     pub fn with_points_around_peak(&self, around: &AroundPeak) -> Self {
         let mut whole = self.clone();
-        if let Kind::SteppedSine(sine) = &mut whole.kind {
+        if let ExperimentKind::SteppedSine(sine) = &mut whole.kind {
             sine.frequencies_hz.extend(&around.frequencies_hz);
             sine.peak_order.clear();
         }
@@ -157,7 +157,7 @@ impl Experiment {
     /// Whether each point continues the motion of the one before: after an interruption it starts from its beginning.
     #[must_use]
     pub fn carries_over(&self) -> bool {
-        self.stepped_sine().is_some_and(|sine| sine.start == Start::CarryOver)
+        self.stepped_sine().is_some_and(|sine| sine.start == PointStart::CarryOver)
     }
 
     /// Rig time on one set-up if every point is measured again as often as it may be until it is steady, s; otherwise as
@@ -173,13 +173,15 @@ impl Experiment {
     pub fn expected_s(&self) -> f64 {
         let seconds = |ticks: u64| ticks as f64 / f64::from(TICK_HZ);
         match &self.kind {
-            Kind::SteppedSine(e) => {
-                let is_from_rest = e.start == Start::FromRest;
+            ExperimentKind::SteppedSine(e) => {
+                let is_from_rest = e.start == PointStart::FromRest;
                 let rest_s = if is_from_rest { REST_S + (e.ramp_s - f64::from(FADE_S)).max(0.0) } else { 0.0 };
                 self.points() as f64 * (rest_s + e.settle_s + e.dwell_s)
             }
-            Kind::Playback(playback) => seconds(playback.order().expected_ticks()),
-            Kind::FreeVibration(free) => seconds(core_transient::FreeVibration::expected_ticks(&free.order())),
+            ExperimentKind::Playback(playback) => seconds(playback.order().expected_ticks()),
+            ExperimentKind::FreeVibration(free) => {
+                seconds(core_transient::FreeVibration::expected_ticks(&free.order()))
+            }
         }
     }
 }
@@ -211,8 +213,8 @@ pub(super) fn read_all(
     for (experiment, repeats) in read {
         for (repeat, name) in repeat_names(&experiment.series, repeats).into_iter().enumerate() {
             let mut one = Experiment { repeat: repeat as u32, name, ..experiment.clone() };
-            if let Kind::SteppedSine(sine) = &mut one.kind
-                && sine.start == Start::FromRest
+            if let ExperimentKind::SteppedSine(sine) = &mut one.kind
+                && sine.start == PointStart::FromRest
             {
                 plan.order(&mut sine.frequencies_hz, FREQUENCIES_PLACE + all.len() as u64);
                 if let Some(tracked) = &mut sine.tracked {
@@ -273,15 +275,15 @@ fn read(
         return None;
     }
     let structures = structures(chosen.as_deref(), set_ups);
-    let read: Option<Vec<Kind>> = match kind {
-        Some(1) => playback::read(&section, number).map(|own| vec![Kind::Playback(own)]),
-        Some(2) => transient::impulse(&section).map(|own| vec![Kind::Playback(own)]),
-        Some(3) => transient::free_vibration(&section, rig).map(|own| vec![Kind::FreeVibration(own)]),
+    let read: Option<Vec<ExperimentKind>> = match kind {
+        Some(1) => playback::read(&section, number).map(|own| vec![ExperimentKind::Playback(own)]),
+        Some(2) => transient::impulse(&section).map(|own| vec![ExperimentKind::Playback(own)]),
+        Some(3) => transient::free_vibration(&section, rig).map(|own| vec![ExperimentKind::FreeVibration(own)]),
         Some(4) => stepped_sine::read_response_controlled(&section, rig, &structures)
-            .map(|all| all.into_iter().map(Kind::SteppedSine).collect()),
-        Some(5) => stepped_sine::read_tracking(&section, rig).map(|own| vec![Kind::SteppedSine(own)]),
+            .map(|all| all.into_iter().map(ExperimentKind::SteppedSine).collect()),
+        Some(5) => stepped_sine::read_tracking(&section, rig).map(|own| vec![ExperimentKind::SteppedSine(own)]),
         // Without a kind, the keys of the most frequent one are checked.
-        _ => stepped_sine::read(&section, rig, &structures).map(|own| vec![Kind::SteppedSine(own)]),
+        _ => stepped_sine::read(&section, rig, &structures).map(|own| vec![ExperimentKind::SteppedSine(own)]),
     };
     if let (Some(1 | 2 | 4 | 5), Some(chosen), Some(set_ups)) = (kind, &chosen, set_ups)
         && let Some(forced) = chosen.iter().map(|&place| &set_ups[place]).find(|s| s.model().is_force_driven)
@@ -293,9 +295,9 @@ fn read(
     kind?;
     let (read, repeats, set_ups) = (read?, repeats?, chosen?);
     let is_one = read.len() == 1;
-    let of = |kind: Kind| {
+    let of = |kind: ExperimentKind| {
         let sheet = match &kind {
-            Kind::SteppedSine(sine) if !is_one => sine.response_loop(),
+            ExperimentKind::SteppedSine(sine) if !is_one => sine.response_loop(),
             _ => None,
         };
         let series = sheet.map_or_else(|| name.clone(), |own| format!("{name}, {}", kept_in_words(&own.response)));

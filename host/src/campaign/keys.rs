@@ -8,11 +8,11 @@ use damprig_core::io::TICK_HZ;
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_simulator::plant::{Amplifier, DataSheet, Shaker};
 
-use super::shape::Shape;
+use super::shape::PulseShape;
 use crate::input::key::DefaultValue::{From, Number, Word};
 use crate::input::key::Need::{Default, Forbidden, If, IfWord, Optional, Required};
 use crate::input::key::Range::{Above, Between, Inside, NotNegative, NotZero, Positive, Whole, ZeroOr};
-use crate::input::key::{Key, Kind, Quantity, Table, key, number, tables, word};
+use crate::input::key::{Key, KeyedQuantity, Table, ValueKind, key, number, tables, word};
 use crate::motion_record::{BASE_RECORD, ENVELOPE, NOISE, OF_FILE, RECORD_NOISE, RECORD_SCALE};
 use crate::setup::{self, set_up_keys};
 use crate::structure::description;
@@ -52,7 +52,7 @@ const TAIL_KEY: Key = number("tail_s", Between(0.0, LONGEST_END_S), "time measur
 
 // Key of set-ups and experiments.
 const INSTRUCTION_KEY: Key =
-    key("instruction", Kind::Text, "what a person does before it; asked on a real rig, and noted in the journal");
+    key("instruction", ValueKind::Text, "what a person does before it; asked on a real rig, and noted in the journal");
 
 /// Most times that an experiment is repeated.
 const MAX_REPEATS: f64 = 100.0;
@@ -80,21 +80,21 @@ tables! {
 
     "The top of a campaign. Structure and dampers at the top are for all set-ups: a set-up has the keys that it leaves out from here."
     campaign("") {
-        NAME: Required, [key("name", Kind::Text, "a short name, part of the run folder's name: letters, digits, '-' and '_'")];
+        NAME: Required, [key("name", ValueKind::Text, "a short name, part of the run folder's name: letters, digits, '-' and '_'")];
         SET_UP_FILE: Optional, [setup::SET_UP_FILE];
-        RIG: Optional, [key("rig", Kind::Table, "simulated sensors and shaker, and the campaign's limits")];
-        TELEMETRY: Optional, [key("telemetry", Kind::Table, "recorded signals; x, z, drive and frequency at 100 Hz when left out")];
-        PLAN: Optional, [key("plan", Kind::Table, "who measures what, and in which order")];
+        RIG: Optional, [key("rig", ValueKind::Table, "simulated sensors and shaker, and the campaign's limits")];
+        TELEMETRY: Optional, [key("telemetry", ValueKind::Table, "recorded signals; x, z, drive and frequency at 100 Hz when left out")];
+        PLAN: Optional, [key("plan", ValueKind::Table, "who measures what, and in which order")];
         GRAVITY: set_up_keys::GRAVITY.need, [set_up_keys::GRAVITY.keys[0]];
         STRUCTURE: Optional, [set_up_keys::STRUCTURE.keys[0]];
         PARTICLE: Optional, [set_up_keys::PARTICLE.keys[0]];
         FRICTION_DAMPER: Optional, [set_up_keys::FRICTION_DAMPER.keys[0]];
         TMD: Optional, [set_up_keys::TMD.keys[0]];
         PLANT: Optional, [
-            key("plant", Kind::Table, "a structure with several places that carries the dampers, for the virtual rig, predictions and `damprig compare`; `structure` is then what the board knows of it, its lowest mode at x when left out"),
+            key("plant", ValueKind::Table, "a structure with several places that carries the dampers, for the virtual rig, predictions and `damprig compare`; `structure` is then what the board knows of it, its lowest mode at x when left out"),
         ];
-        SET_UP: Required, [key("set_up", Kind::Tables, "the set-ups, in the order in which they are mounted")];
-        EXPERIMENT: Required, [key("experiment", Kind::Tables, "the experiments")];
+        SET_UP: Required, [key("set_up", ValueKind::Tables, "the set-ups, in the order in which they are mounted")];
+        EXPERIMENT: Required, [key("experiment", ValueKind::Tables, "the experiments")];
     }
 
     "A structure with several places on the rig. A damper's `place` or `position_m` says where it is mounted; when left out, where x is measured."
@@ -135,9 +135,9 @@ tables! {
             number("host_silent_s", ZeroOr(5.0, 3600.0), "time without a message after which the board stops the drive"),
         ];
         BRAKE: Optional, [number("brake_n", NotNegative, "force with which the friction damper brakes after a fault")];
-        SENSORS: Optional, [key("sensors", Kind::Table, "errors of the simulated sensors; none when left out")];
+        SENSORS: Optional, [key("sensors", ValueKind::Table, "errors of the simulated sensors; none when left out")];
         SHAKER: Optional, [
-            key("shaker", Kind::Table, "a simulated shaker that feels its load; when left out the base follows the drive exactly"),
+            key("shaker", ValueKind::Table, "a simulated shaker that feels its load; when left out the base follows the drive exactly"),
         ];
     }
 
@@ -200,9 +200,9 @@ tables! {
 
     "Who measures what, and in which order. Texts go into manifest and report."
     plan("plan") {
-        OPERATOR: Optional, [key("operator", Kind::Text, "who runs the campaign")];
-        SPECIMEN: Optional, [key("specimen", Kind::Text, "what is measured: serial number, material, state")];
-        NOTES: Optional, [key("notes", Kind::Text, "anything else that a reader of the results must know")];
+        OPERATOR: Optional, [key("operator", ValueKind::Text, "who runs the campaign")];
+        SPECIMEN: Optional, [key("specimen", ValueKind::Text, "what is measured: serial number, material, state")];
+        NOTES: Optional, [key("notes", ValueKind::Text, "anything else that a reader of the results must know")];
         ORDER: Default(Word("as_written")), [
             word(
                 "order",
@@ -220,13 +220,13 @@ tables! {
         RATE: Required, [
             number("rate_hz", NotNegative, "samples of each signal in a second: 0 for none, or 1000 divided by a whole number"),
         ];
-        SIGNALS: Optional, [key("signals", Kind::Texts, "names of the signals; x, z, drive and frequency when left out")];
+        SIGNALS: Optional, [key("signals", ValueKind::Texts, "names of the signals; x, z, drive and frequency when left out")];
     }
 
     "A set-up: what is mounted on the rig, with its base amplitude."
     set_up("set_up") {
-        NAME: Required, [key("name", Kind::Text, "a name for experiments to call it by")];
-        LABEL: Optional, [key("label", Kind::Text, "its name in figures and tables; `name` when left out")];
+        NAME: Required, [key("name", ValueKind::Text, "a name for experiments to call it by")];
+        LABEL: Optional, [key("label", ValueKind::Text, "its name in figures and tables; `name` when left out")];
         INSTRUCTION: Optional, [INSTRUCTION_KEY];
         BASE_AMPLITUDE: Required, [
             setup::BASE_AMPLITUDE.keys[0],
@@ -247,9 +247,9 @@ tables! {
 
     "An experiment on some of the set-ups: the keys of every kind."
     experiment("experiment") {
-        NAME: Optional, [key("name", Kind::Text, "its name in tables; `experiment 1` for the first when left out")];
+        NAME: Optional, [key("name", ValueKind::Text, "its name in tables; `experiment 1` for the first when left out")];
         KIND: Required, [word("kind", KINDS, "the kind of experiment")];
-        SET_UPS: Optional, [key("set_ups", Kind::Texts, "names of the set-ups that it is run on; all when left out")];
+        SET_UPS: Optional, [key("set_ups", ValueKind::Texts, "names of the set-ups that it is run on; all when left out")];
         REPEATS: Default(Number(1.0)), [
             number("repeats", Whole(1.0, MAX_REPEATS), "times that it is run on each set-up; each is an experiment with a number after its name"),
         ];
@@ -259,7 +259,7 @@ tables! {
     "One frequency of the base after another."
     stepped_sine("experiment", "stepped_sine") {
         FREQUENCIES: Required, [
-            key("frequencies_hz", Kind::NumbersOrTable(Above(0.0, HIGHEST_HZ)), "a list, or { from_hz, to_hz, step_hz, resonance_points, peak_points }")
+            key("frequencies_hz", ValueKind::NumbersOrTable(Above(0.0, HIGHEST_HZ)), "a list, or { from_hz, to_hz, step_hz, resonance_points, peak_points }")
                 .usual(0.1, 25.0)
                 .note(TICK),
         ];
@@ -274,12 +274,12 @@ tables! {
             number("ramp_s", NotNegative, "rise and fall of the drive, at most `settle_s`").usual(0.0, 60.0),
         ];
         REST_LEVEL: Default(Number(REST_LEVEL_M)), [REST_LEVEL_KEY];
-        STEADY: Optional, [key("steady", Kind::Table, "when a point counts as steady, and how long it is measured again")];
+        STEADY: Optional, [key("steady", ValueKind::Table, "when a point counts as steady, and how long it is measured again")];
         DRIVE: Default(Word("constant")), [
             word("drive", &["constant", "closed_loop"], "constant drive, or the base amplitude in closed loop, which needs `[rig.shaker]`"),
         ];
         CLOSED_LOOP: IfWord(&DRIVE, "closed_loop", &Optional, &Forbidden), [
-            key("closed_loop", Kind::Table, "parameters of the closed loop"),
+            key("closed_loop", ValueKind::Table, "parameters of the closed loop"),
         ];
     }
 
@@ -297,7 +297,7 @@ tables! {
         RAMP: stepped_sine::RAMP.need, [stepped_sine::RAMP.keys[0]];
         REST_LEVEL: stepped_sine::REST_LEVEL.need, [REST_LEVEL_KEY];
         STEADY: Optional, [stepped_sine::STEADY.keys[0]];
-        RESPONSE_LOOP: Optional, [key("response_loop", Kind::Table, "parameters of the loop that keeps the amplitude")];
+        RESPONSE_LOOP: Optional, [key("response_loop", ValueKind::Table, "parameters of the loop that keeps the amplitude")];
     }
 
     "The resonance at one amplitude after another: the drive's frequency follows the phase of x, and frequency and damping over the amplitude are the result."
@@ -322,7 +322,7 @@ tables! {
         DRIVE: stepped_sine::DRIVE.need, [stepped_sine::DRIVE.keys[0]];
         CLOSED_LOOP: stepped_sine::CLOSED_LOOP.need, [stepped_sine::CLOSED_LOOP.keys[0]];
         RESPONSE_LOOP: Optional, [response_controlled::RESPONSE_LOOP.keys[0]];
-        PHASE_LOCK: Optional, [key("phase_lock", Kind::Table, "the phase that is kept, and the loop that keeps it")];
+        PHASE_LOCK: Optional, [key("phase_lock", ValueKind::Table, "the phase that is kept, and the loop that keeps it")];
     }
 
     "The loop that follows a resonance by the phase of x."
@@ -429,7 +429,7 @@ tables! {
 
     "A pulse of the base."
     impulse("experiment", "impulse") {
-        SHAPE: Required, [word("shape", &Shape::WORDS, "shape of the pulse; versine and haversine are the same")];
+        SHAPE: Required, [word("shape", &PulseShape::WORDS, "shape of the pulse; versine and haversine are the same")];
         AMPLITUDE: Required, [number("amplitude_m", NotZero, "height of the pulse").usual(-0.05, 0.05)];
         DURATION: Required, [number("duration_s", Positive, "length of the pulse").usual(0.01, 60.0)];
         RISE: IfWord(&SHAPE, "rectangle", &Optional, &Forbidden), [
@@ -454,7 +454,7 @@ tables! {
 
 /// A list of positive numbers.
 const fn numbers(name: &'static str, doc: &'static str) -> Key {
-    key(name, Kind::Numbers(Positive), doc)
+    key(name, ValueKind::Numbers(Positive), doc)
 }
 
 /// The loop of the response as delivered.

@@ -6,13 +6,13 @@
 use damprig_core::control::safety::{ExperimentLimits, LimitsRejected, Looser, SafetyConfig};
 
 use super::keys::rig as keys;
-use crate::input::key::Quantity;
+use crate::input::key::KeyedQuantity;
 use crate::input::{Number, Problem, Section, Source};
 use crate::settings::decimal;
 
 /// A limit as a campaign states it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stated {
+pub struct StatedLimit {
     /// The key in `[rig]`.
     pub key: &'static str,
     /// The board's setting that it tightens.
@@ -23,7 +23,7 @@ pub struct Stated {
 /// The limits that a campaign states.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CampaignLimits {
-    stated: Vec<Stated>,
+    stated: Vec<StatedLimit>,
 }
 
 const STRUCTURE: &str = "safety.limits.structure_m";
@@ -35,7 +35,7 @@ const SILENT: &str = "safety.host_silent_s";
 const BRAKE: &str = "safety.brake_n";
 
 /// Each limit of a campaign, and the settings of the board that it tightens.
-const LIMITS: [(Quantity, &[&str]); 8] = [
+const LIMITS: [(KeyedQuantity, &[&str]); 8] = [
     (keys::STRUCTURE_LIMIT, &[STRUCTURE]),
     (keys::BASE_LIMIT, &[BASE]),
     (keys::DISPLACEMENT_LIMIT, &[STRUCTURE, BASE]),
@@ -53,7 +53,7 @@ impl CampaignLimits {
         for (quantity, settings) in &LIMITS {
             let Some(number) = rig.placed(quantity) else { continue };
             let key = quantity.name();
-            stated.extend(settings.iter().map(|&setting| Stated { key, setting, number: number.clone() }));
+            stated.extend(settings.iter().map(|&setting| StatedLimit { key, setting, number: number.clone() }));
         }
         Self { stated }
     }
@@ -87,7 +87,7 @@ impl CampaignLimits {
     }
 }
 
-impl Stated {
+impl StatedLimit {
     fn put_into(&self, limits: &mut ExperimentLimits) {
         let place = match self.setting {
             STRUCTURE => &mut limits.structure_m,

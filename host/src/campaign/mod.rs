@@ -28,7 +28,7 @@ use crate::setup::{SetUpFile, set_up_file};
 
 pub use crate::setup::{SetUpSpec, SpringSpec, SpringTarget};
 pub use difference::differences;
-pub use experiment::{Experiment, Kind};
+pub use experiment::{Experiment, ExperimentKind};
 pub(crate) use experiment::{default_name, repeat_names};
 pub use keys::{PLAYED, TABLES};
 pub use limits::CampaignLimits;
@@ -37,7 +37,7 @@ pub use plan::Plan;
 pub use plant::SetUpPlant;
 pub use rig::{RigSettings, Telemetry};
 pub use set_up::CampaignSetUp;
-pub use stepped_sine::{KeptAmplitude, Start, SteppedSine, TrackedResonance, kept_in_words};
+pub use stepped_sine::{KeptAmplitude, PointStart, SteppedSine, TrackedResonance, kept_in_words};
 pub use transient::{FreeVibration, Playback};
 
 /// A campaign, read and checked.
@@ -137,10 +137,10 @@ impl Campaign {
     }
 }
 
-type Parts = (String, RigSettings, Telemetry, Plan, Vec<CampaignSetUp>, Vec<Experiment>, Option<SetUpFile>);
+type CampaignParts = (String, RigSettings, Telemetry, Plan, Vec<CampaignSetUp>, Vec<Experiment>, Option<SetUpFile>);
 
 /// Reads all parts; `None` only after a problem has been reported.
-fn parts(root: &Section) -> Option<Parts> {
+fn parts(root: &Section) -> Option<CampaignParts> {
     let name = name(root);
     let rig = rig::read_rig(root);
     let telemetry = rig::read_telemetry(root);

@@ -9,13 +9,13 @@ use damprig_motion::placed_motion::PlacedStructure;
 use damprig_structures::Modes;
 
 use super::keys::campaign;
-use crate::input::key::Quantity;
+use crate::input::key::KeyedQuantity;
 use crate::input::{Problem, Section};
 use crate::setup::DamperPlaces;
 use crate::structure::{Described, Places, at_place, check_participation, description, read_structure};
 
 /// The keys that describe it, one of which it has.
-const DESCRIPTIONS: [&Quantity; 3] = [&description::STOREYS, &description::BEAM, &description::MODES];
+const DESCRIPTIONS: [&KeyedQuantity; 3] = [&description::STOREYS, &description::BEAM, &description::MODES];
 
 /// The plant of a campaign, whose places are still being collected.
 pub(super) struct Plant {

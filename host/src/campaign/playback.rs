@@ -15,7 +15,7 @@ use damprig_core::io::TICK_HZ;
 use super::keys::{MIN_RATE_HZ, playback as playback_keys};
 use super::transient::{Origin, Playback, kept_record, two_digits_down};
 use crate::input::{Number, Section, Span};
-use crate::motion_record::{Motion, Noise, Quantity, RECORD_FILE, RECORD_SCALE, Record, read_motion};
+use crate::motion_record::{GivenMotion, Noise, RECORD_FILE, RECORD_SCALE, Record, RecordQuantity, read_motion};
 
 /// Reads a playback; `number` is that of its `[[experiment]]`, from 1.
 pub(super) fn read(section: &Section, number: usize) -> Option<Playback> {
@@ -34,8 +34,8 @@ pub(super) fn read(section: &Section, number: usize) -> Option<Playback> {
     let ends = Ends::read(section);
     let motion = read_motion(section, &find)?;
     match motion {
-        Motion::Recorded(record) => recorded(section, record, target, baseline, wanted_rate, ends?),
-        Motion::Noise(noise) => generated(section, &noise, &target?, wanted_rate, ends?),
+        GivenMotion::Recorded(record) => recorded(section, record, target, baseline, wanted_rate, ends?),
+        GivenMotion::Noise(noise) => generated(section, &noise, &target?, wanted_rate, ends?),
     }
 }
 
@@ -88,7 +88,7 @@ fn recorded(
         None if section.is_given(&RECORD_SCALE) => ("scale", section.span_of("scale")),
         None => ("file", file.clone()),
     };
-    let is_linear = baseline.map_or(record.quantity == Quantity::Acceleration, |word| word == 1);
+    let is_linear = baseline.map_or(record.quantity == RecordQuantity::Acceleration, |word| word == 1);
     let rate_hz = wanted_rate.as_ref().map(|n| n.value).unwrap_or((1.0 / record.step_s).min(f64::from(TICK_HZ)));
     let count = (record.duration_s() * rate_hz * (1.0 + 1e-9)).floor() + 1.0;
     if rate_hz < MIN_RATE_HZ {
@@ -205,13 +205,13 @@ fn displacements(record: &Record, rate_hz: f64, is_linear: bool) -> (Vec<f64>, S
     let before_m = samples.iter().fold(0.0f64, |most, z| most.max(z.abs()));
     let seconds = record.duration_s();
     let (quantity, line) = match record.quantity {
-        Quantity::Acceleration => {
+        RecordQuantity::Acceleration => {
             let (v, z) = end_of(record);
             // c0 T + c1 T²/2 = v,  c0 T²/2 + c1 T³/6 = z
             let c1 = (6.0 * v * seconds - 12.0 * z) / seconds.powi(3);
             ("acceleration", [v / seconds - 0.5 * c1 * seconds, c1])
         }
-        Quantity::Displacement => {
+        RecordQuantity::Displacement => {
             let (first, end) = (record.samples[0], record.samples[last + 1]);
             ("displacement", [first, (end - first) / seconds])
         }
@@ -223,8 +223,8 @@ fn displacements(record: &Record, rate_hz: f64, is_linear: bool) -> (Vec<f64>, S
     for (n, z) in samples.iter_mut().enumerate() {
         let t = n as f64 / rate_hz;
         *z -= match record.quantity {
-            Quantity::Acceleration => t * t * (0.5 * line[0] + t / 6.0 * line[1]),
-            Quantity::Displacement => line[0] + t * line[1],
+            RecordQuantity::Acceleration => t * t * (0.5 * line[0] + t / 6.0 * line[1]),
+            RecordQuantity::Displacement => line[0] + t * line[1],
         };
     }
     let unit = if quantity == "acceleration" { "m/s²" } else { "m" };

@@ -10,9 +10,9 @@ use toml::de::DeTable;
 use super::keys::{campaign, set_up};
 use super::plant::{Plant, SetUpPlant};
 use super::transient::two_digits_down;
-use crate::input::locate::Step::Key;
+use crate::input::locate::PathStep::Key;
 use crate::input::{Problem, Section, Source, Span};
-use crate::setup::{self, BaseAmplitude, Carrier, DamperPlaces, PARTS, SetUpSpec, Shared, SpringSpec};
+use crate::setup::{self, BaseAmplitude, Carrier, DamperPlaces, PARTS, SetUpSpec, SharedKeys, SpringSpec};
 
 const FORCE_AMPLITUDE: &str = set_up::BASE_AMPLITUDE.keys[1].name;
 
@@ -178,7 +178,7 @@ pub(super) fn read_all<'a>(
     file: Option<&DeTable<'a>>,
     mut plant: Option<&mut Plant>,
 ) -> Option<Vec<CampaignSetUp>> {
-    let shared = Shared::of(root, file);
+    let shared = SharedKeys::of(root, file);
     let sections = root.tables_of(&campaign::SET_UP);
     if sections.is_empty() && root.source().is_clean() {
         let is_case = root.source().locate(&[Key("run")]).is_some();
@@ -214,7 +214,7 @@ pub(super) fn read_all<'a>(
 
 fn read<'a>(
     section: &Section<'a>,
-    shared: &'a Shared<'a>,
+    shared: &'a SharedKeys<'a>,
     plant: Option<&mut Plant>,
 ) -> Option<(CampaignSetUp, DamperPlaces)> {
     let name = section.text_of(&set_up::NAME);

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 /// The shapes of a pulse of height Z and length T.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Shape {
+pub enum PulseShape {
     /// z = Z sin(πt/T): its corners at zero are rounded over one sample by the record.
     HalfSine,
     /// z = Z/2 (1 − cos 2πt/T), the versed sine of the source document; also called haversine.
@@ -16,7 +16,7 @@ pub enum Shape {
     },
 }
 
-impl Shape {
+impl PulseShape {
     /// Names in a campaign.
     pub const WORDS: [&'static str; 4] = ["half_sine", "versine", "haversine", "rectangle"];
 
@@ -43,13 +43,13 @@ mod tests {
 
     #[test]
     fn every_shape_begins_and_ends_at_zero_and_reaches_its_height() {
-        for shape in [Shape::HalfSine, Shape::Versine, Shape::Rectangle { ramp_s: 0.05 }] {
+        for shape in [PulseShape::HalfSine, PulseShape::Versine, PulseShape::Rectangle { ramp_s: 0.05 }] {
             assert!(shape.at(0.0, 0.4).abs() < 1e-15 && shape.at(0.4, 0.4).abs() < 1e-15, "{shape:?}");
             assert!((shape.at(0.2, 0.4) - 1.0).abs() < 1e-15, "{shape:?}");
             assert_eq!((shape.at(-1e-9, 0.4), shape.at(0.401, 0.4)), (0.0, 0.0));
         }
-        assert!((Shape::Rectangle { ramp_s: 0.05 }.at(0.025, 0.4) - 0.5).abs() < 1e-15);
-        assert!((Shape::HalfSine.at(0.1, 0.4) - 0.5f64.sqrt()).abs() < 1e-15);
-        assert!((Shape::Versine.at(0.1, 0.4) - 0.5).abs() < 1e-15);
+        assert!((PulseShape::Rectangle { ramp_s: 0.05 }.at(0.025, 0.4) - 0.5).abs() < 1e-15);
+        assert!((PulseShape::HalfSine.at(0.1, 0.4) - 0.5f64.sqrt()).abs() < 1e-15);
+        assert!((PulseShape::Versine.at(0.1, 0.4) - 0.5).abs() < 1e-15);
     }
 }

@@ -11,7 +11,7 @@ use damprig_protocol::upload::checksum;
 use super::RigSettings;
 use super::keys::{MIN_RATE_HZ, free_vibration as free_keys, impulse as impulse_keys};
 use super::playback::{Ends, sound};
-use super::shape::Shape;
+use super::shape::PulseShape;
 use crate::input::{Number, Section, Span};
 
 /// Subfolder of a run folder with copies of the records of its campaign.
@@ -155,9 +155,9 @@ pub(super) fn impulse(section: &Section) -> Option<Playback> {
     let (shape, amplitude, duration, ends) = (shape?, amplitude?, duration?, ends?);
     let seconds = duration.value;
     let shape = match shape {
-        0 => Shape::HalfSine,
-        3 => Shape::Rectangle { ramp_s: rise_of(section, rise.as_ref(), seconds)? },
-        _ => Shape::Versine,
+        0 => PulseShape::HalfSine,
+        3 => PulseShape::Rectangle { ramp_s: rise_of(section, rise.as_ref(), seconds)? },
+        _ => PulseShape::Versine,
     };
     let most_hz = (MAX_SAMPLES - 1) as f64 / seconds;
     if most_hz < MIN_RATE_HZ {
@@ -202,11 +202,11 @@ pub(super) fn impulse(section: &Section) -> Option<Playback> {
 /// Fewest samples in a pulse.
 const MIN_SAMPLES: f64 = 10.0;
 
-fn words(shape: Shape) -> &'static str {
+fn words(shape: PulseShape) -> &'static str {
     match shape {
-        Shape::HalfSine => "half sine",
-        Shape::Versine => "versine",
-        Shape::Rectangle { .. } => "rectangle",
+        PulseShape::HalfSine => "half sine",
+        PulseShape::Versine => "versine",
+        PulseShape::Rectangle { .. } => "rectangle",
     }
 }
 

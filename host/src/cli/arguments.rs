@@ -10,7 +10,7 @@ use crate::client::link::{Address, Speed};
 use crate::failure::{Failure, Outcome};
 use crate::settings::read_board;
 use crate::signal_file::unit::Unit;
-use crate::signal_file::{Calibration, Selector, Sensitivity, Stated};
+use crate::signal_file::{Calibration, Selector, SensorSensitivity, StatedSignal};
 use crate::simulation::SetValues;
 use crate::storage::out_file::{EXISTS, OutFile};
 
@@ -155,7 +155,7 @@ pub struct StatedArgs {
 
     /// Sensitivity of the sensor, if the values are its voltage: "100 mV/g", "10.2 mV/(m/s2)", "2.5 V/mm"
     #[arg(long, value_name = "VOLTAGE/UNIT")]
-    sensitivity: Option<Sensitivity>,
+    sensitivity: Option<SensorSensitivity>,
 
     /// Recording of a calibrator on the same channel and gain, if the values are shares of full scale (WAV) or a voltage
     #[arg(long, value_name = "FILE", requires = "calibration_rms", conflicts_with_all = ["unit", "sensitivity"])]
@@ -176,10 +176,10 @@ impl StatedArgs {
     ///
     /// # Errors
     /// A recording of a calibrator that cannot be used.
-    pub(super) fn stated(&self) -> Result<Stated, Failure> {
+    pub(super) fn stated(&self) -> Result<StatedSignal, Failure> {
         let given = self.calibration.as_ref().zip(self.calibration_rms.as_ref());
         let calibration = given.map(|(file, rms)| Calibration::of(&Selector::of(file), rms)).transpose()?;
-        Ok(Stated { unit: self.unit, sensitivity: self.sensitivity, calibration })
+        Ok(StatedSignal { unit: self.unit, sensitivity: self.sensitivity, calibration })
     }
 }
 

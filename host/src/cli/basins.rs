@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 
 use super::arguments::{ForceArg, QuietArg, SetArg};
 use super::ctrl_c::CtrlC;
@@ -21,9 +21,9 @@ use crate::study::basins::{self, Grid, LEAST_CYCLES, MAX_PERIODS};
 use crate::study::bifurcation::SweepAxis;
 
 /// Draws basins of attraction: which motion each start of a grid ends on.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct BasinsArgs {
     /// Case file (TOML or JSON) with a sine, or the name of a shipped one (`damprig examples`)
     #[arg(value_name = "CASE")]
     case: PathBuf,
@@ -71,7 +71,7 @@ const TOLD: usize = 12;
 ///
 /// # Errors
 /// Bad input, an unwritable file, an interrupted run.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &BasinsArgs) -> Outcome {
     args.quiet.apply();
     let Ok(axes) = <[SweepAxis; 2]>::try_from(args.axis.clone()) else {
         let words = format!("--axis is given {} times: a map has two axes", args.axis.len());

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args as ClapArgs, ValueEnum};
+use clap::{Args, ValueEnum};
 
 use super::arguments::{ForceArg, QuietArg, SetArg};
 use super::ctrl_c::CtrlC;
@@ -19,9 +19,9 @@ use crate::storage::create_folder;
 use crate::study::bifurcation::{self, Direction, Sweep, SweepAxis};
 
 /// Draws a bifurcation diagram: sweeps a key of a case up and down.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct BifurcationArgs {
     /// Case file (TOML or JSON) with a sine, or the name of a shipped one (`damprig examples`)
     #[arg(value_name = "CASE")]
     case: PathBuf,
@@ -91,7 +91,7 @@ enum DirectionArg {
 ///
 /// # Errors
 /// Bad input, an unwritable file, an interrupted run.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &BifurcationArgs) -> Outcome {
     args.quiet.apply();
     let sweep = Sweep {
         key: args.axis.key.clone(),

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 use damprig_core::settings::Settings;
 use damprig_protocol::{PlantKind, Request};
 
@@ -13,13 +13,13 @@ use super::calibrate_operator::Person;
 use super::consent::ConsentArg;
 use super::ctrl_c::CtrlC;
 use crate::calibrate::fit::MIN_POINTS;
-use crate::calibrate::guide::{self, Operator, Plan};
-use crate::calibrate::readings::{self, Kept};
-use crate::calibrate::record::{Record, Validity};
+use crate::calibrate::guide::{self, CalibrationPlan, Operator};
+use crate::calibrate::readings::{self, KeptFile};
+use crate::calibrate::record::{CalibrationRecord, Validity};
 use crate::calibrate::rehearsal::{SimulatedOperator, Truth};
 use crate::calibrate::rig::CalibratedRig;
 use crate::calibrate::solve::solve;
-use crate::calibrate::{Channel, Point};
+use crate::calibrate::{CalibrationPoint, Channel};
 use crate::client::link::Address;
 use crate::client::session::Session;
 use crate::failure::{Failure, Outcome};
@@ -33,9 +33,9 @@ use crate::storage::out_file::{to_failure, write_new};
 ///
 /// Nothing on the board changes without --save. Every reading is kept in a file at once; Ctrl-C leaves the board as it was.
 /// docs/LAB_GUIDE.md has the sequence of all channels.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct CalibrateArgs {
     /// x, z (displacement sensors), match (x and z on one target), spring (force sensor), walls, drive, or friction-spring
     /// (stiffness)
     #[arg(value_name = "CHANNEL")]
@@ -139,7 +139,7 @@ Exit codes:
 ///
 /// # Errors
 /// Wrong input, a failed rig, readings that give no scale.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &CalibrateArgs) -> Outcome {
     if args.rehearse.is_some() && !matches!(args.rig, None | Some(Rig::At(Address::Virtual { .. }))) {
         let message = "--rehearse: it needs --rig virtual or virtual:BOARD.toml; leave out --rig";
         return Err(Failure::Input(message.into()));
@@ -153,7 +153,7 @@ pub fn run(args: &Args) -> Outcome {
     }
 }
 
-impl Args {
+impl CalibrateArgs {
     fn validity(&self) -> Validity {
         let date_days = self.date.map_or_else(host_time::today_days, host_time::days);
         Validity { date_days, valid_days: self.valid_days as f32 }
@@ -174,9 +174,14 @@ impl Args {
     }
 
     /// The record of points, printed and written.
-    fn record(&self, taken_from: String, points: Vec<Point>, old: &Settings) -> Result<Record, Failure> {
+    fn record(
+        &self,
+        taken_from: String,
+        points: Vec<CalibrationPoint>,
+        old: &Settings,
+    ) -> Result<CalibrationRecord, Failure> {
         let solved = solve(self.channel, &points, old, self.reversed)?;
-        Record::new(self.channel, taken_from, points, solved, old, self.validity())
+        CalibrationRecord::new(self.channel, taken_from, points, solved, old, self.validity())
     }
 
     /// The references of the command line.
@@ -201,7 +206,7 @@ impl Args {
 }
 
 /// Fits the points of a file.
-fn from_file(args: &Args, file: &std::path::Path) -> Outcome {
+fn from_file(args: &CalibrateArgs, file: &std::path::Path) -> Outcome {
     let mut session = (args.rig.is_some() || args.save).then(|| args.session()).transpose()?;
     let settings = match (&session, &args.settings) {
         (Some(session), _) => session.settings,
@@ -221,7 +226,7 @@ fn from_file(args: &Args, file: &std::path::Path) -> Outcome {
 }
 
 /// Measures on a rig and fits what was measured.
-fn guided(args: &Args) -> Outcome {
+fn guided(args: &CalibrateArgs) -> Outcome {
     let mut session = args.session()?;
     if session.description.plant != PlantKind::Real && args.rehearse.is_none() {
         let message = format!(
@@ -231,7 +236,7 @@ fn guided(args: &Args) -> Outcome {
         );
         return Err(Failure::Input(message));
     }
-    let plan = Plan {
+    let plan = CalibrationPlan {
         channel: args.channel,
         references: args.references(&session.settings)?,
         measure_s: args.measure_s,
@@ -243,13 +248,13 @@ fn guided(args: &Args) -> Outcome {
 }
 
 /// Calibrates the rig of an open session.
-fn on_the_rig(args: &Args, plan: &Plan, session: &mut Session) -> Outcome {
+fn on_the_rig(args: &CalibrateArgs, plan: &CalibrationPlan, session: &mut Session) -> Outcome {
     let settings = session.settings;
     let ctrl_c = CtrlC::watch()?;
     let stamp = host_time::now().strftime("%Y%m%d-%H%M%S");
     let kept = match &args.keep {
-        Some(path) => Kept::create(path.clone(), args.channel).map_err(Failure::input)?,
-        None => Kept::create_new(&format!("calibrate-{}-{stamp}", args.channel), args.channel)?,
+        Some(path) => KeptFile::create(path.clone(), args.channel).map_err(Failure::input)?,
+        None => KeptFile::create_new(&format!("calibrate-{}-{stamp}", args.channel), args.channel)?,
     };
     let name = session.name().to_string();
     let mut rig = CalibratedRig::new(session, ctrl_c.flag())?;
@@ -276,7 +281,7 @@ fn on_the_rig(args: &Args, plan: &Plan, session: &mut Session) -> Outcome {
     print(args, &record)
 }
 
-fn print(args: &Args, record: &Record) -> Outcome {
+fn print(args: &CalibrateArgs, record: &CalibrationRecord) -> Outcome {
     args.json.print(record)?;
     say!("{}", calibration::text(record));
     if !args.save {
@@ -288,14 +293,14 @@ fn print(args: &Args, record: &Record) -> Outcome {
     Ok(())
 }
 
-fn write(args: &Args, record: &Record) -> Outcome {
+fn write(args: &CalibrateArgs, record: &CalibrationRecord) -> Outcome {
     let Some(path) = &args.out else { return Ok(()) };
     let failed = to_failure(path);
     write_new(&args.force.file(path), |file| file.write_all(record.to_toml().as_bytes()).map_err(|e| failed(&e)))
 }
 
 /// Refuses to save points that do not belong together, and shows them.
-fn may_save(args: &Args, record: &Record) -> Outcome {
+fn may_save(args: &CalibrateArgs, record: &CalibrationRecord) -> Outcome {
     if record.outliers.is_empty() || args.accept_outliers {
         return Ok(());
     }
@@ -309,7 +314,7 @@ fn may_save(args: &Args, record: &Record) -> Outcome {
 }
 
 /// Uses the new settings and saves them.
-fn save(session: &mut Session, record: &Record) -> Outcome {
+fn save(session: &mut Session, record: &CalibrationRecord) -> Outcome {
     session.execute("use the settings", Request::SetSettings(*record.settings()))?;
     session.execute("save its settings", Request::SaveSettings)?;
     warn!("saved on {}", session.name());
@@ -320,7 +325,7 @@ fn save(session: &mut Session, record: &Record) -> Outcome {
 }
 
 /// The failure with where the readings are. Readings of the rig that cannot be used are a failure of the rig.
-fn with_kept(error: Failure, channel: Channel, kept: &Kept) -> Failure {
+fn with_kept(error: Failure, channel: Channel, kept: &KeptFile) -> Failure {
     let error = match error {
         Failure::Input(text) => Failure::Failed(text),
         Failure::Interrupted(text) => Failure::Interrupted(format!("{text}\n  the board has its settings of before")),

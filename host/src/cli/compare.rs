@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use clap::Args as ClapArgs;
+use clap::Args;
 
 use super::arguments::{ForceArg, JsonArg, positive};
 use super::ctrl_c::CtrlC;
 use super::progress::bar;
 use crate::campaign::Campaign;
-use crate::compare::{Comparison, Options, compare};
+use crate::compare::{CompareOptions, Comparison, compare};
 use crate::failure::{Failure, Outcome};
 use crate::report::exports::comparison::write_csv;
 use crate::report::figures::force_surface;
@@ -28,9 +28,9 @@ use crate::storage::out_file::{to_failure, write_new};
 ///
 /// Each point is simulated over the same ticks, on the run's own measured base motion and on the ideal one. For the measured one the run
 /// needs z at every tick: in [telemetry] rate_hz = 1000, with "x" and "z" in signals. docs/COMPARE.md describes the method.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct CompareArgs {
     /// Run folder, its name, or the short id at the end of the name
     #[arg(value_name = "RUN")]
     run: PathBuf,
@@ -79,7 +79,7 @@ const FILES: [&str; 3] = ["comparison.html", "comparison.csv", "comparison.json"
 ///
 /// # Errors
 /// No such run, a damaged run, a wrong campaign, an unwritable file, an interruption.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &CompareArgs) -> Outcome {
     let path = find(&args.run)?;
     if let Some(out) = &args.out {
         check_target(out, args.force)?;
@@ -119,7 +119,7 @@ fn compared(
 ) -> Result<Comparison, Failure> {
     let ctrl_c = CtrlC::watch()?;
     let done = AtomicUsize::new(0);
-    let options = Options { scale_uncertainty, done: &done, stop: ctrl_c.flag() };
+    let options = CompareOptions { scale_uncertainty, done: &done, stop: ctrl_c.flag() };
     let points = run.manifest().points_taken as u64;
     let bar = bar(points);
     bar.set_message("simulating");

@@ -1,12 +1,12 @@
 //! `--accept-settings`: the consent to go on although settings that somebody saved on the board do not act.
 
-use clap::Args as ClapArgs;
+use clap::Args;
 
 use crate::client::session::Session;
 use crate::failure::{Failure, Outcome};
 
 /// The flag.
-#[derive(Clone, Copy, Debug, ClapArgs)]
+#[derive(Clone, Copy, Debug, Args)]
 pub(super) struct ConsentArg {
     /// Go on although the settings saved on the board do not act (damaged, of another layout, perhaps not the last): the settings
     /// in use act instead, and their limits may be looser

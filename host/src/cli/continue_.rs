@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args as ClapArgs;
+use clap::Args;
 
 use super::arguments::{ForceArg, JsonArg};
 use super::ctrl_c::CtrlC;
@@ -24,9 +24,9 @@ use crate::storage::out_file::OutFile;
 /// grazings.
 ///
 /// docs/CONTINUE.md describes the file, the method, its errors and limits.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct ContinueArgs {
     /// Continuation file (TOML), or the name of a shipped one (`damprig examples`)
     #[arg(value_name = "FILE")]
     file: PathBuf,
@@ -69,7 +69,7 @@ Exit codes:
 ///
 /// # Errors
 /// Bad input, no orbit to start from, an unwritable file.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &ContinueArgs) -> Outcome {
     let input = examples::find(FileKind::Continuation, &args.file)?;
     let continuation = Continuation::read(&input)?;
     if args.plot_curves.is_some() && continuation.keys().1.is_none() {

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 use comfy_table::Table;
 use serde_json::{Value, json};
 
@@ -13,9 +13,9 @@ use crate::failure::{Failure, Outcome};
 use crate::report::terminal::plain_table;
 
 /// Lists the serial ports and the boards connected to them, or the board at one address.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct DevicesArgs {
     /// Query this rig alone: serial:PATH, tcp:HOST:PORT, auto (the only connected board), virtual or virtual:BOARD.toml. Nothing
     /// moves
     #[arg(long, value_name = "RIG", conflicts_with = "all")]
@@ -53,7 +53,7 @@ Exit codes:
 ///
 /// # Errors
 /// The system cannot list its ports; nothing answers at the address of `--rig`.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &DevicesArgs) -> Outcome {
     let timeout = Duration::from_secs_f64(args.timeout);
     let found: Vec<(Address, Option<Usb>, PortAnswer)> = if let Some(rig) = &args.rig {
         let address = rig.find()?;

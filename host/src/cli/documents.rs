@@ -1,7 +1,7 @@
 //! `damprig completions` and `damprig man`: shell completions and manual pages, made from the definition of the command line.
 //! `damprig schema` and `damprig keys`: JSON Schemas and the key reference, made from the declarations of the keys.
 
-use clap::Args as ClapArgs;
+use clap::Args;
 use clap::Command;
 use clap_complete::Shell;
 use clap_mangen::Man;
@@ -10,7 +10,7 @@ use crate::failure::{Failure, Outcome};
 use crate::file_keys::{FileKind, reference, schema, typed_dicts};
 
 /// Prints the completions of a shell, for its completion folder or start-up file.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = COMPLETIONS_HELP)]
 pub struct Completions {
     /// Shell
@@ -25,7 +25,7 @@ Examples:
   damprig completions fish > ~/.config/fish/completions/damprig.fish";
 
 /// Prints the manual page of damprig or of one of its commands (roff).
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = MAN_HELP)]
 pub struct ManualPage {
     /// Command, with its subcommand if it has any; damprig itself without one
@@ -44,7 +44,7 @@ Examples:
   damprig man --markdown > docs/COMMANDS.md";
 
 /// Prints the JSON Schema of a kind of file, with which an editor completes and checks it.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = SCHEMA_HELP)]
 pub struct Schema {
     /// Kind of file
@@ -61,8 +61,8 @@ first line is
   #:schema campaign.schema.json";
 
 /// Prints all keys of campaigns, cases, set-up files, studies and optimisations, with unit, range, default and meaning (Markdown).
-#[derive(Debug, ClapArgs)]
-pub struct Keys {
+#[derive(Debug, Args)]
+pub struct KeysArgs {
     /// Print them as types of Python, the module damprig.keys of the Python package
     #[arg(long)]
     python: bool,
@@ -81,7 +81,7 @@ pub fn schema(args: &Schema) -> Outcome {
 ///
 /// # Errors
 /// None.
-pub fn keys(args: &Keys) -> Outcome {
+pub fn keys(args: &KeysArgs) -> Outcome {
     let text = if args.python { typed_dicts::module() } else { reference::reference() };
     say!("{}", text.trim_end());
     Ok(())

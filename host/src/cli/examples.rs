@@ -4,7 +4,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use clap::Args as ClapArgs;
+use clap::Args;
 use serde::Serialize;
 
 use super::arguments::{ForceArg, JsonArg};
@@ -17,9 +17,9 @@ use crate::storage::create_folder;
 use crate::storage::out_file::{to_failure, write_new};
 
 /// Lists the example files that come with damprig, or copies one of them here.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct ExamplesArgs {
     /// Example to copy into this folder, with the files that it names; all are listed without one
     #[arg(value_name = "NAME")]
     name: Option<String>,
@@ -142,7 +142,7 @@ fn no_example(wanted: &str, kind: Option<FileKind>) -> String {
 ///
 /// # Errors
 /// No such example, a file that exists or cannot be written.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &ExamplesArgs) -> Outcome {
     match &args.name {
         None => list(args.json),
         Some(name) => copy(name, args.json, args.force),

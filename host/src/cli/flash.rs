@@ -4,12 +4,12 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use clap::Args as ClapArgs;
+use clap::Args;
 use damprig_protocol::{ClockSource, Counters, Reset};
 
 use super::arguments::{ForceArg, Rig};
 use crate::board::BOARD;
-use crate::board::drive::{Drive, NoDrive};
+use crate::board::drive::{MountedDrive, NoDrive};
 use crate::board::hex::to_hex;
 use crate::board::image::{Image, find};
 use crate::client::backup::{Backup, Restored};
@@ -30,8 +30,8 @@ use crate::storage::out_file::{OutFile, to_failure, write_new};
 ///
 /// The reset opens the drive's relay, so let the rig come to rest first. Settings that the board does not have afterwards are restored
 /// from the file.
-#[derive(Debug, ClapArgs)]
-pub struct Args {
+#[derive(Debug, Args)]
+pub struct FlashArgs {
     /// Firmware image (ELF) [default: firmware/target/images/nucleo-g474re.elf, here or in a parent folder, else the installed one]
     #[arg(value_name = "IMAGE")]
     image: Option<PathBuf>,
@@ -70,22 +70,22 @@ pub struct Args {
 }
 
 /// What writes the image.
-enum Way {
-    Drive(Drive),
+enum ImageWriter {
+    Drive(MountedDrive),
     #[cfg(feature = "probe")]
     Probe(super::flash_probe::Candidate),
 }
 
-impl Way {
+impl ImageWriter {
     /// Finds it. Touches no board.
     #[cfg(not(feature = "probe"))]
-    fn find(args: &Args) -> Result<Self, Failure> {
+    fn find(args: &FlashArgs) -> Result<Self, Failure> {
         drive(args.drive.as_deref()).map(Self::Drive)
     }
 
     /// Finds it. Touches no board.
     #[cfg(feature = "probe")]
-    fn find(args: &Args) -> Result<Self, Failure> {
+    fn find(args: &FlashArgs) -> Result<Self, Failure> {
         match &args.drive {
             Some(folder) => drive(Some(folder)).map(Self::Drive),
             None => super::flash_probe::choose(args.probe.as_ref()).map(Self::Probe),
@@ -130,10 +130,10 @@ impl Way {
     }
 }
 
-fn drive(folder: Option<&Path>) -> Result<Drive, Failure> {
+fn drive(folder: Option<&Path>) -> Result<MountedDrive, Failure> {
     match folder {
-        Some(folder) => Drive::at(folder).map_err(Failure::Input),
-        None => Drive::find().map_err(|none| match none {
+        Some(folder) => MountedDrive::at(folder).map_err(Failure::Input),
+        None => MountedDrive::find().map_err(|none| match none {
             NoDrive::Missing(why) => Failure::Failed(why),
             NoDrive::Ambiguous(why) => Failure::Input(why),
         }),
@@ -159,13 +159,13 @@ pub(super) fn image(given: Option<&Path>) -> Result<Image, Failure> {
 ///
 /// # Errors
 /// An invalid image; no drive or probe, several of them; an image that is not written; a board that does not restart with it.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &FlashArgs) -> Outcome {
     [&args.hex, &args.backup].into_iter().flatten().try_for_each(|file| args.force.check(file))?;
     let image = image(args.image.as_deref())?;
     if let Some(file) = &args.hex {
         return write_hex(&image, &args.force.file(file));
     }
-    let way = Way::find(args)?;
+    let way = ImageWriter::find(args)?;
     let kept = if args.without_backup { None } else { Some(keep_settings(args, &way)?) };
     let begun = Instant::now();
     let earlier_refusal = way.refusal();
@@ -197,7 +197,7 @@ fn write_hex(image: &Image, out: &OutFile) -> Outcome {
 }
 
 /// Keeps the settings of the board in a file before anything is written.
-fn keep_settings(args: &Args, way: &Way) -> Result<(PathBuf, Backup), Failure> {
+fn keep_settings(args: &FlashArgs, way: &ImageWriter) -> Result<(PathBuf, Backup), Failure> {
     let kept = address(&args.rig, way).and_then(|address| Backup::before_update(&address, Duration::from_secs(2)));
     let backup = kept.map_err(|why| {
         Failure::Failed(format!(
@@ -246,7 +246,12 @@ fn is_own(image: &Image, session: &Session) -> bool {
 }
 
 /// Connects to the board when it has restarted: until then the old firmware may answer. `begun` is when writing began.
-fn connect(args: &Args, way: &Way, begun: Instant, earlier_refusal: Option<String>) -> Result<Session, Failure> {
+fn connect(
+    args: &FlashArgs,
+    way: &ImageWriter,
+    begun: Instant,
+    earlier_refusal: Option<String>,
+) -> Result<Session, Failure> {
     let end = Instant::now() + Duration::from_secs_f64(args.timeout);
     loop {
         let answer = address(&args.rig, way)
@@ -288,7 +293,7 @@ fn restarted(mut session: Session, begun: Instant) -> Result<Session, String> {
 }
 
 /// Address of the board: the serial port with the ST-LINK's serial number, else the only board.
-fn address(rig: &Rig, way: &Way) -> Result<Address, String> {
+fn address(rig: &Rig, way: &ImageWriter) -> Result<Address, String> {
     let Rig::At(address) = rig else {
         let ports = ports()?;
         let number = way.serial_number();

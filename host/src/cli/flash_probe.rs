@@ -3,18 +3,18 @@
 use std::cell::RefCell;
 use std::path::PathBuf;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 use indicatif::ProgressBar;
 use probe_rs::flashing::{ProgressEvent, ProgressOperation};
 pub(super) use probe_rs::probe::DebugProbeSelector as Selector;
 
 use crate::board::image::Image;
-use crate::board::probe::{Attached, NoProbe, candidates};
+use crate::board::probe::{AttachedProbe, NoProbe, candidates};
 pub(super) use crate::board::probe::{Candidate, selector};
 use crate::failure::{Failure, Outcome};
 
 /// Which image and which probe, as `damprig log` takes them.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 pub(super) struct ImageAndProbe {
     /// Firmware image [default: firmware/target/images/nucleo-g474re.elf, here or in a parent folder, else the installed one]
     #[arg(value_name = "IMAGE")]
@@ -46,9 +46,9 @@ impl ImageAndProbe {
     ///
     /// # Errors
     /// No probe, several probes, or no chip.
-    pub(super) fn attach(&self) -> Result<(Candidate, Attached), Failure> {
+    pub(super) fn attach(&self) -> Result<(Candidate, AttachedProbe), Failure> {
         let probe = self.choose()?;
-        let attached = Attached::to(&probe).map_err(Failure::Failed)?;
+        let attached = AttachedProbe::to(&probe).map_err(Failure::Failed)?;
         Ok((probe, attached))
     }
 }
@@ -69,7 +69,7 @@ pub(super) fn choose(wanted: Option<&Selector>) -> Result<Candidate, Failure> {
 /// # Errors
 /// No chip; a flash error.
 pub(super) fn write(probe: &Candidate, image: &Image) -> Outcome {
-    let mut attached = Attached::to(probe).map_err(Failure::Failed)?;
+    let mut attached = AttachedProbe::to(probe).map_err(Failure::Failed)?;
     let bars = RefCell::new(Bars::default());
     attached.write(image, |event| bars.borrow_mut().show(event)).map_err(Failure::Failed)?;
     attached.reset().map_err(Failure::Failed)

@@ -4,7 +4,7 @@ use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command as Process, Stdio};
 
-use clap::Args as ClapArgs;
+use clap::Args;
 use clap::Command;
 use clap::error::ErrorKind;
 
@@ -16,9 +16,9 @@ use crate::manual::{self, PAGES, Page, SearchResult};
 ///
 /// Commands go first: `damprig help run` is the help of the command; its last lines name pages of the manual. Any other word is looked for
 /// in the whole manual: names of pages, titles, headings, texts.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct HelpArgs {
     /// A command, with its subcommand if it has any, or words of the manual; without any: all commands and pages
     #[arg(value_name = "COMMAND|TOPIC")]
     words: Vec<String>,
@@ -49,7 +49,7 @@ const WIDTH: usize = 100;
 ///
 /// # Errors
 /// Nothing has these words, or the page for the browser could not be written.
-pub fn run(args: &Args, command: Command) -> Outcome {
+pub fn run(args: &HelpArgs, command: Command) -> Outcome {
     let topic = args.words.join(" ");
     if args.web {
         return open_page(&topic);

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args as ClapArgs;
+use clap::Args;
 use serde_json::{Value, json};
 
 use super::arguments::{ForceArg, JsonArg};
@@ -13,15 +13,15 @@ use crate::input::regular;
 use crate::report::figures;
 use crate::report::numbers::significant;
 use crate::run_folder::RunFolder;
-use crate::signal_file::overview::{self, Overview, Places, SignalOverview};
-use crate::signal_file::unit::Kind;
+use crate::signal_file::overview::{self, Overview, OverviewAxis, SignalOverview};
+use crate::signal_file::unit::UnitKind;
 
 /// Say what is in a measured file: its signals, units, sample rates and gaps, and what could be done with it.
 ///
 /// The kind of the file follows from its content. A unit that the content does not state is not guessed.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct InspectArgs {
     /// CSV, UFF/UNV, AT2, CSMIP V2, COSMOS, WAV, MATLAB 5 or 7.3, HDF5 or Parquet file
     #[arg(value_name = "FILE")]
     file: PathBuf,
@@ -48,7 +48,7 @@ Where a command takes a signal, FILE#3 is the third one of a file, FILE#name the
 ///
 /// # Errors
 /// A file that cannot be read, a picture that exists or cannot be written.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &InspectArgs) -> Outcome {
     if let Some(path) = &args.plot {
         args.force.check(path)?;
     }
@@ -111,7 +111,7 @@ fn lines(number: usize, signal: &SignalOverview) -> Vec<String> {
     let mut lines = vec![format!("#{number} {}: {quantity}{complex}", signal.name)];
     let missing = if signal.missing > 0 { format!(", {} missing", signal.missing) } else { String::new() };
     lines.push(match &signal.places {
-        Places::Time { first_s, last_s, step_s, is_even } => {
+        OverviewAxis::Time { first_s, last_s, step_s, is_even } => {
             let even = if *is_even { "" } else { " on average" };
             format!(
                 "   {} values{missing} from {} s to {} s, {} Hz{even}",
@@ -121,7 +121,7 @@ fn lines(number: usize, signal: &SignalOverview) -> Vec<String> {
                 number_text(1.0 / step_s)
             )
         }
-        Places::Frequency { first_hz, last_hz } => {
+        OverviewAxis::Frequency { first_hz, last_hz } => {
             format!(
                 "   {} values{missing} from {} Hz to {} Hz",
                 signal.count,
@@ -129,7 +129,7 @@ fn lines(number: usize, signal: &SignalOverview) -> Vec<String> {
                 number_text(*last_hz)
             )
         }
-        Places::Unknown(why) => format!("   {} values{missing}; {why}", signal.count),
+        OverviewAxis::Unknown(why) => format!("   {} values{missing}; {why}", signal.count),
     });
     lines.push(format!(
         "   from {} to {}, mean {}, RMS about it {} {}",
@@ -151,16 +151,16 @@ fn as_json(overview: &Overview) -> Value {
 
 fn signal_json(signal: &SignalOverview) -> Value {
     let places = match &signal.places {
-        Places::Time { first_s, last_s, step_s, is_even } => {
+        OverviewAxis::Time { first_s, last_s, step_s, is_even } => {
             json!({ "first_s": first_s, "last_s": last_s, "step_s": step_s, "is_even": is_even })
         }
-        Places::Frequency { first_hz, last_hz } => json!({ "first_hz": first_hz, "last_hz": last_hz }),
-        Places::Unknown(why) => json!({ "unknown": why }),
+        OverviewAxis::Frequency { first_hz, last_hz } => json!({ "first_hz": first_hz, "last_hz": last_hz }),
+        OverviewAxis::Unknown(why) => json!({ "unknown": why }),
     };
     json!({
         "name": signal.name,
         "unit": signal.unit_text,
-        "quantity": signal.unit.map(|unit| unit.kind).map(Kind::text),
+        "quantity": signal.unit.map(|unit| unit.kind).map(UnitKind::text),
         "si_per_unit": signal.unit.map(|unit| unit.si),
         "places": places,
         "count": signal.count,

@@ -12,7 +12,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 
 use super::ctrl_c::CtrlC;
 use super::flash_probe::ImageAndProbe;
@@ -22,8 +22,8 @@ use crate::failure::{Failure, Outcome};
 /// Shows the log of the controller's firmware until Ctrl-C: level, source line and device time.
 ///
 /// Attaches without a reset or a halt, so a run continues. Needs the command `probe-rs` (`cargo install probe-rs-tools`).
-#[derive(Debug, ClapArgs)]
-pub struct Args {
+#[derive(Debug, Args)]
+pub struct LogArgs {
     #[command(flatten)]
     target: ImageAndProbe,
 
@@ -36,7 +36,7 @@ pub struct Args {
 ///
 /// # Errors
 /// An invalid image, or another than the board runs; no probe, several probes, no chip; no `probe-rs`.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &LogArgs) -> Outcome {
     let image = args.target.image()?;
     if args.check {
         let (_, mut attached) = args.target.attach()?;

@@ -95,55 +95,55 @@ Exit codes:
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Run a campaign and record it in a run folder
-    Run(run::Args),
+    Run(run::RunArgs),
     /// Show a rig or a run live, on a page in the browser
-    Monitor(monitor::Args),
+    Monitor(monitor::MonitorArgs),
     /// List serial ports and the boards connected to them
-    Devices(devices::Args),
+    Devices(devices::DevicesArgs),
     /// List, show, verify, report and export run folders
-    Runs(runs::Args),
+    Runs(runs::RunsArgs),
     /// Show, change, save and copy the settings of a board
-    Settings(settings::Args),
+    Settings(settings::SettingsArgs),
     /// Calibrate the sensors and the drive of a board, guided, or rehearse it
-    Calibrate(Box<calibrate::Args>),
+    Calibrate(Box<calibrate::CalibrateArgs>),
     /// Write a new campaign, case, study or optimisation, with comments
-    Init(init::Args),
+    Init(init::InitArgs),
     /// List the shipped campaigns, cases and studies, or copy one here
-    Examples(examples::Args),
+    Examples(examples::ExamplesArgs),
     /// Simulate cases exactly, event by event
-    Simulate(simulate::Args),
+    Simulate(simulate::SimulateArgs),
     /// Run a study: a case over many values of its keys; draw a bifurcation diagram
-    Study(study::Args),
+    Study(study::StudyArgs),
     /// Follow periodic orbits of a case over a parameter: stability, bifurcations, grazings
-    Continue(continue_::Args),
+    Continue(continue_::ContinueArgs),
     /// Optimise keys of a case over a band: the best values, and how sure they are
-    Optimise(optimise::Args),
+    Optimise(optimise::OptimiseArgs),
     /// Identify parameters of the rig from runs and tables, with their uncertainty
-    Identify(identify::Args),
+    Identify(identify::IdentifyArgs),
     /// Say what is in a measured file: signals, units, sample rates, gaps
-    Inspect(inspect::Args),
+    Inspect(inspect::InspectArgs),
     /// Compute response spectra of an acceleration record over period and damping ratio
-    Spectrum(spectrum::Args),
+    Spectrum(spectrum::SpectrumArgs),
     /// Compare a run with simulations of its set-ups, with uncertainties
-    Compare(compare::Args),
+    Compare(compare::CompareArgs),
     /// Print the JSON Schema of a kind of file, for editors
     Schema(documents::Schema),
     /// Print the keys of all files
-    Keys(documents::Keys),
+    Keys(documents::KeysArgs),
     /// Print the completions of a shell
     Completions(documents::Completions),
     /// Print the manual page of damprig or of one of its commands
     Man(documents::ManualPage),
     /// Print the help of a command or a page of the manual; without a topic, the list of all
-    Help(help::Args),
+    Help(help::HelpArgs),
     /// Flash the firmware of the controller board
-    Flash(flash::Args),
+    Flash(flash::FlashArgs),
     /// Show the firmware's log
     #[cfg(feature = "probe")]
-    Log(log::Args),
+    Log(log::LogArgs),
     /// Show the firmware's log (not in this build)
     #[cfg(not(feature = "probe"))]
-    Log(without_probe::Args),
+    Log(without_probe::WithoutProbeArgs),
 }
 
 /// Parses the command line and runs the subcommand.

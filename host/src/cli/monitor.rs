@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 
 use super::arguments::{Rig, SpeedArg, seconds};
 use super::ctrl_c::CtrlC;
@@ -21,7 +21,7 @@ use crate::run_folder::RunFolder;
 use crate::run_folder::read::folder::find;
 
 /// Where the page is served and who may control.
-#[derive(Clone, Debug, ClapArgs)]
+#[derive(Clone, Debug, Args)]
 pub(super) struct PageArgs {
     /// Address and port of the page; port 0 for any free port. An address other than 127.0.0.1 lets other machines watch
     /// [default: 127.0.0.1:8421, or a free port if that is in use]
@@ -115,9 +115,9 @@ fn host_name() -> String {
 /// With --rig an idle rig: displacements, forces, spring, sensors and counters as its controller measures them. With --run a
 /// run: one that is being recorded is followed, up to a second behind; one that is over is replayed. A run that this program
 /// starts itself is watched with `damprig run --monitor`.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct MonitorArgs {
     /// Rig: auto (the only connected board), serial:PATH, tcp:HOST:PORT, virtual:realtime, virtual:realtime,f32 (the board's
     /// precision), virtual:realtime,BOARD.toml or virtual:realtime,f32,BOARD.toml (with settings from a file, as written by
     /// `damprig settings export`)
@@ -166,7 +166,7 @@ Exit codes:
 ///
 /// # Errors
 /// A rig that does not answer, a folder without a run, an address in use.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &MonitorArgs) -> Outcome {
     check_terminal(args.tui)?;
     let ctrl_c = CtrlC::watch()?;
     match (&args.run, &args.rig) {
@@ -179,7 +179,7 @@ pub fn run(args: &Args) -> Outcome {
 /// What a page is told that shows a folder.
 const ABOUT_FOLDERS: &str = "This page shows a run folder; a run that is still going on is stopped where it runs.";
 
-fn watch_folder(args: &Args, wanted: &std::path::Path, stop: &Arc<AtomicBool>) -> Outcome {
+fn watch_folder(args: &MonitorArgs, wanted: &std::path::Path, stop: &Arc<AtomicBool>) -> Outcome {
     let (slowest, fastest) = folder::REPLAY_SPEEDS;
     let speed = args.speed.unwrap_or(1.0);
     if !(slowest..=fastest).contains(&speed) {
@@ -210,7 +210,7 @@ fn watch_folder(args: &Args, wanted: &std::path::Path, stop: &Arc<AtomicBool>) -
     watched
 }
 
-fn watch_rig(args: &Args, rig: &Rig, stop: &Arc<AtomicBool>) -> Outcome {
+fn watch_rig(args: &MonitorArgs, rig: &Rig, stop: &Arc<AtomicBool>) -> Outcome {
     let address = SpeedArg { speed: args.speed }.apply(rig.find()?)?;
     if let Address::Virtual { .. } = &address {
         let message = "--rig: the time of this virtual rig passes only in a run; use --rig virtual:realtime";

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 
 use super::arguments::{ForceArg, JsonArg};
 use super::ctrl_c::CtrlC;
@@ -18,9 +18,9 @@ use crate::report::numbers::{about, duration, significant};
 use crate::report::{optimum_files, terminal};
 
 /// Looks for the values of a case's keys at which a metric is best over a band, and says how sure they are.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct OptimiseArgs {
     /// Optimisation file (TOML), or the name of a shipped one (`damprig examples`)
     #[arg(value_name = "FILE")]
     file: PathBuf,
@@ -60,7 +60,7 @@ Exit codes:
 ///
 /// # Errors
 /// Bad input, constraints that no point keeps, an unwritable file, an interrupted search.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &OptimiseArgs) -> Outcome {
     let file = examples::find(FileKind::Optimisation, &args.file)?;
     let optimisation = Optimisation::read(&file)?;
     if let Some(folder) = args.out.as_ref().filter(|_| !args.force.is_given()) {

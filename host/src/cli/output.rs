@@ -17,7 +17,7 @@ static FAILED: OnceLock<Error> = OnceLock::new();
 
 /// What is printed to standard output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Lines {
+enum OutputLines {
     /// All.
     All,
     /// The places of results: `--quiet`.
@@ -26,33 +26,33 @@ enum Lines {
     Json,
 }
 
-static LINES: AtomicU8 = AtomicU8::new(Lines::All as u8);
+static LINES: AtomicU8 = AtomicU8::new(OutputLines::All as u8);
 
-fn is(lines: Lines) -> bool {
+fn is(lines: OutputLines) -> bool {
     LINES.load(Ordering::Relaxed) == lines as u8
 }
 
 /// Leaves out all lines from now on, but the places of results.
 pub(super) fn be_quiet() {
-    LINES.store(Lines::Places as u8, Ordering::Relaxed);
+    LINES.store(OutputLines::Places as u8, Ordering::Relaxed);
 }
 
 /// Whether [`be_quiet`] was called.
 pub(super) fn is_quiet() -> bool {
-    is(Lines::Places)
+    is(OutputLines::Places)
 }
 
 /// Prints a line to standard output, what controls a terminal spelled out, unless the command is to be quiet or prints JSON; nothing more
 /// after an error.
 pub fn print(line: &str) {
-    if is(Lines::All) {
+    if is(OutputLines::All) {
         write_line(line);
     }
 }
 
 /// Prints where a result is, with `--quiet` too; not beside JSON.
 pub(super) fn print_place(line: &str) {
-    if !is(Lines::Json) {
+    if !is(OutputLines::Json) {
         write_line(line);
     }
 }
@@ -62,7 +62,7 @@ pub(super) fn print_place(line: &str) {
 /// # Errors
 /// A defect of the answer.
 pub(super) fn print_json(answer: &impl serde::Serialize) -> Outcome {
-    LINES.store(Lines::Json as u8, Ordering::Relaxed);
+    LINES.store(OutputLines::Json as u8, Ordering::Relaxed);
     write_line(&serde_json::to_string(answer)?);
     Ok(())
 }

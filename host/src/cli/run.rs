@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 use damprig_protocol::ClockSource;
 
 use super::arguments::{QuietArg, Rig, SpeedArg, seconds, seconds_or_zero};
@@ -15,7 +15,7 @@ use super::examples;
 use super::monitor::{PageArgs, check_terminal};
 use super::output::is_quiet;
 use super::run_job::{Job, LiveViews};
-use super::run_progress::Log;
+use super::run_progress::LogFile;
 use crate::campaign::Campaign;
 use crate::client::board_check;
 use crate::client::link::Address;
@@ -23,7 +23,7 @@ use crate::client::session::Session;
 use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
 use crate::host_time;
-use crate::prediction::{Predicted, settling};
+use crate::prediction::{CampaignPrediction, settling};
 use crate::recorded_run::begin_entry;
 use crate::report::compared;
 use crate::report::numbers::duration;
@@ -42,9 +42,9 @@ use crate::runner::resume::EarlierRun;
 ///
 /// Before anything moves, the campaign is checked, its limits are compared with those of the board (a campaign may only tighten
 /// them), and every set-up is simulated to check that it stays within the limits.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(override_usage = USAGE, after_help = AFTER_HELP)]
-pub struct Args {
+pub struct RunArgs {
     /// Campaign file (TOML), or the name of a shipped one (`damprig examples`)
     #[arg(value_name = "CAMPAIGN.toml", required_unless_present = "resume")]
     campaign: Option<PathBuf>,
@@ -135,7 +135,7 @@ Exit codes:
   2    the command line or the campaign is wrong; nothing has moved
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the rig was stopped, --resume continues the run";
 
-impl Args {
+impl RunArgs {
     fn live_views(&self, rig: &Address, stop: &Arc<AtomicBool>) -> Result<Option<LiveViews>, Failure> {
         LiveViews::start(self.monitor.then_some(&self.page), self.tui, self.yes, rig, stop)
     }
@@ -149,7 +149,7 @@ impl Args {
 ///
 /// # Errors
 /// Bad input, a failed or an interrupted run.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &RunArgs) -> Outcome {
     if args.page.is_given() && !args.monitor {
         return Err(Failure::Input("--listen and --control are options of the live page: give --monitor too".into()));
     }
@@ -162,7 +162,7 @@ pub fn run(args: &Args) -> Outcome {
     }
 }
 
-fn begin(args: &Args, file: &Path) -> Outcome {
+fn begin(args: &RunArgs, file: &Path) -> Outcome {
     refuse_taken(args.out.as_deref())?;
     let file = &examples::find(FileKind::Campaign, file)?;
     let mut campaign = new_campaign(file)?;
@@ -182,7 +182,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         terminal::campaign::steps(&campaign).iter().for_each(|line| say!("{line}"));
     }
     terminal::campaign::what_moves(&campaign).iter().for_each(|line| say!("{line}"));
-    let predicted = Predicted::of(&campaign)?;
+    let predicted = CampaignPrediction::of(&campaign)?;
     settling::advice(&campaign).iter().for_each(|line| say!("{line}"));
     let largest = predicted.largest();
     if !largest.is_empty() {
@@ -205,7 +205,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         return Ok(());
     }
     let ctrl_c = CtrlC::watch()?;
-    let log = args.log.as_deref().map(Log::open).transpose()?;
+    let log = args.log.as_deref().map(LogFile::open).transpose()?;
     let live = args.live_views(&rig, ctrl_c.flag())?;
     let now = host_time::now();
     let folder = match &args.out {
@@ -245,7 +245,7 @@ fn refuse_taken(out: Option<&Path>) -> Outcome {
     Err(Failure::Input(format!("cannot use the folder {}: {why}", out.display())))
 }
 
-fn resume(args: &Args, wanted: &Path) -> Outcome {
+fn resume(args: &RunArgs, wanted: &Path) -> Outcome {
     let path = find(wanted)?;
     // Holding the journal keeps other processes from changing the run.
     let held = match Journal::existing(&path) {
@@ -276,10 +276,10 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     args.consent.check(&mut session, "the run is not resumed")?;
     warnings.iter().for_each(|warning| warn!("warning: {warning}"));
     let campaign = &earlier.campaign;
-    let predicted = Predicted::of(campaign)?;
+    let predicted = CampaignPrediction::of(campaign)?;
     check(campaign, &predicted, &session)?;
     let ctrl_c = CtrlC::watch()?;
-    let log = args.log.as_deref().map(Log::open).transpose()?;
+    let log = args.log.as_deref().map(LogFile::open).transpose()?;
     let live = args.live_views(&rig, ctrl_c.flag())?;
     let folder = OutputFolder::existing(&path);
     let records = folder.records(campaign)?;
@@ -317,7 +317,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
 }
 
 /// Rejects predicted displacements beyond limits, stroke or drive, and predicted forces far beyond the limit.
-fn check(campaign: &Campaign, predicted: &Predicted, session: &Session) -> Outcome {
+fn check(campaign: &Campaign, predicted: &CampaignPrediction, session: &Session) -> Outcome {
     let drive_m = f64::from(session.settings.calibration.drive.range().amplitude_m());
     let warnings = predicted.check(campaign, drive_m)?;
     warnings.iter().for_each(|warning| warn!("warning: {warning}"));
@@ -325,7 +325,7 @@ fn check(campaign: &Campaign, predicted: &Predicted, session: &Session) -> Outco
 }
 
 /// Says with whose settings a campaign was checked.
-fn settings_line(args: &Args, session: &Session) -> String {
+fn settings_line(args: &RunArgs, session: &Session) -> String {
     if args.rig.is_none() {
         return "Checked with the settings of a board as delivered. `--rig RIG` checks with those of a rig, \
                 `--rig virtual:BOARD.toml` with exported ones."
@@ -335,7 +335,7 @@ fn settings_line(args: &Args, session: &Session) -> String {
     format!("Checked with the settings of {board} at {link} ({}).", session.settings_origin())
 }
 
-fn open(rig: &Address, args: &Args) -> Result<Session, Failure> {
+fn open(rig: &Address, args: &RunArgs) -> Result<Session, Failure> {
     let session = Session::open(rig, args.timeout())?;
     say!("{}", session.settings_line());
     if let Some(crash) = session.description.last_crash {

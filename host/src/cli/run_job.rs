@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::arguments::Rig;
 use super::monitor::{PageArgs, handles, open_terminal, serve, where_to_stop};
-use super::run_progress::{Display, Log, RunProgress};
+use super::run_progress::{Display, LogFile, RunProgress};
 use super::terminal_line::has_typed_line;
 use crate::campaign::Campaign;
 use crate::client::link::Address;
@@ -16,7 +16,7 @@ use crate::failure::{Failure, Outcome};
 use crate::monitor::run::{MonitoredRun, RunFacts};
 use crate::monitor::terminal::{TerminalView, TerminalWatcher};
 use crate::monitor::{Actions, Handles, Monitor, Permissions, rig};
-use crate::prediction::Predicted;
+use crate::prediction::CampaignPrediction;
 use crate::recorded_run::{EndedRun, RecordedRun, RunStart};
 use crate::report::compared;
 use crate::report::terminal;
@@ -82,12 +82,12 @@ pub(super) struct Job<'a> {
     pub is_quiet: bool,
     pub rig: Address,
     pub campaign: &'a Campaign,
-    pub predicted: &'a Predicted,
+    pub predicted: &'a CampaignPrediction,
     pub folder: OutputFolder,
     /// The live views, if any are wanted.
     pub live: Option<LiveViews>,
     /// The log file.
-    pub log: Option<Log>,
+    pub log: Option<LogFile>,
     /// State of a resumed run.
     pub taken: JournalState,
     /// Results of a resumed run that do not count any more.

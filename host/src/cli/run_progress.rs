@@ -37,22 +37,22 @@ pub struct RunProgress {
     has_lines: bool,
     /// The rig has its own clock: a run takes long enough to ask for its controller's values.
     is_real_time: bool,
-    log: Option<Log>,
-    places: Places,
+    log: Option<LogFile>,
+    places: SignalPlaces,
     left: Option<TimeLeft>,
     points: (usize, usize),
     mount_without_asking: bool,
     stop: Arc<AtomicBool>,
     set_ups: Vec<String>,
     mounted: usize,
-    summary: Option<Summary>,
+    summary: Option<SetUpSummary>,
     present: String,
     numbers: String,
     line_at: Instant,
 }
 
 /// Places in the device's signal table.
-struct Places {
+struct SignalPlaces {
     frequency: Option<usize>,
     x_over_z_lock_in: Option<usize>,
     z_amplitude: Option<usize>,
@@ -60,20 +60,20 @@ struct Places {
 }
 
 /// Summary of a set-up.
-struct Summary {
+struct SetUpSummary {
     label: String,
     points: usize,
     peak: Option<(f64, f64)>,
 }
 
 /// The log file.
-pub struct Log {
+pub struct LogFile {
     file: File,
     path: String,
     has_failed: bool,
 }
 
-impl Log {
+impl LogFile {
     /// Opens a log file, to append to it.
     ///
     /// # Errors
@@ -117,7 +117,7 @@ pub struct Display {
     /// Nothing is shown: `--quiet`, or the terminal view is open.
     pub is_hidden: bool,
     /// The log file.
-    pub log: Option<Log>,
+    pub log: Option<LogFile>,
     /// Set-ups are mounted without confirmation.
     pub mount_without_asking: bool,
     /// Ends a question.
@@ -138,7 +138,7 @@ impl RunProgress {
             is_real_time: !session.is_granted(),
             bar,
             log: display.log,
-            places: Places {
+            places: SignalPlaces {
                 frequency: at("frequency"),
                 x_over_z_lock_in: at("x_over_z_lock_in"),
                 z_amplitude: at("z_amplitude"),
@@ -174,7 +174,7 @@ impl RunProgress {
         if self.has_lines {
             let peak =
                 summary.peak.map_or(String::new(), |(x, f)| format!(", peak X/Z (cycle maxima) {x:.2} at {f} Hz"));
-            let Summary { label, points, .. } = summary;
+            let SetUpSummary { label, points, .. } = summary;
             say!("[{}/{}] {label}: {points} points{peak}", self.mounted, self.set_ups.len());
         }
     }
@@ -224,7 +224,7 @@ impl Watcher for RunProgress {
         self.present.clone_from(&label);
         self.numbers.clear();
         self.show();
-        self.summary = Some(Summary { label, points: 0, peak: None });
+        self.summary = Some(SetUpSummary { label, points: 0, peak: None });
         if simulated || self.mount_without_asking {
             return Ok(false);
         }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use clap::{Args as ClapArgs, Subcommand};
+use clap::{Args, Subcommand};
 use serde_json::{Value, json};
 
 use super::arguments::{ForceArg, JsonArg};
@@ -29,20 +29,20 @@ use crate::run_folder::schema::results::steadiness_text;
 use crate::storage::out_file::{OutFile, to_failure, write_new};
 
 /// Lists, shows, verifies, reports and exports run folders. Never changes a run folder.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true)]
-pub struct Args {
+pub struct RunsArgs {
     /// Folder with run folders
     #[arg(value_name = "FOLDER", default_value = "runs")]
     dir: PathBuf,
     #[command(flatten)]
     json: JsonArg,
     #[command(subcommand)]
-    action: Option<Action>,
+    action: Option<RunsAction>,
 }
 
 #[derive(Debug, Subcommand)]
-enum Action {
+enum RunsAction {
     /// Show a run: rig, signals, losses, results
     Show {
         /// Run folder, its name, or the short id at the end of the name
@@ -102,7 +102,7 @@ For Parquet use samples.parquet and results.parquet in the run folder.
 The exit code is 1 if a part of a damaged run is missing in the export; each missing part is named.";
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Format {
+enum RunsFormat {
     /// Comma-separated values, RFC 4180
     Csv,
     /// MATLAB, version 7
@@ -115,7 +115,7 @@ enum Format {
     Uff,
 }
 
-impl Format {
+impl RunsFormat {
     fn exporter(self) -> &'static dyn Exporter {
         match self {
             Self::Csv => &Csv,
@@ -126,13 +126,13 @@ impl Format {
     }
 }
 
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 struct Export {
     /// Run folder, its name, or the short id at the end of the name
     run: PathBuf,
     /// Format of the file
     #[arg(long, value_enum)]
-    format: Format,
+    format: RunsFormat,
     /// Export only this table [default: csv samples; uff results and samples; mat and h5 all]
     #[arg(long, value_enum)]
     what: Option<RunTable>,
@@ -156,13 +156,13 @@ struct Export {
 ///
 /// # Errors
 /// No such run, a damaged run, or a file that cannot be written.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &RunsArgs) -> Outcome {
     match &args.action {
         None => list(&args.dir, args.json),
-        Some(Action::Show { run, json }) if json.is_given() => show_json(&open(run)?),
-        Some(Action::Show { run, .. }) => show(&open(run)?),
-        Some(Action::Verify { run, json }) => check(run, *json),
-        Some(Action::Report { runs, out, force }) => {
+        Some(RunsAction::Show { run, json }) if json.is_given() => show_json(&open(run)?),
+        Some(RunsAction::Show { run, .. }) => show(&open(run)?),
+        Some(RunsAction::Verify { run, json }) => check(run, *json),
+        Some(RunsAction::Report { runs, out, force }) => {
             let runs: Vec<RunFolder> = runs.iter().map(|run| open(run)).collect::<Result<_, _>>()?;
             if let Some(twice) =
                 runs.iter().enumerate().find(|(n, run)| runs[..*n].iter().any(|r| r.path() == run.path()))
@@ -171,7 +171,7 @@ pub fn run(args: &Args) -> Outcome {
             }
             report(&runs, out.as_deref(), *force)
         }
-        Some(Action::Export(export)) => self::export(export),
+        Some(RunsAction::Export(export)) => self::export(export),
     }
 }
 

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::{Args as ClapArgs, Subcommand};
+use clap::{Args, Subcommand};
 use damprig_core::settings::Settings;
 use damprig_protocol::Request;
 
@@ -20,11 +20,11 @@ use crate::storage::out_file::{to_failure, write_new};
 /// Shows, changes, saves and copies the settings of a board: sensor calibration, limits, spring and impact constants.
 ///
 /// Changes take effect at once. They are lost at power-off unless they are saved.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct SettingsArgs {
     #[command(subcommand)]
-    action: Action,
+    action: SettingsAction,
 
     /// Rig: auto (the only connected board), serial:PATH, tcp:HOST:PORT, virtual, or virtual:BOARD.toml. The virtual rig takes
     /// its settings from BOARD.toml, as written by `export`, and forgets changes when the command ends
@@ -52,7 +52,7 @@ Examples:
 (damaged, of another layout), that needs --accept-settings.";
 
 #[derive(Debug, Subcommand)]
-enum Action {
+enum SettingsAction {
     /// Print the settings in use as TOML
     Show,
     /// Change settings
@@ -107,20 +107,20 @@ enum Action {
 ///
 /// # Errors
 /// A wrong key, value or file; a board that does not answer or rejects the settings.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &SettingsArgs) -> Outcome {
     // Report input errors before connecting to the board.
     let timeout = Duration::from_secs_f64(args.timeout);
-    if let Action::Export { file, force } | Action::Backup { file, force } = &args.action {
+    if let SettingsAction::Export { file, force } | SettingsAction::Backup { file, force } = &args.action {
         force.check(file)?;
     }
     match &args.action {
-        Action::Backup { file, force } => return backup(args, file, *force, timeout),
-        Action::Restore { file } => return restore(args, file, timeout),
+        SettingsAction::Backup { file, force } => return backup(args, file, *force, timeout),
+        SettingsAction::Restore { file } => return restore(args, file, timeout),
         _ => {}
     }
     let file = match &args.action {
-        Action::Import { file, .. } => Some(Source::read(file)?),
-        Action::Set { values, .. } => {
+        SettingsAction::Import { file, .. } => Some(Source::read(file)?),
+        SettingsAction::Set { values, .. } => {
             changed(values, &Settings::default())?;
             None
         }
@@ -130,18 +130,18 @@ pub fn run(args: &Args) -> Outcome {
     let mut session = Session::open(&address, timeout)?;
     let present = session.settings;
     match &args.action {
-        Action::Show => {
+        SettingsAction::Show => {
             say!("{}", to_toml(&present, &head(&session)).trim_end());
             Ok(())
         }
-        Action::Export { file, force } => export(file, *force, &to_toml(&present, &head(&session))),
-        Action::Save => {
+        SettingsAction::Export { file, force } => export(file, *force, &to_toml(&present, &head(&session))),
+        SettingsAction::Save => {
             say!("{}", session.settings_line());
             save(&mut session)
         }
         // Handled above.
-        Action::Backup { .. } | Action::Restore { .. } => Ok(()),
-        Action::Set { values, save, consent } => {
+        SettingsAction::Backup { .. } | SettingsAction::Restore { .. } => Ok(()),
+        SettingsAction::Set { values, save, consent } => {
             if *save {
                 // The others would be saved too.
                 consent.check(&mut session, "not set")?;
@@ -149,7 +149,7 @@ pub fn run(args: &Args) -> Outcome {
             let wanted = changed(values, &present)?;
             send(&mut session, &present, &wanted, *save)
         }
-        Action::Import { save, consent, .. } => {
+        SettingsAction::Import { save, consent, .. } => {
             // Read above.
             let Some(source) = file else { return Ok(()) };
             let wanted = from_toml(&source, &present)?;
@@ -169,14 +169,14 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 /// Keeps what a board of any protocol has saved.
-fn backup(args: &Args, file: &Path, force: ForceArg, timeout: Duration) -> Outcome {
+fn backup(args: &SettingsArgs, file: &Path, force: ForceArg, timeout: Duration) -> Outcome {
     let mut board = AnyBoard::open(&args.rig.find()?, timeout)?;
     let backup = Backup::of(&mut board)?;
     say!("Settings of {}, firmware {}: {}", backup.board, backup.firmware, backup.summary());
     export(file, force, &backup.to_text())
 }
 
-fn restore(args: &Args, file: &Path, timeout: Duration) -> Outcome {
+fn restore(args: &SettingsArgs, file: &Path, timeout: Duration) -> Outcome {
     let backup = Backup::read(file)?;
     let failed = |error: NotRestored| {
         let message = format!("{}: {error}", file.display());

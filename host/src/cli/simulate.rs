@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args as ClapArgs;
+use clap::Args;
 use damprig_core::integrator::exact::Observer;
 
 use super::arguments::{ForceArg, JsonArg, SetArg, not_negative, positive};
@@ -25,9 +25,9 @@ use crate::simulation::time_history::{TablePath, TimeHistory};
 use crate::simulation::{Case, RunOptions, SetValues, cost, simulate};
 
 /// Simulates cases exactly: locates every impact, stick and slip.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct SimulateArgs {
     /// Case files (TOML or JSON), or names of shipped ones (`damprig examples`)
     #[arg(value_name = "CASE", required = true)]
     cases: Vec<PathBuf>,
@@ -119,7 +119,7 @@ fn animation(text: &str) -> Result<PathBuf, String> {
 ///
 /// # Errors
 /// Bad input, an unwritable file, an interrupted run.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &SimulateArgs) -> Outcome {
     if let ([_, second, ..], Some(flag)) = (&args.cases[..], args.out_file()) {
         return Err(Failure::Input(format!(
             "{flag} is for one case, and {} is a second one\n  simulate them one by one",
@@ -140,7 +140,7 @@ pub fn run(args: &Args) -> Outcome {
     Ok(())
 }
 
-impl Args {
+impl SimulateArgs {
     /// The flag of an output file, if one is given.
     fn out_file(&self) -> Option<&'static str> {
         let of = |file: &Option<PathBuf>, flag| file.as_ref().map(|_| flag);
@@ -149,7 +149,7 @@ impl Args {
 }
 
 fn simulate_one(
-    args: &Args,
+    args: &SimulateArgs,
     path: &Path,
     (case, unusual): (&Case, &[String]),
     values: &SetValues,
@@ -239,9 +239,9 @@ fn simulate_one(
 }
 
 /// Shows how far the sensitivities of a run are, and ends them at Ctrl-C.
-struct Watch<'a>(SimulationBar, &'a CtrlC);
+struct SensitivityWatch<'a>(SimulationBar, &'a CtrlC);
 
-impl Observer for Watch<'_> {
+impl Observer for SensitivityWatch<'_> {
     const ARCS: bool = false;
 
     fn goes_on(&mut self, time_s: f64) -> bool {
@@ -254,14 +254,14 @@ impl Observer for Watch<'_> {
 fn analysis(path: &Path, case: &Case, values: &SetValues, ctrl_c: &CtrlC) -> Result<Analysis, Failure> {
     let source = Source::read(path)?;
     let written = WrittenCase { name: source.name(), text: source.text(), values };
-    let mut watch = Watch(SimulationBar::new("analysis", case.run.duration_s), ctrl_c);
+    let mut watch = SensitivityWatch(SimulationBar::new("analysis", case.run.duration_s), ctrl_c);
     let analysis = Analysis::complete(case, &written, &mut watch);
     watch.0.end();
     Ok(analysis)
 }
 
 /// The windows to draw: the requested one, or the whole run and its last cycles.
-fn envelopes(args: &Args, case: &Case) -> Result<(Option<Envelope>, Option<Envelope>), Failure> {
+fn envelopes(args: &SimulateArgs, case: &Case) -> Result<(Option<Envelope>, Option<Envelope>), Failure> {
     if args.plot.is_none() {
         return Ok((None, None));
     }

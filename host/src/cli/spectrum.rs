@@ -3,27 +3,27 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::{Args as ClapArgs, ValueEnum};
+use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use super::arguments::{ForceArg, JsonArg, StatedArgs, positive, table_file};
 use super::simulate::picture;
 use crate::failure::{Failure, Outcome};
 use crate::input::Files;
-use crate::motion_record::{Quantity, Spec, Which, read};
+use crate::motion_record::{RecordQuantity, Spec, Which, read};
 use crate::report::figures;
 use crate::report::numbers::significant;
 use crate::report::terminal::table;
 use crate::report::{branch_table, spectrum_table};
-use crate::spectrum::{Method, Point, periods, spectra};
+use crate::spectrum::{PeakMethod, SpectrumPoint, periods, spectra};
 
 /// Response spectra of an acceleration record: the largest displacement, velocity and acceleration of a linear oscillator.
 ///
 /// u″ + 2ζω u′ + ω² u = −z″ from rest. Sd = max|u| and Sv = max|u′| are relative to the ground, Sa = max|u″ + z″| is absolute; the pseudo values
 /// are PSV = ω·Sd and PSA = ω²·Sd. The acceleration is linear between its samples, and the motion is exact.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct SpectrumArgs {
     /// Acceleration record: CSV, AT2 (PEER) or V2 (CSMIP)
     #[arg(value_name = "RECORD")]
     record: PathBuf,
@@ -91,11 +91,11 @@ enum MethodArg {
 }
 
 impl MethodArg {
-    fn method(self) -> Method {
+    fn method(self) -> PeakMethod {
         match self {
-            Self::Exact => Method::Exact,
-            Self::AtSamples => Method::AtSamples,
-            Self::Newmark => Method::Newmark,
+            Self::Exact => PeakMethod::Exact,
+            Self::AtSamples => PeakMethod::AtSamples,
+            Self::Newmark => PeakMethod::Newmark,
         }
     }
 }
@@ -150,18 +150,18 @@ struct SpectrumJson<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     resampling: Option<f64>,
     peak_m_per_s2: f64,
-    spectra: &'a [Point],
+    spectra: &'a [SpectrumPoint],
 }
 
 /// Runs the subcommand.
 ///
 /// # Errors
 /// A record that cannot be used, an unwritable file.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &SpectrumArgs) -> Outcome {
     [&args.out, &args.plot].into_iter().flatten().try_for_each(|path| args.force.check(path))?;
     let which = |column: &String| column.parse().map_or_else(|_| Which::Name(column.clone()), Which::Place);
     let spec = Spec {
-        quantity: Some(Quantity::Acceleration),
+        quantity: Some(RecordQuantity::Acceleration),
         stated: args.stated.stated()?,
         scale: None,
         time_step_s: args.time_step_s,
@@ -215,7 +215,7 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 /// A table of the spectra, thinned to what a terminal shows.
-fn text_of(points: &[Point], periods: usize) -> String {
+fn text_of(points: &[SpectrumPoint], periods: usize) -> String {
     let mut rows = table(&["ζ", "T\n(s)", "Sd\n(m)", "Sv\n(m/s)", "Sa\n(m/s²)", "PSV\n(m/s)", "PSA\n(m/s²)"]);
     let every = periods.div_ceil(SHOWN);
     for of_ratio in points.chunks(periods) {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use clap::{Args as ClapArgs, Subcommand};
+use clap::{Args, Subcommand};
 
 use super::arguments::{JsonArg, QuietArg};
 use super::ctrl_c::CtrlC;
@@ -17,21 +17,21 @@ use crate::file_keys::FileKind;
 use crate::report::numbers::{about, duration, significant};
 use crate::report::terminal;
 use crate::study::Study;
-use crate::study::data_set::{DataSet, Manifest};
-use crate::study::run::{self, Ending, Progress};
+use crate::study::data_set::{DataSet, StudyManifest};
+use crate::study::run::{self, StudyEnding, StudyProgress};
 use crate::study::store::Store;
 
 /// Runs studies: a case over many values of its keys.
-#[derive(Debug, ClapArgs)]
-pub struct Args {
+#[derive(Debug, Args)]
+pub struct StudyArgs {
     #[command(subcommand)]
-    what: What,
+    what: StudyCommand,
 }
 
 #[derive(Debug, Subcommand)]
-enum What {
+enum StudyCommand {
     /// Run a study on all cores; goes on where an earlier run stopped
-    Run(RunArgs),
+    Run(StudyRunArgs),
     /// Compute a share of a study as one of several workers
     Work(study_work::WorkArgs),
     /// Show how far the workers of a study are (exit code 1 if a part is wrong)
@@ -41,15 +41,15 @@ enum What {
     /// Join the parts of a study to its table
     Merge(study_work::MergeArgs),
     /// Draw a bifurcation diagram: sweep a key of a case up and down
-    Bifurcation(bifurcation::Args),
+    Bifurcation(bifurcation::BifurcationArgs),
     /// Draw basins of attraction: which motion each start ends on
-    Basins(basins::Args),
+    Basins(basins::BasinsArgs),
 }
 
 /// Runs a study on all cores and writes its table; goes on where an earlier run stopped.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = RUN_HELP)]
-struct RunArgs {
+struct StudyRunArgs {
     /// Study file (TOML), or the name of a shipped one (`damprig examples`)
     #[arg(value_name = "STUDY")]
     study: PathBuf,
@@ -97,19 +97,19 @@ const DAY_S: f64 = 86_400.0;
 ///
 /// # Errors
 /// Bad input, an unwritable file, an interrupted run.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &StudyArgs) -> Outcome {
     match &args.what {
-        What::Run(args) => run_study(args),
-        What::Work(args) => study_work::work(args),
-        What::Status(args) => study_work::status(args),
-        What::Verify(args) => study_work::verify(args),
-        What::Merge(args) => study_work::merge(args),
-        What::Bifurcation(args) => bifurcation::run(args),
-        What::Basins(args) => basins::run(args),
+        StudyCommand::Run(args) => run_study(args),
+        StudyCommand::Work(args) => study_work::work(args),
+        StudyCommand::Status(args) => study_work::status(args),
+        StudyCommand::Verify(args) => study_work::verify(args),
+        StudyCommand::Merge(args) => study_work::merge(args),
+        StudyCommand::Bifurcation(args) => bifurcation::run(args),
+        StudyCommand::Basins(args) => basins::run(args),
     }
 }
 
-fn run_study(args: &RunArgs) -> Outcome {
+fn run_study(args: &StudyRunArgs) -> Outcome {
     args.quiet.apply();
     let file = examples::find(FileKind::Study, &args.study)?;
     let study = Study::read(&file)?;
@@ -118,7 +118,7 @@ fn run_study(args: &RunArgs) -> Outcome {
     let scope = terminal::study::scope(&study, run::cycles(&study));
     study.settling()?.iter().for_each(|text| warn!("warning: {text}"));
     if args.dry_run {
-        say!("{scope}; parts: {}", Manifest::of(&study).parts());
+        say!("{scope}; parts: {}", StudyManifest::of(&study).parts());
         say!("{} on {cores} cores", about(estimate_s));
         return Ok(());
     }
@@ -136,7 +136,7 @@ fn run_study(args: &RunArgs) -> Outcome {
         say!("{scope}; {} on {cores} cores", about(estimate_s));
     }
     let (start, bar) = (Instant::now(), StudyBar::new(&study.name, study.rows()));
-    let report = |progress: &Progress| {
+    let report = |progress: &StudyProgress| {
         let best = progress.best.map(|(_, value)| format!("{} {}", study.objective.name(), significant(value, 5)));
         bar.reach(progress.done, best.as_deref());
         !ctrl_c.is_pressed()
@@ -144,7 +144,7 @@ fn run_study(args: &RunArgs) -> Outcome {
     let ending = run::run(&study, &data_set, &report);
     bar.end();
     let (ending, last) = ending.map_err(|error| kept(&data_set, error))?;
-    if ending == Ending::Stopped {
+    if ending == StudyEnding::Stopped {
         return Err(Failure::Interrupted(format!(
             "stopped after {} of {} points; the same command goes on with them",
             last.done, last.rows

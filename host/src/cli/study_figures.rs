@@ -13,9 +13,9 @@ use crate::failure::{Failure, Outcome};
 use crate::report::numbers::duration;
 use crate::report::study_files::{self, MAX_DRAWN};
 use crate::report::terminal;
-use crate::study::axis::Value;
+use crate::study::axis::AxisValue;
 use crate::study::data_set::{DataSet, TABLE};
-use crate::study::run::{self, Progress};
+use crate::study::run::{self, StudyProgress};
 use crate::study::sensitivity::SensitivityIndices;
 use crate::study::{Study, evaluate};
 
@@ -47,9 +47,9 @@ struct Best {
 impl Best {
     fn of(study: &Study, (row, value): (u64, f64)) -> Self {
         let values = study.points.values(&study.axes, row, 0);
-        let json = |value: &Value| match value {
-            Value::Number(number) => json!(number),
-            Value::Word(word) => json!(word),
+        let json = |value: &AxisValue| match value {
+            AxisValue::Number(number) => json!(number),
+            AxisValue::Word(word) => json!(word),
         };
         let kept = study.points.kept().iter();
         let at = kept.map(|place| (study.axes[*place].key.clone(), json(&values[*place]))).collect();
@@ -62,7 +62,7 @@ impl Best {
 pub(super) fn say_result(
     study: &Study,
     data_set: &DataSet,
-    progress: &Progress,
+    progress: &StudyProgress,
     (table, start): (&Path, Instant),
     json: JsonArg,
 ) -> Outcome {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
@@ -19,14 +19,14 @@ use crate::report::numbers::duration;
 use crate::report::terminal;
 use crate::study::Study;
 use crate::study::data_set::{DataSet, ranges};
-use crate::study::inspect::{self, Parts};
-use crate::study::run::{self, Ending, Progress};
+use crate::study::inspect::{self, StudyParts};
+use crate::study::run::{self, StudyEnding, StudyProgress};
 use crate::study::store::Store;
 use crate::study::sums::SUMS;
 use crate::study::work::{self, Done, Shard};
 
 /// Computes a share of a study as one of several workers, and joins nothing.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = WORK_HELP)]
 pub(super) struct WorkArgs {
     #[command(flatten)]
@@ -41,7 +41,7 @@ pub(super) struct WorkArgs {
 }
 
 /// A study and the place of its results.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 pub(super) struct PlaceArgs {
     /// Study file (TOML), or the name of a shipped one (`damprig examples`)
     #[arg(value_name = "STUDY")]
@@ -53,7 +53,7 @@ pub(super) struct PlaceArgs {
 }
 
 /// Joins the parts of a study to its table.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 pub(super) struct MergeArgs {
     #[command(flatten)]
     place: PlaceArgs,
@@ -91,7 +91,7 @@ pub(super) fn work(args: &WorkArgs) -> Outcome {
         say!("{now}  part {part} of {parts}: rows {} to {last}, {took}", rows.start);
     };
     let ending = work::shard(&study, &data_set, args.shard, seen, &|| !ctrl_c.is_pressed());
-    if ending.map_err(|error| kept(&data_set, error))? == Ending::Stopped {
+    if ending.map_err(|error| kept(&data_set, error))? == StudyEnding::Stopped {
         return Err(Failure::Interrupted(
             "stopped; the parts so far are kept, and the same command goes on with them".into(),
         ));
@@ -126,7 +126,7 @@ pub(super) fn status(args: &PlaceArgs) -> Outcome {
 }
 
 /// Prints what is wrong with the parts.
-fn say_parts(parts: &Parts) {
+fn say_parts(parts: &StudyParts) {
     for wrong in &parts.wrong {
         say!("FAILED  {wrong}");
     }
@@ -174,7 +174,7 @@ pub(super) fn verify(args: &PlaceArgs) -> Outcome {
 pub(super) fn merge(args: &MergeArgs) -> Outcome {
     let (study, data_set) = existing(&args.place)?;
     let (start, bar) = (Instant::now(), StudyBar::new(&study.name, study.rows()));
-    let mut progress = Progress::none(study.rows());
+    let mut progress = StudyProgress::none(study.rows());
     let table = data_set.join(&study, |part, there| {
         progress.meet_part(&study, data_set.manifest().rows_of(part).start, there);
         bar.reach(progress.done, None);

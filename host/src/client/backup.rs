@@ -38,7 +38,7 @@ pub struct Backup {
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+struct BackupFile {
     backup: Backup,
 }
 
@@ -112,7 +112,7 @@ impl Backup {
                 path.display()
             ))
         };
-        let File { backup } = toml::from_str(source.text()).map_err(|error| refused(error.message()))?;
+        let BackupFile { backup } = toml::from_str(source.text()).map_err(|error| refused(error.message()))?;
         match backup.records.iter().position(|text| bytes(text).is_none()) {
             Some(page) => Err(refused(&format!("record {} is not hexadecimal", page + 1))),
             None => Ok(backup),
@@ -159,7 +159,7 @@ impl Backup {
         let (settings, origin) = self.settings();
         let _ = writeln!(text, " They say: {}{}\n", origin_text(origin), self.unknown_layouts());
         // A table of strings.
-        text.push_str(&toml::to_string(&File { backup: self.clone() }).unwrap_or_default());
+        text.push_str(&toml::to_string(&BackupFile { backup: self.clone() }).unwrap_or_default());
         if matches!(origin, Origin::Stored | Origin::Migrated | Origin::Older) {
             text.push_str("\n# For people; not read:\n");
             for line in to_toml(&settings, "").lines() {

@@ -109,7 +109,7 @@ fn parabola_weights(half_width: usize) -> Vec<f64> {
 
 /// A frequency of a drive, from a tick on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Step {
+pub(super) struct FrequencyStep {
     pub(super) from_tick: u64,
     pub(super) frequency_hz: f64,
 }
@@ -127,7 +127,7 @@ pub(super) struct SineDrive {
 
 impl SineDrive {
     /// The drive that begins with the first step, up to `end_tick`, with a ramp at its beginning.
-    pub(super) fn new(steps: &[Step], end_tick: u64, amplitude_m: f64, ramp_s: f64) -> Self {
+    pub(super) fn new(steps: &[FrequencyStep], end_tick: u64, amplitude_m: f64, ramp_s: f64) -> Self {
         let rise = if ramp_s > 0.0 { 1.0 / (ramp_s as f32 * TICK_HZ) } else { 1.0 };
         let mut drive = Self { from_tick: steps.first().map_or(0, |step| step.from_tick), ..Self::default() };
         let (mut phase, mut gain) = (Phase::default(), 0.0_f32);
@@ -238,7 +238,8 @@ mod tests {
 
     #[test]
     fn a_drive_keeps_its_phase_from_frequency_to_frequency() {
-        let steps = [Step { from_tick: 0, frequency_hz: 2.5 }, Step { from_tick: 400, frequency_hz: 5.0 }];
+        let steps =
+            [FrequencyStep { from_tick: 0, frequency_hz: 2.5 }, FrequencyStep { from_tick: 400, frequency_hz: 5.0 }];
         let drive = SineDrive::new(&steps, 500, 1e-3, 0.0);
         assert_eq!(drive.demand_m.len(), 500);
         assert!((drive.demand_m[100] - 1e-3).abs() < 1e-9 && (drive.demand_m[450] - 1e-3).abs() < 1e-9);

@@ -79,7 +79,7 @@ pub struct ComparedPoint {
     pub residual: Option<Residual>,
     /// Time histories for figures.
     #[serde(skip)]
-    pub history: Option<History>,
+    pub history: Option<PointHistory>,
 }
 
 impl ComparedPoint {
@@ -92,7 +92,7 @@ impl ComparedPoint {
 
 /// A value with its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Uncertain {
+pub struct UncertainValue {
     /// The value, in the quantity's SI unit.
     pub value: f64,
     /// Expanded uncertainty, k = 2.
@@ -101,15 +101,15 @@ pub struct Uncertain {
 
 /// A prediction of a quantity beside its measured value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Predicted {
+pub struct PredictedQuantity {
     /// The prediction.
     #[serde(flatten)]
-    pub value: Uncertain,
+    pub value: UncertainValue,
     /// Normalised error: measured less predicted, over the root of the sum of both expanded uncertainties squared.
     pub normalised_error: f64,
 }
 
-impl Predicted {
+impl PredictedQuantity {
     /// Whether measurement and prediction agree within their uncertainties.
     #[must_use]
     pub fn agrees(&self) -> bool {
@@ -125,11 +125,11 @@ pub struct ComparedMetric {
     /// Its unit.
     pub unit: &'static str,
     /// The measured value.
-    pub measured: Uncertain,
+    pub measured: UncertainValue,
     /// Simulated on the measured base motion.
-    pub on_measured_base: Option<Predicted>,
+    pub on_measured_base: Option<PredictedQuantity>,
     /// Simulated on the commanded base motion.
-    pub on_ideal_base: Option<Predicted>,
+    pub on_ideal_base: Option<PredictedQuantity>,
     /// Of the prediction that decides.
     pub verdict: Verdict,
 }
@@ -157,7 +157,7 @@ impl Verdict {
         }
     }
 
-    pub(super) fn of(predicted: Option<&Predicted>) -> Self {
+    pub(super) fn of(predicted: Option<&PredictedQuantity>) -> Self {
         match predicted {
             Some(predicted) if predicted.agrees() => Self::Agrees,
             Some(_) => Self::Differs,
@@ -169,7 +169,7 @@ impl Verdict {
 impl ComparedMetric {
     /// The prediction that decides: on the measured base motion, if there is one.
     #[must_use]
-    pub fn predicted(&self) -> Option<&Predicted> {
+    pub fn predicted(&self) -> Option<&PredictedQuantity> {
         self.on_measured_base.as_ref().or(self.on_ideal_base.as_ref())
     }
 }
@@ -209,7 +209,7 @@ fn rms(values: &[f32]) -> f64 {
 
 /// Measured and simulated x of the end of a point, or of a transient.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct History {
+pub struct PointHistory {
     /// Time of the first reading after the start of the measurement, s.
     pub from_s: f64,
     /// Readings per second.

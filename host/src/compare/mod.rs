@@ -35,8 +35,8 @@ use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::segment_id::SegmentId;
 use crate::run_folder::schema::set_up_parameters::parameters;
 pub use comparison::{
-    COVERAGE_FACTOR, ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, History, Predicted, Residual,
-    Uncertain, Verdict,
+    COVERAGE_FACTOR, ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, PointHistory, PredictedQuantity,
+    Residual, UncertainValue, Verdict,
 };
 pub use continued::Continued;
 use ensemble::Models;
@@ -46,7 +46,7 @@ use recorded::AllRecorded;
 
 /// What to compare with, and how to report progress.
 #[derive(Clone, Copy, Debug)]
-pub struct Options<'a> {
+pub struct CompareOptions<'a> {
     /// Relative standard uncertainty of the scales of both displacement sensors; by default from the rig's data sheet, or assumed.
     pub scale_uncertainty: Option<f64>,
     /// Points that are done; grows while the comparison runs.
@@ -56,7 +56,7 @@ pub struct Options<'a> {
 }
 
 /// A run with all that its points are compared with.
-struct Compared<'a> {
+struct ComparedRun<'a> {
     campaign: &'a Campaign,
     state: JournalState,
     recorded: AllRecorded,
@@ -64,14 +64,18 @@ struct Compared<'a> {
     is_simulated: bool,
     sensors: Sensors,
     detection: Detection,
-    options: &'a Options<'a>,
+    options: &'a CompareOptions<'a>,
 }
 
 /// Compares a run. `set_ups_from`: a campaign whose set-ups are simulated instead of the run's own of the same names.
 ///
 /// # Errors
 /// A run without results or without a readable campaign; set-ups that do not fit; an interruption.
-pub fn compare(run: &RunFolder, mut set_ups_from: Option<Campaign>, options: &Options) -> Result<Comparison, Failure> {
+pub fn compare(
+    run: &RunFolder,
+    mut set_ups_from: Option<Campaign>,
+    options: &CompareOptions,
+) -> Result<Comparison, Failure> {
     let (campaign, state, mut unreadable) = source::read(run)?;
     let manifest = run.manifest();
     let is_simulated = manifest.device.as_ref().is_some_and(|device| device.simulated);
@@ -93,7 +97,7 @@ pub fn compare(run: &RunFolder, mut set_ups_from: Option<Campaign>, options: &Op
     let recorded = AllRecorded::of(run, go_on)?;
     unreadable.extend(recorded.unreadable.iter().cloned());
     let missing = source::missing(run, &campaign, &state);
-    let compared = Compared {
+    let compared = ComparedRun {
         campaign: &campaign,
         state,
         recorded,
@@ -159,7 +163,7 @@ fn kind_of(experiment: &Experiment) -> &'static str {
     }
 }
 
-impl Compared<'_> {
+impl ComparedRun<'_> {
     /// Notes on all points of an experiment on a set-up.
     fn notes(&self, own: &CampaignSetUp, models: &Models) -> Vec<String> {
         let mut notes = Vec::new();

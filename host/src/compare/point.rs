@@ -6,14 +6,14 @@ use damprig_core::control::stepped_sine::DriveMode;
 use damprig_core::io::TICK_HZ;
 use damprig_motion::read_run::{SimulatedMotion, TICK_S};
 
-use super::base::{self, BaseMotion, SineDrive, Step};
+use super::base::{self, BaseMotion, FrequencyStep, SineDrive};
 use super::ensemble::Models;
 use super::metric::{self, PointWindow};
-use super::prediction::{Prediction, Question, Window, WindowPredictions, metrics};
-use super::recorded::Recorded;
+use super::prediction::{PredictedValues, Question, Window, WindowPredictions, metrics};
+use super::recorded::RecordedSamples;
 use super::spring::SpringForce;
-use super::{Compared, ComparedPoint, History, Residual, uncertainty};
-use crate::campaign::{CampaignSetUp, Experiment, Start, SteppedSine};
+use super::{ComparedPoint, ComparedRun, PointHistory, Residual, uncertainty};
+use crate::campaign::{CampaignSetUp, Experiment, PointStart, SteppedSine};
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::segment_id::SegmentId;
 
@@ -36,14 +36,14 @@ const MAX_TICKS: u64 = 10_000_000;
 const NOTABLE_BASE: f64 = 2e-3;
 
 /// Points that are simulated in one go: one from rest, or all of a sweep that carries its motion over.
-struct Drive<'a> {
+struct SimulatedDrive<'a> {
     rows: Vec<&'a ResultRow>,
     sine: SineDrive,
     /// Tick after the last point.
     end_tick: u64,
 }
 
-impl Compared<'_> {
+impl ComparedRun<'_> {
     /// The points of a stepped sine on a set-up, in the order of the campaign.
     pub(super) fn stepped_sine(
         &self,
@@ -56,8 +56,8 @@ impl Compared<'_> {
         let mut rows: Vec<&ResultRow> = self.state.rows().iter().filter(is_own).collect();
         rows.sort_by_key(|row| row.point_index);
         let together: Vec<Vec<&ResultRow>> = match sine.start {
-            Start::FromRest => rows.into_iter().map(|row| vec![row]).collect(),
-            Start::CarryOver => rows.chunk_by(|a, b| a.segment == b.segment).map(<[_]>::to_vec).collect(),
+            PointStart::FromRest => rows.into_iter().map(|row| vec![row]).collect(),
+            PointStart::CarryOver => rows.chunk_by(|a, b| a.segment == b.segment).map(<[_]>::to_vec).collect(),
         };
         // One after the other, each on all processors: memory does not grow with their number.
         let of = |rows: Vec<&ResultRow>| {
@@ -147,8 +147,8 @@ impl Compared<'_> {
         let first = rows.iter().map(|row| row.start_tick).min().unwrap_or(0);
         let before = self.state.rows().iter().filter(|row| id_of(row) == *id && row.start_tick < first);
         match sine.start {
-            Start::FromRest => before.map(|row| row.start_tick).max().unwrap_or(0)..until,
-            Start::CarryOver => 0..until,
+            PointStart::FromRest => before.map(|row| row.start_tick).max().unwrap_or(0)..until,
+            PointStart::CarryOver => 0..until,
         }
     }
 
@@ -157,8 +157,8 @@ impl Compared<'_> {
         &self,
         row: &ResultRow,
         models: &Models,
-        on_measured: Option<&Prediction>,
-        on_ideal: Option<&Prediction>,
+        on_measured: Option<&PredictedValues>,
+        on_ideal: Option<&PredictedValues>,
     ) -> ComparedPoint {
         let kind = Self::walls_of(models);
         let walls = self.measured_walls(&id_of(row), &(row.start_tick..row.end_tick));
@@ -192,7 +192,7 @@ impl Compared<'_> {
 
     fn answer(
         &self,
-        drive: &Drive,
+        drive: &SimulatedDrive,
         models: &Models,
         (base, z_noise_m): (&BaseMotion, f64),
         spring: &SpringForce,
@@ -224,7 +224,7 @@ impl Compared<'_> {
         &self,
         own: &CampaignSetUp,
         models: &Models,
-        recorded: Option<&Recorded>,
+        recorded: Option<&RecordedSamples>,
         ticks: &Range<u64>,
         kept_by: (&[f64], f64),
     ) -> SpringForce {
@@ -238,7 +238,7 @@ impl Compared<'_> {
     /// The base motion as measured in these ticks, or why there is none.
     pub(super) fn measured_base(
         &self,
-        recorded: Option<&Recorded>,
+        recorded: Option<&RecordedSamples>,
         ticks: &Range<u64>,
         models: &Models,
         z_noise_m: f64,
@@ -257,7 +257,7 @@ impl Compared<'_> {
         &self,
         point: &mut ComparedPoint,
         row: &ResultRow,
-        recorded: Option<&Recorded>,
+        recorded: Option<&RecordedSamples>,
         motion: &SimulatedMotion,
         window: &Range<usize>,
         on_measured_base: bool,
@@ -273,7 +273,7 @@ impl Compared<'_> {
         measured_impacts.retain(|(t_s, _)| *t_s >= from_s);
         let own = motion.pulses.iter().filter(|pulse| pulse.is_counted && window.contains(&pulse.tick));
         let simulated_impacts = own.map(|pulse| ((pulse.tick - window.start) as f64 * TICK_S, pulse.side));
-        point.history = Some(History {
+        point.history = Some(PointHistory {
             from_s,
             rate_hz: f64::from(TICK_HZ),
             measured_m: measured_m.get(skipped..).unwrap_or_default().to_vec(),
@@ -312,8 +312,8 @@ fn drive<'a>(
     own: &CampaignSetUp,
     sine: &SteppedSine,
     rows: &[&'a ResultRow],
-    recorded: Option<&Recorded>,
-) -> Result<Drive<'a>, String> {
+    recorded: Option<&RecordedSamples>,
+) -> Result<SimulatedDrive<'a>, String> {
     let ends = |row: &ResultRow| row.end_tick > row.start_tick && row.end_tick < u64::from(u32::MAX);
     if !rows.iter().all(|row| ends(row) && row.frequency_hz > 0.0) {
         return Err("its ticks or its frequency are damaged".into());
@@ -326,26 +326,33 @@ fn drive<'a>(
     }
     let first = rows[0];
     let from_tick = drive_start(own, sine, first, recorded).ok_or("the start of its drive is not known: record z")?;
-    let mut steps = vec![Step { from_tick, frequency_hz: first.frequency_hz }];
-    steps.extend(rows.windows(2).map(|pair| Step { from_tick: pair[0].end_tick, frequency_hz: pair[1].frequency_hz }));
+    let mut steps = vec![FrequencyStep { from_tick, frequency_hz: first.frequency_hz }];
+    steps.extend(
+        rows.windows(2).map(|pair| FrequencyStep { from_tick: pair[0].end_tick, frequency_hz: pair[1].frequency_hz }),
+    );
     let end_tick = rows[rows.len() - 1].end_tick;
     if end_tick - from_tick > MAX_TICKS {
         return Err(format!("it lasts more than {} s", MAX_TICKS as f64 * TICK_S));
     }
     let sine = SineDrive::new(&steps, end_tick, own.base_amplitude_m, sine.ramp_s);
-    Ok(Drive { rows: rows.to_vec(), sine, end_tick })
+    Ok(SimulatedDrive { rows: rows.to_vec(), sine, end_tick })
 }
 
 /// The tick in which the drive of a point began, with phase 0. A dwell begins a whole number of cycles after it.
-fn drive_start(own: &CampaignSetUp, sine: &SteppedSine, row: &ResultRow, recorded: Option<&Recorded>) -> Option<u64> {
+fn drive_start(
+    own: &CampaignSetUp,
+    sine: &SteppedSine,
+    row: &ResultRow,
+    recorded: Option<&RecordedSamples>,
+) -> Option<u64> {
     let period_ticks = f64::from(TICK_HZ) / row.frequency_hz;
     let after = |cycles: u64| row.start_tick.checked_sub(base::ticks_of(cycles, row.frequency_hz));
-    if sine.start == Start::CarryOver {
+    if sine.start == PointStart::CarryOver {
         // The sweep begins with the segment, at its first tick.
         return after((row.start_tick as f64 / period_ticks) as u64);
     }
     let least = base::least_cycles(row.frequency_hz, sine.settle_s);
-    let is_dense = |recorded: &&Recorded| recorded.density() * period_ticks >= SAMPLES_PER_CYCLE;
+    let is_dense = |recorded: &&RecordedSamples| recorded.density() * period_ticks >= SAMPLES_PER_CYCLE;
     if let Some(recorded) = recorded.filter(is_dense) {
         let level_m = AT_REST * own.base_amplitude_m;
         let rest_until = recorded.last_at_rest(row.start_tick, level_m, period_ticks as u64)?;

@@ -11,19 +11,19 @@ use super::base::BaseMotion;
 use super::ensemble::{self, Member, Models};
 use super::metric::MetricValues;
 use super::spring::SpringForce;
-use super::{COVERAGE_FACTOR, ComparedMetric, Predicted, Uncertain, Verdict};
+use super::{COVERAGE_FACTOR, ComparedMetric, PredictedQuantity, UncertainValue, Verdict};
 use crate::identify::sensors::rectangular;
 use crate::quantity::Quantity;
 
 /// Values of a prediction with their standard uncertainties, and whether neighbouring starts part.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Prediction {
+pub(super) struct PredictedValues {
     pub(super) values: MetricValues,
     pub(super) uncertainties: MetricValues,
     pub(super) is_sensitive: bool,
 }
 
-impl Prediction {
+impl PredictedValues {
     /// Adds what the reading of x contributes: values of the same motion read at both ends of the reading's error.
     pub(super) fn add_reading(&mut self, [low, high]: &[Option<MetricValues>; 2]) {
         let (Some(low), Some(high)) = (low, high) else { return };
@@ -40,7 +40,7 @@ pub(super) struct WindowPredictions {
     /// The motion of the set-up as stated.
     pub(super) motion: SimulatedMotion,
     /// One for each window; none where the window does not fit.
-    pub(super) predictions: Vec<Option<Prediction>>,
+    pub(super) predictions: Vec<Option<PredictedValues>>,
 }
 
 /// Two motions part when their difference is this share of the motion.
@@ -118,7 +118,7 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<MetricValues> + Sync> Question<'_,
                 let of_noise = self.of_noise(*metric, &values, &self.windows[window]);
                 *u = u.hypot(own).hypot(of_noise).hypot(BY_READING * of_base.unwrap_or(0.0));
             }
-            Some(Prediction { values, uncertainties, is_sensitive: are_sensitive[window] })
+            Some(PredictedValues { values, uncertainties, is_sensitive: are_sensitive[window] })
         });
         let predictions = predictions.collect();
         Some(WindowPredictions { motion, predictions })
@@ -194,15 +194,15 @@ fn parted(a: &SimulatedMotion, b: &SimulatedMotion, ticks: &Range<usize>) -> boo
 pub(super) fn metrics(
     measured: &MetricValues,
     of_measured: &MetricValues,
-    on_measured: Option<&Prediction>,
-    on_ideal: Option<&Prediction>,
+    on_measured: Option<&PredictedValues>,
+    on_ideal: Option<&PredictedValues>,
 ) -> Vec<ComparedMetric> {
     let compared = |(metric, value): (&Quantity, &f64)| {
-        let own = Uncertain {
+        let own = UncertainValue {
             value: *value,
             expanded: COVERAGE_FACTOR * of_measured.get(metric).copied().unwrap_or(f64::NAN),
         };
-        let beside = |prediction: Option<&Prediction>| predicted(*metric, own, prediction?);
+        let beside = |prediction: Option<&PredictedValues>| predicted(*metric, own, prediction?);
         let (on_measured_base, on_ideal_base) = (beside(on_measured), beside(on_ideal));
         ComparedMetric {
             metric: *metric,
@@ -216,10 +216,10 @@ pub(super) fn metrics(
     measured.iter().filter(|(_, value)| value.is_finite()).map(compared).collect()
 }
 
-fn predicted(metric: Quantity, measured: Uncertain, prediction: &Prediction) -> Option<Predicted> {
+fn predicted(metric: Quantity, measured: UncertainValue, prediction: &PredictedValues) -> Option<PredictedQuantity> {
     let (value, u) = (*prediction.values.get(&metric)?, *prediction.uncertainties.get(&metric)?);
     let expanded = COVERAGE_FACTOR * u;
     let normalised_error = metric.difference(measured.value, value) / measured.expanded.hypot(expanded);
     (value.is_finite() && normalised_error.is_finite())
-        .then_some(Predicted { value: Uncertain { value, expanded }, normalised_error })
+        .then_some(PredictedQuantity { value: UncertainValue { value, expanded }, normalised_error })
 }

@@ -15,7 +15,7 @@ use crate::table::values::{numbers, texts};
 
 /// Samples of one segment in some ticks, in their order.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Recorded {
+pub(super) struct RecordedSamples {
     ticks: Vec<u64>,
     x_m: Vec<f32>,
     z_m: Vec<f32>,
@@ -23,7 +23,7 @@ pub(super) struct Recorded {
     spring_n: Vec<f32>,
 }
 
-impl Recorded {
+impl RecordedSamples {
     /// Places of the samples of all these ticks; `None` if one is missing.
     fn places(&self, ticks: &Range<u64>) -> Option<Range<usize>> {
         let from = self.ticks.binary_search(&ticks.start).ok()?;
@@ -130,14 +130,14 @@ impl Stretch {
 
 /// The rows of a segment, in the order of their ticks.
 #[derive(Clone, Debug, Default)]
-struct Segment {
+struct RecordedSegment {
     stretches: Vec<Stretch>,
     last_tick: Option<u64>,
     /// A tick is not later than the one before: the file is damaged.
     is_unordered: bool,
 }
 
-impl Segment {
+impl RecordedSegment {
     fn push(&mut self, tick: u64, place: u64) {
         self.is_unordered |= self.last_tick.is_some_and(|last| tick <= last);
         self.last_tick = Some(tick);
@@ -162,7 +162,7 @@ impl Segment {
 /// So memory does not grow with the run.
 #[derive(Debug, Default)]
 pub(super) struct AllRecorded {
-    segments: BTreeMap<(String, String, u32), Segment>,
+    segments: BTreeMap<(String, String, u32), RecordedSegment>,
     file: Option<Mutex<File>>,
     rows: u64,
     has_x: bool,
@@ -233,10 +233,10 @@ impl AllRecorded {
     }
 
     /// The samples of a segment in these ticks; `None` if there are none of the segment.
-    pub(super) fn samples(&self, id: &SegmentId, ticks: &Range<u64>) -> Option<Recorded> {
+    pub(super) fn samples(&self, id: &SegmentId, ticks: &Range<u64>) -> Option<RecordedSamples> {
         let segment = self.segments.get(&(id.set_up.clone(), id.experiment.clone(), id.segment))?;
         let mut file = self.file.as_ref()?.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut recorded = Recorded::default();
+        let mut recorded = RecordedSamples::default();
         for stretch in &segment.stretches {
             let rows = stretch.within(ticks);
             let mut bytes = vec![0; (rows.end - rows.start) as usize * ROW];
@@ -264,8 +264,8 @@ mod tests {
     use super::*;
     use crate::run_folder::schema::samples::{PointLabel, SampleColumn, complete, schema, stream_schema};
 
-    fn recorded(ticks: impl Iterator<Item = u64> + Clone, z: impl Fn(u64) -> f32) -> Recorded {
-        Recorded { z_m: ticks.clone().map(z).collect(), ticks: ticks.collect(), ..Recorded::default() }
+    fn recorded(ticks: impl Iterator<Item = u64> + Clone, z: impl Fn(u64) -> f32) -> RecordedSamples {
+        RecordedSamples { z_m: ticks.clone().map(z).collect(), ticks: ticks.collect(), ..RecordedSamples::default() }
     }
 
     /// Rows of two segments in turns, with gaps, one row apart and then two, in batches that end anywhere.
@@ -323,7 +323,7 @@ mod tests {
     fn the_force_of_a_spring_is_the_mean_around_a_tick() {
         let ticks = 0..1000;
         let force = |tick: u64| if tick < 500 { 1.0 } else { 2.0 };
-        let own = Recorded { spring_n: ticks.clone().map(force).collect(), ..recorded(ticks, |_| 0.0) };
+        let own = RecordedSamples { spring_n: ticks.clone().map(force).collect(), ..recorded(ticks, |_| 0.0) };
         let (forces_n, _) = own.spring_n(&(100..900), 100.0).unwrap();
         assert_eq!(forces_n.len(), 800);
         assert!((forces_n[0] - 1.0).abs() < 1e-12 && (forces_n[799] - 2.0).abs() < 1e-12);

@@ -9,7 +9,7 @@ use std::ops::Range;
 use damprig_core::control::friction_spring::SpringConfig;
 use damprig_core::io::TICK_HZ;
 
-use super::recorded::Recorded;
+use super::recorded::RecordedSamples;
 use crate::campaign::CampaignSetUp;
 use crate::identify::sensors::{ASSUMED_LINEARITY, by_linearity, rectangular};
 use crate::setup::SpringTarget;
@@ -39,7 +39,7 @@ impl SpringForce {
         own: &CampaignSetUp,
         config: &SpringConfig,
         is_simulated: bool,
-        recorded: Option<&Recorded>,
+        recorded: Option<&RecordedSamples>,
         ticks: &Range<u64>,
         (z_m, frequency_hz): (&[f64], f64),
     ) -> Self {

@@ -10,9 +10,9 @@ use super::base::{self, BaseMotion};
 use super::ensemble::Models;
 use super::metric;
 use super::prediction::{Question, Window, WindowPredictions, metrics};
-use super::recorded::Recorded;
+use super::recorded::RecordedSamples;
 use super::spring::SpringForce;
-use super::{Compared, ComparedPoint, History, Residual, uncertainty};
+use super::{ComparedPoint, ComparedRun, PointHistory, Residual, uncertainty};
 use crate::campaign::{CampaignSetUp, Experiment, FreeVibration, Playback};
 use crate::run_folder::schema::segment_id::SegmentId;
 use crate::run_folder::schema::transients::TransientRow;
@@ -35,7 +35,7 @@ struct TransientSimulations {
     window: Range<usize>,
 }
 
-impl Compared<'_> {
+impl ComparedRun<'_> {
     /// The transient experiment on a set-up, if it was measured.
     pub(super) fn transient(
         &self,
@@ -69,7 +69,7 @@ impl Compared<'_> {
         &self,
         playback: &Playback,
         (models, spring): (&Models, &SpringForce),
-        recorded: Option<&Recorded>,
+        recorded: Option<&RecordedSamples>,
         (ticks, z_noise_m): (&Range<u64>, f64),
     ) -> TransientSimulations {
         let window = 0..(ticks.end - ticks.start) as usize;
@@ -139,7 +139,7 @@ impl Compared<'_> {
         &self,
         (row, noise_m): (&TransientRow, f64),
         id: &SegmentId,
-        recorded: Option<&Recorded>,
+        recorded: Option<&RecordedSamples>,
         models: &Models,
         simulated: Option<TransientSimulations>,
     ) -> ComparedPoint {
@@ -187,10 +187,10 @@ impl Compared<'_> {
         measured_m: &[f32],
         answer: &WindowPredictions,
         own: &TransientSimulations,
-    ) -> History {
+    ) -> PointHistory {
         let pulses = answer.motion.pulses.iter();
         let counted = pulses.filter(|pulse| pulse.is_counted && own.window.contains(&pulse.tick));
-        History {
+        PointHistory {
             from_s: 0.0,
             rate_hz: f64::from(TICK_HZ),
             measured_m: measured_m.to_vec(),
@@ -211,7 +211,11 @@ impl Compared<'_> {
     }
 
     /// x of all these ticks, if it was recorded at every tick.
-    pub(super) fn recorded_x_m<'r>(&self, recorded: Option<&'r Recorded>, ticks: &Range<u64>) -> Option<&'r [f32]> {
+    pub(super) fn recorded_x_m<'r>(
+        &self,
+        recorded: Option<&'r RecordedSamples>,
+        ticks: &Range<u64>,
+    ) -> Option<&'r [f32]> {
         recorded.filter(|_| self.is_every_tick)?.x_m(ticks)
     }
 

@@ -12,7 +12,7 @@ use super::found::{FoundBranches, FoundCurve, no_orbit};
 use super::keys::{file, second};
 use super::of_structure::{NotFollowed, OverKey};
 use crate::failure::Failure;
-use crate::input::key::Quantity;
+use crate::input::key::KeyedQuantity;
 use crate::input::{Number, Problem, Section, Source, Span, Text, near, resolve};
 use crate::setup::StatedContact;
 use crate::simulation::analysis::WrittenCase;
@@ -56,19 +56,19 @@ struct OverParameter {
 }
 
 /// A parameter and its range, as the file has them.
-struct Range {
+struct ParameterRange {
     key: Text,
     from: Number,
     to: Number,
 }
 
 /// What the file says before the case is read.
-struct Wanted {
+struct ContinuationRequest {
     case_file: PathBuf,
-    over: Range,
+    over: ParameterRange,
     start_at: Option<Number>,
     switch: bool,
-    second: Option<Range>,
+    second: Option<ParameterRange>,
     restarts: f64,
     step: f64,
     settle: f64,
@@ -125,7 +125,7 @@ impl Continuation {
     /// What is followed of a case of one degree of freedom, and where it starts; problems are reported to `source`.
     fn one_degree(
         source: &Source,
-        wanted: &Wanted,
+        wanted: &ContinuationRequest,
         case: &Case,
         case_source: &Source,
     ) -> Result<Option<(f64, Followed)>, Failure> {
@@ -174,8 +174,8 @@ impl Continuation {
     }
 
     /// What is followed of a structure with several places, and where it starts; problems are reported to `source`.
-    fn structure(source: &Source, wanted: &Wanted, case_source: &Source) -> Option<(f64, Followed)> {
-        let Range { key, from, to } = &wanted.over;
+    fn structure(source: &Source, wanted: &ContinuationRequest, case_source: &Source) -> Option<(f64, Followed)> {
+        let ParameterRange { key, from, to } = &wanted.over;
         if let Some(second) = &wanted.second {
             second.report(
                 source,
@@ -328,7 +328,7 @@ fn near_one_of<'k>(key: &str, known: impl Iterator<Item = &'k str>) -> Option<St
     near(key, known).first().map(|key| format!("did you mean {key:?}?"))
 }
 
-impl Range {
+impl ParameterRange {
     /// Reports what is not allowed at a place of the file.
     fn report(&self, source: &Source, span: &Span, allowed: &str) {
         let title = format!("{} from {} to {} is not allowed", self.key.value, self.from.value, self.to.value);
@@ -381,11 +381,11 @@ impl Range {
     }
 }
 
-fn read(root: &Section, path: &Path) -> Option<Wanted> {
+fn read(root: &Section, path: &Path) -> Option<ContinuationRequest> {
     let case_file = root.text_of(&file::CASE).map(|text| resolve(path, &text.value));
     let over = range(root, [&file::PARAMETER, &file::FROM, &file::TO]);
     let start_at = root.placed(&file::START_AT);
-    if let (Some(start), Some(Range { from, to, .. })) = (&start_at, &over)
+    if let (Some(start), Some(ParameterRange { from, to, .. })) = (&start_at, &over)
         && from.value < to.value
         && !(from.value..=to.value).contains(&start.value)
     {
@@ -400,7 +400,7 @@ fn read(root: &Section, path: &Path) -> Option<Wanted> {
         over
     });
     let [restarts, step, settle] = numbers;
-    Some(Wanted {
+    Some(ContinuationRequest {
         case_file: case_file?,
         over: over?,
         second: match second {
@@ -415,9 +415,9 @@ fn read(root: &Section, path: &Path) -> Option<Wanted> {
     })
 }
 
-fn range(section: &Section, [key, from, to]: [&Quantity; 3]) -> Option<Range> {
+fn range(section: &Section, [key, from, to]: [&KeyedQuantity; 3]) -> Option<ParameterRange> {
     let (key, from, to) = (section.text_of(key), section.placed(from), section.placed(to));
-    Some(Range { key: key?, from: from?, to: to? })
+    Some(ParameterRange { key: key?, from: from?, to: to? })
 }
 
 /// The ratios that the text of a case states: they stay while another parameter changes.

@@ -3,7 +3,7 @@
 use crate::input::key::DefaultValue::{Number, Word};
 use crate::input::key::Need::{Default, Optional, Required};
 use crate::input::key::Range::{Above, Any, Whole};
-use crate::input::key::{Kind, Quantity, Table, key, number, tables, word};
+use crate::input::key::{KeyedQuantity, Table, ValueKind, key, number, tables, word};
 
 /// Most drive periods that a simulation may take to repeat, unless the file states another number.
 pub(super) const MAX_PERIODS: u64 = 6000;
@@ -16,8 +16,8 @@ tables! {
 
     "What is followed: the case, its parameter and the range."
     file("") {
-        CASE: Required, [key("case", Kind::Text, "the case file, relative to this file")];
-        PARAMETER: Required, [key("parameter", Kind::Text, "the parameter by its key in a case, e.g. \"particle.clearance_m\"")];
+        CASE: Required, [key("case", ValueKind::Text, "the case file, relative to this file")];
+        PARAMETER: Required, [key("parameter", ValueKind::Text, "the parameter by its key in a case, e.g. \"particle.clearance_m\"")];
         FROM: Required, [number("from", Any, "lower end of the range, in the unit of the parameter")];
         TO: Required, [number("to", Any, "upper end of the range")];
         START_AT: Optional, [number("start_at", Any, "value at which the first orbit is simulated; default: that of the case")];
@@ -31,12 +31,12 @@ tables! {
         SETTLE: Default(Number(MAX_PERIODS as f64)), [
             number("settle_periods", Whole(200.0, 1e6), "most drive periods that a simulation may take to repeat"),
         ];
-        SECOND: Optional, [key("second", Kind::Table, "a second parameter: curves of the special points in both")];
+        SECOND: Optional, [key("second", ValueKind::Table, "a second parameter: curves of the special points in both")];
     }
 
     "The second parameter."
     second("second") {
-        PARAMETER: Required, [key("parameter", Kind::Text, "the parameter by its key in a case")];
+        PARAMETER: Required, [key("parameter", ValueKind::Text, "the parameter by its key in a case")];
         FROM: Required, [number("from", Any, "lower end of the range")];
         TO: Required, [number("to", Any, "upper end of the range")];
     }

@@ -1,6 +1,6 @@
 //! Base amplitudes of a new campaign whose set-ups stay within the range of the sensors.
 
-use super::new_file::{Damper, Fitted};
+use super::new_file::{Fitted, MountedDamper};
 use crate::campaign::Campaign;
 use crate::campaign::transient::two_digits_down;
 use crate::failure::Failure;
@@ -14,7 +14,7 @@ const AIM_M: f64 = 0.053;
 ///
 /// # Errors
 /// As [`predict`].
-pub fn too_large(campaign: &Campaign, dampers: &[Damper]) -> Result<Vec<Fitted>, Failure> {
+pub fn too_large(campaign: &Campaign, dampers: &[MountedDamper]) -> Result<Vec<Fitted>, Failure> {
     let (predictions, _) = predict(campaign)?;
     let fitted = predictions.iter().filter(|p| p.swing.max_x_m > AIM_M).filter_map(|prediction| {
         let (set_up, max_x_m) = (campaign.set_ups.get(prediction.set_up)?, prediction.swing.max_x_m);

@@ -5,11 +5,11 @@ use std::collections::BTreeSet;
 use damprig_core::model::Material;
 
 use super::{FileKind, kinds_at};
-use crate::input::key::{Quantity, Table};
+use crate::input::key::{KeyedQuantity, Table};
 
 /// What is mounted in a set-up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Damper {
+pub enum MountedDamper {
     /// Nothing.
     Bare,
     /// A single-particle impact damper.
@@ -22,7 +22,7 @@ pub enum Damper {
     Tmd,
 }
 
-impl Damper {
+impl MountedDamper {
     /// All of them.
     pub const ALL: [Self; 5] = [Self::Bare, Self::Spid, Self::Fd, Self::Hybrid, Self::Tmd];
 
@@ -126,7 +126,7 @@ pub struct CaseValues {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fitted {
     /// Its damper.
-    pub damper: Damper,
+    pub damper: MountedDamper,
     /// Its Z, m.
     pub base_amplitude_m: f64,
     /// Predicted largest |x| with the Z of the others, m.
@@ -201,8 +201,8 @@ pub(super) fn three_digits(value: f64) -> f64 {
 
 /// The text of a campaign with a set-up for each damper.
 #[must_use]
-pub fn campaign(name: &str, dampers: &[Damper], experiments: &[Excitation], values: &CaseValues) -> String {
-    let mut file = Writer::new(FileKind::Campaign);
+pub fn campaign(name: &str, dampers: &[MountedDamper], experiments: &[Excitation], values: &CaseValues) -> String {
+    let mut file = TableWriter::new(FileKind::Campaign);
     file.line("# A campaign, written by `damprig init`. `damprig keys` has all keys. Next:");
     file.line("#   damprig run FILE --dry-run    check it and predict displacements");
     file.line("#   damprig run FILE              run it on the virtual rig; --rig auto: on the connected board");
@@ -236,8 +236,8 @@ pub fn campaign(name: &str, dampers: &[Damper], experiments: &[Excitation], valu
 
 /// The text of a case.
 #[must_use]
-pub fn case(name: &str, damper: Damper, excitation: Excitation, values: &CaseValues) -> String {
-    let mut file = Writer::new(FileKind::Case);
+pub fn case(name: &str, damper: MountedDamper, excitation: Excitation, values: &CaseValues) -> String {
+    let mut file = TableWriter::new(FileKind::Case);
     file.line("# A case, written by `damprig init`. `damprig keys` has all keys. Next:");
     file.line("#   damprig simulate FILE --plot FIGURE.svg");
     let mut top = vec![("name", text(name))];
@@ -303,13 +303,13 @@ fn text(value: &str) -> String {
 const LONG_ENTRY: usize = 48;
 
 /// Writes tables whose keys have their meaning as a comment where they come first.
-struct Writer {
+struct TableWriter {
     tables: Vec<Table>,
     text: String,
     explained: BTreeSet<(String, &'static str)>,
 }
 
-impl Writer {
+impl TableWriter {
     fn new(file: FileKind) -> Self {
         Self { tables: file.tables(), text: String::new(), explained: BTreeSet::new() }
     }
@@ -342,7 +342,8 @@ impl Writer {
     /// Keys of a table with their values.
     fn keys(&mut self, path: &str, kind: Option<&str>, keys: &[(&'static str, String)]) {
         let path = path.strip_prefix("set_up.").unwrap_or(path);
-        let quantities: Vec<&Quantity> = self.declared(path, kind).iter().flat_map(|table| table.quantities).collect();
+        let quantities: Vec<&KeyedQuantity> =
+            self.declared(path, kind).iter().flat_map(|table| table.quantities).collect();
         let lengths = keys.iter().map(|(key, value)| key.len() + value.chars().count() + 3);
         let width = lengths.filter(|length| *length <= LONG_ENTRY).max().unwrap_or(0);
         for (key, value) in keys {
@@ -385,7 +386,7 @@ impl Writer {
     }
 
     /// The tables of a damper, below `prefix`.
-    fn damper(&mut self, prefix: &str, damper: Damper, values: &CaseValues) {
+    fn damper(&mut self, prefix: &str, damper: MountedDamper, values: &CaseValues) {
         let mass = ("mass_ratio", number(values.mass_ratio));
         if damper.has_particle() {
             self.table(&format!("{prefix}particle"), None);
@@ -410,7 +411,7 @@ impl Writer {
             self.table(&format!("{prefix}{path}"), None);
             self.keys(path, None, &[("friction_ratio", number(values.friction_ratio))]);
         }
-        if damper == Damper::Tmd {
+        if damper == MountedDamper::Tmd {
             self.table(&format!("{prefix}tmd"), None);
             self.keys("tmd", None, &[mass, ("tuning", text("warburton"))]);
         }
@@ -488,7 +489,7 @@ fn kind_key(tables: &[Table], kind: Option<&str>) -> &'static str {
 }
 
 /// The meaning of a key, and the keys of the same quantity.
-fn meaning(quantity: &Quantity, key: &str) -> Option<String> {
+fn meaning(quantity: &KeyedQuantity, key: &str) -> Option<String> {
     let mut text = quantity.key(key)?.doc.to_string();
     let others: Vec<&str> = quantity.keys.iter().map(|other| other.name).filter(|other| *other != key).collect();
     if !others.is_empty() {

@@ -1,7 +1,7 @@
 //! The key reference (docs/KEYS.md): a section for each table, a row for each key.
 
 use super::{FileKind, is_part, plain};
-use crate::input::key::{Key, Kind, Need, Quantity, Range, Table};
+use crate::input::key::{Key, KeyedQuantity, Need, Range, Table, ValueKind};
 use crate::{optimise, quantity};
 
 const HEAD: &str = "\
@@ -14,14 +14,14 @@ Keys of one quantity exclude each other: they have *or* in the column *needed*.
 ";
 
 /// A section of the page: its title, an introduction, and its tables.
-type Section = (&'static str, &'static str, Vec<Table>);
+type ReferenceSection = (&'static str, &'static str, Vec<Table>);
 
 /// The page, in Markdown.
 #[must_use]
 pub fn reference() -> String {
     let own = |file: FileKind| file.tables().into_iter().filter(|table| !is_part(table.path)).collect();
     let parts = FileKind::SetUp.tables().into_iter().filter(|table| is_part(table.path)).collect();
-    let sections: [Section; 7] = [
+    let sections: [ReferenceSection; 7] = [
         (
             "Campaign",
             "For `damprig run`. Structure and dampers have the keys of a set-up, below.",
@@ -90,7 +90,8 @@ fn text_of(table: &Table, tables: &[Table]) -> String {
 fn heading(table: &Table, tables: &[Table]) -> String {
     let (parent, name) = table.path.rsplit_once('.').unwrap_or(("", table.path));
     let of_parent = tables.iter().filter(|other| other.path == parent).flat_map(|other| other.quantities);
-    let is_list = of_parent.flat_map(|quantity| quantity.keys).any(|key| key.name == name && key.kind == Kind::Tables);
+    let is_list =
+        of_parent.flat_map(|quantity| quantity.keys).any(|key| key.name == name && key.kind == ValueKind::Tables);
     let path = match (table.path, is_list) {
         ("", _) => "Top of the file".into(),
         (path, true) => format!("`[[{path}]]`"),
@@ -99,7 +100,7 @@ fn heading(table: &Table, tables: &[Table]) -> String {
     table.kind.map_or(path.clone(), |kind| format!("{path} with `kind = {kind:?}`"))
 }
 
-fn row(quantity: &Quantity, key: &Key) -> String {
+fn row(quantity: &KeyedQuantity, key: &Key) -> String {
     let usual = key.usual.map_or(String::new(), |(least, most)| format!("{} to {}", plain(least), plain(most)));
     let others: Vec<String> =
         quantity.keys.iter().filter(|other| *other != key).map(|k| format!("`{}`", k.name)).collect();
@@ -116,25 +117,25 @@ fn row(quantity: &Quantity, key: &Key) -> String {
 fn type_of(key: &Key) -> String {
     let unit = key.unit().map_or("", |unit| unit.symbol);
     match key.kind {
-        Kind::Number(_) if unit.is_empty() => "number".into(),
-        Kind::Number(_) => unit.into(),
-        Kind::Numbers(_) if unit.is_empty() => "list of numbers".into(),
-        Kind::Numbers(_) => format!("list, {unit}"),
-        Kind::NumbersOrTable(_) => format!("list, {unit}, or table"),
-        Kind::Word(_) => "word".into(),
-        Kind::Text => "text".into(),
-        Kind::Texts => "list of texts".into(),
-        Kind::TextOrPlace => "text, or place from 1".into(),
-        Kind::TextOrCase => "text, or tables of a case".into(),
-        Kind::Table => "table".into(),
-        Kind::OneOrMoreTables => "table, or list of tables".into(),
-        Kind::Tables => "list of tables".into(),
+        ValueKind::Number(_) if unit.is_empty() => "number".into(),
+        ValueKind::Number(_) => unit.into(),
+        ValueKind::Numbers(_) if unit.is_empty() => "list of numbers".into(),
+        ValueKind::Numbers(_) => format!("list, {unit}"),
+        ValueKind::NumbersOrTable(_) => format!("list, {unit}, or table"),
+        ValueKind::Word(_) => "word".into(),
+        ValueKind::Text => "text".into(),
+        ValueKind::Texts => "list of texts".into(),
+        ValueKind::TextOrPlace => "text, or place from 1".into(),
+        ValueKind::TextOrCase => "text, or tables of a case".into(),
+        ValueKind::Table => "table".into(),
+        ValueKind::OneOrMoreTables => "table, or list of tables".into(),
+        ValueKind::Tables => "list of tables".into(),
     }
 }
 
 fn allowed(key: &Key) -> String {
     match key.kind {
-        Kind::Word(words) => words.iter().map(|word| format!("`{word:?}`")).collect::<Vec<_>>().join(", "),
+        ValueKind::Word(words) => words.iter().map(|word| format!("`{word:?}`")).collect::<Vec<_>>().join(", "),
         kind => kind.range().filter(|range| *range != Range::Any).map_or(String::new(), Range::allowed),
     }
 }

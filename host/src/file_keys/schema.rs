@@ -10,13 +10,13 @@ use std::collections::BTreeMap;
 use serde_json::{Map, Value, json};
 
 use super::{FileKind, is_part, kinds_at, path_of, plain};
-use crate::input::key::{DefaultValue, Key, Kind, Need, Quantity, Range, Table, Unit};
+use crate::input::key::{DefaultValue, Key, KeyUnit, KeyedQuantity, Need, Range, Table, ValueKind};
 use crate::setup::PARTS;
 
 /// The schema of a kind of file.
 #[must_use]
 pub fn schema(file: FileKind) -> Value {
-    let mut builder = Builder::of(file, "");
+    let mut builder = SchemaBuilder::of(file, "");
     let mut root = builder.root();
     root["$schema"] = "https://json-schema.org/draft/2020-12/schema".into();
     root["title"] = file.title().into();
@@ -24,7 +24,7 @@ pub fn schema(file: FileKind) -> Value {
     root
 }
 
-struct Builder {
+struct SchemaBuilder {
     file: FileKind,
     tables: Vec<Table>,
     /// Before the names of the tables' schemas.
@@ -42,7 +42,7 @@ enum Needs {
     Exclusions,
 }
 
-impl Builder {
+impl SchemaBuilder {
     fn of(file: FileKind, prefix: &'static str) -> Self {
         Self { file, tables: file.tables(), prefix, definitions: BTreeMap::new() }
     }
@@ -136,28 +136,28 @@ impl Builder {
     }
 
     /// The schema of a key's value.
-    fn key(&mut self, path: &str, quantity: &Quantity, key: &Key) -> Value {
+    fn key(&mut self, path: &str, quantity: &KeyedQuantity, key: &Key) -> Value {
         let inner = path_of(&self.tables, path, key.name);
         let mut schema = match key.kind {
-            Kind::Number(range) => number(key, range),
-            Kind::Numbers(range) => json!({ "type": "array", "items": number(key, range) }),
-            Kind::NumbersOrTable(range) => json!({ "oneOf": [
+            ValueKind::Number(range) => number(key, range),
+            ValueKind::Numbers(range) => json!({ "type": "array", "items": number(key, range) }),
+            ValueKind::NumbersOrTable(range) => json!({ "oneOf": [
                 { "type": "array", "items": number(key, range), "minItems": 1 },
                 { "$ref": self.definition(&inner) },
             ] }),
-            Kind::Word(words) => json!({ "enum": words }),
-            Kind::Text => json!({ "type": "string" }),
-            Kind::Texts => json!({ "type": "array", "items": { "type": "string" } }),
-            Kind::TextOrPlace => json!({ "type": ["string", "integer"], "minimum": 1 }),
-            Kind::TextOrCase => self.text_or_case(path),
-            Kind::Table => json!({ "$ref": self.definition(&inner) }),
+            ValueKind::Word(words) => json!({ "enum": words }),
+            ValueKind::Text => json!({ "type": "string" }),
+            ValueKind::Texts => json!({ "type": "array", "items": { "type": "string" } }),
+            ValueKind::TextOrPlace => json!({ "type": ["string", "integer"], "minimum": 1 }),
+            ValueKind::TextOrCase => self.text_or_case(path),
+            ValueKind::Table => json!({ "$ref": self.definition(&inner) }),
             // Several dampers are for a case with several places.
-            Kind::OneOrMoreTables if self.file != FileKind::Case => json!({ "$ref": self.definition(&inner) }),
-            Kind::OneOrMoreTables => {
+            ValueKind::OneOrMoreTables if self.file != FileKind::Case => json!({ "$ref": self.definition(&inner) }),
+            ValueKind::OneOrMoreTables => {
                 let one = json!({ "$ref": self.definition(&inner) });
                 json!({ "oneOf": [one, { "type": "array", "items": one }] })
             }
-            Kind::Tables => json!({ "type": "array", "items": { "$ref": self.definition(&inner) } }),
+            ValueKind::Tables => json!({ "type": "array", "items": { "$ref": self.definition(&inner) } }),
         };
         schema["description"] = description(key).into();
         // A default is that of the quantity's first key.
@@ -169,7 +169,7 @@ impl Builder {
                 _ => default.written().parse().map_or(Value::Null, plain_value),
             };
         }
-        if key.kind == Kind::Tables && matches!(quantity.need, Need::Required) {
+        if key.kind == ValueKind::Tables && matches!(quantity.need, Need::Required) {
             schema["minItems"] = 1.into();
         }
         schema
@@ -228,7 +228,7 @@ fn plain_value(number: f64) -> Value {
 
 /// The meaning of a key with its unit and its usual range.
 fn description(key: &Key) -> String {
-    let symbol = key.unit().map_or("", |unit: &Unit| unit.symbol);
+    let symbol = key.unit().map_or("", |unit: &KeyUnit| unit.symbol);
     let mut text = key.doc.to_string();
     if key.kind.range().is_some() && !symbol.is_empty() {
         text.push_str(&format!(" ({symbol})"));
@@ -244,20 +244,20 @@ fn required(names: &[&str]) -> Value {
 }
 
 /// No two keys of a quantity may be written.
-fn excluded(quantity: &Quantity) -> Vec<Value> {
+fn excluded(quantity: &KeyedQuantity) -> Vec<Value> {
     let keys = quantity.keys;
     let pairs = keys.iter().enumerate().flat_map(|(n, a)| keys[n + 1..].iter().map(|b| [a.name, b.name]));
     pairs.map(|pair| json!({ "not": required(&pair) })).collect()
 }
 
 /// No key of a quantity may be written beside another key.
-fn not_together(quantity: &Quantity, other: &str) -> Value {
+fn not_together(quantity: &KeyedQuantity, other: &str) -> Value {
     let pairs: Vec<Value> = quantity.keys.iter().map(|key| required(&[other, key.name])).collect();
     json!({ "not": { "anyOf": pairs } })
 }
 
 /// What a need demands of the table, beside that no two keys of the quantity are written.
-fn condition(quantity: &Quantity, need: Need) -> Option<Value> {
+fn condition(quantity: &KeyedQuantity, need: Need) -> Option<Value> {
     let any: Vec<Value> = quantity.keys.iter().map(|key| required(&[key.name])).collect();
     match need {
         Need::Required => Some(json!({ "anyOf": any })),
@@ -276,7 +276,7 @@ fn condition(quantity: &Quantity, need: Need) -> Option<Value> {
     }
 }
 
-fn branch(condition: Value, quantity: &Quantity, then: &Need, otherwise: &Need) -> Value {
+fn branch(condition: Value, quantity: &KeyedQuantity, then: &Need, otherwise: &Need) -> Value {
     let mut schema = json!({ "if": condition });
     for (name, need) in [("then", then), ("else", otherwise)] {
         if let Some(demanded) = self::condition(quantity, *need) {

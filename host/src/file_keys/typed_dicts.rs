@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use super::{FileKind, kinds_at, path_of};
-use crate::input::key::{Key, Kind, Quantity, Range, Table};
+use crate::input::key::{Key, KeyedQuantity, Range, Table, ValueKind};
 
 const HEAD: &str = "\
 \"\"\"The keys of input files as types: annotate a dict, and an editor completes its keys and finds wrong ones before it runs.
@@ -34,7 +34,8 @@ const CASE: &str = "case";
 /// The module.
 #[must_use]
 pub fn module() -> String {
-    let mut builder = Builder { file: FileKind::Case, tables: Vec::new(), named: BTreeMap::new(), text: String::new() };
+    let mut builder =
+        TypedDictBuilder { file: FileKind::Case, tables: Vec::new(), named: BTreeMap::new(), text: String::new() };
     for file in [FileKind::Case, FileKind::Campaign, FileKind::Study, FileKind::Optimisation, FileKind::Continuation] {
         builder.file = file;
         builder.tables = file.tables();
@@ -43,7 +44,7 @@ pub fn module() -> String {
     format!("{HEAD}{}", builder.text)
 }
 
-struct Builder {
+struct TypedDictBuilder {
     file: FileKind,
     tables: Vec<Table>,
     /// The names of the types so far, by what they are: equal tables share one.
@@ -51,7 +52,7 @@ struct Builder {
     text: String,
 }
 
-impl Builder {
+impl TypedDictBuilder {
     /// The name of the type of the table at `path`, which is written after those inside it. Those of a case have no prefix.
     fn table(&mut self, path: &str) -> String {
         let prefix = if self.file == FileKind::Case && !path.is_empty() { "" } else { self.file.name() };
@@ -110,26 +111,26 @@ impl Builder {
     fn of_key(&mut self, path: &str, key: &Key) -> String {
         let inner = path_of(&self.tables, path, key.name);
         match key.kind {
-            Kind::Number(range) => number(range).into(),
-            Kind::Numbers(range) => format!("Sequence[{}]", number(range)),
-            Kind::NumbersOrTable(range) => format!("Union[Sequence[{}], {}]", number(range), self.table(&inner)),
-            Kind::Word(words) => {
+            ValueKind::Number(range) => number(range).into(),
+            ValueKind::Numbers(range) => format!("Sequence[{}]", number(range)),
+            ValueKind::NumbersOrTable(range) => format!("Union[Sequence[{}], {}]", number(range), self.table(&inner)),
+            ValueKind::Word(words) => {
                 let words: Vec<String> = words.iter().map(|word| format!("\"{word}\"")).collect();
                 format!("Literal[{}]", words.join(", "))
             }
             // In Python a dict names its case by a file or has its tables.
-            Kind::Text if key.name == CASE => "Union[str, os.PathLike[str], Case]".into(),
-            Kind::Text => "str".into(),
-            Kind::Texts => "Sequence[str]".into(),
-            Kind::TextOrPlace => "Union[str, int]".into(),
-            Kind::TextOrCase => "Union[str, os.PathLike[str], Case]".into(),
-            Kind::Table => self.table(&inner),
-            Kind::OneOrMoreTables if self.file != FileKind::Case => self.table(&inner),
-            Kind::OneOrMoreTables => {
+            ValueKind::Text if key.name == CASE => "Union[str, os.PathLike[str], Case]".into(),
+            ValueKind::Text => "str".into(),
+            ValueKind::Texts => "Sequence[str]".into(),
+            ValueKind::TextOrPlace => "Union[str, int]".into(),
+            ValueKind::TextOrCase => "Union[str, os.PathLike[str], Case]".into(),
+            ValueKind::Table => self.table(&inner),
+            ValueKind::OneOrMoreTables if self.file != FileKind::Case => self.table(&inner),
+            ValueKind::OneOrMoreTables => {
                 let one = self.table(&inner);
                 format!("Union[{one}, Sequence[{one}]]")
             }
-            Kind::Tables => format!("Sequence[{}]", self.table(&inner)),
+            ValueKind::Tables => format!("Sequence[{}]", self.table(&inner)),
         }
     }
 }
@@ -139,7 +140,7 @@ fn number(range: Range) -> &'static str {
 }
 
 /// The meaning of a key; of a further key of a quantity also that it stands for the first one.
-fn meaning(quantity: &Quantity, key: &Key) -> String {
+fn meaning(quantity: &KeyedQuantity, key: &Key) -> String {
     let unit = key.unit().map_or("", |unit| unit.symbol);
     let unit = if key.kind.range().is_some() && !unit.is_empty() { format!(" ({unit})") } else { String::new() };
     let instead =

@@ -17,9 +17,9 @@ use std::path::Path;
 use damprig_core::io::{TICK_HZ, WALL_SUBSAMPLES};
 use damprig_core::model::SetUp;
 
-use super::from_run::Choice;
+use super::from_run::ExperimentChoice;
 use super::statistics::Value;
-use super::table::Table;
+use super::table::NumberTable;
 use super::{Estimate, Identification, force_record};
 use crate::failure::Failure;
 use crate::run_folder::RunFolder;
@@ -30,7 +30,7 @@ const SAMPLE_S: f64 = 1.0 / (TICK_HZ as f64 * WALL_SUBSAMPLES as f64);
 
 /// A pulse as the board measured it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pulse {
+pub struct MeasuredPulse {
     /// Whether it was at the positive side.
     pub is_positive: bool,
     /// F, N.
@@ -47,11 +47,11 @@ const POSITIVE_TIME: &str = "particle.positive_wall.contact_time_s";
 ///
 /// # Errors
 /// No run, no impacts or those of several experiments, a set-up without a model or with a soft wall, fewer than two pulses on a wall.
-pub fn of_run(path: &Path, choice: &Choice) -> Result<Identification, Failure> {
+pub fn of_run(path: &Path, choice: &ExperimentChoice) -> Result<Identification, Failure> {
     let run = RunFolder::open(path).map_err(Failure::input)?;
     let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let all = pulses(&run).map_err(|e| failed(&e))?;
-    let mut pairs: Vec<Pair> = all.iter().map(|(pair, _)| pair.clone()).collect();
+    let mut pairs: Vec<ExperimentNames> = all.iter().map(|(pair, _)| pair.clone()).collect();
     pairs.sort();
     pairs.dedup();
     let pair = pairs[choice.only(&run, &pairs, "experiment with impacts")?].clone();
@@ -63,17 +63,17 @@ pub fn of_run(path: &Path, choice: &Choice) -> Result<Identification, Failure> {
             pair.0
         )));
     };
-    let own: Vec<Pulse> = all.into_iter().filter(|(of, _)| *of == pair).map(|(_, pulse)| pulse).collect();
+    let own: Vec<MeasuredPulse> = all.into_iter().filter(|(of, _)| *of == pair).map(|(_, pulse)| pulse).collect();
     let mut identified = of_pulses(&own, &model).map_err(|why| failed(&why))?;
     identified.taken_from = format!("{}, set-up {:?}, experiment {:?}", run.id(), pair.0, pair.1);
     Ok(identified)
 }
 
 /// Names of a set-up and an experiment.
-type Pair = (String, String);
+type ExperimentNames = (String, String);
 
 /// The whole pulses of a run, with set-up and experiment: neither clipped nor held.
-fn pulses(run: &RunFolder) -> Result<Vec<(Pair, Pulse)>, Failure> {
+fn pulses(run: &RunFolder) -> Result<Vec<(ExperimentNames, MeasuredPulse)>, Failure> {
     let mut all = Vec::new();
     for batch in run.impacts()? {
         let read = |column: &str| numbers(&batch, column);
@@ -81,7 +81,7 @@ fn pulses(run: &RunFolder) -> Result<Vec<(Pair, Pulse)>, Failure> {
         let (sides, peaks, impulses) = (read("side")?, read("peak_n")?, read("impulse_n_s")?);
         let (clipped, held) = (read("clipped")?, read("held")?);
         for n in (0..sides.len()).filter(|n| clipped[*n] == 0.0 && held[*n] == 0.0) {
-            let pulse = Pulse { is_positive: sides[n] > 0.0, peak_n: peaks[n], impulse_n_s: impulses[n] };
+            let pulse = MeasuredPulse { is_positive: sides[n] > 0.0, peak_n: peaks[n], impulse_n_s: impulses[n] };
             all.push(((set_ups[n].clone(), experiments[n].clone()), pulse));
         }
     }
@@ -93,14 +93,14 @@ fn pulses(run: &RunFolder) -> Result<Vec<(Pair, Pulse)>, Failure> {
 ///
 /// # Errors
 /// No particle, a soft wall, fewer than two pulses.
-pub fn of_pulses(pulses: &[Pulse], set_up: &SetUp) -> Result<Identification, Failure> {
+pub fn of_pulses(pulses: &[MeasuredPulse], set_up: &SetUp) -> Result<Identification, Failure> {
     let Some(particle) = set_up.particle.filter(|particle| particle.walls().iter().all(|wall| !wall.is_soft())) else {
         let text = "only a particle between hard walls has contacts that take no time in the model\n  the contact of a soft wall follows \
                     from its stiffness and damping";
         return Err(Failure::Input(text.into()));
     };
     let on = |is_positive: bool| pulses.iter().filter(move |pulse| pulse.is_positive == is_positive).copied().collect();
-    let (negative, positive): (Vec<Pulse>, Vec<Pulse>) = (on(false), on(true));
+    let (negative, positive): (Vec<MeasuredPulse>, Vec<MeasuredPulse>) = (on(false), on(true));
     let is_one_wall = particle.cavity.positive_wall.is_none();
     let times = [contact_time(&negative), contact_time(&positive)];
     let names = ["contact time at the negative side", "contact time at the positive side"];
@@ -133,11 +133,11 @@ pub fn of_pulses(pulses: &[Pulse], set_up: &SetUp) -> Result<Identification, Fai
         let (Some(time), Some(law)) = (time, wall.impact_law::<f64>(1.0)) else { continue };
         let stiffness = spring_stiffness(time, reduced_kg);
         estimates.push(Estimate::new(spring, "N/m", "m_r (π/τ)², m_r = mM/(M + m)", &stiffness));
-        let speed = |pulse: &Pulse| law.approach(pulse.impulse_n_s / reduced_kg);
+        let speed = |pulse: &MeasuredPulse| law.approach(pulse.impulse_n_s / reduced_kg);
         let found = mean_of(own, |pulse| hertz_stiffness(pulse.peak_n, reduced_kg, speed(pulse)));
         let method = "peaks, and approach speeds from the impulses with the set-up's e";
         estimates.extend(found.map(|value| Estimate::new(hertz, "N/m^1.5", method, &value)));
-        let ends = |of: &dyn Fn(&Pulse) -> f64| {
+        let ends = |of: &dyn Fn(&MeasuredPulse) -> f64| {
             own.iter().map(of).fold([f64::MAX, 0.0f64], |[low, high], value| [low.min(value), high.max(value)])
         };
         let (impulses, peaks, speeds) = (ends(&|p| p.impulse_n_s), ends(&|p| p.peak_n), ends(&speed));
@@ -176,7 +176,7 @@ pub fn of_pulses(pulses: &[Pulse], set_up: &SetUp) -> Result<Identification, Fai
 /// The peak is that of the highest of many samples, which noise raises: τ = πJ/(2F) is too short. For half-sines of n = 10 to 500 samples with
 /// white noise of 0.25 to 2 % of their peak it is so by up to [`raised`] times the scatter of a single pulse; half of that is added,
 /// and the other half is the bound of the error.
-fn contact_time(pulses: &[Pulse]) -> Option<Value> {
+fn contact_time(pulses: &[MeasuredPulse]) -> Option<Value> {
     let time = mean_of(pulses, |pulse| FRAC_PI_2 * pulse.impulse_n_s / pulse.peak_n)?;
     let samples = time.value / SAMPLE_S;
     let scatter_s = time.standard_uncertainty * (pulses.len() as f64).sqrt();
@@ -201,13 +201,13 @@ trait Peaked {
     fn peak_n(&self) -> f64;
 }
 
-impl Peaked for Pulse {
+impl Peaked for MeasuredPulse {
     fn peak_n(&self) -> f64 {
         self.peak_n
     }
 }
 
-impl Peaked for force_record::Pulse {
+impl Peaked for force_record::ForcePulse {
     fn peak_n(&self) -> f64 {
         self.peak_n
     }
@@ -246,7 +246,7 @@ const SHAPE: &str = "peak times contact time over impulse";
 ///
 /// # Errors
 /// Missing columns, a force without a pulse, a sensor at its limit.
-pub fn of_records(tables: &[Table], reduced_mass_kg: Option<f64>) -> Result<Identification, Failure> {
+pub fn of_records(tables: &[NumberTable], reduced_mass_kg: Option<f64>) -> Result<Identification, Failure> {
     let mut all = Vec::new();
     for table in tables {
         all.extend(force_record::pulses(table)?);
@@ -263,7 +263,7 @@ pub fn of_records(tables: &[Table], reduced_mass_kg: Option<f64>) -> Result<Iden
     let alone =
         |value: f64| Value { value, standard_uncertainty: value * share, degrees_of_freedom: strongest.samples };
     let time = mean_of(&all, |one| one.time_s).unwrap_or_else(|| alone(strongest.time_s));
-    let factor = mean_of(&all, force_record::Pulse::factor).unwrap_or_else(|| alone(strongest.factor()));
+    let factor = mean_of(&all, force_record::ForcePulse::factor).unwrap_or_else(|| alone(strongest.factor()));
     let factor = factor.widened(factor.value * sampling_error(strongest.samples));
     let mut estimates = vec![
         Estimate::new("contact time", "s", FITTED, &time).of_key(TIME),
@@ -272,7 +272,7 @@ pub fn of_records(tables: &[Table], reduced_mass_kg: Option<f64>) -> Result<Iden
     estimates.extend(reduced_mass_kg.map(|mass_kg| {
         Estimate::new("stiffness of a spring contact", "N/m", "m_r (π/τ)²", &spring_stiffness(&time, mass_kg))
     }));
-    let files: Vec<&str> = tables.iter().map(Table::file).collect();
+    let files: Vec<&str> = tables.iter().map(NumberTable::file).collect();
     let mut identified = Identification::new(files.join(", "), estimates);
     identified.remarks = vec![format!(
         "{} pulses, the strongest with an impulse of {:.5} N·s and a peak of {:.2} N; a half-sine has the factor {FRAC_PI_2:.4}",

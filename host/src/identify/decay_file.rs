@@ -6,11 +6,11 @@ use std::path::Path;
 use damprig_identification::Refused;
 
 use super::decay::{Decay, Model, identify};
-use super::table::{TIME, Table, X};
+use super::table::{NumberTable, TIME, X};
 use crate::failure::Failure;
 use crate::input::regular;
-use crate::signal_file::unit::Kind;
-use crate::signal_file::{EvenSignal, Selector, Signal, Stated, Unsettled, is_plain_table};
+use crate::signal_file::unit::UnitKind;
+use crate::signal_file::{EvenSignal, Selector, Signal, StatedSignal, UnknownQuantity, is_plain_table};
 
 /// A record of a file.
 #[derive(Clone, Debug)]
@@ -21,7 +21,7 @@ pub struct DecayFile {
     t_s: Vec<f64>,
     /// In SI units.
     values: Vec<f64>,
-    kind: Kind,
+    kind: UnitKind,
     /// What was done with the values, for people.
     remarks: Vec<String>,
 }
@@ -37,16 +37,16 @@ impl DecayFile {
     /// # Errors
     /// A file that cannot be read, or has no displacement, velocity or acceleration over time in a known unit; several of them without a
     /// choice (`FILE#name`).
-    pub fn read(path: &Path, stated: &Stated) -> Result<Self, Failure> {
+    pub fn read(path: &Path, stated: &StatedSignal) -> Result<Self, Failure> {
         let selector = Selector::of(path);
-        let table = (selector.which.is_none() && *stated == Stated::default()).then(|| Table::read(path));
+        let table = (selector.which.is_none() && *stated == StatedSignal::default()).then(|| NumberTable::read(path));
         if let Some(Ok(table)) = &table
             && table.has(&X)
             && table.has(&TIME)
         {
             let (t_s, values) = (table.times()?, table.column(&X)?);
             let taken_from = table.file().into();
-            return Ok(Self { taken_from, t_s, values, kind: Kind::Displacement, remarks: Vec::new() });
+            return Ok(Self { taken_from, t_s, values, kind: UnitKind::Displacement, remarks: Vec::new() });
         }
         match selector.read() {
             Ok(signal) => Self::of_signal(path, &signal, stated),
@@ -58,21 +58,21 @@ impl DecayFile {
         }
     }
 
-    fn of_signal(path: &Path, signal: &Signal, stated: &Stated) -> Result<Self, Failure> {
+    fn of_signal(path: &Path, signal: &Signal, stated: &StatedSignal) -> Result<Self, Failure> {
         let taken_from = path.display().to_string();
         let refuse = |why: String| Failure::Input(format!("{taken_from}: {why}"));
         let name = &signal.name;
         let unit = signal.measured(stated).map_err(|why| match why {
-            Unsettled::Contradiction(why) => refuse(why),
-            Unsettled::SensitivityMissing => refuse(format!(
+            UnknownQuantity::Contradiction(why) => refuse(why),
+            UnknownQuantity::SensitivityMissing => refuse(format!(
                 "{name:?} is a voltage: a decay is a displacement, velocity or acceleration\n  state the sensor's with --sensitivity \"100 mV/g\""
             )),
-            Unsettled::UnitMissing => refuse(format!(
+            UnknownQuantity::UnitMissing => refuse(format!(
                 "the unit of {name:?} is not known: a decay is a displacement, velocity or acceleration\n  state it with --unit, or in the \
                  column's name, for example x_mm or a_g"
             )),
         })?;
-        if !matches!(unit.kind, Kind::Displacement | Kind::Velocity | Kind::Acceleration) {
+        if !matches!(unit.kind, UnitKind::Displacement | UnitKind::Velocity | UnitKind::Acceleration) {
             let other = unit.kind.text();
             return Err(refuse(format!("{name:?} is a {other}: a decay is a displacement, velocity or acceleration")));
         }
@@ -103,8 +103,8 @@ impl DecayFile {
     pub fn identify(&self, model: Model) -> Result<(Decay, Vec<String>), Failure> {
         let named = |error: Refused| Failure::Input(format!("{}: {error}", self.taken_from));
         let power = match self.kind {
-            Kind::Velocity => 1,
-            Kind::Acceleration => 2,
+            UnitKind::Velocity => 1,
+            UnitKind::Acceleration => 2,
             _ => return Ok((identify(&self.t_s, &self.values, model).map_err(named)?, self.remarks.clone())),
         };
         let model = Model { coulomb: false, ..model };

@@ -7,7 +7,7 @@ use damprig_core::io::TICK_HZ;
 use damprig_core::model::SetUp;
 
 use super::flights::{Hit, Record};
-use super::from_run::Choice;
+use super::from_run::ExperimentChoice;
 use super::{Sensors, sensors};
 use crate::failure::Failure;
 use crate::run_folder::RunFolder;
@@ -31,7 +31,7 @@ const MIDDLE: f64 = 0.55;
 
 /// Readings of a start of an experiment, with the points that they belong to.
 #[derive(Debug, Default)]
-struct Segment {
+struct FlightSegment {
     hits: Vec<Hit>,
     t_s: Vec<f64>,
     x_m: Vec<f64>,
@@ -39,13 +39,13 @@ struct Segment {
 }
 
 /// The set-up, the experiment and the number of a segment.
-type Key = (String, String, u64);
+type SegmentKey = (String, String, u64);
 
 /// Reads the impacts and x of an experiment.
 ///
 /// # Errors
 /// No run, no impacts or those of several experiments; a set-up without a model; no samples of x.
-pub fn particle_run(path: &Path, choice: &Choice) -> Result<ParticleRun, Failure> {
+pub fn particle_run(path: &Path, choice: &ExperimentChoice) -> Result<ParticleRun, Failure> {
     let run = RunFolder::open(path).map_err(Failure::input)?;
     let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let mut segments = impacts(&run).map_err(|e| failed(&e))?;
@@ -61,7 +61,7 @@ pub fn particle_run(path: &Path, choice: &Choice) -> Result<ParticleRun, Failure
     };
     segments.retain(|key, _| (&key.0, &key.1) == (&set_up, &experiment));
     add_samples(&run, &mut segments)?;
-    let records: Vec<Record> = segments.into_values().flat_map(Segment::records).collect();
+    let records: Vec<Record> = segments.into_values().flat_map(FlightSegment::records).collect();
     if records.is_empty() {
         return Err(failed(&format!(
             "there are no samples of x of experiment {experiment:?} on {set_up:?}\n  record with rate_hz = 1000 and \"x\" in the \
@@ -73,8 +73,8 @@ pub fn particle_run(path: &Path, choice: &Choice) -> Result<ParticleRun, Failure
 }
 
 /// The impacts of all segments.
-fn impacts(run: &RunFolder) -> Result<BTreeMap<Key, Segment>, Failure> {
-    let mut segments: BTreeMap<Key, Segment> = BTreeMap::new();
+fn impacts(run: &RunFolder) -> Result<BTreeMap<SegmentKey, FlightSegment>, Failure> {
+    let mut segments: BTreeMap<SegmentKey, FlightSegment> = BTreeMap::new();
     for batch in run.impacts()? {
         let read = |column: &str| numbers(&batch, column);
         let (set_ups, experiments, places) = (texts(&batch, "set_up")?, texts(&batch, "experiment")?, read("segment")?);
@@ -95,7 +95,7 @@ fn impacts(run: &RunFolder) -> Result<BTreeMap<Key, Segment>, Failure> {
 }
 
 /// Adds the samples of x to the segments.
-fn add_samples(run: &RunFolder, segments: &mut BTreeMap<Key, Segment>) -> Result<(), Failure> {
+fn add_samples(run: &RunFolder, segments: &mut BTreeMap<SegmentKey, FlightSegment>) -> Result<(), Failure> {
     let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", run.path().display()));
     let tick_hz = run.manifest().device.as_ref().map_or(f64::from(TICK_HZ), |device| device.tick_hz);
     for batch in run.samples() {
@@ -120,7 +120,7 @@ fn add_samples(run: &RunFolder, segments: &mut BTreeMap<Key, Segment>) -> Result
     Ok(())
 }
 
-impl Segment {
+impl FlightSegment {
     /// A record for each point: between two of them the structure may have been brought to rest.
     fn records(mut self) -> Vec<Record> {
         self.hits.sort_by(|a, b| a.t_s.total_cmp(&b.t_s));

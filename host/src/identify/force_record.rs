@@ -5,16 +5,16 @@ use std::f64::consts::PI;
 use nalgebra::{DMatrix, DVector};
 
 use super::statistics::fit;
-use super::table::{Quantity, Table};
+use super::table::{NumberTable, TableQuantity};
 use crate::failure::Failure;
 
 /// Force on a wall.
-pub const FORCE: Quantity =
-    Quantity { stem: "force", units: &[("n", 1.0), ("kn", 1e3)], about: "force on the wall", most: 1e6 };
+pub const FORCE: TableQuantity =
+    TableQuantity { stem: "force", units: &[("n", 1.0), ("kn", 1e3)], about: "force on the wall", most: 1e6 };
 
 /// A pulse of a force record.
 #[derive(Clone, Copy, Debug)]
-pub struct Pulse {
+pub struct ForcePulse {
     /// Duration of the half-sine, s.
     pub time_s: f64,
     /// Standard uncertainty of `time_s` by the fit.
@@ -27,7 +27,7 @@ pub struct Pulse {
     pub samples: f64,
 }
 
-impl Pulse {
+impl ForcePulse {
     /// Peak times contact time over impulse.
     #[must_use]
     pub fn factor(&self) -> f64 {
@@ -42,7 +42,7 @@ const PULSE: f64 = 0.2;
 ///
 /// # Errors
 /// Missing columns, a force without a pulse, a sensor at its limit.
-pub fn pulses(table: &Table) -> Result<Vec<Pulse>, Failure> {
+pub fn pulses(table: &NumberTable) -> Result<Vec<ForcePulse>, Failure> {
     let (t_s, force_n) = (table.times()?, table.column(&FORCE)?);
     let mut sorted = force_n.clone();
     sorted.sort_by(f64::total_cmp);
@@ -79,7 +79,7 @@ pub fn pulses(table: &Table) -> Result<Vec<Pulse>, Failure> {
 }
 
 /// Fits a half-sine to the pulse at these samples and those around them.
-fn fitted(t_s: &[f64], force_n: &[f64], above: std::ops::Range<usize>) -> Option<Pulse> {
+fn fitted(t_s: &[f64], force_n: &[f64], above: std::ops::Range<usize>) -> Option<ForcePulse> {
     let about = above.len().div_ceil(4) + 2;
     let around = above.start.saturating_sub(about)..(above.end + about).min(t_s.len());
     let (t, force) = (&t_s[around.clone()], &force_n[around.clone()]);
@@ -101,7 +101,7 @@ fn fitted(t_s: &[f64], force_n: &[f64], above: std::ops::Range<usize>) -> Option
     let peak_n = top_n(t_s, force_n, highest, TOP * time_s);
     let is_sound = time_s > 0.0 && impulse_n_s > 0.0 && uncertainty_s.is_finite();
     let samples = time_s * (t.len() - 1) as f64 / (t[t.len() - 1] - t[0]);
-    is_sound.then_some(Pulse { time_s, uncertainty_s, peak_n, impulse_n_s, samples })
+    is_sound.then_some(ForcePulse { time_s, uncertainty_s, peak_n, impulse_n_s, samples })
 }
 
 /// Share of a contact on either side of its highest sample in which a half-sine is a parabola to 10⁻⁴ of its peak.

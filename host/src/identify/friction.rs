@@ -5,26 +5,28 @@
 
 use super::Estimate;
 use super::statistics::{Value, line};
-use super::table::{METRES, Quantity, SECONDS, Table};
+use super::table::{METRES, NumberTable, SECONDS, TableQuantity};
 use crate::failure::Failure;
 
-const ANGLE: Quantity = Quantity {
+const ANGLE: TableQuantity = TableQuantity {
     stem: "angle",
     units: &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)],
     about: "slope of the incline",
     most: 1.57,
 };
-const DISTANCE: Quantity = Quantity { stem: "distance", units: METRES, about: "distance slid from rest", most: 20.0 };
-const DURATION: Quantity = Quantity { stem: "duration", units: SECONDS, about: "time of the slide", most: 1e3 };
-const DEFLECTION: Quantity =
-    Quantity { stem: "deflection", units: METRES, about: "deflection of the spring", most: 0.5 };
-const FORCE: Quantity = Quantity { stem: "force", units: &[("n", 1.0)], about: "friction force", most: 1e4 };
+const DISTANCE: TableQuantity =
+    TableQuantity { stem: "distance", units: METRES, about: "distance slid from rest", most: 20.0 };
+const DURATION: TableQuantity =
+    TableQuantity { stem: "duration", units: SECONDS, about: "time of the slide", most: 1e3 };
+const DEFLECTION: TableQuantity =
+    TableQuantity { stem: "deflection", units: METRES, about: "deflection of the spring", most: 0.5 };
+const FORCE: TableQuantity = TableQuantity { stem: "force", units: &[("n", 1.0)], about: "friction force", most: 1e4 };
 
 /// Identifies by the columns of the table: an incline test or a table of deflections.
 ///
 /// # Errors
 /// Other columns, too few rows, a body that does not slide.
-pub fn identify(table: &Table, gravity_m_per_s2: f64) -> Result<Vec<Estimate>, Failure> {
+pub fn identify(table: &NumberTable, gravity_m_per_s2: f64) -> Result<Vec<Estimate>, Failure> {
     if table.has(&ANGLE) {
         Ok(vec![of_incline(table, gravity_m_per_s2)?])
     } else if table.has(&DEFLECTION) {
@@ -37,7 +39,7 @@ pub fn identify(table: &Table, gravity_m_per_s2: f64) -> Result<Vec<Estimate>, F
     }
 }
 
-fn of_incline(table: &Table, gravity_m_per_s2: f64) -> Result<Estimate, Failure> {
+fn of_incline(table: &NumberTable, gravity_m_per_s2: f64) -> Result<Estimate, Failure> {
     let angles = table.column(&ANGLE)?;
     let slides = table.has(&DISTANCE) || table.has(&DURATION);
     let (distances, durations) = if slides {
@@ -69,7 +71,7 @@ fn of_incline(table: &Table, gravity_m_per_s2: f64) -> Result<Estimate, Failure>
     Ok(Estimate::new("friction coefficient of the particle", "", method, &mean).of_key("particle.friction_coefficient"))
 }
 
-fn of_spring(table: &Table) -> Result<Vec<Estimate>, Failure> {
+fn of_spring(table: &NumberTable) -> Result<Vec<Estimate>, Failure> {
     let (deflections, forces) = (table.column(&DEFLECTION)?, table.column(&FORCE)?);
     let line = line(&deflections, &forces, |_| 1.0)
         .ok_or_else(|| table.refuse("a line needs at least three rows with different deflections"))?;

@@ -14,7 +14,7 @@ use crate::table::values::{numbers, texts};
 
 /// The record of a free vibration of a run.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FreeVibration {
+pub struct RecordedFreeVibration {
     /// Run, set-up and experiment, in words.
     pub taken_from: String,
     /// Times from the release, s.
@@ -29,14 +29,14 @@ pub struct FreeVibration {
 
 /// Which experiment of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Choice {
+pub struct ExperimentChoice {
     /// Name of the set-up.
     pub set_up: Option<String>,
     /// Name of the experiment.
     pub experiment: Option<String>,
 }
 
-impl Choice {
+impl ExperimentChoice {
     /// The one pair of set-up and experiment that fits. `what` names the kind of experiment in messages.
     pub(super) fn only(&self, run: &RunFolder, pairs: &[(String, String)], what: &str) -> Result<usize, Failure> {
         let is_wanted = |wanted: &Option<String>, name: &String| wanted.as_ref().is_none_or(|wanted| wanted == name);
@@ -105,7 +105,7 @@ pub(super) fn signal(
 ///
 /// # Errors
 /// No run, no free vibration or several of them; a damper that is not friction; missing samples.
-pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Failure> {
+pub fn free_vibration(path: &Path, choice: &ExperimentChoice) -> Result<RecordedFreeVibration, Failure> {
     let run = RunFolder::open(path).map_err(Failure::input)?;
     let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let mut found: Vec<((String, String), [f64; 3])> = Vec::new();
@@ -133,7 +133,7 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Fai
     }
     let (t_s, x_m) = signal(&run, (set_up, experiment, *segment), *start..*end, "x_m")?;
     check_gaps(&t_s, "the release").map_err(|text| failed(&text))?;
-    Ok(FreeVibration {
+    Ok(RecordedFreeVibration {
         taken_from: format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id()),
         t_s,
         x_m,
@@ -147,7 +147,7 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Fai
 ///
 /// # Errors
 /// No run, no stepped sine or several of them; a set-up with a damper; too few settled points.
-pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, Failure> {
+pub fn stepped_sine(path: &Path, choice: &ExperimentChoice) -> Result<Response, Failure> {
     let run = RunFolder::open(path).map_err(Failure::input)?;
     let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let sensors = sensors::of_run(&run);

@@ -30,7 +30,7 @@ pub use damprig_identification::{
     Estimate, backbone, decay, decay_motion, flights, lack_of_fit, response, statistics, time_response,
 };
 pub use flights_of_run::{ParticleRun, particle_run};
-pub use from_run::{Choice, FreeVibration, free_vibration, stepped_sine};
+pub use from_run::{ExperimentChoice, RecordedFreeVibration, free_vibration, stepped_sine};
 pub use motion_of_run::{OfRun, response_of_run};
 pub use statistics::Value;
 

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::Value;
 use super::modal::Wish;
-use super::modal::read::Source;
+use super::modal::read::ModalSource;
 use super::time_response::RESOLVED_LINES;
 use crate::failure::Failure;
 
@@ -114,7 +114,7 @@ pub fn of_files(options: &ModesOptions) -> Result<IdentifiedModes, Failure> {
     let read = |place: &PlaceFile| {
         let file: &Path = &place.file;
         let ModesOptions { unit, frequencies_hz, band, .. } = *options;
-        let mut response = Source { file, unit, frequencies_hz, coherence: None, averages: None, band }.read()?;
+        let mut response = ModalSource { file, unit, frequencies_hz, coherence: None, averages: None, band }.read()?;
         if place.is_reversed {
             response.lines.iter_mut().for_each(|line| line.h = -line.h);
         }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::from_run::{Choice, check_gaps, signal, stepped_sine};
+use super::from_run::{ExperimentChoice, check_gaps, signal, stepped_sine};
 use super::response::Response;
 use super::time_response::Motion;
 use crate::failure::Failure;
@@ -19,7 +19,7 @@ pub enum OfRun {
 }
 
 /// A record or a pulse of a run.
-struct Played {
+struct PlayedMotion {
     names: (String, String),
     segment: f64,
     ticks: std::ops::Range<f64>,
@@ -29,7 +29,7 @@ struct Played {
 ///
 /// # Errors
 /// No run, none or several such experiments; a set-up with a damper; missing samples.
-pub fn response_of_run(path: &Path, choice: &Choice) -> Result<OfRun, Failure> {
+pub fn response_of_run(path: &Path, choice: &ExperimentChoice) -> Result<OfRun, Failure> {
     let run = RunFolder::open(path).map_err(Failure::input)?;
     let failed = |e: &dyn std::fmt::Display| Failure::Input(format!("{}: {e}", path.display()));
     let played = played(&run).map_err(|e| failed(&e))?;
@@ -41,7 +41,7 @@ pub fn response_of_run(path: &Path, choice: &Choice) -> Result<OfRun, Failure> {
     let chosen = choice.only(&run, &pairs, "stepped sine or playback")?;
     let Some(played) = played.get(chosen) else {
         let (set_up, experiment) = pairs[chosen].clone();
-        let choice = Choice { set_up: Some(set_up), experiment: Some(experiment) };
+        let choice = ExperimentChoice { set_up: Some(set_up), experiment: Some(experiment) };
         return stepped_sine(path, &choice).map(OfRun::Points);
     };
     let (set_up, experiment) = &played.names;
@@ -64,7 +64,7 @@ pub fn response_of_run(path: &Path, choice: &Choice) -> Result<OfRun, Failure> {
 }
 
 /// The records and pulses of a run.
-fn played(run: &RunFolder) -> Result<Vec<Played>, Failure> {
+fn played(run: &RunFolder) -> Result<Vec<PlayedMotion>, Failure> {
     let mut all = Vec::new();
     for batch in run.transients()? {
         let (set_ups, experiments) = (texts(&batch, "set_up")?, texts(&batch, "experiment")?);
@@ -73,7 +73,7 @@ fn played(run: &RunFolder) -> Result<Vec<Played>, Failure> {
         let (segments, starts, ends) = (read("segment")?, read("start_tick")?, read("end_tick")?);
         for n in 0..kinds.len() {
             if kinds[n] != "free_vibration" {
-                all.push(Played {
+                all.push(PlayedMotion {
                     names: (set_ups[n].clone(), experiments[n].clone()),
                     segment: segments[n],
                     ticks: starts[n]..ends[n],

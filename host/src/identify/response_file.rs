@@ -4,23 +4,25 @@ use std::f64::consts::PI;
 
 use super::Sensors;
 use super::response::{DrivenBy, Point, Response};
-use super::table::{Quantity, Table, X, Z};
+use super::table::{NumberTable, TableQuantity, X, Z};
 use crate::failure::Failure;
 
-const FREQUENCY: Quantity = Quantity { stem: "frequency", units: &[("hz", 1.0)], about: "drive frequency", most: 1e4 };
-const PHASE: Quantity = Quantity {
+const FREQUENCY: TableQuantity =
+    TableQuantity { stem: "frequency", units: &[("hz", 1.0)], about: "drive frequency", most: 1e4 };
+const PHASE: TableQuantity = TableQuantity {
     stem: "phase",
     units: &[("rad", 1.0), ("deg", PI / 180.0)],
     about: "phase of x relative to z, or to the force",
     most: 10.0,
 };
-const FORCE: Quantity = Quantity { stem: "force", units: &[("n", 1.0)], about: "force on the structure", most: 1e5 };
+const FORCE: TableQuantity =
+    TableQuantity { stem: "force", units: &[("n", 1.0)], about: "force on the structure", most: 1e5 };
 
 /// The points of a table: of x and z, or of x and a force.
 ///
 /// # Errors
 /// Missing columns; values that are not positive.
-pub fn points(table: &Table) -> Result<Response, Failure> {
+pub fn points(table: &NumberTable) -> Result<Response, Failure> {
     let driven_by = if table.has(&FORCE) && !table.has(&Z) { DrivenBy::Force } else { DrivenBy::Base };
     let drive = if driven_by == DrivenBy::Force { &FORCE } else { &Z };
     let (f, x, z) = (table.column(&FREQUENCY)?, table.column(&X)?, table.column(drive)?);

@@ -8,7 +8,7 @@ use crate::motion_record::{RecordRows, rows};
 
 /// A quantity that a column may hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Quantity {
+pub struct TableQuantity {
     /// The column's name without its unit.
     pub stem: &'static str,
     /// Its units and SI units per unit; the SI unit first. An empty name is a column without a unit.
@@ -25,13 +25,14 @@ pub const SECONDS: &[(&str, f64)] = &[("s", 1.0), ("ms", 1e-3)];
 pub const METRES: &[(&str, f64)] = &[("m", 1.0), ("mm", 1e-3), ("um", 1e-6)];
 
 /// Time.
-pub const TIME: Quantity = Quantity { stem: "t", units: SECONDS, about: "time", most: 1e6 };
+pub const TIME: TableQuantity = TableQuantity { stem: "t", units: SECONDS, about: "time", most: 1e6 };
 /// Displacement of the structure.
-pub const X: Quantity = Quantity { stem: "x", units: METRES, about: "displacement of the structure", most: 0.5 };
+pub const X: TableQuantity =
+    TableQuantity { stem: "x", units: METRES, about: "displacement of the structure", most: 0.5 };
 /// Displacement of the base.
-pub const Z: Quantity = Quantity { stem: "z", units: METRES, about: "displacement of the base", most: 0.5 };
+pub const Z: TableQuantity = TableQuantity { stem: "z", units: METRES, about: "displacement of the base", most: 0.5 };
 
-impl Quantity {
+impl TableQuantity {
     fn name(&self, unit: &str) -> String {
         if unit.is_empty() { self.stem.into() } else { format!("{}_{unit}", self.stem) }
     }
@@ -45,13 +46,13 @@ impl Quantity {
 
 /// A table of numbers with named columns.
 #[derive(Debug)]
-pub struct Table {
+pub struct NumberTable {
     file: String,
     header: Vec<String>,
     rows: Vec<(u64, Vec<String>)>,
 }
 
-impl Table {
+impl NumberTable {
     /// Reads a CSV file: its first row names the columns, each row after it has a number in every column.
     ///
     /// # Errors
@@ -100,7 +101,7 @@ impl Table {
 
     /// Whether the table has a column of a quantity.
     #[must_use]
-    pub fn has(&self, quantity: &Quantity) -> bool {
+    pub fn has(&self, quantity: &TableQuantity) -> bool {
         quantity.names().iter().any(|name| self.header.contains(name))
     }
 
@@ -114,7 +115,7 @@ impl Table {
     ///
     /// # Errors
     /// A missing column, with near names; a value that is no number or not probable in its unit, with its line.
-    pub fn column(&self, quantity: &Quantity) -> Result<Vec<f64>, Failure> {
+    pub fn column(&self, quantity: &TableQuantity) -> Result<Vec<f64>, Failure> {
         let names = quantity.names();
         let place = |name: &String| self.header.iter().position(|column| column == name);
         let found: Vec<(usize, usize)> =
@@ -164,7 +165,7 @@ impl Table {
         Ok(values)
     }
 
-    fn lacks(&self, quantity: &Quantity, names: &[String]) -> Failure {
+    fn lacks(&self, quantity: &TableQuantity, names: &[String]) -> Failure {
         let near = near(&names[0], self.header.iter().map(String::as_str));
         let hint = near.first().map_or(String::new(), |name| format!("; is it {name:?}? rename it in the header"));
         self.refuse(format!(

@@ -5,17 +5,18 @@
 
 use super::Estimate;
 use super::statistics::{Value, line};
-use super::table::{Quantity, Table};
+use super::table::{NumberTable, TableQuantity};
 use crate::failure::Failure;
 
 const MODULUS: &[(&str, f64)] = &[("pa", 1.0), ("kpa", 1e3), ("mpa", 1e6)];
-const FREQUENCY: Quantity =
-    Quantity { stem: "frequency", units: &[("hz", 1.0)], about: "frequency of the test", most: 1e6 };
-const STORAGE: Quantity = Quantity { stem: "storage_modulus", units: MODULUS, about: "storage modulus", most: 1e12 };
-const LOSS: Quantity = Quantity { stem: "loss_modulus", units: MODULUS, about: "loss modulus", most: 1e12 };
-const FACTOR: Quantity =
-    Quantity { stem: "loss_factor", units: &[("", 1.0)], about: "loss factor, tan δ", most: 10.0 };
-const STIFFNESS: Quantity = Quantity {
+const FREQUENCY: TableQuantity =
+    TableQuantity { stem: "frequency", units: &[("hz", 1.0)], about: "frequency of the test", most: 1e6 };
+const STORAGE: TableQuantity =
+    TableQuantity { stem: "storage_modulus", units: MODULUS, about: "storage modulus", most: 1e12 };
+const LOSS: TableQuantity = TableQuantity { stem: "loss_modulus", units: MODULUS, about: "loss modulus", most: 1e12 };
+const FACTOR: TableQuantity =
+    TableQuantity { stem: "loss_factor", units: &[("", 1.0)], about: "loss factor, tan δ", most: 10.0 };
+const STIFFNESS: TableQuantity = TableQuantity {
     stem: "stiffness",
     units: &[("n_per_m", 1.0), ("kn_per_m", 1e3), ("n_per_mm", 1e3)],
     about: "dynamic stiffness",
@@ -35,7 +36,7 @@ pub struct Pad {
 ///
 /// # Errors
 /// Missing columns, values that are not positive, too few rows, a frequency outside the table.
-pub fn identify(table: &Table, pad: Pad) -> Result<Vec<Estimate>, Failure> {
+pub fn identify(table: &NumberTable, pad: Pad) -> Result<Vec<Estimate>, Failure> {
     let is_stiffness = table.has(&STIFFNESS);
     let moduli = positive(table, if is_stiffness { &STIFFNESS } else { &STORAGE })?;
     let losses = if table.has(&FACTOR) {
@@ -78,7 +79,7 @@ pub fn identify(table: &Table, pad: Pad) -> Result<Vec<Estimate>, Failure> {
     Ok(all)
 }
 
-fn positive(table: &Table, quantity: &Quantity) -> Result<Vec<f64>, Failure> {
+fn positive(table: &NumberTable, quantity: &TableQuantity) -> Result<Vec<f64>, Failure> {
     let values = table.column(quantity)?;
     match values.iter().position(|value| *value <= 0.0) {
         Some(row) => {

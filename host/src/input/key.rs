@@ -1,10 +1,10 @@
 //! Declarations of the keys of input files, as plain data.
 //!
-//! A [`Table`] declares its quantities, a [`Quantity`] the keys that it may be written under, a [`Key`] its type, range
+//! A [`Table`] declares its quantities, a [`KeyedQuantity`] the keys that it may be written under, a [`Key`] its type, range
 //! and meaning. [`Section::given`](super::Section::given) reads a quantity; its checks, defaults and messages follow from
 //! the declaration alone.
 
-/// Range of a number, within the limits of its [`Unit`].
+/// Range of a number, within the limits of its [`KeyUnit`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Range {
     /// Any sign.
@@ -32,7 +32,7 @@ pub const MAX_WHOLE: f64 = 9e15;
 
 /// The type of a key's value.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Kind {
+pub enum ValueKind {
     /// A finite number.
     Number(Range),
     /// A list of such numbers.
@@ -57,7 +57,7 @@ pub enum Kind {
     Tables,
 }
 
-impl Kind {
+impl ValueKind {
     /// The range of a number or of the numbers of a list.
     #[must_use]
     pub const fn range(self) -> Option<Range> {
@@ -74,7 +74,7 @@ pub struct Key {
     /// As files spell it; a number's unit is its end.
     pub name: &'static str,
     /// Type of its value.
-    pub kind: Kind,
+    pub kind: ValueKind,
     /// Its meaning, in one line.
     pub doc: &'static str,
     /// The least and the largest usual value of a number: others are allowed, with a warning.
@@ -98,8 +98,8 @@ impl Key {
 
     /// Its unit.
     #[must_use]
-    pub fn unit(&self) -> Option<&'static Unit> {
-        Unit::of(self.name)
+    pub fn unit(&self) -> Option<&'static KeyUnit> {
+        KeyUnit::of(self.name)
     }
 
     /// Why a number is beyond the magnitudes of its unit or outside its range, if it is.
@@ -156,21 +156,21 @@ pub enum Need {
     /// It must be left out.
     Forbidden,
     /// The first need if the quantity is written under that key, otherwise the second.
-    If(&'static Quantity, &'static str, &'static Need, &'static Need),
+    If(&'static KeyedQuantity, &'static str, &'static Need, &'static Need),
     /// The first need if the quantity is that word, otherwise the second.
-    IfWord(&'static Quantity, &'static str, &'static Need, &'static Need),
+    IfWord(&'static KeyedQuantity, &'static str, &'static Need, &'static Need),
 }
 
 /// A quantity and its alternative keys.
 #[derive(Clone, Copy, Debug)]
-pub struct Quantity {
+pub struct KeyedQuantity {
     /// The keys.
     pub keys: &'static [Key],
     /// Whether one of the keys must be written.
     pub need: Need,
 }
 
-impl Quantity {
+impl KeyedQuantity {
     /// The same quantity where it may be left out.
     #[must_use]
     pub const fn optional(self) -> Self {
@@ -207,13 +207,13 @@ pub struct Table {
     /// Meaning of the table, in one line.
     pub doc: &'static str,
     /// Its quantities.
-    pub quantities: &'static [Quantity],
+    pub quantities: &'static [KeyedQuantity],
 }
 
 /// A unit of measure and the magnitudes that it allows besides zero. The bounds are far beyond any rig: derived values stay
 /// finite, and a wrong exponent is refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Unit {
+pub struct KeyUnit {
     /// The suffix of its keys.
     pub suffix: &'static str,
     /// Symbol in messages; empty for a plain number.
@@ -224,12 +224,12 @@ pub struct Unit {
     pub most: f64,
 }
 
-const fn unit(suffix: &'static str, symbol: &'static str, least: f64, most: f64) -> Unit {
-    Unit { suffix, symbol, least, most }
+const fn unit(suffix: &'static str, symbol: &'static str, least: f64, most: f64) -> KeyUnit {
+    KeyUnit { suffix, symbol, least, most }
 }
 
 /// A suffix that ends with another suffix comes before it.
-const UNITS: [Unit; 32] = [
+const UNITS: [KeyUnit; 32] = [
     unit("_n_s_per_m", "N·s/m", 1e-18, 1e18),
     unit("_s_per_m", "s/m", 1e-18, 1e6),
     unit("_n_per_m15", "N/m^1.5", 1e-12, 1e21),
@@ -264,7 +264,7 @@ const UNITS: [Unit; 32] = [
     unit("_ratio", "", 1e-9, 1e6),
 ];
 
-impl Unit {
+impl KeyUnit {
     /// The unit of a key, by its name's end.
     #[must_use]
     pub fn of(key: &str) -> Option<&'static Self> {
@@ -366,18 +366,18 @@ impl DefaultValue {
 /// A key that holds a number.
 #[must_use]
 pub const fn number(name: &'static str, range: Range, doc: &'static str) -> Key {
-    Key { name, kind: Kind::Number(range), doc, usual: None, note: None }
+    Key { name, kind: ValueKind::Number(range), doc, usual: None, note: None }
 }
 
 /// A key that holds one of some words.
 #[must_use]
 pub const fn word(name: &'static str, words: &'static [&'static str], doc: &'static str) -> Key {
-    Key { name, kind: Kind::Word(words), doc, usual: None, note: None }
+    Key { name, kind: ValueKind::Word(words), doc, usual: None, note: None }
 }
 
 /// A key of another kind.
 #[must_use]
-pub const fn key(name: &'static str, kind: Kind, doc: &'static str) -> Key {
+pub const fn key(name: &'static str, kind: ValueKind, doc: &'static str) -> Key {
     Key { name, kind, doc, usual: None, note: None }
 }
 
@@ -392,7 +392,7 @@ macro_rules! tables {
             pub(crate) mod $module {
                 #[allow(unused_imports)]
                 use super::*;
-                $(pub(crate) const $name: Quantity = Quantity { keys: &[$($key),+], need: $need };)*
+                $(pub(crate) const $name: KeyedQuantity = KeyedQuantity { keys: &[$($key),+], need: $need };)*
                 pub(crate) const TABLE: Table = Table {
                     path: $path,
                     kind: { let kind: &[&'static str] = &[$($kind)?]; kind.first().copied() },

@@ -7,7 +7,7 @@ use super::{Source, Span};
 
 /// A step of a path into a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step<'a> {
+pub enum PathStep<'a> {
     /// A key of a table.
     Key(&'a str),
     /// A place in a list of tables, from 0.
@@ -17,20 +17,20 @@ pub enum Step<'a> {
 impl Source {
     /// Place of the value at `path`; `None` if it is not written.
     #[must_use]
-    pub fn locate(&self, path: &[Step<'_>]) -> Option<Span> {
+    pub fn locate(&self, path: &[PathStep<'_>]) -> Option<Span> {
         locate_in(self.text(), path)
     }
 }
 
 /// Place of the value at `path` in a text in TOML; `None` if it is not written.
 #[must_use]
-pub fn locate_in(text: &str, path: &[Step<'_>]) -> Option<Span> {
+pub fn locate_in(text: &str, path: &[PathStep<'_>]) -> Option<Span> {
     let document = DeTable::parse(text).ok()?;
-    let (Step::Key(first), rest) = path.split_first()? else { return None };
+    let (PathStep::Key(first), rest) = path.split_first()? else { return None };
     let first: &Spanned<DeValue> = document.get_ref().get(*first)?;
     let found = rest.iter().try_fold(first, |value, step| match (step, value.get_ref()) {
-        (Step::Key(key), DeValue::Table(table)) => table.get(*key),
-        (Step::Item(place), DeValue::Array(list)) => list.get(*place),
+        (PathStep::Key(key), DeValue::Table(table)) => table.get(*key),
+        (PathStep::Item(place), DeValue::Array(list)) => list.get(*place),
         _ => None,
     })?;
     Some(found.span())
@@ -38,13 +38,13 @@ pub fn locate_in(text: &str, path: &[Step<'_>]) -> Option<Span> {
 
 /// The path as messages write it: `set_up[2].particle.mass_kg`.
 #[must_use]
-pub fn path_text(path: &[Step<'_>]) -> String {
+pub fn path_text(path: &[PathStep<'_>]) -> String {
     let mut text = String::new();
     for step in path {
         match step {
-            Step::Key(key) if text.is_empty() => text.push_str(key),
-            Step::Key(key) => text.extend([".", key]),
-            Step::Item(place) => text.push_str(&format!("[{}]", place + 1)),
+            PathStep::Key(key) if text.is_empty() => text.push_str(key),
+            PathStep::Key(key) => text.extend([".", key]),
+            PathStep::Item(place) => text.push_str(&format!("[{}]", place + 1)),
         }
     }
     text
@@ -52,7 +52,7 @@ pub fn path_text(path: &[Step<'_>]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::Step::{Item, Key};
+    use super::PathStep::{Item, Key};
     use super::*;
 
     #[test]

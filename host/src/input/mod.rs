@@ -77,7 +77,7 @@ pub struct Source {
     files: Arc<Files>,
     problems: Mutex<Vec<Problem>>,
     warnings: Mutex<Vec<Problem>>,
-    attached: [OnceLock<Attached>; MAX_ATTACHED],
+    attached: [OnceLock<AttachedText>; MAX_ATTACHED],
 }
 
 /// Most texts attached to a source: a file that it names, and values set from outside.
@@ -85,7 +85,7 @@ const MAX_ATTACHED: usize = 2;
 
 /// A text beside this one; its places begin after the end of this one and of those attached before.
 #[derive(Debug)]
-struct Attached {
+struct AttachedText {
     name: String,
     text: String,
     offset: usize,
@@ -208,7 +208,7 @@ impl Source {
         let last = self.attached.iter().filter_map(OnceLock::get).last();
         let offset = last.map_or(self.text.len(), |last| last.offset + last.text.len()) + 1;
         if let Some(free) = self.attached.iter().find(|place| place.get().is_none()) {
-            let _ = free.set(Attached { name: name.to_string(), text: text.to_string(), offset });
+            let _ = free.set(AttachedText { name: name.to_string(), text: text.to_string(), offset });
         }
         " ".repeat(offset) + text
     }

@@ -28,7 +28,7 @@ pub enum SearchResult {
 }
 
 /// A page or a section with the counts of its words.
-struct Unit {
+struct SearchUnit {
     page: &'static Page,
     section: Option<&'static str>,
     text: &'static str,
@@ -71,7 +71,7 @@ pub fn find(question: &str) -> SearchResult {
 }
 
 /// Pages and sections with all words, best first; with most of the words if none has all.
-fn rank(question: &str) -> Vec<&'static Unit> {
+fn rank(question: &str) -> Vec<&'static SearchUnit> {
     let units = units();
     let wanted: Vec<String> = words(question).filter(|word| !EMPTY_WORDS.contains(&word.as_str())).collect();
     let counts: Vec<Vec<f64>> = units.iter().map(|unit| wanted.iter().map(|word| unit.count(word)).collect()).collect();
@@ -89,7 +89,7 @@ fn rank(question: &str) -> Vec<&'static Unit> {
     let score =
         |counts: &[f64]| counts.iter().zip(&rarity).map(|(n, rarity)| rarity * n / (n + SATURATION)).sum::<f64>();
     let having = units.iter().zip(&counts).filter(|(_, counts)| present(counts) == most);
-    let mut scored: Vec<(f64, &Unit)> = having.map(|(unit, counts)| (score(counts), unit)).collect();
+    let mut scored: Vec<(f64, &SearchUnit)> = having.map(|(unit, counts)| (score(counts), unit)).collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     scored.into_iter().map(|(_, unit)| unit).collect()
 }
@@ -99,7 +99,7 @@ fn present(counts: &[f64]) -> usize {
     counts.iter().filter(|count| **count > 0.0).count()
 }
 
-impl Unit {
+impl SearchUnit {
     /// The weighted count of a word and of longer ones that begin with it.
     fn count(&self, word: &str) -> f64 {
         if word.len() < 4 {
@@ -110,8 +110,8 @@ impl Unit {
 }
 
 /// All pages and their sections.
-fn units() -> &'static [Unit] {
-    static UNITS: OnceLock<Vec<Unit>> = OnceLock::new();
+fn units() -> &'static [SearchUnit] {
+    static UNITS: OnceLock<Vec<SearchUnit>> = OnceLock::new();
     UNITS.get_or_init(|| {
         let texts: Vec<_> = PAGES.iter().flat_map(texts).collect();
         let mean = texts.iter().map(|(_, _, text)| text.len()).sum::<usize>() as f64 / texts.len() as f64;
@@ -124,7 +124,7 @@ fn units() -> &'static [Unit] {
                 words(page.title()).for_each(|word| *counts.entry(word).or_insert(0.0) += TITLE_WEIGHT);
                 let heading = section.unwrap_or_default();
                 words(heading).for_each(|word| *counts.entry(word).or_insert(0.0) += HEADING_WEIGHT);
-                Unit { page, section, text, counts }
+                SearchUnit { page, section, text, counts }
             })
             .collect()
     })

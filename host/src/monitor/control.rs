@@ -123,8 +123,8 @@ impl Control {
     ///
     /// # Errors
     /// It is malformed, or the viewer may not act.
-    pub(super) fn read(&self, text: &str) -> Result<Request, Refused> {
-        let refused = |id, text| Refused(ActionAnswer { id, ok: false, text });
+    pub(super) fn read(&self, text: &str) -> Result<Request, RefusedMessage> {
+        let refused = |id, text| RefusedMessage(ActionAnswer { id, ok: false, text });
         let request: Request =
             serde_json::from_str(text).map_err(|error| refused(0, format!("the message is no action: {error}")))?;
         self.permit(&request).map_err(|why| refused(request.id, why))?;
@@ -207,7 +207,7 @@ impl Control {
 }
 
 /// A message that is malformed, or from a viewer who may not act, and its answer.
-pub(super) struct Refused(pub(super) ActionAnswer);
+pub(super) struct RefusedMessage(pub(super) ActionAnswer);
 
 /// An action in words, for the log.
 fn in_words(action: &Action) -> Option<String> {

@@ -9,8 +9,8 @@ use damprig_core::io::SensorSet;
 use tokio::sync::{broadcast, oneshot};
 
 use super::message::{
-    Activity, Curve, FaultText, Impact, Level, Limits, LinkState, Point, ReplayState, SharedFrame, Snapshot, Source,
-    Transient,
+    Activity, FaultText, Impact, Level, Limits, LinkState, MeasuredPoint, PredictedCurve, ReplayState, SharedFrame,
+    Snapshot, Transient, WatchedSource,
 };
 use super::numbers::SignalName;
 use crate::runner::TimeLeft;
@@ -22,13 +22,13 @@ const MAX_WAITING: usize = 2048;
 #[derive(Clone, Debug)]
 pub struct Watched {
     /// Description of the source.
-    pub source: Source,
+    pub source: WatchedSource,
     /// Columns of the rows.
     pub signals: Vec<SignalName>,
     /// The device's signal table: what the values in [`Update::Values`] are of.
     pub table: Vec<SignalName>,
     /// Predicted responses.
-    pub curves: Vec<Curve>,
+    pub curves: Vec<PredictedCurve>,
     /// Points of the whole campaign; 0 without one.
     pub points_planned: usize,
     /// Limits in force.
@@ -80,7 +80,7 @@ pub enum Update {
     /// The sensors without a signal.
     LostSensors(SensorSet),
     /// A measured point.
-    Point(Point),
+    Point(MeasuredPoint),
     /// A measured transient.
     Transient(Transient),
     /// An impact.

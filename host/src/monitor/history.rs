@@ -6,13 +6,13 @@ use super::message::TimeRows;
 
 /// Rows of telemetry, values row after row. A gap is a row of NaN.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct History {
+pub struct TelemetryHistory {
     width: usize,
     t_s: Vec<f64>,
     values: Vec<f32>,
 }
 
-impl History {
+impl TelemetryHistory {
     /// An empty history of rows with this many values.
     #[must_use]
     pub fn new(width: usize) -> Self {
@@ -161,8 +161,8 @@ mod tests {
         vec!["x".into(), "z".into()]
     }
 
-    fn sine(rows: u32) -> History {
-        let mut history = History::new(2);
+    fn sine(rows: u32) -> TelemetryHistory {
+        let mut history = TelemetryHistory::new(2);
         for i in 0..rows {
             let x = (f64::from(i) * 0.1).sin() as f32;
             history.push(f64::from(i) * 1e-3, &[x, -x]);
@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn a_mean_is_of_the_newest_rows_of_its_column() {
-        let mut history = History::new(2);
+        let mut history = TelemetryHistory::new(2);
         (0..2000u16).for_each(|i| history.push(f64::from(i) * 1e-3, &[f32::from(i / 1000), 7.0]));
         history.push_gap(2.0);
         assert_eq!((history.mean_since(0, 1.0), history.mean_since(1, 0.0)), (Some(1.0), Some(7.0)));
@@ -227,7 +227,7 @@ mod tests {
 
     #[test]
     fn memory_is_bounded() {
-        let mut history = History::new(2);
+        let mut history = TelemetryHistory::new(2);
         for i in 0..100_000 {
             history.push(f64::from(i), &[1.0]);
             history.bound(1000);

@@ -7,13 +7,14 @@ use damprig_core::io::SensorSet;
 
 use super::Permissions;
 use super::feed::{Update, Watched};
-use super::history::History;
+use super::history::TelemetryHistory;
 use super::message::{
-    Activity, Frame, Impact, Level, Limits, LinkState, Log, News, Point, Snapshot, Source, SourceKind, State, Transient,
+    Activity, Impact, Level, Limits, LinkState, LogLine, MeasuredPoint, News, Snapshot, SourceKind, State, Transient,
+    ViewerUpdate, WatchedSource,
 };
 use super::numbers::Numbers;
 use super::running_ratio::RunningRatio;
-use super::section::Section;
+use super::section::PointFinder;
 use super::spectrum::Spectra;
 use super::unsent::Unsent;
 use crate::host_time;
@@ -90,19 +91,19 @@ pub(super) struct Live {
     watched: Watched,
     row_names: Vec<String>,
     state: State,
-    recent: History,
-    unsent: History,
-    slow: History,
-    slow_unsent: History,
+    recent: TelemetryHistory,
+    unsent: TelemetryHistory,
+    slow: TelemetryHistory,
+    slow_unsent: TelemetryHistory,
     slow_clock: SlowClock,
-    section_of: Section,
+    section_of: PointFinder,
     section: Unsent<(f32, f32, f32)>,
     ratio: RunningRatio,
     spectra: Spectra,
-    points: Unsent<Point>,
+    points: Unsent<MeasuredPoint>,
     transients: Unsent<Transient>,
     impacts: Unsent<Impact>,
-    log: Unsent<Log>,
+    log: Unsent<LogLine>,
     restart: bool,
     changed: bool,
     pace: VecDeque<(Instant, f64)>,
@@ -117,7 +118,7 @@ pub(super) struct Live {
 
 impl Live {
     pub(super) fn new(permissions: Permissions) -> Self {
-        let source = Source {
+        let source = WatchedSource {
             kind: SourceKind::Rig,
             name: String::new(),
             rig: String::new(),
@@ -136,12 +137,12 @@ impl Live {
             },
             row_names: Vec::new(),
             state: State::default(),
-            recent: History::default(),
-            unsent: History::default(),
-            slow: History::default(),
-            slow_unsent: History::default(),
+            recent: TelemetryHistory::default(),
+            unsent: TelemetryHistory::default(),
+            slow: TelemetryHistory::default(),
+            slow_unsent: TelemetryHistory::default(),
             slow_clock: SlowClock::default(),
-            section_of: Section::default(),
+            section_of: PointFinder::default(),
             section: Unsent::new(MAX_SECTION),
             ratio: RunningRatio::default(),
             spectra: Spectra::default(),
@@ -227,10 +228,10 @@ impl Live {
 
     fn restart(&mut self) {
         let width = self.row_names.len();
-        (self.recent, self.unsent) = (History::new(width), History::new(width));
-        (self.slow, self.slow_unsent) = (History::new(SLOW.len()), History::new(SLOW.len()));
+        (self.recent, self.unsent) = (TelemetryHistory::new(width), TelemetryHistory::new(width));
+        (self.slow, self.slow_unsent) = (TelemetryHistory::new(SLOW.len()), TelemetryHistory::new(SLOW.len()));
         self.slow_clock = SlowClock::default();
-        self.section_of = Section::new(&self.row_names);
+        self.section_of = PointFinder::new(&self.row_names);
         self.section.clear();
         self.ratio.clear();
         self.spectra.list.clear();
@@ -328,9 +329,9 @@ impl Live {
         State { age_s, ..self.state.clone() }
     }
 
-    fn point(&mut self, point: Point) {
+    fn point(&mut self, point: MeasuredPoint) {
         let is_same =
-            |p: &Point| p.set_up == point.set_up && p.experiment == point.experiment && p.index == point.index;
+            |p: &MeasuredPoint| p.set_up == point.set_up && p.experiment == point.experiment && p.index == point.index;
         // A point that is measured again replaces the earlier result.
         let earlier = self.points.iter().position(is_same);
         match earlier {
@@ -350,7 +351,7 @@ impl Live {
         if let Some(oldest) = oldest.filter(|_| self.log.iter().count() == MAX_LOG) {
             self.log.remove(oldest);
         }
-        self.log.push(Log { at, level, text });
+        self.log.push(LogLine { at, level, text });
     }
 
     /// Adds the counts that the monitor has itself.
@@ -365,7 +366,7 @@ impl Live {
     }
 
     /// What is new since the last frame.
-    pub(super) fn frame(&mut self) -> Frame {
+    pub(super) fn frame(&mut self) -> ViewerUpdate {
         self.measure_pace();
         if let Some(column) = self.column("x") {
             let drive_hz = self.state.numbers.get("frequency_hz").map_or(0.0, f64::from);
@@ -384,7 +385,7 @@ impl Live {
         };
         self.unsent.clear();
         self.slow_unsent.clear();
-        Frame { restart: std::mem::take(&mut self.restart), news, state: self.state() }
+        ViewerUpdate { restart: std::mem::take(&mut self.restart), news, state: self.state() }
     }
 
     /// Everything for a new viewer. What has not been sent in a frame yet comes again in the next one, so a snapshot is taken

@@ -22,7 +22,7 @@ pub enum Message<'a> {
     /// Everything that a new viewer needs.
     Snapshot(&'a Snapshot),
     /// What is new since the message before.
-    Frame(&'a Frame),
+    Frame(&'a ViewerUpdate),
     /// The answer to an action of this viewer.
     Answer(&'a ActionAnswer),
 }
@@ -43,7 +43,7 @@ pub enum SourceKind {
 
 /// Description of what is watched.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Source {
+pub struct WatchedSource {
     /// Its kind.
     pub kind: SourceKind,
     /// Name of the campaign, or the rig's address.
@@ -70,7 +70,7 @@ pub enum CurveKind {
 
 /// The points of one experiment on one set-up as predicted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Curve {
+pub struct PredictedCurve {
     /// Name of the set-up.
     pub set_up: String,
     /// The set-up's parameters in words.
@@ -87,7 +87,7 @@ pub struct Curve {
 
 /// A measured point.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Point {
+pub struct MeasuredPoint {
     /// Name of the set-up.
     pub set_up: String,
     /// Name of the experiment.
@@ -163,7 +163,7 @@ pub enum Level {
 
 /// A line of the log.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Log {
+pub struct LogLine {
     /// Host time of day; in a replay the time of the run.
     pub at: String,
     /// How serious it is.
@@ -335,7 +335,7 @@ pub struct State {
 pub struct News {
     /// Measured points.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub points: Vec<Point>,
+    pub points: Vec<MeasuredPoint>,
     /// Measured transients.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub transients: Vec<Transient>,
@@ -350,7 +350,7 @@ pub struct News {
     pub spectra: Vec<Spectrum>,
     /// Lines of the log.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub log: Vec<Log>,
+    pub log: Vec<LogLine>,
     /// Telemetry.
     #[serde(skip_serializing_if = "TimeRows::is_empty")]
     pub rows: TimeRows,
@@ -365,7 +365,7 @@ pub struct Snapshot {
     /// Name and version of the program.
     pub version: String,
     /// What is watched.
-    pub source: Source,
+    pub source: WatchedSource,
     /// Actions are possible with the token.
     pub can_control: bool,
     /// Faults can be injected, with the token.
@@ -377,7 +377,7 @@ pub struct Snapshot {
     /// Columns of `rows`.
     pub signals: Vec<SignalName>,
     /// Predicted responses.
-    pub curves: Vec<Curve>,
+    pub curves: Vec<PredictedCurve>,
     /// Everything so far, as far as it is kept.
     #[serde(flatten)]
     pub news: News,
@@ -387,7 +387,7 @@ pub struct Snapshot {
 
 /// What is new since the message before.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Frame {
+pub struct ViewerUpdate {
     /// The time axis has jumped: rows, impacts and Poincaré points so far are out of date.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub restart: bool,
@@ -401,20 +401,20 @@ pub struct Frame {
 /// A frame as all viewers share it: it is written as JSON once.
 #[derive(Debug)]
 pub struct SharedFrame {
-    frame: Frame,
+    frame: ViewerUpdate,
     json: OnceLock<Utf8Bytes>,
 }
 
 impl SharedFrame {
     /// Of a frame.
     #[must_use]
-    pub fn new(frame: Frame) -> Self {
+    pub fn new(frame: ViewerUpdate) -> Self {
         Self { frame, json: OnceLock::new() }
     }
 
     /// The frame.
     #[must_use]
-    pub fn frame(&self) -> &Frame {
+    pub fn frame(&self) -> &ViewerUpdate {
         &self.frame
     }
 

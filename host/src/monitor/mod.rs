@@ -45,8 +45,8 @@ use crate::failure::Failure;
 use control::Control;
 use feed::Update;
 use live::Live;
-use places::Places;
-use server::Shared;
+use places::ViewerPlaces;
+use server::ServerState;
 
 /// The port of the page when none is given and it is free.
 pub const PORT: u16 = 8421;
@@ -84,17 +84,17 @@ pub struct Monitor {
     actions: Option<Actions>,
     player: Player,
     hub: JoinHandle<()>,
-    page: Option<Page>,
+    page: Option<MonitorPage>,
 }
 
 /// The page of a monitor.
 #[derive(Debug)]
-struct Page {
+struct MonitorPage {
     address: SocketAddr,
     token: Option<Token>,
-    places: Arc<Places>,
+    places: Arc<ViewerPlaces>,
     /// What the web server needs, until it is started.
-    waits: Option<(TcpListener, Shared)>,
+    waits: Option<(TcpListener, ServerState)>,
     server: Option<Server>,
 }
 
@@ -134,7 +134,7 @@ impl Monitor {
         let live = Live::new(permissions);
         let hub = std::thread::Builder::new().name("monitor".into());
         let hub = hub.spawn(move || hub::run(live, &updates)).map_err(failed)?;
-        let page = listener.map(|listener| Page::new(listener, token, feed.clone(), control)).transpose()?;
+        let page = listener.map(|listener| MonitorPage::new(listener, token, feed.clone(), control)).transpose()?;
         Ok(Self { feed, actions: Some(actions), player, hub, page })
     }
 
@@ -143,7 +143,7 @@ impl Monitor {
     /// # Errors
     /// The system has no room for another thread.
     pub fn serve(&mut self) -> Result<(), Failure> {
-        self.page.as_mut().map_or(Ok(()), Page::serve)
+        self.page.as_mut().map_or(Ok(()), MonitorPage::serve)
     }
 
     /// Number of viewers of the page.
@@ -178,7 +178,7 @@ impl Monitor {
     /// The address of the page, with the token if there is one.
     #[must_use]
     pub fn url(&self) -> Option<String> {
-        let Page { address, token, .. } = self.page.as_ref()?;
+        let MonitorPage { address, token, .. } = self.page.as_ref()?;
         let mut address = *address;
         if address.ip().is_unspecified() {
             // Served at every address of this machine: this one can be opened here.
@@ -213,12 +213,12 @@ impl Monitor {
     }
 }
 
-impl Page {
+impl MonitorPage {
     fn new(listener: TcpListener, token: Option<Token>, feed: Feed, control: Control) -> Result<Self, Failure> {
         let address = listener.local_addr().map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
-        let places = Arc::new(Places::default());
-        let shared = Shared { address, feed, control, places: Arc::clone(&places) };
+        let places = Arc::new(ViewerPlaces::default());
+        let shared = ServerState { address, feed, control, places: Arc::clone(&places) };
         Ok(Self { address, token, places, waits: Some((listener, shared)), server: None })
     }
 

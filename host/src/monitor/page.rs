@@ -3,7 +3,7 @@
 
 /// A file of the page.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct File {
+pub(super) struct PageFile {
     /// Its path in the address.
     pub(super) path: &'static str,
     /// Its media type.
@@ -19,12 +19,12 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 macro_rules! file {
     ($path:literal, $kind:expr, $file:literal) => {
-        File { path: $path, kind: $kind, text: include_str!($file) }
+        PageFile { path: $path, kind: $kind, text: include_str!($file) }
     };
 }
 
 /// All files.
-pub(super) static FILES: &[File] = &[
+pub(super) static FILES: &[PageFile] = &[
     file!("/", HTML, "page/index.html"),
     file!("/look.css", CSS, "../report/look.css"),
     file!("/monitor.css", CSS, "page/monitor.css"),

@@ -13,15 +13,15 @@ pub(super) const MAX_WITH_TOKEN: usize = 16;
 
 /// The places.
 #[derive(Debug, Default)]
-pub(super) struct Places {
-    all: Mutex<Vec<Arc<Taken>>>,
+pub(super) struct ViewerPlaces {
+    all: Mutex<Vec<Arc<TakenPlace>>>,
     /// Files of the page that were asked for: a browser asks for them before it takes a place.
     files_asked: AtomicU64,
 }
 
 /// A place that is taken.
 #[derive(Debug)]
-struct Taken {
+struct TakenPlace {
     has_token: bool,
     /// It is told to leave.
     leaves: Notify,
@@ -29,13 +29,13 @@ struct Taken {
 
 /// A viewer's place, until it is dropped.
 #[derive(Debug)]
-pub(super) struct Place {
-    own: Arc<Taken>,
-    all: Arc<Places>,
+pub(super) struct ViewerPlace {
+    own: Arc<TakenPlace>,
+    all: Arc<ViewerPlaces>,
 }
 
-impl Places {
-    fn taken(&self) -> MutexGuard<'_, Vec<Arc<Taken>>> {
+impl ViewerPlaces {
+    fn taken(&self) -> MutexGuard<'_, Vec<Arc<TakenPlace>>> {
         self.all.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -55,7 +55,7 @@ impl Places {
     }
 
     /// Takes a place; none when all of those without the token are taken.
-    pub(super) fn take(self: &Arc<Self>, has_token: bool) -> Option<Place> {
+    pub(super) fn take(self: &Arc<Self>, has_token: bool) -> Option<ViewerPlace> {
         let mut taken = self.taken();
         let count = taken.iter().filter(|place| place.has_token == has_token).count();
         if !has_token && count >= MAX_VIEWERS {
@@ -67,20 +67,20 @@ impl Places {
         {
             taken.remove(oldest).leaves.notify_one();
         }
-        let own = Arc::new(Taken { has_token, leaves: Notify::new() });
+        let own = Arc::new(TakenPlace { has_token, leaves: Notify::new() });
         taken.push(Arc::clone(&own));
-        Some(Place { own, all: Arc::clone(self) })
+        Some(ViewerPlace { own, all: Arc::clone(self) })
     }
 }
 
-impl Place {
+impl ViewerPlace {
     /// Returns when another viewer needs the place.
     pub(super) async fn is_needed(&self) {
         self.own.leaves.notified().await;
     }
 }
 
-impl Drop for Place {
+impl Drop for ViewerPlace {
     fn drop(&mut self) {
         self.all.taken().retain(|place| !Arc::ptr_eq(place, &self.own));
     }

@@ -9,13 +9,14 @@ use super::action::{Action, Injection};
 use super::control::{Actions, Asked};
 use super::feed::{Feed, Update, Watched};
 use super::message::{
-    Activity, Curve, CurveKind, FaultText, Impact, Level, Limits, LinkState, Point, Source, SourceKind, Transient,
+    Activity, CurveKind, FaultText, Impact, Level, Limits, LinkState, MeasuredPoint, PredictedCurve, SourceKind,
+    Transient, WatchedSource,
 };
 use super::numbers::SignalName;
 use super::words;
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::client::session::Session;
-use crate::prediction::Predicted;
+use crate::prediction::CampaignPrediction;
 use crate::report::describe;
 use crate::report::terminal::transients::in_words;
 use crate::run_folder::ResultRow;
@@ -33,7 +34,7 @@ pub struct RunFacts<'a> {
     /// The session with the rig.
     pub session: &'a Session,
     /// The predicted responses.
-    pub predicted: &'a Predicted,
+    pub predicted: &'a CampaignPrediction,
     /// The run folder, as people are told.
     pub folder: String,
     /// What was measured before the run was resumed.
@@ -52,7 +53,7 @@ pub struct MonitoredRun<'a> {
     /// Names and units of the device's signals.
     link: LinkState,
     injected: Vec<(&'static str, &'static str)>,
-    present: Option<Present>,
+    present: Option<PresentStart>,
     is_held: bool,
     was_stopped: bool,
     rig_s: f64,
@@ -72,7 +73,7 @@ pub struct AfterRun {
 }
 
 /// The present start of the device.
-struct Present {
+struct PresentStart {
     set_up: String,
     experiment: String,
     from_s: f64,
@@ -94,7 +95,7 @@ impl<'a> MonitoredRun<'a> {
         let known = |limit: f32| (limit > 0.0).then_some(f64::from(limit));
         let planned = taken.planned(campaign);
         let watched = Watched {
-            source: Source {
+            source: WatchedSource {
                 kind: SourceKind::Run,
                 name: campaign.name.clone(),
                 rig: session.name().to_string(),
@@ -163,7 +164,7 @@ impl<'a> MonitoredRun<'a> {
     }
 
     fn running(&self) {
-        let Some(Present { set_up, experiment, .. }) = &self.present else { return };
+        let Some(PresentStart { set_up, experiment, .. }) = &self.present else { return };
         let (activity, word) = if self.is_held { (Activity::Held, "Held") } else { (Activity::Running, "Running") };
         self.feed.send(Update::Activity(activity, format!("{word}: set-up {set_up}, experiment {experiment}")));
     }
@@ -286,7 +287,7 @@ impl Watcher for MonitoredRun<'_> {
             clearance_m: start.set_up.model().particle.map(|particle| particle.clearance_m),
         });
         let every_ticks = u32::from(start.every_ticks.max(1));
-        self.present = Some(Present {
+        self.present = Some(PresentStart {
             set_up,
             experiment,
             from_s: start.from_s,
@@ -406,9 +407,9 @@ impl Watcher for MonitoredRun<'_> {
 }
 
 /// A result as viewers get it.
-pub(super) fn point(row: &ResultRow) -> Point {
+pub(super) fn point(row: &ResultRow) -> MeasuredPoint {
     let known = |value: f64| value.is_finite().then_some(value);
-    Point {
+    MeasuredPoint {
         set_up: row.set_up.clone(),
         experiment: row.experiment.clone(),
         index: row.point_index,
@@ -430,7 +431,7 @@ pub(super) fn transient(row: &TransientRow) -> Transient {
 
 /// The curves of a campaign's stepped sines on their set-ups, as far as they are predicted. The points of a sweep are joined in its
 /// order, unless points around its peak follow.
-pub(super) fn curves(campaign: &Campaign, predicted: &Predicted) -> Vec<Curve> {
+pub(super) fn curves(campaign: &Campaign, predicted: &CampaignPrediction) -> Vec<PredictedCurve> {
     let mut curves = Vec::new();
     for (set_up, own) in campaign.set_ups.iter().enumerate() {
         for (place, experiment) in campaign.experiments.iter().enumerate() {
@@ -458,7 +459,14 @@ pub(super) fn curves(campaign: &Campaign, predicted: &Predicted) -> Vec<Curve> {
                 predicted.sort_by(|a, b| a.0.total_cmp(&b.0));
             }
             let (set_up, experiment) = (own.name.clone(), experiment.name.clone());
-            curves.push(Curve { set_up, about: describe::set_up(own), experiment, draws, is_in_order, predicted });
+            curves.push(PredictedCurve {
+                set_up,
+                about: describe::set_up(own),
+                experiment,
+                draws,
+                is_in_order,
+                predicted,
+            });
         }
     }
     curves

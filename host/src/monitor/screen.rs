@@ -11,7 +11,7 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, Gauge, GraphType, Paragraph,
 
 use super::message::{Activity, Level};
 use super::numbers::Numbers;
-use super::terminal::Picture;
+use super::terminal::ViewPicture;
 use crate::input::shown_in_line;
 use crate::report::numbers::{duration, phase_in_degrees};
 
@@ -19,7 +19,7 @@ use crate::report::numbers::{duration, phase_in_degrees};
 const MIN_SIZE: (u16, u16) = (60, 21);
 
 /// Draws the whole picture, or its text alone in a small terminal.
-pub(super) fn draw(frame: &mut Frame, picture: &Picture) {
+pub(super) fn draw(frame: &mut Frame, picture: &ViewPicture) {
     let area = frame.area();
     if area.width < MIN_SIZE.0 || area.height < MIN_SIZE.1 {
         return text_alone(frame, picture);
@@ -52,7 +52,7 @@ pub(super) fn draw(frame: &mut Frame, picture: &Picture) {
 }
 
 /// The state, the keys, what is wrong and the main numbers, in as many lines as there are.
-fn text_alone(frame: &mut Frame, picture: &Picture) {
+fn text_alone(frame: &mut Frame, picture: &ViewPicture) {
     let state = &picture.snapshot.state;
     let numbers = &state.numbers;
     let mut status = status(picture);
@@ -70,7 +70,7 @@ fn text_alone(frame: &mut Frame, picture: &Picture) {
 }
 
 /// Share of the run or replay that is done, and the same in words.
-fn share_done(picture: &Picture) -> Option<(f64, String)> {
+fn share_done(picture: &ViewPicture) -> Option<(f64, String)> {
     let state = &picture.snapshot.state;
     if state.points_planned > 0 {
         let ratio = (state.points_taken as f64 / state.points_planned as f64).clamp(0.0, 1.0);
@@ -82,7 +82,7 @@ fn share_done(picture: &Picture) -> Option<(f64, String)> {
     Some((ratio, format!("{} of {}", duration(replay.t_s), duration(replay.end_s))))
 }
 
-fn keys_text(picture: &Picture) -> &'static str {
+fn keys_text(picture: &ViewPicture) -> &'static str {
     let state = &picture.snapshot.state;
     match (picture.owns_run, state.activity) {
         (false, _) if state.replay.is_some_and(|replay| replay.paused) => " p play   q end ",
@@ -95,7 +95,7 @@ fn keys_text(picture: &Picture) -> &'static str {
 }
 
 /// What the rig does, and whose rig it is.
-fn status(picture: &Picture) -> Line<'static> {
+fn status(picture: &ViewPicture) -> Line<'static> {
     let snapshot = &picture.snapshot;
     let (word, colour) = match snapshot.state.activity {
         Activity::Running => ("RUNNING", Color::Green),
@@ -121,7 +121,7 @@ fn status(picture: &Picture) -> Line<'static> {
 }
 
 /// The question to the person, else the fault, else the alarms.
-fn trouble(picture: &Picture) -> Option<Line<'static>> {
+fn trouble(picture: &ViewPicture) -> Option<Line<'static>> {
     let state = &picture.snapshot.state;
     let fault = state.fault.as_ref().map(|fault| format!("{} {}", fault.what, fault.advice));
     let alarms = (!state.alarms.is_empty()).then(|| state.alarms.join(" "));
@@ -131,7 +131,7 @@ fn trouble(picture: &Picture) -> Option<Line<'static>> {
 }
 
 /// How old the newest sample is, when it is old.
-fn age(picture: &Picture) -> Option<String> {
+fn age(picture: &ViewPicture) -> Option<String> {
     picture.old_s().map(|age_s| format!("newest sample {} old", duration(age_s.floor())))
 }
 
@@ -157,7 +157,7 @@ fn decimals(value: Option<f32>, factor: f32, digits: usize) -> String {
     value.map_or_else(|| "–".to_string(), |value| format!("{:.digits$}", value * factor))
 }
 
-fn values(frame: &mut Frame, area: Rect, picture: &Picture) {
+fn values(frame: &mut Frame, area: Rect, picture: &ViewPicture) {
     let numbers = &picture.snapshot.state.numbers;
     let link = &picture.snapshot.state.link;
     let limit_m = picture.snapshot.state.limits.x_m;
@@ -204,7 +204,7 @@ fn values(frame: &mut Frame, area: Rect, picture: &Picture) {
     }
 }
 
-fn histories(frame: &mut Frame, area: Rect, picture: &Picture) {
+fn histories(frame: &mut Frame, area: Rect, picture: &ViewPicture) {
     let numbers = &picture.snapshot.state.numbers;
     let has_spring =
         numbers.get("spring_target_n").is_some_and(|force| force > 0.0) || picture.spring_n.iter().any(|n| *n > 0.1);
@@ -229,7 +229,7 @@ fn histories(frame: &mut Frame, area: Rect, picture: &Picture) {
 }
 
 /// The newest x around zero, one value for each dot of the terminal.
-fn displacement(frame: &mut Frame, area: Rect, picture: &Picture) {
+fn displacement(frame: &mut Frame, area: Rect, picture: &ViewPicture) {
     let most_mm = picture.x_m.iter().fold(0.0f32, |most, x| most.max(x.abs())) * 1e3;
     let dots = 2 * area.width;
     let data: Vec<(f64, f64)> =
@@ -256,7 +256,7 @@ fn level(value: f32, most: f32) -> u64 {
     if most > 0.0 { (1000.0 * value / most).clamp(0.0, 1000.0) as u64 } else { 0 }
 }
 
-fn response(frame: &mut Frame, area: Rect, picture: &Picture) {
+fn response(frame: &mut Frame, area: Rect, picture: &ViewPicture) {
     const COLOURS: [Color; 6] =
         [Color::White, Color::Yellow, Color::LightBlue, Color::Blue, Color::Magenta, Color::Red];
     let mut names: Vec<&str> = Vec::new();
@@ -307,7 +307,7 @@ fn response(frame: &mut Frame, area: Rect, picture: &Picture) {
     frame.render_widget(chart, area);
 }
 
-fn lines(frame: &mut Frame, area: Rect, picture: &Picture) {
+fn lines(frame: &mut Frame, area: Rect, picture: &ViewPicture) {
     let count = usize::from(area.height);
     let newest = picture.log.iter().skip(picture.log.len().saturating_sub(count));
     let lines: Vec<Line> = newest

@@ -2,7 +2,7 @@
 
 /// Columns of the rows from which the points are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Columns {
+struct SectionColumns {
     x: usize,
     drive: usize,
     frequency: Option<usize>,
@@ -10,7 +10,7 @@ struct Columns {
 
 /// A row as far as the points need it.
 #[derive(Clone, Copy, Debug)]
-struct Row {
+struct SectionRow {
     t_s: f64,
     x_m: f32,
     drive_m: f32,
@@ -18,20 +18,21 @@ struct Row {
 
 /// Finds the points, row by row.
 #[derive(Clone, Debug, Default)]
-pub struct Section {
-    columns: Option<Columns>,
-    last: Option<Row>,
+pub struct PointFinder {
+    columns: Option<SectionColumns>,
+    last: Option<SectionRow>,
 }
 
 /// Fewest rows in a cycle from which a velocity is computed.
 const MIN_ROWS: f64 = 20.0;
 
-impl Section {
+impl PointFinder {
     /// For rows with these columns; without x or the drive there are no points.
     #[must_use]
     pub fn new(names: &[String]) -> Self {
         let at = |name: &str| names.iter().position(|known| known == name);
-        let columns = at("x").zip(at("drive")).map(|(x, drive)| Columns { x, drive, frequency: at("frequency") });
+        let columns =
+            at("x").zip(at("drive")).map(|(x, drive)| SectionColumns { x, drive, frequency: at("frequency") });
         Self { columns, last: None }
     }
 
@@ -44,7 +45,7 @@ impl Section {
     /// before. Both are linear between rows, so the velocity is off by at most (Ωh)²/24 of its amplitude for rows h apart.
     pub fn push(&mut self, t_s: f64, row: &[f32]) -> Option<(f32, f32, f32)> {
         let columns = self.columns?;
-        let now = Row { t_s, x_m: *row.get(columns.x)?, drive_m: *row.get(columns.drive)? };
+        let now = SectionRow { t_s, x_m: *row.get(columns.x)?, drive_m: *row.get(columns.drive)? };
         let before = self.last.replace(now)?;
         let frequency_hz = columns.frequency.and_then(|at| row.get(at)).copied().unwrap_or(0.0);
         let step_s = now.t_s - before.t_s;
@@ -68,7 +69,7 @@ mod tests {
     #[test]
     fn a_sine_gives_one_point_a_cycle_at_its_phase() {
         let names: Vec<String> = ["x", "drive", "frequency"].map(String::from).into();
-        let (mut section, omega, lag) = (Section::new(&names), TAU * 2.5, 0.7);
+        let (mut section, omega, lag) = (PointFinder::new(&names), TAU * 2.5, 0.7);
         let mut points = Vec::new();
         for tick in 0..4000 {
             let t = f64::from(tick) * 1e-3;
@@ -90,7 +91,7 @@ mod tests {
 
     #[test]
     fn rows_without_a_drive_give_no_points() {
-        let mut section = Section::new(&["x".to_string()]);
+        let mut section = PointFinder::new(&["x".to_string()]);
         assert!((0..100).all(|i| section.push(f64::from(i), &[1.0]).is_none()));
     }
 }

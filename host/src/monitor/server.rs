@@ -22,11 +22,11 @@ use tokio::time::{MissedTickBehavior, interval, timeout};
 
 use super::access::check_origin;
 use super::action::Action;
-use super::control::{Control, Refused};
+use super::control::{Control, RefusedMessage};
 use super::feed::{Feed, Update};
 use super::message::{ActionAnswer, Message, SharedFrame, json};
 use super::page;
-use super::places::{MAX_VIEWERS, Place, Places};
+use super::places::{MAX_VIEWERS, ViewerPlace, ViewerPlaces};
 
 /// Longest message of a viewer, bytes.
 const LONGEST_MESSAGE: usize = 4096;
@@ -50,17 +50,17 @@ const MAX_ACTIONS: usize = 4;
 
 /// What every connection needs.
 #[derive(Debug)]
-pub(super) struct Shared {
+pub(super) struct ServerState {
     pub(super) address: SocketAddr,
     pub(super) feed: Feed,
     pub(super) control: Control,
-    pub(super) places: Arc<Places>,
+    pub(super) places: Arc<ViewerPlaces>,
 }
 
 /// The routes of the server.
-pub(super) fn routes(shared: Arc<Shared>) -> Router {
+pub(super) fn routes(shared: Arc<ServerState>) -> Router {
     let files = page::FILES.iter().fold(Router::new(), |router, file| {
-        let answer = move |headers: HeaderMap, State(shared): State<Arc<Shared>>| async move {
+        let answer = move |headers: HeaderMap, State(shared): State<Arc<ServerState>>| async move {
             let answer = check(&headers, &shared).map(|()| file.response());
             shared.places.ask_for_file();
             answer.unwrap_or_else(|refusal| refusal)
@@ -70,7 +70,7 @@ pub(super) fn routes(shared: Arc<Shared>) -> Router {
     files.route("/live", get(live)).with_state(shared)
 }
 
-impl page::File {
+impl page::PageFile {
     fn response(&self) -> Response {
         // Only the server's own files and connection: text that gets into the page cannot load or send anything.
         const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; \
@@ -86,13 +86,13 @@ impl page::File {
     }
 }
 
-fn check(headers: &HeaderMap, shared: &Shared) -> Result<(), Response> {
+fn check(headers: &HeaderMap, shared: &ServerState) -> Result<(), Response> {
     let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
     check_origin(text(ORIGIN), text(HOST), shared.address.ip())
         .map_err(|why| (StatusCode::FORBIDDEN, format!("{why}\n")).into_response())
 }
 
-async fn live(upgrade: WebSocketUpgrade, headers: HeaderMap, State(shared): State<Arc<Shared>>) -> Response {
+async fn live(upgrade: WebSocketUpgrade, headers: HeaderMap, State(shared): State<Arc<ServerState>>) -> Response {
     if let Err(refusal) = check(&headers, &shared) {
         return refusal;
     }
@@ -116,8 +116,8 @@ struct Gone;
 
 struct Viewer {
     socket: WebSocket,
-    shared: Arc<Shared>,
-    place: Place,
+    shared: Arc<ServerState>,
+    place: ViewerPlace,
     mistakes: u32,
 }
 
@@ -174,7 +174,7 @@ impl Viewer {
     async fn act(&mut self, text: &str, answers: &mpsc::Sender<ActionAnswer>) -> Result<(), Gone> {
         let request = match self.shared.control.read(text) {
             Ok(request) => request,
-            Err(Refused(answer)) => return self.refuse(&answer).await,
+            Err(RefusedMessage(answer)) => return self.refuse(&answer).await,
         };
         // A stop waits for nothing.
         if request.action == Action::Stop {

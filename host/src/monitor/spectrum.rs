@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use super::history::History;
+use super::history::TelemetryHistory;
 use super::unsent::Unsent;
 
 /// Lines of a spectrum, at most.
@@ -43,7 +43,7 @@ impl Default for Spectra {
 
 impl Spectra {
     /// Adds one of the newest values of a column, when it is time and rows have come.
-    pub(super) fn follow(&mut self, recent: &History, column: usize, drive_hz: f64) {
+    pub(super) fn follow(&mut self, recent: &TelemetryHistory, column: usize, drive_hz: f64) {
         let Some(last_s) = recent.last_s() else { return };
         let has_news = self.list.iter().last().is_none_or(|last| last.t_s < last_s);
         if !has_news || self.computed_at.is_some_and(|at| at.elapsed() < EVERY) {

@@ -20,7 +20,7 @@ use tokio::sync::oneshot;
 
 use super::control::Player;
 use super::feed::{Feed, Update};
-use super::message::{Activity, Frame, Level, Log, News, SharedFrame, Snapshot};
+use super::message::{Activity, Level, LogLine, News, SharedFrame, Snapshot, ViewerUpdate};
 use super::screen;
 use crate::campaign::{CampaignSetUp, Experiment};
 use crate::report::describe;
@@ -42,7 +42,7 @@ const OLD_S: f64 = 1.0;
 
 /// What the picture is drawn from.
 #[derive(Debug)]
-pub(super) struct Picture {
+pub(super) struct ViewPicture {
     pub(super) snapshot: Box<Snapshot>,
     pub(super) x_m: VecDeque<f32>,
     pub(super) x_over_z_lock_in: VecDeque<f32>,
@@ -50,7 +50,7 @@ pub(super) struct Picture {
     pub(super) residual_m: VecDeque<f32>,
     /// Measured points of the present set-up and experiment: frequency (Hz), X/Z.
     pub(super) points: VecDeque<(String, f64, f64)>,
-    pub(super) log: VecDeque<Log>,
+    pub(super) log: VecDeque<LogLine>,
     /// A question to the person at the terminal, answered with Enter or g.
     pub(super) question: Option<String>,
     /// Whether the terminal owns a run.
@@ -59,7 +59,7 @@ pub(super) struct Picture {
     told_at: Instant,
 }
 
-impl Picture {
+impl ViewPicture {
     fn new(snapshot: Box<Snapshot>, owns_run: bool) -> Self {
         let mut picture = Self {
             x_m: VecDeque::new(),
@@ -78,7 +78,7 @@ impl Picture {
         picture
     }
 
-    fn take(&mut self, frame: &Frame) {
+    fn take(&mut self, frame: &ViewerUpdate) {
         if frame.restart {
             for list in [&mut self.x_m, &mut self.x_over_z_lock_in, &mut self.spring_n, &mut self.residual_m] {
                 list.clear();
@@ -118,7 +118,7 @@ fn keep<T>(list: &mut VecDeque<T>, new: impl IntoIterator<Item = T>, most: usize
 
 /// What the view and the run share.
 #[derive(Debug, Default)]
-struct Shared {
+struct ViewState {
     question: Mutex<Option<String>>,
     ends: AtomicBool,
 }
@@ -126,7 +126,7 @@ struct Shared {
 /// The view, drawn by a thread of its own.
 #[derive(Debug)]
 pub struct TerminalView {
-    shared: Arc<Shared>,
+    shared: Arc<ViewState>,
     /// Gets a message, or loses its sender, when the view's thread has ended.
     ended: Receiver<()>,
     stop: Arc<AtomicBool>,
@@ -136,7 +136,7 @@ pub struct TerminalView {
 /// The terminal as the watcher of a run: asks whether set-ups are mounted, and passes keys on.
 #[derive(Debug)]
 pub struct TerminalWatcher {
-    shared: Arc<Shared>,
+    shared: Arc<ViewState>,
     stop: Arc<AtomicBool>,
     feed: Feed,
     actions: Receiver<RunAction>,
@@ -152,7 +152,7 @@ enum AnswerKey {
 }
 
 /// What the keys lead to.
-struct Keys {
+struct KeyTargets {
     stop: Arc<AtomicBool>,
     player: Player,
     actions: Sender<RunAction>,
@@ -171,10 +171,10 @@ impl TerminalView {
         owns_run: bool,
         mount_without_asking: bool,
     ) -> io::Result<(Self, TerminalWatcher)> {
-        let shared = Arc::new(Shared::default());
+        let shared = Arc::new(ViewState::default());
         let (actions, asked) = channel();
         let (answers, answered) = channel();
-        let keys = Keys { stop: Arc::clone(stop), player, actions, answers };
+        let keys = KeyTargets { stop: Arc::clone(stop), player, actions, answers };
         let (theirs, own_feed) = (Arc::clone(&shared), feed.clone());
         let terminal = take_terminal()?;
         let (ends, ended) = channel();
@@ -231,9 +231,15 @@ fn take_terminal() -> io::Result<DefaultTerminal> {
 }
 
 /// Draws until the view ends.
-fn show(terminal: &mut DefaultTerminal, feed: &Feed, shared: &Shared, keys: &Keys, owns_run: bool) -> io::Result<()> {
+fn show(
+    terminal: &mut DefaultTerminal,
+    feed: &Feed,
+    shared: &ViewState,
+    keys: &KeyTargets,
+    owns_run: bool,
+) -> io::Result<()> {
     let Some((snapshot, mut frames)) = join(feed) else { return Ok(()) };
-    let mut picture = Picture::new(snapshot, owns_run);
+    let mut picture = ViewPicture::new(snapshot, owns_run);
     loop {
         // The last frame is drawn even if the view ends at once.
         let ends = shared.ends.load(Ordering::Relaxed);
@@ -243,7 +249,7 @@ fn show(terminal: &mut DefaultTerminal, feed: &Feed, shared: &Shared, keys: &Key
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Lagged(_) | TryRecvError::Closed) => {
                     let Some((snapshot, new)) = join(feed) else { break };
-                    (picture, frames) = (Picture::new(snapshot, owns_run), new);
+                    (picture, frames) = (ViewPicture::new(snapshot, owns_run), new);
                 }
             }
         }
@@ -267,7 +273,7 @@ fn join(feed: &Feed) -> Option<(Box<Snapshot>, Frames<Arc<SharedFrame>>)> {
     joined.blocking_recv().ok()
 }
 
-fn press(key: KeyEvent, keys: &Keys, picture: &Picture) {
+fn press(key: KeyEvent, keys: &KeyTargets, picture: &ViewPicture) {
     let control_c = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
     let is_held = picture.snapshot.state.activity == Activity::Held;
     let is_paused = picture.snapshot.state.activity == Activity::Paused;

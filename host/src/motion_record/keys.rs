@@ -6,16 +6,16 @@ use damprig_core::control::transient::playback::MAX_SAMPLES;
 
 use super::noise::{MIN_LINES, MIN_PER_PERIOD, Noise};
 use super::read::{Spec, Which, read};
-use super::record::{Quantity as Recorded, Record};
+use super::record::{Record, RecordQuantity};
 use super::units::{UNITS, unit_list};
 use crate::input::key::DefaultValue::Number;
 use crate::input::key::Need::{Default, Forbidden, Optional, Required};
 use crate::input::key::Range::{Above, NotNegative, NotZero, Positive, Whole};
-use crate::input::key::{Kind, Need, Quantity, Table, key, number, tables, word};
+use crate::input::key::{KeyedQuantity, Need, Table, ValueKind, key, number, tables, word};
 use crate::input::section::Given;
 use crate::input::{Problem, Section, Text};
-use crate::signal_file::unit::{Kind as Measured, Unit as Measure};
-use crate::signal_file::{Sensitivity, Stated};
+use crate::signal_file::unit::{Unit, UnitKind};
+use crate::signal_file::{SensorSensitivity, StatedSignal};
 
 /// Highest frequency of noise, Hz: the controller's tick of 1000 Hz gives its period 10 samples.
 const HIGHEST_HZ: f64 = damprig_core::io::TICK_HZ as f64 / MIN_PER_PERIOD;
@@ -28,17 +28,17 @@ tables! {
 
     "A recorded base motion, or noise from a seed."
     base_record("base", "record") {
-        NOISE: Optional, [key("noise", Kind::Table, "band-limited noise in place of a file")];
+        NOISE: Optional, [key("noise", ValueKind::Table, "band-limited noise in place of a file")];
         FILE: Need::If(&NOISE, "noise", &Forbidden, &Required), [
-            key("file", Kind::Text, "CSV, AT2, V2, UFF, MAT, HDF5 or Parquet file, relative to this file; `FILE#3` or `FILE#name` is one of several signals; or `noise`"),
+            key("file", ValueKind::Text, "CSV, AT2, V2, UFF, MAT, HDF5 or Parquet file, relative to this file; `FILE#3` or `FILE#name` is one of several signals; or `noise`"),
         ];
         QUANTITY: OF_FILE, [word("quantity", &["acceleration", "displacement"], "quantity of the values, where the file does not state it")];
         UNIT: OF_FILE, [word("unit", &UNITS, "unit of the values, where neither the file nor the end of the column's name states it")];
-        SENSITIVITY: OF_FILE, [key("sensitivity", Kind::Text, "of the sensor, if the values are its voltage: \"100 mV/g\", \"10.2 mV/(m/s2)\", \"2.5 V/mm\"")];
+        SENSITIVITY: OF_FILE, [key("sensitivity", ValueKind::Text, "of the sensor, if the values are its voltage: \"100 mV/g\", \"10.2 mV/(m/s2)\", \"2.5 V/mm\"")];
         SCALE: OF_FILE, [number("scale", NotZero, "factor on every value")];
         TIME_STEP: OF_FILE, [number("time_step_s", Positive, "time between samples; otherwise the file has a time column")];
-        COLUMN: OF_FILE, [key("column", Kind::TextOrPlace, "column of the values; default: the only one beside the time column")];
-        TIME_COLUMN: OF_FILE, [key("time_column", Kind::TextOrPlace, "time column; default: the first")];
+        COLUMN: OF_FILE, [key("column", ValueKind::TextOrPlace, "column of the values; default: the only one beside the time column")];
+        TIME_COLUMN: OF_FILE, [key("time_column", ValueKind::TextOrPlace, "time column; default: the first")];
     }
 
     "The peak of a case's noise."
@@ -54,7 +54,7 @@ tables! {
         FROM: Required, [number("from_hz", Positive, "lower end of the band").usual(0.05, 25.0)];
         TO: Required, [number("to_hz", Above(0.0, HIGHEST_HZ), "upper end of the band").usual(0.5, 50.0)];
         DURATION: Required, [number("duration_s", Positive, "length, with its envelope").usual(1.0, 600.0)];
-        ENVELOPE: Optional, [key("envelope", Kind::Table, "rise and fall at the ends; a tenth of the length each when left out")];
+        ENVELOPE: Optional, [key("envelope", ValueKind::Table, "rise and fall at the ends; a tenth of the length each when left out")];
     }
 
     "Envelope of the noise."
@@ -73,7 +73,7 @@ pub(crate) const ENVELOPE: Table = envelope::TABLE;
 
 /// A base motion as a case or a campaign gives it.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Motion {
+pub(crate) enum GivenMotion {
     /// Of a file.
     Recorded(Record),
     /// From a seed.
@@ -81,13 +81,13 @@ pub(crate) enum Motion {
 }
 
 /// Reads the keys of a base motion in a case or a campaign, and its file, whose path `find` gives. Does not finish the table.
-pub(crate) fn read_motion(s: &Section, find: &dyn Fn(&str) -> PathBuf) -> Option<Motion> {
+pub(crate) fn read_motion(s: &Section, find: &dyn Fn(&str) -> PathBuf) -> Option<GivenMotion> {
     if s.is_given(&base_record::NOISE) {
         // The keys of a file are refused beside it.
         let _ = keys_of_file(s);
-        return s.table_of(&base_record::NOISE, None).and_then(|table| read_noise(&table)).map(Motion::Noise);
+        return s.table_of(&base_record::NOISE, None).and_then(|table| read_noise(&table)).map(GivenMotion::Noise);
     }
-    read_record(s, find).map(Motion::Recorded)
+    read_record(s, find).map(GivenMotion::Recorded)
 }
 
 /// Reads the peak of a case's noise, m.
@@ -146,16 +146,17 @@ fn read_noise(s: &Section) -> Option<Noise> {
 /// Reads the keys that describe a file.
 fn keys_of_file(s: &Section) -> (Option<Text>, Spec) {
     let file = s.text_of(&base_record::FILE);
-    let quantity = s.word(&base_record::QUANTITY).map(|word| [Recorded::Acceleration, Recorded::Displacement][word]);
-    let unit = s.word(&base_record::UNIT).and_then(|word| Measure::of(UNITS[word]));
+    let quantity =
+        s.word(&base_record::QUANTITY).map(|word| [RecordQuantity::Acceleration, RecordQuantity::Displacement][word]);
+    let unit = s.word(&base_record::UNIT).and_then(|word| Unit::of(UNITS[word]));
     if let (Some(quantity), Some(unit)) = (quantity, unit)
         && unit.kind != quantity.kind()
-        && unit.kind != Measured::Voltage
+        && unit.kind != UnitKind::Voltage
     {
         s.reject(base_record::UNIT.name(), format!("must be {}", unit_list(quantity)), None);
     }
     let sensitivity = s.text_of(&base_record::SENSITIVITY).and_then(|text| {
-        let read = text.value.parse::<Sensitivity>();
+        let read = text.value.parse::<SensorSensitivity>();
         if let Err(why) = &read {
             s.reject(base_record::SENSITIVITY.name(), why.clone(), None);
         }
@@ -163,7 +164,7 @@ fn keys_of_file(s: &Section) -> (Option<Text>, Spec) {
     });
     let spec = Spec {
         quantity,
-        stated: Stated { unit, sensitivity, calibration: None },
+        stated: StatedSignal { unit, sensitivity, calibration: None },
         scale: s.scalar(&base_record::SCALE),
         time_step_s: s.scalar(&base_record::TIME_STEP),
         column: which(s, &base_record::COLUMN),
@@ -198,7 +199,7 @@ fn read_record(s: &Section, find: &dyn Fn(&str) -> PathBuf) -> Option<Record> {
 }
 
 /// A column by place or name.
-fn which(s: &Section, quantity: &Quantity) -> Option<Which> {
+fn which(s: &Section, quantity: &KeyedQuantity) -> Option<Which> {
     match s.given(quantity)? {
         (_, Given::Text(name)) => Some(Which::Name(name.value)),
         (_, Given::Number(place)) => Some(Which::Place(place as usize)),

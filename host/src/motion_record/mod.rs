@@ -8,8 +8,8 @@ mod units;
 
 pub use keys::TABLES;
 pub(crate) use keys::base_record::{FILE as RECORD_FILE, NOISE as RECORD_NOISE, SCALE as RECORD_SCALE};
-pub(crate) use keys::{BASE_RECORD, ENVELOPE, Motion, NOISE, OF_FILE, read_motion, read_peak};
+pub(crate) use keys::{BASE_RECORD, ENVELOPE, GivenMotion, NOISE, OF_FILE, read_motion, read_peak};
 pub use noise::Noise;
 pub(crate) use read::{RecordRows, rows};
 pub use read::{Spec, Which, read};
-pub use record::{Play, Quantity, Record, RecordOrigin};
+pub use record::{Play, Record, RecordOrigin, RecordQuantity};

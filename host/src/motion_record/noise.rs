@@ -12,7 +12,7 @@ use damprig_motion::cosines::{Cosine, add_cosines};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use super::record::{Quantity, Record, RecordOrigin};
+use super::record::{Record, RecordOrigin, RecordQuantity};
 
 /// A base motion of noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,7 +83,7 @@ impl Noise {
         samples.iter_mut().for_each(|z| *z *= scale);
         Record {
             origin: RecordOrigin::Noise,
-            quantity: Quantity::Displacement,
+            quantity: RecordQuantity::Displacement,
             step_s: 1.0 / rate_hz,
             samples,
             resampling: None,

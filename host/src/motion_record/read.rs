@@ -6,15 +6,15 @@
 use std::fs;
 use std::path::Path;
 
-use super::record::{Quantity, Record, RecordOrigin};
+use super::record::{Record, RecordOrigin, RecordQuantity};
 use super::units::{ToSi, unit_list};
 use crate::failure::Failure;
-use crate::input::key::Unit;
+use crate::input::key::KeyUnit;
 use crate::input::{Files, near};
 use crate::signal_file::at2::at2;
 use crate::signal_file::number::{finite, is_name};
-use crate::signal_file::unit::{self, Kind, of_column};
-use crate::signal_file::{self, Axis, Selector, Signal, Stated, Unsettled};
+use crate::signal_file::unit::{self, UnitKind, of_column};
+use crate::signal_file::{self, Selector, Signal, SignalAxis, StatedSignal, UnknownQuantity};
 
 /// Allowed deviation of a time step from the mean one, as a share: times printed with few decimals deviate.
 const UNEVEN: f64 = 0.1;
@@ -38,9 +38,9 @@ pub enum Which {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Spec {
     /// Its quantity; an AT2 or V2 file states it.
-    pub quantity: Option<Quantity>,
+    pub quantity: Option<RecordQuantity>,
     /// Unit of the values, which an AT2 or V2 file states, and the name of a column may end in (`acceleration_g`), or the sensor's calibration.
-    pub stated: Stated,
+    pub stated: StatedSignal,
     /// Factor on every value.
     pub scale: Option<f64>,
     /// Time step, s; else there is a column of times.
@@ -71,13 +71,14 @@ fn parse(selected: &Selector, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> R
     let answer = |message: String| Failure::Input(format!("{}: {message}", path.display()));
     let scale = spec.scale.unwrap_or(1.0);
     let (quantity, step_s, samples) = if is_at2 {
-        if spec.quantity.is_some_and(|q| q != Quantity::Acceleration) {
+        if spec.quantity.is_some_and(|q| q != RecordQuantity::Acceleration) {
             return Err(answer("an AT2 file holds accelerations; leave out `quantity`".into()));
         }
-        let to_si =
-            |unit_si, text: &str, value| ToSi { quantity: Quantity::Acceleration, unit_si, scale }.value(text, value);
+        let to_si = |unit_si, text: &str, value| {
+            ToSi { quantity: RecordQuantity::Acceleration, unit_si, scale }.value(text, value)
+        };
         let at2 = at2(&text, spec.stated.unit.map(|unit| unit.si), to_si).map_err(answer)?;
-        (Quantity::Acceleration, spec.time_step_s.unwrap_or(at2.step_s), at2.values)
+        (RecordQuantity::Acceleration, spec.time_step_s.unwrap_or(at2.step_s), at2.values)
     } else {
         let Some(quantity) = spec.quantity else { return of_signal(selected, spec, &bytes) };
         match table(&text, spec, quantity, scale) {
@@ -89,7 +90,7 @@ fn parse(selected: &Selector, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> R
     if samples.len() < 2 {
         return Err(answer(format!("{} samples; a motion has at least 2", samples.len())));
     }
-    if let Some(refusal) = Unit::of("time_step_s").and_then(|unit| unit.refusal(step_s)) {
+    if let Some(refusal) = KeyUnit::of("time_step_s").and_then(|unit| unit.refusal(step_s)) {
         return Err(answer(format!("a time step of {step_s:e} s is not allowed: {refusal}")));
     }
     Ok(Record { origin: RecordOrigin::File(path.to_path_buf()), quantity, step_s, samples, resampling: None })
@@ -111,20 +112,20 @@ fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, F
     let signal = selected.choose(contents)?;
     let name = &signal.name;
     let unit = signal.measured(&spec.stated).map_err(|why| match (why, spec.quantity) {
-        (Unsettled::Contradiction(why), _) => refuse(why),
-        (Unsettled::SensitivityMissing, _) => {
+        (UnknownQuantity::Contradiction(why), _) => refuse(why),
+        (UnknownQuantity::SensitivityMissing, _) => {
             refuse(format!("{name:?} is a voltage: give the sensor's sensitivity = \"100 mV/g\""))
         }
-        (Unsettled::UnitMissing, Some(quantity)) => {
+        (UnknownQuantity::UnitMissing, Some(quantity)) => {
             refuse(format!("the unit of {name:?} is not known: give unit = {}", unit_list(quantity)))
         }
-        (Unsettled::UnitMissing, None) => refuse(format!(
+        (UnknownQuantity::UnitMissing, None) => refuse(format!(
             "what the values of {name:?} are is not known: give quantity = \"acceleration\" or \"displacement\""
         )),
     })?;
     let quantity = match unit.kind {
-        Kind::Acceleration => Quantity::Acceleration,
-        Kind::Displacement => Quantity::Displacement,
+        UnitKind::Acceleration => RecordQuantity::Acceleration,
+        UnitKind::Displacement => RecordQuantity::Displacement,
         other => {
             return Err(refuse(format!(
                 "{name:?} is a {}: a record is an acceleration or a displacement",
@@ -141,9 +142,10 @@ fn of_signal(selected: &Selector, spec: &Spec, bytes: &[u8]) -> Result<Record, F
     if signal.imaginary.is_some() {
         return Err(refuse(format!("{name:?} is complex: a record has real values")));
     }
-    let given = spec.time_step_s.map(|step_s| Signal { axis: Axis::Time { start_s: 0.0, step_s }, ..signal.clone() });
+    let given =
+        spec.time_step_s.map(|step_s| Signal { axis: SignalAxis::Time { start_s: 0.0, step_s }, ..signal.clone() });
     let even = given.as_ref().unwrap_or(&signal).evenly().map_err(|why| match signal.axis {
-        Axis::Unknown(_) => refuse(format!("the time step of {name:?} is not known: give `time_step_s`")),
+        SignalAxis::Unknown(_) => refuse(format!("the time step of {name:?} is not known: give `time_step_s`")),
         _ => refuse(why),
     })?;
     let rms = (even.values.iter().map(|value| value * value).sum::<f64>() / even.values.len() as f64).sqrt();
@@ -234,7 +236,7 @@ impl RecordRows {
 const MAX_OF_NAMES: usize = 200;
 
 /// The time step, s, and the values of a table in SI units. Where `spec` has no unit, the name of the values' column has to end in it.
-fn table(text: &str, spec: &Spec, quantity: Quantity, scale: f64) -> Result<(f64, Vec<f64>), String> {
+fn table(text: &str, spec: &Spec, quantity: RecordQuantity, scale: f64) -> Result<(f64, Vec<f64>), String> {
     let rows = rows(text)?;
     if rows.rows.is_empty() {
         return Err("it holds no row of numbers".into());

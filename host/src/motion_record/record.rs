@@ -15,23 +15,23 @@ use std::path::{Path, PathBuf};
 
 use damprig_core::integrator::base::BaseSegment;
 
-use crate::signal_file::unit::Kind;
+use crate::signal_file::unit::UnitKind;
 
 /// Quantity of a record's samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
+pub enum RecordQuantity {
     /// z, m.
     Displacement,
     /// z″, m/s².
     Acceleration,
 }
 
-impl Quantity {
+impl RecordQuantity {
     /// The kind of a signal that is a record of it.
-    pub(super) fn kind(self) -> Kind {
+    pub(super) fn kind(self) -> UnitKind {
         match self {
-            Self::Acceleration => Kind::Acceleration,
-            Self::Displacement => Kind::Displacement,
+            Self::Acceleration => UnitKind::Acceleration,
+            Self::Displacement => UnitKind::Displacement,
         }
     }
 }
@@ -61,7 +61,7 @@ pub struct Record {
     /// Where it is from.
     pub origin: RecordOrigin,
     /// Quantity of the samples.
-    pub quantity: Quantity,
+    pub quantity: RecordQuantity,
     /// Time step, s; greater than 0.
     pub step_s: f64,
     /// In SI units; at least two.
@@ -93,8 +93,8 @@ impl Record {
     #[must_use]
     pub fn start_m(&self) -> f64 {
         match self.quantity {
-            Quantity::Displacement => self.samples[0],
-            Quantity::Acceleration => 0.0,
+            RecordQuantity::Displacement => self.samples[0],
+            RecordQuantity::Acceleration => 0.0,
         }
     }
 
@@ -122,7 +122,7 @@ impl Record {
         let rise = |pair: &[f64]| (pair[1] - pair[0]) / self.step_s;
         let largest = self.samples.windows(2).map(|pair| rise(pair).abs()).fold(0.0, f64::max);
         let first = self.samples.get(..2).map(rise)?;
-        (self.quantity == Quantity::Displacement && first.abs() > 0.01 * largest).then_some(first)
+        (self.quantity == RecordQuantity::Displacement && first.abs() > 0.01 * largest).then_some(first)
     }
 
     /// The motion, interval by interval from the start.
@@ -149,13 +149,13 @@ impl Play<'_> {
         let n = self.next;
         self.next += 1;
         match self.record.quantity {
-            Quantity::Displacement => {
+            RecordQuantity::Displacement => {
                 let last = samples.len() - 1;
                 let at = |n: usize| samples[n.min(last)];
                 let (before, start, end, after) = (at(n.saturating_sub(1)), at(n), at(n + 1), at(n + 2));
                 BaseSegment::hermite(start, end, 0.5 * (end - before), 0.5 * (after - start))
             }
-            Quantity::Acceleration => {
+            RecordQuantity::Acceleration => {
                 // Zero after the last sample.
                 let (a, b) = if n + 1 < samples.len() { (samples[n], samples[n + 1]) } else { (0.0, 0.0) };
                 let square = self.record.step_s * self.record.step_s;
@@ -172,13 +172,13 @@ impl Play<'_> {
 mod tests {
     use super::*;
 
-    fn record(quantity: Quantity, samples: &[f64]) -> Record {
+    fn record(quantity: RecordQuantity, samples: &[f64]) -> Record {
         Record { origin: RecordOrigin::Noise, quantity, step_s: 0.1, samples: samples.to_vec(), resampling: None }
     }
 
     #[test]
     fn a_constant_acceleration_is_integrated_to_its_parabola_and_then_coasts() {
-        let ramp = record(Quantity::Acceleration, &[2.0; 11]);
+        let ramp = record(RecordQuantity::Acceleration, &[2.0; 11]);
         let mut play = ramp.play();
         let ends: Vec<f64> = (0..12).map(|_| play.next_segment().0.iter().sum()).collect();
         assert!((ends[9] - 1.0).abs() < 1e-14, "z(1 s) = ½·2·1² = {}", ends[9]);
@@ -189,13 +189,13 @@ mod tests {
     #[test]
     fn a_linear_acceleration_is_integrated_to_its_cubic() {
         let samples: Vec<f64> = (0..=10).map(|n| 6.0 * 0.1 * f64::from(n)).collect();
-        assert!((record(Quantity::Acceleration, &samples).drift_m() - 1.0).abs() < 1e-14, "z = t³");
+        assert!((record(RecordQuantity::Acceleration, &samples).drift_m() - 1.0).abs() < 1e-14, "z = t³");
     }
 
     #[test]
     fn a_displacement_passes_through_its_samples_and_stays_at_its_last() {
         let samples = [0.0, 0.3, -0.2, 0.9];
-        let record = record(Quantity::Displacement, &samples);
+        let record = record(RecordQuantity::Displacement, &samples);
         let mut play = record.play();
         for n in 0..5_usize {
             let segment = play.next_segment();

@@ -44,7 +44,7 @@ const DAMPERS: [&str; 4] = ["particle", "friction_damper", "tmd", "many_particle
 /// The case: `given`, the file that is named, or the tables under the key; these take the place of those of `own` and of its dampers.
 pub(super) fn read_case(
     s: &Section,
-    key: &input::key::Quantity,
+    key: &input::key::KeyedQuantity,
     path: &Path,
     given: Option<&Source>,
     own: Option<&str>,

@@ -4,20 +4,20 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use serde::Serialize;
 
-use super::cases::Cases;
+use super::cases::BandCases;
 use super::constraint::Constraint;
-use super::evaluate::{Evaluated, GoOn, from_starts};
+use super::evaluate::{Evaluated, GoOnAfter, from_starts};
 use super::file::Optimisation;
 use super::front::Front;
 use super::mount;
-use super::neighbourhood::{self, Sensitivity};
+use super::neighbourhood::{self, VariableSensitivity};
 use super::over_band::{self, OverBand};
 use super::references::References;
 use super::search::SearchOutcome;
 use super::stuck;
-use super::variable::Choice;
+use super::variable::ValueChoice;
 use crate::failure::Failure;
-use crate::study::axis::{Axis, Reduction, Value};
+use crate::study::axis::{AxisValue, Reduction, StudyAxis};
 use crate::study::band::Effort;
 use crate::study::over::Over;
 use crate::study::over::quantile;
@@ -38,7 +38,7 @@ pub struct Named {
 
 /// A variable at the optimum.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Variable {
+pub struct BestVariable {
     /// Key.
     pub key: String,
     /// Value: one that can be made (without `step` and `values` rounded to the power of ten at or below the tolerance), or as the search
@@ -120,7 +120,7 @@ pub struct Optimum {
     /// Symbol of its unit.
     pub unit: &'static str,
     /// The variables at the optimum.
-    pub variables: Vec<Variable>,
+    pub variables: Vec<BestVariable>,
     /// Variables and uncertain keys where the objective is, if it counts over tolerances or uncertain values (for a mean or a quantile:
     /// where a scenario is nearest to it).
     pub there: Vec<Named>,
@@ -133,7 +133,7 @@ pub struct Optimum {
     /// Over many starts of the particle, if there is one.
     pub starts: Option<Starts>,
     /// What small changes do.
-    pub sensitivity: Vec<Sensitivity>,
+    pub sensitivity: Vec<VariableSensitivity>,
     /// Points around the optimum.
     #[serde(skip)]
     pub neighbourhood: Vec<Evaluated>,
@@ -157,9 +157,9 @@ impl Optimum {
     ///
     /// # Errors
     /// The refusal of a case that the values make.
-    pub fn of(optimisation: &Optimisation, found: &SearchOutcome, go_on: GoOn) -> Result<Self, Failure> {
+    pub fn of(optimisation: &Optimisation, found: &SearchOutcome, go_on: GoOnAfter) -> Result<Self, Failure> {
         let simulations = AtomicU64::new(found.simulations);
-        let go_on: GoOn = &|ended| {
+        let go_on: GoOnAfter = &|ended| {
             simulations.fetch_add(ended, Ordering::Relaxed);
             go_on(ended)
         };
@@ -175,17 +175,18 @@ impl Optimum {
         let best = if is_robust { over.unwrap_or(best) } else { nominal };
         let is_stopped = found.is_stopped || (setting.is_none() && best.is_feasible());
         let around = Around::of(optimisation, nominal, is_stopped, go_on)?;
-        let variable = |(place, axis): (usize, &Axis)| {
+        let variable = |(place, axis): (usize, &StudyAxis)| {
             let (value, made) = (best.values[place], &optimisation.variables[place]);
             let (tolerance, (from, to)) = (made.tolerance(value), made.range);
             let is_at_edge = match &made.choice {
-                Choice::Digits => value - from <= tolerance || to - value <= tolerance,
-                Choice::Steps(step) => value - from < 0.5 * step || to - value < step * (1.0 - 1e-9),
-                Choice::Listed(_) => false,
+                ValueChoice::Digits => value - from <= tolerance || to - value <= tolerance,
+                ValueChoice::Steps(step) => value - from < 0.5 * step || to - value < step * (1.0 - 1e-9),
+                ValueChoice::Listed(_) => false,
             };
-            Variable { key: axis.key.clone(), value, tolerance, unit: axis.unit(), is_at_edge }
+            BestVariable { key: axis.key.clone(), value, tolerance, unit: axis.unit(), is_at_edge }
         };
-        let named = |(axis, value): (&Axis, &f64)| Named { key: axis.key.clone(), value: *value, unit: axis.unit() };
+        let named =
+            |(axis, value): (&StudyAxis, &f64)| Named { key: axis.key.clone(), value: *value, unit: axis.unit() };
         let there = optimisation.axes.iter().zip(&best.there).map(named).collect();
         let kept = |(constraint, value): (&Constraint, &f64)| KeptConstraint {
             metric: constraint.metric.name(),
@@ -239,7 +240,7 @@ fn worst(optimisation: &Optimisation, over: &Evaluated) -> f64 {
 struct Around {
     is_stopped: bool,
     starts: Option<Starts>,
-    sensitivity: Vec<Sensitivity>,
+    sensitivity: Vec<VariableSensitivity>,
     neighbourhood: Vec<Evaluated>,
     references: References,
     over_band: Vec<OverBand>,
@@ -248,7 +249,7 @@ struct Around {
 
 impl Around {
     /// Nothing after a search that was stopped and at a point of a front, and no neighbourhood where the constraints are not kept.
-    fn of(optimisation: &Optimisation, best: &Evaluated, is_stopped: bool, go_on: GoOn) -> Result<Self, Failure> {
+    fn of(optimisation: &Optimisation, best: &Evaluated, is_stopped: bool, go_on: GoOnAfter) -> Result<Self, Failure> {
         let mut around = Self {
             is_stopped,
             starts: None,
@@ -264,7 +265,7 @@ impl Around {
         Ok(around)
     }
 
-    fn fill(&mut self, optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<(), Failure> {
+    fn fill(&mut self, optimisation: &Optimisation, best: &Evaluated, go_on: GoOnAfter) -> Result<(), Failure> {
         if best.is_feasible() {
             self.sensitivity = neighbourhood::sensitivities(optimisation, best, go_on)?;
             self.neighbourhood = neighbourhood::grid(optimisation, best, go_on)?;
@@ -278,22 +279,22 @@ impl Around {
 }
 
 fn damper_mass_kg(optimisation: &Optimisation, best: &Evaluated) -> Result<Option<f64>, Failure> {
-    let case = Cases::at(optimisation, &best.values)?.case(&optimisation.band_values(0))?;
+    let case = BandCases::at(optimisation, &best.values)?.case(&optimisation.band_values(0))?;
     Ok(case.damper_mass().map(|(mass_kg, _)| mass_kg))
 }
 
 /// Values of the band's axes where the objective is; none of axes with a mean, and of those after one.
 fn place_in_band(optimisation: &Optimisation, best: &Evaluated) -> Vec<Named> {
-    let number = |(axis, value): (&Axis, &Value)| match value {
-        Value::Number(value) => Some(Named { key: axis.key.clone(), value: *value, unit: axis.unit() }),
-        Value::Word(_) => None,
+    let number = |(axis, value): (&StudyAxis, &AxisValue)| match value {
+        AxisValue::Number(value) => Some(Named { key: axis.key.clone(), value: *value, unit: axis.unit() }),
+        AxisValue::Word(_) => None,
     };
-    let is_extreme = |(axis, _): &(&Axis, &Value)| axis.reduce != Some(Reduction::Mean);
+    let is_extreme = |(axis, _): &(&StudyAxis, &AxisValue)| axis.reduce != Some(Reduction::Mean);
     optimisation.band().iter().zip(&best.band).take_while(is_extreme).filter_map(number).collect()
 }
 
-fn starts(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Option<Starts>, Failure> {
-    let case = Cases::at(optimisation, &best.values)?.case(&optimisation.band_values(0))?;
+fn starts(optimisation: &Optimisation, best: &Evaluated, go_on: GoOnAfter) -> Result<Option<Starts>, Failure> {
+    let case = BandCases::at(optimisation, &best.values)?.case(&optimisation.band_values(0))?;
     if !case.has_particle() {
         return Ok(None);
     }

@@ -5,14 +5,14 @@ use std::collections::{HashMap, HashSet};
 
 use rayon::prelude::*;
 
-use super::cases::Cases;
+use super::cases::BandCases;
 use super::constraint::Constraint;
 use super::file::Optimisation;
 use super::scenarios::{self, Scenario};
 use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::simulation::Case;
-use crate::study::axis::{Axis, Value};
+use crate::study::axis::{AxisValue, StudyAxis};
 use crate::study::band::{Band, Effort, Reduced};
 use crate::study::over::Over;
 use crate::study::simulate::metrics_of_all;
@@ -31,7 +31,7 @@ pub struct Evaluated {
     /// That of each start (and scenario), sorted.
     pub all: Vec<f64>,
     /// Values of the band's axes where the objective is; the first ones for a mean.
-    pub band: Vec<Value>,
+    pub band: Vec<AxisValue>,
     /// For each constraint its metric where it is kept least.
     pub constraints: Vec<f64>,
     /// Sum of the constraints' violations; 0 if all are kept.
@@ -50,7 +50,7 @@ pub struct Top {
     /// Start of the particle as a share, if it is one of several.
     pub start: Option<f64>,
     /// Values of the band's axes.
-    pub band: Vec<Value>,
+    pub band: Vec<AxisValue>,
     /// The objective's metric.
     pub value: f64,
 }
@@ -82,7 +82,7 @@ impl Evaluated {
 }
 
 /// Told how many simulations have ended since the last call, also inside a simulation; answers whether to go on.
-pub type GoOn<'a> = &'a (dyn Fn(u64) -> bool + Sync);
+pub type GoOnAfter<'a> = &'a (dyn Fn(u64) -> bool + Sync);
 
 /// The metrics of some simulations: by metric, then by start, then by point of the band.
 type MetricsByStart = Vec<Vec<Vec<f64>>>;
@@ -112,10 +112,10 @@ pub fn values(optimisation: &Optimisation, shares: &[f64]) -> Vec<f64> {
 }
 
 /// The value of a variable at a share of its range.
-pub(super) fn number(axis: &Axis, share: f64) -> f64 {
+pub(super) fn number(axis: &StudyAxis, share: f64) -> f64 {
     match axis.value(0, share) {
-        Value::Number(number) => number,
-        Value::Word(_) => f64::NAN,
+        AxisValue::Number(number) => number,
+        AxisValue::Word(_) => f64::NAN,
     }
 }
 
@@ -123,12 +123,17 @@ pub(super) fn number(axis: &Axis, share: f64) -> f64 {
 ///
 /// # Errors
 /// The refusal of a case that the values make, or that `go_on` said no.
-pub fn at_values(optimisation: &Optimisation, values: Vec<f64>, care: Care, go_on: GoOn) -> Result<Evaluated, Failure> {
+pub fn at_values(
+    optimisation: &Optimisation,
+    values: Vec<f64>,
+    care: Care,
+    go_on: GoOnAfter,
+) -> Result<Evaluated, Failure> {
     let metrics: Vec<Quantity> =
         [optimisation.objective].into_iter().chain(optimisation.constraints.iter().map(|c| c.metric)).collect();
     let starts = optimisation.starts.as_ref();
-    let cases = Cases::at(optimisation, &values)?;
-    let case = |at: &[Value]| cases.case(at);
+    let cases = BandCases::at(optimisation, &values)?;
+    let case = |at: &[AxisValue]| cases.case(at);
     let mut point = Simulations { optimisation, case: &case, go_on, unresolved: 0.0 };
     let simulated = point.grid(&metrics, starts.map(Vec::as_slice))?;
     let mut evaluated = point.evaluated(&simulated, Effort::Grid)?;
@@ -144,9 +149,9 @@ pub fn at_values(optimisation: &Optimisation, values: Vec<f64>, care: Care, go_o
 ///
 /// # Errors
 /// As [`at_values`].
-pub fn of_top(optimisation: &Optimisation, top: &Top, values: &[f64], go_on: GoOn) -> Result<f64, Failure> {
-    let cases = Cases::at(optimisation, values)?;
-    let case = |at: &[Value]| cases.case(at);
+pub fn of_top(optimisation: &Optimisation, top: &Top, values: &[f64], go_on: GoOnAfter) -> Result<f64, Failure> {
+    let cases = BandCases::at(optimisation, values)?;
+    let case = |at: &[AxisValue]| cases.case(at);
     let mut point = Simulations { optimisation, case: &case, go_on, unresolved: 0.0 };
     Ok(point.at(std::slice::from_ref(&top.band), top.start, optimisation.objective)?[0])
 }
@@ -161,7 +166,7 @@ pub fn in_scenarios(
     nominal: Vec<f64>,
     scenarios: &[Scenario],
     care: Care,
-    go_on: GoOn,
+    go_on: GoOnAfter,
 ) -> Result<Evaluated, Failure> {
     let at = |scenario: &Scenario| {
         at_values(optimisation, scenarios::values(optimisation, &nominal, scenario), Care::of(care.effort), go_on)
@@ -226,14 +231,14 @@ fn violation(optimisation: &Optimisation, constraints: &[f64]) -> f64 {
 pub struct Known<'a> {
     optimisation: &'a Optimisation,
     effort: Effort,
-    go_on: GoOn<'a>,
+    go_on: GoOnAfter<'a>,
     points: HashMap<Vec<u64>, Evaluated>,
 }
 
 impl<'a> Known<'a> {
     /// None yet.
     #[must_use]
-    pub fn none(optimisation: &'a Optimisation, effort: Effort, go_on: GoOn<'a>) -> Self {
+    pub fn none(optimisation: &'a Optimisation, effort: Effort, go_on: GoOnAfter<'a>) -> Self {
         Self { optimisation, effort, go_on, points: HashMap::new() }
     }
 
@@ -266,10 +271,10 @@ pub fn from_starts(
     values: &[f64],
     starts: &[f64],
     effort: Effort,
-    go_on: GoOn,
+    go_on: GoOnAfter,
 ) -> Result<Vec<f64>, Failure> {
-    let cases = Cases::at(optimisation, values)?;
-    let case = |at: &[Value]| cases.case(at);
+    let cases = BandCases::at(optimisation, values)?;
+    let case = |at: &[AxisValue]| cases.case(at);
     let mut point = Simulations { optimisation, case: &case, go_on, unresolved: 0.0 };
     let simulated = point.grid(&[optimisation.objective], Some(starts))?;
     let of_start = |(share, over_band): (&f64, &Vec<f64>)| {
@@ -285,12 +290,12 @@ pub fn from_starts(
 pub fn on_axis(
     optimisation: &Optimisation,
     values: &[f64],
-    points: &[Vec<Value>],
+    points: &[Vec<AxisValue>],
     is_bare: bool,
-    go_on: GoOn,
+    go_on: GoOnAfter,
 ) -> Result<Vec<Vec<f64>>, Failure> {
-    let cases = Cases::at(optimisation, values)?;
-    let case = |at: &[Value]| Ok(if is_bare { cases.case(at)?.with_dampers(None) } else { cases.case(at)? });
+    let cases = BandCases::at(optimisation, values)?;
+    let case = |at: &[AxisValue]| Ok(if is_bare { cases.case(at)?.with_dampers(None) } else { cases.case(at)? });
     let mut point = Simulations { optimisation, case: &case, go_on, unresolved: 0.0 };
     match optimisation.starts.as_ref().filter(|_| !is_bare) {
         None => Ok(vec![point.at(points, None, optimisation.objective)?]),
@@ -305,8 +310,8 @@ pub fn on_axis(
 /// A case that is refused, or that `go_on` said no.
 pub fn over_band(
     optimisation: &Optimisation,
-    case: &dyn Fn(&[Value]) -> Result<Case, Failure>,
-    go_on: GoOn,
+    case: &dyn Fn(&[AxisValue]) -> Result<Case, Failure>,
+    go_on: GoOnAfter,
 ) -> Result<f64, Failure> {
     let mut point = Simulations { optimisation, case, go_on, unresolved: 0.0 };
     let simulated = point.grid(&[optimisation.objective], None)?;
@@ -317,8 +322,8 @@ pub fn over_band(
 struct Simulations<'a> {
     optimisation: &'a Optimisation,
     /// The case with values of the band's axes.
-    case: &'a dyn Fn(&[Value]) -> Result<Case, Failure>,
-    go_on: GoOn<'a>,
+    case: &'a dyn Fn(&[AxisValue]) -> Result<Case, Failure>,
+    go_on: GoOnAfter<'a>,
     /// How often an event search was given up.
     unresolved: f64,
 }
@@ -353,8 +358,8 @@ impl Simulations<'_> {
     }
 
     /// A metric at points of the band from a start.
-    fn at(&mut self, points: &[Vec<Value>], share: Option<f64>, metric: Quantity) -> Result<Vec<f64>, Failure> {
-        let case = |at: &Vec<Value>| {
+    fn at(&mut self, points: &[Vec<AxisValue>], share: Option<f64>, metric: Quantity) -> Result<Vec<f64>, Failure> {
+        let case = |at: &Vec<AxisValue>| {
             let case = (self.case)(at)?;
             Ok(share.map_or_else(|| case.clone(), |share| case.started_at(share)))
         };
@@ -401,7 +406,7 @@ impl Simulations<'_> {
         let mut tops = Vec::new();
         if optimisation.has_slopes() {
             for (place, reduced) in of_starts.iter().enumerate() {
-                let top = |(band, value): &(Vec<Value>, f64)| Top {
+                let top = |(band, value): &(Vec<AxisValue>, f64)| Top {
                     values: Vec::new(),
                     start: share_of(place),
                     band: band.clone(),

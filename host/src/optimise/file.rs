@@ -7,20 +7,20 @@ use super::alternative::{self, Alternative, read_case};
 use super::constraint::{self, Constraint};
 use super::front::{self, Second};
 use super::keys::{ensemble, optimisation as keys};
-use super::variable::{self, Uncertain, Variable};
+use super::variable::{self, UncertainVariable, Variable};
 use crate::failure::Failure;
 use crate::input::{self, Files, Problem, Section, Source};
 use crate::quantity::Quantity;
 use crate::simulation::Case;
 use crate::simulation::case::default_name;
-use crate::study::axis::{self, Axis, Reduction, Value};
+use crate::study::axis::{self, AxisValue, Reduction, StudyAxis};
 use crate::study::band::{self, Band, Smoothness};
 use crate::study::direct::Direct;
 use crate::study::file::read_record;
 use crate::study::metric::{self, METRICS};
 use crate::study::over::Over;
 use crate::study::samples;
-use crate::study::simulate::Record;
+use crate::study::simulate::SimulationRecord;
 use crate::study::varied_case::VariedCase;
 
 /// Evaluations for each variable, unless the file states their number.
@@ -44,17 +44,17 @@ pub struct Optimisation {
     /// Text of the case.
     pub case_text: String,
     /// The variables, then what is uncertain, then the axes of the band, each in the order of the file.
-    pub axes: Vec<Axis>,
+    pub axes: Vec<StudyAxis>,
     /// What the variables can be made as.
     pub variables: Vec<Variable>,
     /// What is uncertain.
-    pub uncertain: Vec<Uncertain>,
+    pub uncertain: Vec<UncertainVariable>,
     /// The band as the objective is reduced over it,
     pub reduced_band: Band,
     /// and as a constraint is judged over it.
     pub constraint_band: Band,
     /// What is counted; as the case's `run` says without one.
-    pub record: Option<Record>,
+    pub record: Option<SimulationRecord>,
     /// Places of the particle at the start as shares of the clearance from the centre, −1 to 1; none for the case's own start.
     pub starts: Option<Vec<f64>>,
     /// What counts of starts, tolerances and uncertain values.
@@ -111,13 +111,13 @@ impl Optimisation {
 
     /// The axes of the variables.
     #[must_use]
-    pub fn variable_axes(&self) -> &[Axis] {
+    pub fn variable_axes(&self) -> &[StudyAxis] {
         &self.axes[..self.variables.len()]
     }
 
     /// The axes of what is uncertain.
     #[must_use]
-    pub fn uncertain_axes(&self) -> &[Axis] {
+    pub fn uncertain_axes(&self) -> &[StudyAxis] {
         &self.axes[self.variables.len()..self.set()]
     }
 
@@ -129,7 +129,7 @@ impl Optimisation {
 
     /// The axes of the band.
     #[must_use]
-    pub fn band(&self) -> &[Axis] {
+    pub fn band(&self) -> &[StudyAxis] {
         &self.axes[self.set()..]
     }
 
@@ -142,12 +142,12 @@ impl Optimisation {
     /// Points of the band.
     #[must_use]
     pub fn band_points(&self) -> usize {
-        self.band().iter().map(Axis::count).product()
+        self.band().iter().map(StudyAxis::count).product()
     }
 
     /// The values of the band's axes at one of its points, of which the last axis varies fastest.
     #[must_use]
-    pub fn band_values(&self, point: usize) -> Vec<Value> {
+    pub fn band_values(&self, point: usize) -> Vec<AxisValue> {
         band::values_at(self.band(), point)
     }
 
@@ -161,7 +161,7 @@ impl Optimisation {
     ///
     /// # Errors
     /// Names the key, its value and what is allowed.
-    pub fn case_with(&self, values: &[Value]) -> Result<Case, Failure> {
+    pub fn case_with(&self, values: &[AxisValue]) -> Result<Case, Failure> {
         self.varied_case().with(values)
     }
 
@@ -173,7 +173,7 @@ impl Optimisation {
         self.case_with(&self.first_values())
     }
 
-    fn first_values(&self) -> Vec<Value> {
+    fn first_values(&self) -> Vec<AxisValue> {
         samples::corners(&self.axes).swap_remove(0)
     }
 
@@ -204,7 +204,7 @@ impl Optimisation {
     /// Whether the objective is the worst of simulations without jumps, and nothing else bounds it.
     #[must_use]
     pub fn has_slopes(&self) -> bool {
-        let is_worst = |axis: &Axis| {
+        let is_worst = |axis: &StudyAxis| {
             axis.reduce != Some(Reduction::Mean) && self.is_maximum == (axis.reduce == Some(Reduction::Minimum))
         };
         let counts_worst = self.over == Over::Worst || (self.starts.is_none() && !self.is_robust());
@@ -253,7 +253,7 @@ impl Optimisation {
             for (end, side) in [(variable.range.0, -1.0), (variable.range.1, 1.0)] {
                 let made = end + side * variable.tolerance(end);
                 let mut values = first.clone();
-                values[place] = Value::Number(made);
+                values[place] = AxisValue::Number(made);
                 let Err(refusal) = self.varied_case().with(&values) else { continue };
                 let key = &self.axes[place].key;
                 let why = refusal.to_string();
@@ -269,7 +269,7 @@ impl Optimisation {
         source.verdict()
     }
 
-    fn check_case(&self, case: &Case, values: &[Value]) -> Result<(), Failure> {
+    fn check_case(&self, case: &Case, values: &[AxisValue]) -> Result<(), Failure> {
         let path = self.case_path.display();
         let text = (&*path.to_string(), self.case_text.as_str());
         case.refuse_other_engines(text, &self.varied_case().set_values(values), "an optimisation", true)?;
@@ -286,7 +286,7 @@ impl Optimisation {
     }
 
     fn check_metrics(&self, source: &Source, case: &Case) -> Result<(), Failure> {
-        let objective = (self.objective, source.locate(&[crate::input::locate::Step::Key(keys::OBJECTIVE.name())]));
+        let objective = (self.objective, source.locate(&[crate::input::locate::PathStep::Key(keys::OBJECTIVE.name())]));
         let constraints = self.constraints.iter().map(|constraint| (constraint.metric, Some(constraint.span.clone())));
         for (metric, span) in std::iter::once(objective).chain(constraints) {
             if let Some(why) = metric::refusal(metric, case) {
@@ -309,14 +309,14 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Opti
     let goal = root.word(&keys::GOAL);
     let (evaluations, seed) = (root.scalar(&keys::EVALUATIONS), root.scalar(&keys::SEED));
     let set = read_set(root, &keys::VARIABLE, &keys::UNCERTAIN);
-    let band: Vec<Option<Axis>> = root.tables_of(&keys::AXIS).iter().map(read_axis).collect();
+    let band: Vec<Option<StudyAxis>> = root.tables_of(&keys::AXIS).iter().map(read_axis).collect();
     let constraints: Vec<_> = root.tables_of(&keys::CONSTRAINT).iter().map(constraint::read).collect();
     let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
     let second = root.table_of(&keys::FRONT, None).map(|s| front::read(&s));
     let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| read_ensemble(&s));
     let own = case.as_ref().map(|(_, text)| text.as_str());
     let alternatives = alternative::read(&root.tables_of(&keys::ALTERNATIVE), path, &name, own);
-    let band = band.into_iter().collect::<Option<Vec<Axis>>>()?;
+    let band = band.into_iter().collect::<Option<Vec<StudyAxis>>>()?;
     let set = set?;
     check_variables(root, &set)?;
     let (starts, over) = ensemble.unwrap_or(Some((None, Over::Worst)))?;
@@ -324,8 +324,8 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Opti
     let constraints = constraints.into_iter().collect::<Option<Vec<Constraint>>>()?;
     let (case_path, case_text) = case?;
     let optimisation = |section: &Section, name: String, case_path, case_text, set: Set| {
-        let (mut axes, variables): (Vec<Axis>, Vec<_>) = set.variables.into_iter().unzip();
-        let (uncertain_axes, uncertain): (Vec<Axis>, Vec<_>) = set.uncertain.into_iter().unzip();
+        let (mut axes, variables): (Vec<StudyAxis>, Vec<_>) = set.variables.into_iter().unzip();
+        let (uncertain_axes, uncertain): (Vec<StudyAxis>, Vec<_>) = set.uncertain.into_iter().unzip();
         axes.extend(uncertain_axes);
         axes.extend(band.iter().cloned());
         check_axes(section, &axes, variables.len() + uncertain.len())?;
@@ -371,11 +371,15 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Opti
 
 /// What is set: variables and uncertain keys with their axes.
 pub(super) struct Set {
-    variables: Vec<(Axis, Variable)>,
-    uncertain: Vec<(Axis, Uncertain)>,
+    variables: Vec<(StudyAxis, Variable)>,
+    uncertain: Vec<(StudyAxis, UncertainVariable)>,
 }
 
-pub(super) fn read_set(s: &Section, variables: &input::key::Quantity, uncertain: &input::key::Quantity) -> Option<Set> {
+pub(super) fn read_set(
+    s: &Section,
+    variables: &input::key::KeyedQuantity,
+    uncertain: &input::key::KeyedQuantity,
+) -> Option<Set> {
     let tables = [variables, uncertain].map(|quantity| {
         let tables = s.tables_of(quantity);
         let is_possible = tables.len() <= MAX_VARIABLES;
@@ -394,7 +398,7 @@ pub(super) fn read_set(s: &Section, variables: &input::key::Quantity, uncertain:
     })
 }
 
-fn read_axis(s: &Section) -> Option<Axis> {
+fn read_axis(s: &Section) -> Option<StudyAxis> {
     let axis = axis::read(s, false, "give `count`")?;
     if axis.reduce.is_none() {
         let help = "add reduce = \"maximum\" for the worst case over the band, or make it a [[variable]]";
@@ -432,7 +436,7 @@ fn check_variables(root: &Section, set: &Set) -> Option<()> {
     Some(())
 }
 
-fn check_axes(root: &Section, axes: &[Axis], set: usize) -> Option<()> {
+fn check_axes(root: &Section, axes: &[StudyAxis], set: usize) -> Option<()> {
     for (place, axis) in axes.iter().enumerate() {
         if axes[..place].iter().any(|other| other.key == axis.key) {
             root.refuse("key", &axis.span, "is varied twice", Some("leave one of the two tables out".into()));

@@ -3,7 +3,7 @@
 
 use serde::Serialize;
 
-use super::answer::{Optimum, Variable};
+use super::answer::{BestVariable, Optimum};
 use super::constraint::{Constraint, Limit};
 use super::file::Optimisation;
 use super::keys::front as keys;
@@ -37,7 +37,7 @@ pub struct FrontPoint {
     /// The second objective.
     pub second: f64,
     /// The variables there.
-    pub variables: Vec<Variable>,
+    pub variables: Vec<BestVariable>,
     /// The point furthest from the line between the ends, both objectives as shares of their ranges.
     pub is_knee: bool,
 }

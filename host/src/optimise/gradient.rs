@@ -10,10 +10,10 @@
 
 use rayon::prelude::*;
 
-use super::evaluate::{Evaluated, GoOn, Top, number, of_top};
+use super::evaluate::{Evaluated, GoOnAfter, Top, number, of_top};
 use super::file::Optimisation;
 use crate::failure::Failure;
-use crate::study::sampling::{Method, Sampling};
+use crate::study::sampling::{Sampling, SamplingMethod};
 
 /// Starts that are followed side by side, and at most.
 const TOGETHER: usize = 8;
@@ -58,14 +58,18 @@ pub(super) struct Descents {
 }
 
 /// Evaluates a point at these shares of the ranges; `None` when stopped.
-pub(super) type Evaluate<'a> = &'a (dyn Fn(&[f64]) -> Option<Evaluated> + Sync);
+pub(super) type EvaluatePoint<'a> = &'a (dyn Fn(&[f64]) -> Option<Evaluated> + Sync);
 
 /// Descends from so many starts as are needed to know that the objective has few local optima, or that it may have many.
 ///
 /// # Errors
 /// The refusal of a case that the values make, or that `go_on` said no.
-pub(super) fn descents(optimisation: &Optimisation, evaluate: Evaluate, go_on: GoOn) -> Result<Descents, Failure> {
-    let sampling = Sampling { method: Method::Sobol, count: STARTS + 1, seed: optimisation.seed };
+pub(super) fn descents(
+    optimisation: &Optimisation,
+    evaluate: EvaluatePoint,
+    go_on: GoOnAfter,
+) -> Result<Descents, Failure> {
+    let sampling = Sampling { method: SamplingMethod::Sobol, count: STARTS + 1, seed: optimisation.seed };
     // The first point of the sequence is a corner.
     let starts = &sampling.shares(optimisation.variables.len())[1..];
     let most = optimisation.evaluations as usize;
@@ -108,8 +112,8 @@ fn is_likely_all(optima: usize, descents: usize) -> bool {
 
 struct Descent<'a> {
     optimisation: &'a Optimisation,
-    evaluate: Evaluate<'a>,
-    go_on: GoOn<'a>,
+    evaluate: EvaluatePoint<'a>,
+    go_on: GoOnAfter<'a>,
     /// Most points.
     most: usize,
 }

@@ -5,10 +5,10 @@
 
 use rayon::prelude::*;
 
-use super::evaluate::{Care, Evaluated, GoOn, at_values, with_scenarios};
+use super::evaluate::{Care, Evaluated, GoOnAfter, at_values, with_scenarios};
 use super::file::Optimisation;
 use super::scenarios::{self, Scenario};
-use super::search::{self, APART, PLACES, SearchOutcome, Stage, best_places};
+use super::search::{self, APART, PLACES, SearchOutcome, SearchStage, best_places};
 use super::variable::Variable;
 use super::verify::{self, Verification};
 use crate::failure::Failure;
@@ -44,13 +44,13 @@ pub struct Setting {
 }
 
 /// A number of points: the most, and about how many.
-pub(super) struct Points {
+pub(super) struct PointCounts {
     pub most: u64,
     pub about: u64,
 }
 
 /// Points that [`best`] evaluates around the peaks of their grid, and with a scan.
-pub(super) fn points(optimisation: &Optimisation) -> (Points, Points) {
+pub(super) fn points(optimisation: &Optimisation) -> (PointCounts, PointCounts) {
     let variables = optimisation.variables.len();
     if optimisation.is_robust() {
         let is_made = search::points_that_can_be_made(optimisation).is_some();
@@ -59,14 +59,14 @@ pub(super) fn points(optimisation: &Optimisation) -> (Points, Points) {
         let (verified, scanned) = verify::points(optimisation);
         let most = compared + verified.most;
         let about = (WHOLE_MOVES * compared as f64) as u64 + verified.about;
-        return (Points { most, about }, Points { most: scanned.most + 1, about: scanned.about + 1 });
+        return (PointCounts { most, about }, PointCounts { most: scanned.most + 1, about: scanned.about + 1 });
     }
     // A setting and its scenarios.
     let setting = 1 + scenarios::compared(optimisation).len() as u64;
     let moves = (MOVED * TRIES.next_multiple_of(2 * variables.max(1))) as u64;
     let first = PLACES as u64 * setting;
     let tried =
-        Points { most: first + moves * setting, about: first + (WHOLE_MOVES * (moves * setting) as f64) as u64 };
+        PointCounts { most: first + moves * setting, about: first + (WHOLE_MOVES * (moves * setting) as f64) as u64 };
     let settings = SCANNED as u64 * setting;
     // Those that keep no constraint are scanned one after the other, then places further away and the best of these.
     let further = if optimisation.constraints.is_empty() {
@@ -74,14 +74,14 @@ pub(super) fn points(optimisation: &Optimisation) -> (Points, Points) {
     } else {
         FURTHER.0 + (PLACES + MOVED + 1 - SCANNED) * setting as usize
     };
-    (tried, Points { most: settings + further as u64, about: settings })
+    (tried, PointCounts { most: settings + further as u64, about: settings })
 }
 
 /// The best values that can be made, near the best places of a search.
 ///
 /// # Errors
 /// The refusal of a case that the values make, or that `go_on` said no.
-pub fn best(optimisation: &Optimisation, found: &SearchOutcome, go_on: GoOn) -> Result<Option<Setting>, Failure> {
+pub fn best(optimisation: &Optimisation, found: &SearchOutcome, go_on: GoOnAfter) -> Result<Option<Setting>, Failure> {
     let mounting = Mounting { optimisation, scenarios: scenarios::compared(optimisation), go_on };
     if optimisation.is_robust() {
         return mounting.verified_best(found);
@@ -127,7 +127,7 @@ struct Mounting<'a> {
     optimisation: &'a Optimisation,
     /// Those by which settings are compared.
     scenarios: Vec<Scenario>,
-    go_on: GoOn<'a>,
+    go_on: GoOnAfter<'a>,
 }
 
 impl Mounting<'_> {
@@ -178,7 +178,7 @@ impl Mounting<'_> {
 
     /// The best of the values that can be made, with the objective over many more scenarios than the search had.
     fn verified_best(&self, found: &SearchOutcome) -> Result<Option<Setting>, Failure> {
-        let is_made = found.points.first().is_some_and(|(stage, _)| *stage == Stage::All);
+        let is_made = found.points.first().is_some_and(|(stage, _)| *stage == SearchStage::All);
         let mut places: Vec<Evaluated> = if is_made {
             found.points.iter().map(|(_, point)| point.clone()).collect()
         } else {

@@ -4,10 +4,10 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::evaluate::{Care, Evaluated, GoOn, at_values};
+use super::evaluate::{Care, Evaluated, GoOnAfter, at_values};
 use super::file::Optimisation;
 use crate::failure::Failure;
-use crate::study::axis::{Axis, AxisValues};
+use crate::study::axis::{AxisValues, StudyAxis};
 use crate::study::band::Effort;
 use crate::study::distribution::Distribution;
 
@@ -30,7 +30,7 @@ const TIMES_MIDDLE: f64 = 5.0;
 
 /// What a change of one variable does.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Sensitivity {
+pub struct VariableSensitivity {
     /// Key of the variable.
     pub key: String,
     /// A change of 1 %: of the value, or of the range if the value is 0.
@@ -62,7 +62,7 @@ pub struct Jump {
 
 /// A change of 1 % of a variable.
 #[must_use]
-pub fn step(axis: &Axis, value: f64) -> f64 {
+pub fn step(axis: &StudyAxis, value: f64) -> f64 {
     let AxisValues::Drawn(Distribution { from, to, .. }) = axis.values else { return 0.0 };
     0.01 * if value == 0.0 { to - from } else { value.abs() }
 }
@@ -74,7 +74,7 @@ pub(super) const fn points(variables: usize) -> u64 {
     (variables * (2 * REACH + 1) as usize + if variables == 1 { line } else { pairs * line * line }) as u64
 }
 
-fn is_inside(axis: &Axis, value: f64) -> bool {
+fn is_inside(axis: &StudyAxis, value: f64) -> bool {
     matches!(axis.values, AxisValues::Drawn(Distribution { from, to, .. }) if (from..=to).contains(&value))
 }
 
@@ -82,7 +82,11 @@ fn is_inside(axis: &Axis, value: f64) -> bool {
 ///
 /// # Errors
 /// The refusal of a case that the values make, or that `go_on` said no.
-pub fn sensitivities(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Vec<Sensitivity>, Failure> {
+pub fn sensitivities(
+    optimisation: &Optimisation,
+    best: &Evaluated,
+    go_on: GoOnAfter,
+) -> Result<Vec<VariableSensitivity>, Failure> {
     optimisation
         .variable_axes()
         .iter()
@@ -95,9 +99,9 @@ fn of_variable(
     optimisation: &Optimisation,
     best: &Evaluated,
     place: usize,
-    axis: &Axis,
-    go_on: GoOn,
-) -> Result<Sensitivity, Failure> {
+    axis: &StudyAxis,
+    go_on: GoOnAfter,
+) -> Result<VariableSensitivity, Failure> {
     let step = step(axis, best.values[place]);
     let value = |n: i32| best.values[place] + step * f64::from(n) / f64::from(STEPS);
     let objective = |n: i32| {
@@ -120,7 +124,7 @@ fn of_variable(
         })
         .collect();
     let jump = largest_jump(&changes, here);
-    Ok(Sensitivity {
+    Ok(VariableSensitivity {
         key: axis.key.clone(),
         step,
         here,
@@ -151,7 +155,7 @@ fn largest_jump(changes: &[Jump], objective: f64) -> Option<Jump> {
 ///
 /// # Errors
 /// As [`sensitivities`].
-pub fn grid(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Vec<Evaluated>, Failure> {
+pub fn grid(optimisation: &Optimisation, best: &Evaluated, go_on: GoOnAfter) -> Result<Vec<Evaluated>, Failure> {
     let axes = optimisation.variable_axes();
     let mut points: Vec<Vec<f64>> = Vec::new();
     let last = axes.len().saturating_sub(1);

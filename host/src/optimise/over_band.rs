@@ -4,11 +4,11 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::evaluate::{Evaluated, GoOn, on_axis};
+use super::evaluate::{Evaluated, GoOnAfter, on_axis};
 use super::file::Optimisation;
 use super::scenarios;
 use crate::failure::Failure;
-use crate::study::axis::{AxisValues, Value};
+use crate::study::axis::{AxisValue, AxisValues};
 
 /// Points of the curve, evenly spaced in the band.
 pub const POINTS: u32 = 121;
@@ -33,13 +33,13 @@ pub struct OverBand {
 ///
 /// # Errors
 /// The refusal of a case that the values make, or that `go_on` said no.
-pub fn curve(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Vec<OverBand>, Failure> {
+pub fn curve(optimisation: &Optimisation, best: &Evaluated, go_on: GoOnAfter) -> Result<Vec<OverBand>, Failure> {
     let [axis] = optimisation.band() else { return Ok(Vec::new()) };
     let AxisValues::Numbers(numbers) = &axis.values else { return Ok(Vec::new()) };
     let (Some(from), Some(to)) = (numbers.first(), numbers.last()) else { return Ok(Vec::new()) };
     let place = |n: u32| from + (to - from) * f64::from(n) / f64::from(POINTS - 1);
     let at: Vec<f64> = (0..POINTS).map(place).collect();
-    let points: Vec<Vec<Value>> = at.iter().map(|at| vec![Value::Number(*at)]).collect();
+    let points: Vec<Vec<AxisValue>> = at.iter().map(|at| vec![AxisValue::Number(*at)]).collect();
     let nominal = on_axis(optimisation, &best.values, &points, false, go_on)?;
     let bare = on_axis(optimisation, &best.values, &points, true, go_on).ok();
     let mut all = nominal.clone();

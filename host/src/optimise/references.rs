@@ -4,12 +4,12 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Tmd, Tuning};
 use serde::Serialize;
 
-use super::cases::Cases;
-use super::evaluate::{Evaluated, GoOn, over_band};
+use super::cases::BandCases;
+use super::evaluate::{Evaluated, GoOnAfter, over_band};
 use super::file::Optimisation;
 use crate::failure::Failure;
 use crate::simulation::Case;
-use crate::study::axis::Value;
+use crate::study::axis::AxisValue;
 use crate::study::metric::refusal;
 
 /// The objective of other dampers; `None` where it does not exist for them.
@@ -42,9 +42,9 @@ impl References {
     ///
     /// # Errors
     /// The refusal of a case that the values make, or that `go_on` said no.
-    pub fn at(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Self, Failure> {
+    pub fn at(optimisation: &Optimisation, best: &Evaluated, go_on: GoOnAfter) -> Result<Self, Failure> {
         let middle = optimisation.band_values(optimisation.band_points() / 2);
-        let middle = Cases::at(optimisation, &best.values)?.case(&middle)?;
+        let middle = BandCases::at(optimisation, &best.values)?.case(&middle)?;
         let bare = objective(optimisation, best, &|case| case.with_dampers(None), go_on)?;
         let Some((mass_kg, structure)) = middle.damper_mass() else { return Ok(Self { bare, tmd: None }) };
         let is_force = matches!(middle.excitation, Excitation::ForceSine { .. } | Excitation::ForceHalfSine { .. });
@@ -68,10 +68,10 @@ fn objective(
     optimisation: &Optimisation,
     best: &Evaluated,
     change: &dyn Fn(Case) -> Case,
-    go_on: GoOn,
+    go_on: GoOnAfter,
 ) -> Result<Option<f64>, Failure> {
-    let cases = Cases::at(optimisation, &best.values)?;
-    let changed = |at: &[Value]| Ok(change(cases.case(at)?));
+    let cases = BandCases::at(optimisation, &best.values)?;
+    let changed = |at: &[AxisValue]| Ok(change(cases.case(at)?));
     let first = changed(&optimisation.band_values(0))?;
     if refusal(optimisation.objective, &first).is_some() || first.set_up.validate().is_err() {
         return Ok(None);

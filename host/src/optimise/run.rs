@@ -7,8 +7,8 @@ use super::answer::Optimum;
 use super::evaluate::Evaluated;
 use super::file::Optimisation;
 use super::front::{Front, Second};
-use super::search::{self, Progress, SearchOutcome};
-use super::size::{self, Size};
+use super::search::{self, SearchOutcome, SearchProgress};
+use super::size::{self, SearchSize};
 use crate::failure::Failure;
 
 /// Where a run is.
@@ -25,7 +25,7 @@ pub struct Reached<'a> {
 }
 
 /// Told where a run is; answers whether to go on.
-pub type Report<'a> = &'a (dyn Fn(Reached) -> bool + Sync);
+pub type ReportProgress<'a> = &'a (dyn Fn(Reached) -> bool + Sync);
 
 /// The optimisations of a run, each with how often something of its size is done: its own, those of its front and its alternatives.
 fn parts(optimisation: &Optimisation) -> Vec<(Cow<'_, Optimisation>, u64)> {
@@ -41,13 +41,13 @@ fn parts(optimisation: &Optimisation) -> Vec<(Cow<'_, Optimisation>, u64)> {
 /// Simulations of a run, about.
 #[must_use]
 pub fn about(optimisation: &Optimisation) -> u64 {
-    parts(optimisation).iter().map(|(part, times)| times * Size::of(part).about()).sum()
+    parts(optimisation).iter().map(|(part, times)| times * SearchSize::of(part).about()).sum()
 }
 
 /// The most simulations of a run.
 #[must_use]
 pub fn most(optimisation: &Optimisation) -> u64 {
-    parts(optimisation).iter().map(|(part, times)| times * Size::of(part).most).sum()
+    parts(optimisation).iter().map(|(part, times)| times * SearchSize::of(part).most).sum()
 }
 
 /// Estimated computing time of a run on one core, s, from the beginnings of some of the simulations.
@@ -66,7 +66,7 @@ pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Failure> {
 ///
 /// # Errors
 /// The refusal of a case; a search that was stopped before its first point.
-pub fn run(optimisation: &Optimisation, report: Report) -> Result<(SearchOutcome, Optimum), Failure> {
+pub fn run(optimisation: &Optimisation, report: ReportProgress) -> Result<(SearchOutcome, Optimum), Failure> {
     let mut work = Work { simulations: 0, left: about(optimisation), report };
     let (found, mut answer) = work.one(optimisation)?;
     if let Some(second) = optimisation.second.as_ref().filter(|_| !answer.is_stopped) {
@@ -87,14 +87,14 @@ struct Work<'a> {
     simulations: u64,
     /// and about so many are left.
     left: u64,
-    report: Report<'a>,
+    report: ReportProgress<'a>,
 }
 
 impl Work<'_> {
     fn one(&mut self, optimisation: &Optimisation) -> Result<(SearchOutcome, Optimum), Failure> {
         let (name, report) = (optimisation.name.as_str(), self.report);
         let (before, about) = (self.simulations, self.simulations + self.left);
-        let of_search = |progress: &Progress| {
+        let of_search = |progress: &SearchProgress| {
             // A point of a front has another metric or limit.
             let best = progress.best.as_ref().filter(|best| best.is_feasible() && optimisation.has_surroundings);
             report(Reached { name, simulations: before + progress.simulations, about, best })
@@ -102,7 +102,7 @@ impl Work<'_> {
         let found = search::run(optimisation, &of_search)?;
         let simulations = AtomicU64::new(before + found.simulations);
         // What the search needed is known now.
-        let size = Size::of(optimisation);
+        let size = SearchSize::of(optimisation);
         let about = (about + found.simulations).saturating_sub(size.search);
         let go_on = |ended: u64| {
             let simulations = simulations.fetch_add(ended, Ordering::Relaxed) + ended;

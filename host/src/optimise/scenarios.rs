@@ -7,7 +7,7 @@
 use super::file::Optimisation;
 use crate::study::axis::AxisValues;
 use crate::study::over::Over;
-use crate::study::sampling::{Method, Sampling};
+use crate::study::sampling::{Sampling, SamplingMethod};
 
 /// A scenario.
 pub type Scenario = Vec<f64>;
@@ -228,7 +228,7 @@ fn frame(base: &[f64], dimensions: &[Dimension]) -> Vec<Scenario> {
 
 /// Points of Sobol's sequence after its first, which is a corner.
 fn sobol(base: &[f64], dimensions: &[Dimension], count: usize) -> Vec<Scenario> {
-    let sampling = Sampling { method: Method::Sobol, count: count + 1, seed: 0 };
+    let sampling = Sampling { method: SamplingMethod::Sobol, count: count + 1, seed: 0 };
     let scenario = |shares: &Vec<f64>| {
         let mut scenario = base.to_vec();
         for (dimension, share) in dimensions.iter().zip(shares) {

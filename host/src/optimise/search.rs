@@ -24,7 +24,7 @@ use super::variable::Variable;
 use crate::failure::Failure;
 use crate::study::band::Effort;
 use crate::study::over::Over;
-use crate::study::sampling::{Method, Sampling};
+use crate::study::sampling::{Sampling, SamplingMethod};
 
 /// Share of the evaluations that the Sobol points have, and the swarm; the rest is Nelder–Mead's.
 const SOBOL_SHARE: f64 = 0.4;
@@ -56,7 +56,7 @@ const FLAT: f64 = 1e-6;
 
 /// The part of the search that a point belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
+pub enum SearchStage {
     /// All points that can be made.
     All,
     /// Gradient steps from places over the whole range.
@@ -69,7 +69,7 @@ pub enum Stage {
     Polish,
 }
 
-impl Stage {
+impl SearchStage {
     /// As tables name it.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -85,7 +85,7 @@ impl Stage {
 
 /// Where a search is.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Progress {
+pub struct SearchProgress {
     /// Points that are evaluated.
     pub done: u64,
     /// Simulations that have ended.
@@ -98,7 +98,7 @@ pub struct Progress {
 #[derive(Clone, Debug)]
 pub struct SearchOutcome {
     /// All evaluated points, in the order of the search.
-    pub points: Vec<(Stage, Evaluated)>,
+    pub points: Vec<(SearchStage, Evaluated)>,
     /// Number of the best one: of those that keep the constraints, or else of the least violation.
     pub best: usize,
     /// Simulations behind them.
@@ -113,7 +113,10 @@ pub struct SearchOutcome {
 ///
 /// # Errors
 /// A case that is refused; a search that was stopped before its first point.
-pub fn run(optimisation: &Optimisation, report: &(dyn Fn(&Progress) -> bool + Sync)) -> Result<SearchOutcome, Failure> {
+pub fn run(
+    optimisation: &Optimisation,
+    report: &(dyn Fn(&SearchProgress) -> bool + Sync),
+) -> Result<SearchOutcome, Failure> {
     let judge = Judge::new(optimisation, report);
     let (points, is_complete) = match points_that_can_be_made(optimisation) {
         Some(points) => (all(&judge, &points), false),
@@ -140,7 +143,7 @@ pub fn points_that_can_be_made(optimisation: &Optimisation) -> Option<Vec<Vec<f6
 }
 
 /// Evaluates all these points at their nominal values, and in their scenarios those that can be the best.
-fn all(judge: &Judge, points: &[Vec<f64>]) -> Vec<(Stage, Evaluated)> {
+fn all(judge: &Judge, points: &[Vec<f64>]) -> Vec<(SearchStage, Evaluated)> {
     let optimisation = judge.optimisation;
     let cost = |point: &Evaluated| point.cost(optimisation.is_maximum);
     let go_on = |ended| judge.goes_on(ended);
@@ -188,18 +191,18 @@ fn all(judge: &Judge, points: &[Vec<f64>]) -> Vec<(Stage, Evaluated)> {
             found = done.into_iter().map(|place| found[place].clone()).collect();
         }
     }
-    found.into_iter().map(|point| (Stage::All, point)).collect()
+    found.into_iter().map(|point| (SearchStage::All, point)).collect()
 }
 
 /// Searches a range: with gradient steps alone if they show that it has few optima.
-fn searched(judge: &Judge) -> (Vec<(Stage, Evaluated)>, bool) {
+fn searched(judge: &Judge) -> (Vec<(SearchStage, Evaluated)>, bool) {
     let optimisation = judge.optimisation;
     let mut descended = Vec::new();
     if optimisation.has_slopes() {
         let evaluate = |shares: &[f64]| judge.evaluate(shares, f64::INFINITY);
         let found = judge.kept(gradient::descents(optimisation, &evaluate, &|ended| judge.goes_on(ended)));
         if let Some(found) = found {
-            descended = found.points.into_iter().map(|point| (Stage::Gradient, point)).collect();
+            descended = found.points.into_iter().map(|point| (SearchStage::Gradient, point)).collect();
             let best = best_places(&descended, optimisation.is_maximum, (1, APART)).pop();
             if let Some(best) = best.filter(|_| found.is_complete) {
                 // Kinks that differences smooth over.
@@ -210,25 +213,26 @@ fn searched(judge: &Judge) -> (Vec<(Stage, Evaluated)>, bool) {
             }
         }
     }
-    let cost = |point: &(Stage, Evaluated)| point.1.cost(optimisation.is_maximum);
+    let cost = |point: &(SearchStage, Evaluated)| point.1.cost(optimisation.is_maximum);
     let evaluations = (optimisation.evaluations as usize).saturating_sub(descended.len());
     let share = |share: f64| (share * evaluations as f64) as usize;
-    let sampling = Sampling { method: Method::Sobol, count: share(SOBOL_SHARE).max(1), seed: optimisation.seed };
+    let sampling =
+        Sampling { method: SamplingMethod::Sobol, count: share(SOBOL_SHARE).max(1), seed: optimisation.seed };
     // The first point of the sequence is a corner; the second is the middle.
     let shares = sampling.shares(optimisation.variables.len());
     let (first, rest) = shares.split_at(shares.len().div_ceil(FIRST));
-    let mut points = judge.evaluate_all(Stage::Sobol, first, f64::INFINITY);
+    let mut points = judge.evaluate_all(SearchStage::Sobol, first, f64::INFINITY);
     // The band is searched only where the objective may be among the best: a bar that does not depend on the threads.
     let mut costs: Vec<f64> = points.iter().map(cost).collect();
     costs.sort_by(f64::total_cmp);
     let bar = costs.get(costs.len() / FIRST).copied().unwrap_or(f64::INFINITY);
-    points.extend(judge.evaluate_all(Stage::Sobol, rest, bar));
+    points.extend(judge.evaluate_all(SearchStage::Sobol, rest, bar));
     points.extend(swarm(judge, &points, share(SWARM_SHARE) / PARTICLES));
     points.extend(descended);
     let places = best_places(&points, optimisation.is_maximum, (PLACES, APART));
     let left = optimisation.evaluations as usize - points.len().min(optimisation.evaluations as usize);
     let each = left / places.len().max(1);
-    let polished: Vec<Vec<(Stage, Evaluated)>> =
+    let polished: Vec<Vec<(SearchStage, Evaluated)>> =
         places.into_par_iter().map(|place| polish(judge, place, (each, &EDGES))).collect();
     points.extend(polished.into_iter().flatten());
     (points, false)
@@ -236,7 +240,7 @@ fn searched(judge: &Judge) -> (Vec<(Stage, Evaluated)>, bool) {
 
 /// So many of the best points so far that are apart from each other by this share of the ranges, best first.
 pub(super) fn best_places(
-    points: &[(Stage, Evaluated)],
+    points: &[(SearchStage, Evaluated)],
     is_maximum: bool,
     (count, apart): (usize, f64),
 ) -> Vec<Evaluated> {
@@ -259,7 +263,7 @@ pub(super) fn best_places(
 }
 
 /// Moves a swarm that starts at the best points so far.
-fn swarm(judge: &Judge, points: &[(Stage, Evaluated)], iterations: usize) -> Vec<(Stage, Evaluated)> {
+fn swarm(judge: &Judge, points: &[(SearchStage, Evaluated)], iterations: usize) -> Vec<(SearchStage, Evaluated)> {
     let is_maximum = judge.optimisation.is_maximum;
     let mut sorted: Vec<&Evaluated> = points.iter().map(|(_, point)| point).collect();
     sorted.sort_by(|a, b| a.cost(is_maximum).total_cmp(&b.cost(is_maximum)));
@@ -276,7 +280,7 @@ fn swarm(judge: &Judge, points: &[(Stage, Evaluated)], iterations: usize) -> Vec
     let solver = ParticleSwarm::new(bounds, particles.len()).with_rng_generator(random);
     let bar = sorted.last().map_or(f64::INFINITY, |point| point.cost(is_maximum));
     let points = Mutex::default();
-    let search = Search { judge, stage: Stage::Swarm, limit: usize::MAX, bar, points: &points };
+    let search = Search { judge, stage: SearchStage::Swarm, limit: usize::MAX, bar, points: &points };
     let state = |state: PopulationState<Particle<Vec<f64>, f64>, f64>| {
         state.population(particles.clone()).max_iters(iterations as u64)
     };
@@ -286,7 +290,7 @@ fn swarm(judge: &Judge, points: &[(Stage, Evaluated)], iterations: usize) -> Vec
 }
 
 /// Follows a place to its end with Nelder–Mead, with about so many evaluations.
-fn polish(judge: &Judge, place: Evaluated, (evaluations, edges): (usize, &[f64])) -> Vec<(Stage, Evaluated)> {
+fn polish(judge: &Judge, place: Evaluated, (evaluations, edges): (usize, &[f64])) -> Vec<(SearchStage, Evaluated)> {
     let is_maximum = judge.optimisation.is_maximum;
     let (mut best, mut points) = (place, Vec::new());
     for edge in edges.iter().copied() {
@@ -300,7 +304,7 @@ fn polish(judge: &Judge, place: Evaluated, (evaluations, edges): (usize, &[f64])
         // An iteration has at least one evaluation.
         let limit = (evaluations / edges.len()).max(1);
         let kept = Mutex::default();
-        let search = Search { judge, stage: Stage::Polish, limit, bar: best.cost(is_maximum), points: &kept };
+        let search = Search { judge, stage: SearchStage::Polish, limit, bar: best.cost(is_maximum), points: &kept };
         let Ok(solver) = NelderMead::new(simplex).with_sd_tolerance(FLAT * best.objective.abs()) else { return points };
         let _ = Executor::new(search, solver).configure(|state| state.max_iters(limit as u64)).timer(false).run();
         let found = taken(kept);
@@ -319,7 +323,7 @@ struct Judge<'a> {
     optimisation: &'a Optimisation,
     /// Those of each point; none where the objective counts over none.
     scenarios: Vec<Scenario>,
-    report: &'a (dyn Fn(&Progress) -> bool + Sync),
+    report: &'a (dyn Fn(&SearchProgress) -> bool + Sync),
     done: AtomicU64,
     simulations: AtomicU64,
     best: Mutex<Option<Evaluated>>,
@@ -328,7 +332,7 @@ struct Judge<'a> {
 }
 
 impl<'a> Judge<'a> {
-    fn new(optimisation: &'a Optimisation, report: &'a (dyn Fn(&Progress) -> bool + Sync)) -> Self {
+    fn new(optimisation: &'a Optimisation, report: &'a (dyn Fn(&SearchProgress) -> bool + Sync)) -> Self {
         let scenarios = if optimisation.is_robust() { Scenarios::of(optimisation).few } else { Vec::new() };
         Self {
             optimisation,
@@ -391,13 +395,13 @@ impl<'a> Judge<'a> {
     fn goes_on(&self, ended: u64) -> bool {
         let simulations = self.simulations.fetch_add(ended, Ordering::Relaxed) + ended;
         let (done, best) = (self.done.load(Ordering::Relaxed), lock(&self.best).clone());
-        if !(self.report)(&Progress { done, simulations, best }) {
+        if !(self.report)(&SearchProgress { done, simulations, best }) {
             self.is_stopped.store(true, Ordering::Relaxed);
         }
         !self.is_stopped.load(Ordering::Relaxed)
     }
 
-    fn evaluate_all(&self, stage: Stage, points: &[Vec<f64>], bar: f64) -> Vec<(Stage, Evaluated)> {
+    fn evaluate_all(&self, stage: SearchStage, points: &[Vec<f64>], bar: f64) -> Vec<(SearchStage, Evaluated)> {
         let evaluated: Vec<Option<Evaluated>> = points.par_iter().map(|shares| self.evaluate(shares, bar)).collect();
         evaluated.into_iter().flatten().map(|point| (stage, point)).collect()
     }
@@ -418,12 +422,12 @@ fn taken<T>(value: Mutex<T>) -> T {
 /// The cost as a solver sees it. It keeps the points.
 struct Search<'a> {
     judge: &'a Judge<'a>,
-    stage: Stage,
+    stage: SearchStage,
     /// Most points.
     limit: usize,
     /// Cost on the grid above which the band is not searched.
     bar: f64,
-    points: &'a Mutex<Vec<(Stage, Evaluated)>>,
+    points: &'a Mutex<Vec<(SearchStage, Evaluated)>>,
 }
 
 impl Search<'_> {

@@ -1,7 +1,7 @@
 //! How many simulations an optimisation has, with those after its search, and how long they take.
 
 use super::answer::DENSE_STARTS;
-use super::cases::Cases;
+use super::cases::BandCases;
 use super::evaluate;
 use super::file::Optimisation;
 use super::{gradient, mount, neighbourhood, over_band, scenarios, search};
@@ -9,7 +9,7 @@ use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::study::band::{Band, Effort};
 use crate::study::evaluate::simulating_s;
-use crate::study::sampling::{Method, Sampling};
+use crate::study::sampling::{Sampling, SamplingMethod};
 
 /// Share of the points of the search whose band is searched, about.
 const SEARCHED: f64 = 0.5;
@@ -26,7 +26,7 @@ const TRIED: usize = 4;
 
 /// Numbers of simulations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Size {
+pub struct SearchSize {
     /// The most of all.
     pub most: u64,
     /// About those of the search.
@@ -35,7 +35,7 @@ pub struct Size {
     pub after: u64,
 }
 
-impl Size {
+impl SearchSize {
     /// Of an optimisation.
     #[must_use]
     pub fn of(optimisation: &Optimisation) -> Self {
@@ -84,7 +84,7 @@ impl Size {
 /// # Errors
 /// The refusal of a case that the values make.
 pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Failure> {
-    let sampling = Sampling { method: Method::Sobol, count: TRIED + 1, seed: optimisation.seed };
+    let sampling = Sampling { method: SamplingMethod::Sobol, count: TRIED + 1, seed: optimisation.seed };
     let metrics: Vec<Quantity> =
         [optimisation.objective].into_iter().chain(optimisation.constraints.iter().map(|c| c.metric)).collect();
     let (points, mut simulation_s) = (optimisation.band_points(), 0.0);
@@ -92,8 +92,8 @@ pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Failure> {
         let values = evaluate::values(optimisation, shares);
         // One of each quarter of the band.
         let at = optimisation.band_values((2 * place + 1) * points / (2 * TRIED));
-        let case = Cases::at(optimisation, &values)?.case(&at)?;
+        let case = BandCases::at(optimisation, &values)?.case(&at)?;
         simulation_s += simulating_s(case, optimisation.record, &metrics)? / TRIED as f64;
     }
-    Ok(simulation_s * Size::of(optimisation).about() as f64)
+    Ok(simulation_s * SearchSize::of(optimisation).about() as f64)
 }

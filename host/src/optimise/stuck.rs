@@ -3,8 +3,8 @@
 use damprig_core::integrator::exact::Exact;
 use damprig_core::integrator::modes::Grip;
 
-use super::cases::Cases;
-use super::evaluate::{Evaluated, GoOn};
+use super::cases::BandCases;
+use super::evaluate::{Evaluated, GoOnAfter};
 use super::file::Optimisation;
 use crate::failure::Failure;
 use crate::simulation::Case;
@@ -18,8 +18,8 @@ const LOOKS: u32 = 32;
 ///
 /// # Errors
 /// The refusal of a case that the values make, or that `go_on` said no.
-pub fn share(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Option<f64>, Failure> {
-    let cases = Cases::at(optimisation, &best.values)?;
+pub fn share(optimisation: &Optimisation, best: &Evaluated, go_on: GoOnAfter) -> Result<Option<f64>, Failure> {
+    let cases = BandCases::at(optimisation, &best.values)?;
     let mut stuck = 0;
     for point in 0..optimisation.band_points() {
         let case = cases.case(&optimisation.band_values(point))?;

@@ -2,9 +2,9 @@
 
 use super::keys::{uncertain, variable};
 use crate::input::Section;
-use crate::input::key::Quantity;
+use crate::input::key::KeyedQuantity;
 use crate::input::section::Number;
-use crate::study::axis::{self, Axis, AxisValues};
+use crate::study::axis::{self, AxisValues, StudyAxis};
 use crate::study::distribution::{self, Distribution};
 
 /// Tolerance of a variable as a share of its value (of its range where it is 0), unless the file states one.
@@ -15,7 +15,7 @@ const MOST_STEPS: f64 = 1e6;
 
 /// The values that can be made.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Choice {
+pub enum ValueChoice {
     /// All, to the digits that the tolerance leaves.
     Digits,
     /// The least one and whole steps from it.
@@ -39,14 +39,14 @@ pub struct Variable {
     /// Least and largest value.
     pub range: (f64, f64),
     /// What can be made.
-    pub choice: Choice,
+    pub choice: ValueChoice,
     /// What the file states; the objective counts within it.
     pub stated: Option<Tolerance>,
 }
 
 /// What is not known: its axis is one of the optimisation's.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Uncertain {
+pub struct UncertainVariable {
     /// Its values, rising, all as likely; `None` for a range or a distribution.
     pub values: Option<Vec<f64>>,
 }
@@ -69,15 +69,15 @@ impl Variable {
     pub fn made(&self, value: f64) -> f64 {
         let (from, to) = self.range;
         match &self.choice {
-            Choice::Digits => {
+            ValueChoice::Digits => {
                 let tolerance = self.tolerance(value);
                 if tolerance > 0.0 { in_steps(0.0, power_of_ten(tolerance), value).clamp(from, to) } else { value }
             }
-            Choice::Steps(step) => {
+            ValueChoice::Steps(step) => {
                 let most = ((to - from) / step + 1e-9).floor();
                 in_steps(from, *step, value.clamp(from, from + most * step))
             }
-            Choice::Listed(values) => {
+            ValueChoice::Listed(values) => {
                 let nearest = values.iter().copied().min_by(|a, b| (a - value).abs().total_cmp(&(b - value).abs()));
                 nearest.unwrap_or(value)
             }
@@ -89,9 +89,9 @@ impl Variable {
     pub fn steps_in_tolerance(&self) -> Option<usize> {
         let Some(Tolerance::Absolute(tolerance)) = self.stated else { return None };
         let step = match self.choice {
-            Choice::Steps(step) => step,
-            Choice::Digits => power_of_ten(tolerance),
-            Choice::Listed(_) => return None,
+            ValueChoice::Steps(step) => step,
+            ValueChoice::Digits => power_of_ten(tolerance),
+            ValueChoice::Listed(_) => return None,
         };
         let steps = (tolerance / step).round();
         ((tolerance / step - steps).abs() < 1e-9 && steps >= 1.0).then_some(steps as usize)
@@ -102,10 +102,10 @@ impl Variable {
     pub fn all(&self, most: usize) -> Option<Vec<f64>> {
         let (from, to) = self.range;
         let step = match (&self.choice, self.stated) {
-            (Choice::Listed(values), _) => return Some(values.clone()).filter(|values| values.len() <= most),
-            (Choice::Steps(step), _) => *step,
-            (Choice::Digits, Some(Tolerance::Absolute(tolerance))) => power_of_ten(tolerance),
-            (Choice::Digits, _) => return None,
+            (ValueChoice::Listed(values), _) => return Some(values.clone()).filter(|values| values.len() <= most),
+            (ValueChoice::Steps(step), _) => *step,
+            (ValueChoice::Digits, Some(Tolerance::Absolute(tolerance))) => power_of_ten(tolerance),
+            (ValueChoice::Digits, _) => return None,
         };
         let count = (to - from) / step;
         if count >= most as f64 {
@@ -129,7 +129,7 @@ fn in_steps(first: f64, step: f64, value: f64) -> f64 {
 }
 
 /// A variable and its axis.
-pub(super) fn read(s: &Section) -> Option<(Axis, Variable)> {
+pub(super) fn read(s: &Section) -> Option<(StudyAxis, Variable)> {
     let key = s.text_of(&variable::KEY);
     let step = s.is_given(&variable::STEP).then(|| s.scalar(&variable::STEP));
     let tolerance = s.is_given(&variable::TOLERANCE).then(|| s.one_of(&variable::TOLERANCE));
@@ -162,10 +162,10 @@ pub(super) fn read(s: &Section) -> Option<(Axis, Variable)> {
                 s.reject(variable::STEP.name(), allowed, Some("it is in the unit of the key".into()));
                 return None;
             }
-            Choice::Steps(step)
+            ValueChoice::Steps(step)
         }
-        (None, Some(values)) => Choice::Listed(values),
-        (None, None) => Choice::Digits,
+        (None, Some(values)) => ValueChoice::Listed(values),
+        (None, None) => ValueChoice::Digits,
     };
     let variable = Variable { range: (range.from, range.to), choice, stated };
     Some((range.axis(key.value, key.span), variable))
@@ -181,7 +181,7 @@ const DISTRIBUTION: distribution::DistributionKeys = distribution::DistributionK
 };
 
 /// What is not known and its axis.
-pub(super) fn read_uncertain(s: &Section) -> Option<(Axis, Uncertain)> {
+pub(super) fn read_uncertain(s: &Section) -> Option<(StudyAxis, UncertainVariable)> {
     let key = s.text_of(&uncertain::KEY);
     let if_equal = "leave the table out, and state it in the case";
     let ends = [s.placed(&uncertain::FROM), s.placed(&uncertain::TO)];
@@ -200,16 +200,16 @@ pub(super) fn read_uncertain(s: &Section) -> Option<(Axis, Uncertain)> {
             return None;
         }
         let (values, is_log) = (AxisValues::Drawn(distribution), distribution.is_log());
-        let axis = Axis { key: key.value, values, is_log, reduce: None, span: key.span, value_spans };
-        return Some((axis, Uncertain { values: None }));
+        let axis = StudyAxis { key: key.value, values, is_log, reduce: None, span: key.span, value_spans };
+        return Some((axis, UncertainVariable { values: None }));
     }
     let range = range??;
     let values = range.values.clone();
-    Some((range.axis(key.value, key.span), Uncertain { values }))
+    Some((range.axis(key.value, key.span), UncertainVariable { values }))
 }
 
 /// A range, or a list of values with its ends.
-struct Range {
+struct VariableRange {
     from: f64,
     to: f64,
     is_log: bool,
@@ -217,20 +217,20 @@ struct Range {
     spans: Vec<crate::input::Span>,
 }
 
-impl Range {
-    fn axis(self, key: String, span: crate::input::Span) -> Axis {
+impl VariableRange {
+    fn axis(self, key: String, span: crate::input::Span) -> StudyAxis {
         let values = AxisValues::Drawn(Distribution::uniform(self.from, self.to, self.is_log));
-        Axis { key, values, is_log: self.is_log, reduce: None, span, value_spans: self.spans }
+        StudyAxis { key, values, is_log: self.is_log, reduce: None, span, value_spans: self.spans }
     }
 }
 
 /// Reads `scale` of a range with these ends, or `values`.
 fn read_range(
     s: &Section,
-    [from, to, scale, values]: [&Quantity; 4],
+    [from, to, scale, values]: [&KeyedQuantity; 4],
     ends: [Option<Number>; 2],
     if_equal: &str,
-) -> Option<Range> {
+) -> Option<VariableRange> {
     let is_log = s.word(scale) == Some(1);
     let has_range = s.is_given(from) || s.is_given(to);
     if s.is_given(values) {
@@ -251,7 +251,7 @@ fn read_range(
         };
         let (from, to, spans) = (first.value, last.value, vec![first.span.clone(), last.span.clone()]);
         let values = Some(numbers.iter().map(|number| number.value).collect());
-        return Some(Range { from, to, is_log: false, values, spans });
+        return Some(VariableRange { from, to, is_log: false, values, spans });
     }
     let [Some(from), Some(to)] = ends else {
         let help = "give both `from` and `to`, or the values that there are as values = […]";
@@ -263,38 +263,38 @@ fn read_range(
         return None;
     };
     let (first, last) = axis::checked_range(s, &from, &to, is_log, if_equal)?;
-    Some(Range { from: first, to: last, is_log, values: None, spans: vec![from.span, to.span] })
+    Some(VariableRange { from: first, to: last, is_log, values: None, spans: vec![from.span, to.span] })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn variable(choice: Choice, stated: Option<Tolerance>) -> Variable {
+    fn variable(choice: ValueChoice, stated: Option<Tolerance>) -> Variable {
         Variable { range: (5e-5, 4.05e-4), choice, stated }
     }
 
     #[test]
     fn what_is_made_is_a_step_a_listed_value_or_has_the_digits_that_the_tolerance_leaves() {
-        let steps = variable(Choice::Steps(1e-5), None);
+        let steps = variable(ValueChoice::Steps(1e-5), None);
         assert_eq!([1.37e-4, 0.0, 1.0].map(|value| steps.made(value)), [1.4e-4, 5e-5, 4e-4]);
-        let listed = variable(Choice::Listed(vec![1e-4, 1.5e-4, 4e-4]), None);
+        let listed = variable(ValueChoice::Listed(vec![1e-4, 1.5e-4, 4e-4]), None);
         assert_eq!([0.0, 1.3e-4, 1.0].map(|value| listed.made(value)), [1e-4, 1.5e-4, 4e-4]);
-        let digits = variable(Choice::Digits, Some(Tolerance::Absolute(3e-5)));
+        let digits = variable(ValueChoice::Digits, Some(Tolerance::Absolute(3e-5)));
         assert_eq!([1.37e-4, 0.0, 1.0].map(|value| digits.made(value)), [1.4e-4, 5e-5, 4.05e-4]);
-        assert_eq!(variable(Choice::Digits, None).made(1.23456e-4), 1.235e-4);
-        assert_eq!(variable(Choice::Digits, Some(Tolerance::Relative(0.1))).made(1.23456e-4), 1.2e-4);
+        assert_eq!(variable(ValueChoice::Digits, None).made(1.23456e-4), 1.235e-4);
+        assert_eq!(variable(ValueChoice::Digits, Some(Tolerance::Relative(0.1))).made(1.23456e-4), 1.2e-4);
     }
 
     #[test]
     fn all_values_that_can_be_made_are_counted_where_steps_or_a_tolerance_separate_them() {
-        let steps = variable(Choice::Steps(1e-5), None).all(100).expect("36 values");
+        let steps = variable(ValueChoice::Steps(1e-5), None).all(100).expect("36 values");
         assert_eq!((steps.len(), steps[0], steps[7], steps[35]), (36, 5e-5, 1.2e-4, 4e-4));
         assert!(steps.iter().all(|value| (value * 1e5 - (value * 1e5).round()).abs() < 1e-9));
-        let digits = variable(Choice::Digits, Some(Tolerance::Absolute(3e-5))).all(100).expect("37 values");
+        let digits = variable(ValueChoice::Digits, Some(Tolerance::Absolute(3e-5))).all(100).expect("37 values");
         assert_eq!((digits.len(), digits[0], digits[1], digits[36]), (37, 5e-5, 6e-5, 4.05e-4));
-        assert_eq!(variable(Choice::Steps(1e-5), None).all(30), None);
-        assert_eq!(variable(Choice::Digits, None).all(1000), None);
-        assert_eq!(variable(Choice::Listed(vec![1.0, 2.0]), None).all(2), Some(vec![1.0, 2.0]));
+        assert_eq!(variable(ValueChoice::Steps(1e-5), None).all(30), None);
+        assert_eq!(variable(ValueChoice::Digits, None).all(1000), None);
+        assert_eq!(variable(ValueChoice::Listed(vec![1.0, 2.0]), None).all(2), Some(vec![1.0, 2.0]));
     }
 }

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::evaluate::{Care, Evaluated, GoOn, Known, at_values, together};
+use super::evaluate::{Care, Evaluated, GoOnAfter, Known, at_values, together};
 use super::file::Optimisation;
-use super::mount::Points;
+use super::mount::PointCounts;
 use super::scenarios::{self, Scenario, Scenarios};
 use crate::failure::Failure;
 use crate::study::band::Effort;
@@ -28,11 +28,11 @@ const ROUNDS: usize = 5;
 const SCANNED: usize = 4;
 
 /// Points that a verification evaluates around the peaks of their grid, and with a scan.
-pub(super) fn points(optimisation: &Optimisation) -> (Points, Points) {
+pub(super) fn points(optimisation: &Optimisation) -> (PointCounts, PointCounts) {
     let places = most_places(optimisation) as u64;
     let steps = scenarios::steps(optimisation).len();
     let all = (Scenarios::of(optimisation).many.len() + ROUNDS * WORST * 2 * steps) as u64;
-    let of = |each: u64| Points { most: places * each, about: ABOUT_VERIFIED * each };
+    let of = |each: u64| PointCounts { most: places * each, about: ABOUT_VERIFIED * each };
     (of(all), of(SCANNED as u64))
 }
 
@@ -45,7 +45,7 @@ pub(super) struct Verification<'a> {
     optimisation: &'a Optimisation,
     all: Scenarios,
     known: Known<'a>,
-    go_on: GoOn<'a>,
+    go_on: GoOnAfter<'a>,
 }
 
 /// The scenarios of a place that are evaluated.
@@ -53,7 +53,7 @@ type Tried = Vec<(Scenario, Evaluated)>;
 
 impl<'a> Verification<'a> {
     /// Of an optimisation that [counts over some scenarios](Optimisation::is_robust).
-    pub fn of(optimisation: &'a Optimisation, go_on: GoOn<'a>) -> Self {
+    pub fn of(optimisation: &'a Optimisation, go_on: GoOnAfter<'a>) -> Self {
         let (all, known) = (Scenarios::of(optimisation), Known::none(optimisation, Effort::Peaks, go_on));
         Self { optimisation, all, known, go_on }
     }

@@ -8,7 +8,7 @@ use damprig_core::control::stepped_sine::DriveMode;
 use super::transient::Expected;
 use super::trim;
 use crate::campaign::transient::two_digits_down;
-use crate::campaign::{Campaign, CampaignSetUp, Kind, Playback, SteppedSine};
+use crate::campaign::{Campaign, CampaignSetUp, ExperimentKind, Playback, SteppedSine};
 use crate::failure::Failure;
 use crate::input::{Number, Problem, Span};
 
@@ -47,7 +47,7 @@ pub fn check(campaign: &Campaign, expected: &[Expected], drive_m: f64) -> Result
     }
     for Expected { set_up, experiment, outlook } in expected {
         let (set_up, experiment) = (&campaign.set_ups[*set_up], &campaign.experiments[*experiment]);
-        if let Kind::Playback(playback) = &experiment.kind {
+        if let ExperimentKind::Playback(playback) = &experiment.kind {
             all.extend(record_too_high(&set_up.name, &experiment.name, playback, outlook.max_abs_z_m, drive_m));
         }
     }

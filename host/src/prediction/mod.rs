@@ -102,7 +102,7 @@ pub const USABLE: f64 = 0.98;
 
 /// The predictions for all experiments of a campaign.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Predicted {
+pub struct CampaignPrediction {
     /// Of the set-ups in stepped sines that drive the base.
     pub swings: Vec<Prediction>,
     /// Of the experiments that keep the response, on their set-ups.
@@ -113,7 +113,7 @@ pub struct Predicted {
     pub expected: Vec<Expected>,
 }
 
-impl Predicted {
+impl CampaignPrediction {
     /// Predicts all experiments of a campaign.
     ///
     /// # Errors

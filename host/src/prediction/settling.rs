@@ -9,7 +9,7 @@ use damprig_core::model::Structure;
 
 use super::stepped_sine::whole_cycles;
 use super::trim;
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Start, SteppedSine};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, PointStart, SteppedSine};
 
 /// The verdict on a point needs this many times its tolerance, for the uncertainty of the extrapolation.
 const WITH_UNCERTAINTY: f64 = 1.3;
@@ -33,7 +33,7 @@ fn settled_after_s(deviation_of: f64, dwell_s: f64, time_constant_s: f64) -> f64
 
 /// A mean over cycles that begins before the free vibration has decayed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Unsettled {
+pub struct UnsettledMean {
     /// Share of the free vibration's amplitude that is left when it begins.
     pub share: f64,
     /// Relative deviation of X/Z from its limit at resonance.
@@ -46,14 +46,14 @@ pub struct Unsettled {
 
 /// Judges a mean over `counted_s` that begins `start_s` after rest; `None` if its deviation is within the tolerance, or without damping.
 #[must_use]
-pub fn unsettled(structure: &Structure, [start_s, counted_s]: [f64; 2], tolerance: f64) -> Option<Unsettled> {
+pub fn unsettled(structure: &Structure, [start_s, counted_s]: [f64; 2], tolerance: f64) -> Option<UnsettledMean> {
     let rate = structure.damping_ratio() * structure.angular_frequency_rad_per_s();
     if rate <= 0.0 {
         return None;
     }
     let time_constant_s = 1.0 / rate;
     let deviation = deviation(start_s, counted_s, time_constant_s);
-    (WITH_UNCERTAINTY * deviation > tolerance).then(|| Unsettled {
+    (WITH_UNCERTAINTY * deviation > tolerance).then(|| UnsettledMean {
         share: libm::exp(-start_s / time_constant_s),
         deviation,
         time_constant_s,
@@ -72,7 +72,7 @@ pub fn longest_dwell_s(time_constant_s: f64, settle_s: f64, dwell_s: f64, tolera
 #[must_use]
 pub fn advice(campaign: &Campaign) -> Vec<String> {
     let judged = |set_up: &CampaignSetUp, experiment: &Experiment| {
-        let sine = experiment.base_driven().filter(|sine| sine.start == Start::FromRest)?;
+        let sine = experiment.base_driven().filter(|sine| sine.start == PointStart::FromRest)?;
         of_experiment(set_up, experiment, sine)
     };
     let once = campaign.experiments.iter().filter(|experiment| experiment.repeat == 0);

@@ -7,9 +7,9 @@ use damprig_core::control::stepped_sine::DriveMode;
 use damprig_simulator::plant::Shaker;
 
 use super::{USABLE, trim};
-use crate::campaign::{Campaign, CampaignSetUp, Kind, RigSettings, Start, SteppedSine};
+use crate::campaign::{Campaign, CampaignSetUp, ExperimentKind, PointStart, RigSettings, SteppedSine};
 use crate::failure::Failure;
-use crate::input::locate::Step::{Item, Key};
+use crate::input::locate::PathStep::{Item, Key};
 use crate::input::{Problem, Span};
 
 /// A start may move the table this much further than the steady motion.
@@ -30,7 +30,7 @@ pub fn check(campaign: &Campaign) -> Result<Vec<String>, Failure> {
     for (place, experiment) in campaign.experiments.iter().enumerate() {
         for set_up in experiment.set_ups.iter().filter_map(|index| campaign.set_ups.get(*index)) {
             let (key, moved_m, span) = match &experiment.kind {
-                Kind::SteppedSine(sine) => {
+                ExperimentKind::SteppedSine(sine) => {
                     if let (Some(shaker), DriveMode::Constant) = (&campaign.rig.shaker, &sine.drive) {
                         warnings.extend(unloaded(campaign, shaker, set_up, sine));
                     }
@@ -43,19 +43,19 @@ pub fn check(campaign: &Campaign) -> Result<Vec<String>, Failure> {
                     let base = (set_up.amplitude_key(), set_up.base_amplitude_m, &set_up.base_amplitude_span);
                     own.unwrap_or(base)
                 }
-                Kind::Playback(playback) => (playback.key, playback.peak_m(), &playback.span),
-                Kind::FreeVibration(free) => ("start_m", free.start_m.abs(), &free.span),
+                ExperimentKind::Playback(playback) => (playback.key, playback.peak_m(), &playback.span),
+                ExperimentKind::FreeVibration(free) => ("start_m", free.start_m.abs(), &free.span),
             };
             let per_m = match &experiment.kind {
-                Kind::SteppedSine(sine) if sine.largest_amplitude().is_none() => {
+                ExperimentKind::SteppedSine(sine) if sine.largest_amplitude().is_none() => {
                     set_up.force_amplitude_n().map(|force_n| force_n / set_up.base_amplitude_m)
                 }
                 _ => None,
             };
             resolved(campaign, key, (moved_m, per_m), span);
             let level_m = match &experiment.kind {
-                Kind::SteppedSine(sine) if sine.start == Start::FromRest => Some(sine.rest_level_m),
-                Kind::Playback(playback) => Some(playback.rest_level_m),
+                ExperimentKind::SteppedSine(sine) if sine.start == PointStart::FromRest => Some(sine.rest_level_m),
+                ExperimentKind::Playback(playback) => Some(playback.rest_level_m),
                 _ => None,
             };
             level_m.into_iter().for_each(|level_m| comes_to_rest(campaign, place, level_m));

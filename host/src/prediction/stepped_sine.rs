@@ -9,7 +9,7 @@ use damprig_motion::rig_model::RigMotion;
 use damprig_motion::watch::{Detection, WatchedMotion};
 
 use super::{Swing, steps_per_period, wall_force};
-use crate::campaign::{CampaignSetUp, Start, SteppedSine};
+use crate::campaign::{CampaignSetUp, PointStart, SteppedSine};
 
 /// Mean over whole cycles of max |x|, from the first cycle after the settling time.
 struct CycleMaxima {
@@ -136,7 +136,7 @@ pub(super) fn simulate(
         watched.motion.refused().map_or(Ok(()), Err)?;
         points.extend(maxima.mean_m().map(|x_m| (frequency_hz, x_m / base_amplitude_m)));
         largest.wall_force_n = wall_force::larger(largest.wall_force_n, watched.watch.largest_force_n);
-        if experiment.start == Start::CarryOver {
+        if experiment.start == PointStart::CarryOver {
             carried = Some(watched.motion);
         }
     }

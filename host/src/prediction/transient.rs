@@ -13,7 +13,7 @@ use damprig_motion::watch::WatchedMotion;
 use super::wall_force::larger;
 use super::watch;
 use super::{USABLE, tries};
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, FreeVibration, Kind, Playback};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, ExperimentKind, FreeVibration, Playback};
 use crate::failure::Failure;
 use crate::input::Problem;
 
@@ -67,13 +67,13 @@ pub fn outlook(
     experiment: &Experiment,
     detection: &ImpactConfig,
 ) -> Result<Option<Outlook>, Invalid> {
-    if let Kind::SteppedSine(_) = experiment.kind {
+    if let ExperimentKind::SteppedSine(_) = experiment.kind {
         return Ok(None);
     }
     let of_start = |start: &CampaignSetUp| match &experiment.kind {
-        Kind::Playback(playback) => played(start, playback, detection),
-        Kind::FreeVibration(free) => released(start, free, detection),
-        Kind::SteppedSine(_) => Ok(Outlook::default()),
+        ExperimentKind::Playback(playback) => played(start, playback, detection),
+        ExperimentKind::FreeVibration(free) => released(start, free, detection),
+        ExperimentKind::SteppedSine(_) => Ok(Outlook::default()),
     };
     let all: Result<Vec<Outlook>, Invalid> = set_up.starts().iter().map(of_start).collect();
     let outlook = of_starts(all?);
@@ -287,9 +287,9 @@ pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Failure> 
             continue;
         };
         let (key, span) = match &experiment.kind {
-            Kind::Playback(playback) => (playback.key, playback.span.clone()),
-            Kind::FreeVibration(free) => ("start_m", free.span.clone()),
-            Kind::SteppedSine(_) => continue,
+            ExperimentKind::Playback(playback) => (playback.key, playback.span.clone()),
+            ExperimentKind::FreeVibration(free) => ("start_m", free.span.clone()),
+            ExperimentKind::SteppedSine(_) => continue,
         };
         let fits = experiment
             .playback()

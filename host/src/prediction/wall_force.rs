@@ -9,7 +9,7 @@ use super::Prediction;
 use super::loops::LoopPrediction;
 use super::transient::Expected;
 use super::watch;
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, ExperimentKind};
 use crate::failure::Failure;
 use crate::input::Problem;
 use crate::settings::number_of;
@@ -71,9 +71,11 @@ fn problem(set_up: &CampaignSetUp, experiment: Option<&Experiment>, title: Strin
     let wall = if is_soft { "a wall of smaller stiffness or damping" } else { "a smaller coefficient of restitution" };
     let mass = set_up.model().particle.map_or(0.0, |particle| particle.mass_kg);
     let (span, key) = match experiment.map(|experiment| &experiment.kind) {
-        Some(Kind::FreeVibration(free)) => (free.span.clone(), "start_m"),
-        Some(Kind::Playback(playback)) => (playback.span.clone(), playback.key),
-        Some(Kind::SteppedSine(sine)) if let Some((key, own)) = sine.largest_amplitude() => (own.span.clone(), key),
+        Some(ExperimentKind::FreeVibration(free)) => (free.span.clone(), "start_m"),
+        Some(ExperimentKind::Playback(playback)) => (playback.span.clone(), playback.key),
+        Some(ExperimentKind::SteppedSine(sine)) if let Some((key, own)) = sine.largest_amplitude() => {
+            (own.span.clone(), key)
+        }
         _ => (set_up.base_amplitude_span.clone(), set_up.amplitude_key()),
     };
     Problem {

@@ -43,7 +43,7 @@ pub fn starts(basins: &Basins, grid: &Grid, case: &Case) -> Result<RecordBatch, 
     let rows: Vec<usize> = (0..basins.ends.len()).collect();
     let mut table = TableBuilder::new(&rows);
     for (n, axis) in grid.axes.iter().enumerate() {
-        let unit = crate::input::key::Unit::of(&axis.key).map_or("1", |unit| unit.symbol);
+        let unit = crate::input::key::KeyUnit::of(&axis.key).map_or("1", |unit| unit.symbol);
         table = table.column(Column::new(&axis.key, unit, "the start"), move |row| grid.at(*row)[n]);
     }
     let number = Column::new("attractor", "1", "number of the attractor, from 1; 0 if there is none");

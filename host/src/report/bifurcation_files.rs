@@ -59,7 +59,7 @@ fn title(case: &Case, Sweep { key, cycles, settle_cycles, .. }: &Sweep) -> Strin
 /// # Errors
 /// A table that cannot be made.
 pub fn batch(samples: &[Sample], key: &str, case: &Case) -> Result<RecordBatch, Failure> {
-    let unit = crate::input::key::Unit::of(key).map_or("1", |unit| unit.symbol);
+    let unit = crate::input::key::KeyUnit::of(key).map_or("1", |unit| unit.symbol);
     let unit = if unit.is_empty() { "1" } else { unit };
     let direction = Column::new("direction", "", "whether the values rise or fall from branch to branch");
     TableBuilder::new(samples)

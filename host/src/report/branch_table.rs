@@ -7,7 +7,7 @@ use arrow_array::RecordBatch;
 
 use crate::continuation::FoundBranches;
 use crate::failure::Failure;
-use crate::input::key::Unit;
+use crate::input::key::KeyUnit;
 use crate::quantity::Quantity;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::sealed_parquet::{self, IDENTITY};
@@ -55,7 +55,7 @@ pub fn write(batch: &RecordBatch, out: &OutFile) -> Result<usize, Failure> {
 
 /// The column of a parameter: its unit, and its key in a case.
 fn column_of(key: &str) -> Column {
-    let unit = Unit::of(key).map(|unit| unit.symbol).filter(|symbol| !symbol.is_empty());
+    let unit = KeyUnit::of(key).map(|unit| unit.symbol).filter(|symbol| !symbol.is_empty());
     Column::new(key.replace('.', "_"), unit.unwrap_or("1"), "parameter of the case").with("key", key)
 }
 

@@ -55,7 +55,7 @@ struct SeveralPlaces<'a> {
     observed_place: &'a str,
     modes: Vec<NaturalMode<'a>>,
     impact_dampers: Vec<Placed<'a, Cavity>>,
-    friction_dampers: Vec<Friction<'a>>,
+    friction_dampers: Vec<WrittenFriction<'a>>,
     tuned_masses: Vec<Placed<'a, Tmd>>,
 }
 
@@ -107,7 +107,7 @@ impl Cavity {
 }
 
 #[derive(Debug, Serialize)]
-struct Friction<'a> {
+struct WrittenFriction<'a> {
     place: &'a str,
     /// The base without one.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -136,7 +136,7 @@ impl<'a> SeveralPlaces<'a> {
                 .map(|of| Placed { place: place(of.place), damper: Cavity::of(of) })
                 .collect(),
             friction_dampers: (set_up.friction_dampers.iter())
-                .map(|of| Friction {
+                .map(|of| WrittenFriction {
                     place: place(of.place),
                     other_place: of.other.map(place),
                     force_n: of.damper.force_n,

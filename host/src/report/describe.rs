@@ -9,7 +9,7 @@ use damprig_structures::PiezoelectricWall;
 use super::numbers::{millimetres, significant, trimmed};
 use crate::campaign::{CampaignSetUp, Experiment};
 use crate::input::shown_in_line;
-use crate::motion_record::{Quantity, RecordOrigin};
+use crate::motion_record::{RecordOrigin, RecordQuantity};
 use crate::simulation::Case;
 
 /// The parameters in which set-ups and published results differ: `d/Z = 10, e = 0.47, γF = 0.6, Z = 1.5 mm`.
@@ -128,8 +128,8 @@ pub fn excitation(case: &Case) -> String {
             RecordOrigin::Samples => "samples".into(),
         };
         let peak = match record.quantity {
-            Quantity::Acceleration => format!("acceleration, peak {} m/s²", significant(record.peak(), 4)),
-            Quantity::Displacement => format!("displacement, peak {}", millimetres(record.peak())),
+            RecordQuantity::Acceleration => format!("acceleration, peak {} m/s²", significant(record.peak(), 4)),
+            RecordQuantity::Displacement => format!("displacement, peak {}", millimetres(record.peak())),
         };
         let (duration_s, rate_hz) = (significant(record.duration_s(), 5), significant(1.0 / record.step_s, 5));
         return format!("{file}: {peak}, {duration_s} s at {rate_hz} Hz");

@@ -5,7 +5,7 @@
 use damprig_core::control::response_loop::KeptQuantity;
 
 use super::plot::contour;
-use super::plot::svg::Place;
+use super::plot::svg::PicturePlace;
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::prediction::loops::is_within;
 use crate::run_folder::ResultRow;
@@ -18,7 +18,7 @@ pub struct ForceSurface {
     /// Name of the experiment as written, without the amplitude.
     pub experiment: String,
     /// The quantity that was kept, with its unit.
-    pub kept: Kept,
+    pub kept: KeptSurface,
     /// Kept amplitudes, in its unit, rising.
     pub amplitudes: Vec<f64>,
     /// Drive frequencies, Hz, rising.
@@ -29,7 +29,7 @@ pub struct ForceSurface {
 
 /// What was kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Kept {
+pub struct KeptSurface {
     /// Its name.
     pub name: &'static str,
     /// Unit of its amplitudes.
@@ -68,9 +68,9 @@ impl ForceSurface {
     fn of_sheets((place, set_up): (usize, &CampaignSetUp), sheets: &[&Experiment], rows: &[ResultRow]) -> Option<Self> {
         let first = sheets.first()?;
         let (kept, per) = match first.response_controlled()?.response_loop()?.response {
-            KeptQuantity::Displacement { .. } => (Kept { name: "x", unit: "mm" }, 1e3),
-            KeptQuantity::Velocity { .. } => (Kept { name: "velocity", unit: "m/s" }, 1.0),
-            KeptQuantity::Relative { .. } => (Kept { name: "x − z", unit: "mm" }, 1e3),
+            KeptQuantity::Displacement { .. } => (KeptSurface { name: "x", unit: "mm" }, 1e3),
+            KeptQuantity::Velocity { .. } => (KeptSurface { name: "velocity", unit: "m/s" }, 1.0),
+            KeptQuantity::Relative { .. } => (KeptSurface { name: "x − z", unit: "mm" }, 1e3),
         };
         let amplitude = |sheet: &Experiment| Some(sheet.response_controlled()?.kept.as_ref()?.amplitude.value * per);
         let sorted = |values: &mut Vec<f64>| {
@@ -110,7 +110,8 @@ impl ForceSurface {
     pub fn cut(&self, z_m: f64) -> Vec<Vec<(f64, f64)>> {
         let squares: Vec<f64> = self.z_m.iter().map(|z_m| z_m * z_m).collect();
         let segments = contour::segments(&squares, self.frequencies_hz.len(), z_m * z_m);
-        let point = |(column, row): Place| (between(&self.frequencies_hz, column), between(&self.amplitudes, row));
+        let point =
+            |(column, row): PicturePlace| (between(&self.frequencies_hz, column), between(&self.amplitudes, row));
         contour::joined(segments).into_iter().map(|line| line.into_iter().map(point).collect()).collect()
     }
 
@@ -188,7 +189,7 @@ mod tests {
         let surface = ForceSurface {
             set_up: 0,
             experiment: "sheets".into(),
-            kept: Kept { name: "x", unit: "mm" },
+            kept: KeptSurface { name: "x", unit: "mm" },
             z_m: z_m.collect(),
             amplitudes,
             frequencies_hz,
@@ -209,7 +210,7 @@ mod tests {
             let across = move |f: &f64| ((f - 3.001) / 0.15).powi(2) + ((a - 3.0) / 1.6).powi(2);
             frequencies_hz.iter().map(move |f| across(f).sqrt())
         });
-        let (experiment, kept) = ("sheets".into(), Kept { name: "x", unit: "mm" });
+        let (experiment, kept) = ("sheets".into(), KeptSurface { name: "x", unit: "mm" });
         let surface = ForceSurface { set_up: 0, experiment, kept, z_m: z_m.collect(), amplitudes, frequencies_hz };
         let folds = surface.folds(1.0);
         assert_eq!(folds.iter().filter(|fold| fold.is_highest).count(), 1, "{folds:?}");

@@ -9,7 +9,7 @@ use crate::quantity::Quantity;
 use crate::report::figures::study_curves::{self, Curve, CurveLabels};
 use crate::report::figures::symbols;
 use crate::report::page;
-use crate::report::page::optimum::Figures;
+use crate::report::page::optimum::OptimumFigures;
 use crate::report::plot::{self, Breadth, Picture};
 use crate::run_folder::{checksum, own_files};
 use crate::simulation::Case;
@@ -35,7 +35,7 @@ pub fn write(optimisation: &Optimisation, answer: &Optimum, summary: &str, folde
         let figure = |breadth| draw(optimisation, answer, breadth).map(|picture| picture.of_source(&source));
         Some([figure(Breadth::Broad)?, figure(Breadth::Narrow)?])
     };
-    let figures = Figures { over_band: in_both(over_band), front: in_both(front) };
+    let figures = OptimumFigures { over_band: in_both(over_band), front: in_both(front) };
     for (stem, figure) in [(OVER_BAND, &figures.over_band), (FRONT, &figures.front)] {
         let [svg, png] = ["svg", "png"].map(|extension| folder.join(format!("{stem}.{extension}")));
         if let Some([broad, _]) = figure {

@@ -7,7 +7,7 @@ use super::numbers::significant;
 use crate::campaign::{CampaignSetUp, SpringTarget};
 
 /// A parameter's value in a set-up, as text; `None` where the set-up does not have it.
-type Value = fn(&CampaignSetUp, &SetUp) -> Option<String>;
+type ParameterValue = fn(&CampaignSetUp, &SetUp) -> Option<String>;
 
 fn number(value: f64) -> String {
     significant(value, 5)
@@ -19,7 +19,7 @@ fn voigt(wall: Wall) -> Option<(f64, f64, Release)> {
 }
 
 /// Every parameter with its unit. Those that no set-up has are left out of the table.
-const PARAMETERS: &[(&str, Value)] = &[
+const PARAMETERS: &[(&str, ParameterValue)] = &[
     ("damper", |s, _| s.has_unmodelled_damper.then(|| "unmodelled".into())),
     ("Z, base amplitude (mm)", |s, m| (!m.is_force_driven).then(|| number(s.base_amplitude_m * 1e3))),
     ("P, force amplitude (N)", |s, _| s.force_amplitude_n().map(number)),
@@ -92,7 +92,7 @@ const PARAMETERS: &[(&str, Value)] = &[
 ];
 
 /// A parameter of several set-ups: its name with the unit, and its values as text; `None` where a set-up does not have it.
-pub struct Row {
+pub struct ParameterRow {
     /// Name and unit.
     pub name: &'static str,
     /// A value for each set-up.
@@ -101,10 +101,10 @@ pub struct Row {
 
 /// The parameters that at least one of the set-ups has.
 #[must_use]
-pub fn rows(set_ups: &[CampaignSetUp]) -> Vec<Row> {
+pub fn rows(set_ups: &[CampaignSetUp]) -> Vec<ParameterRow> {
     let rows = PARAMETERS.iter().map(|(name, value)| {
         let values = set_ups.iter().map(|set_up| value(set_up, &set_up.model())).collect();
-        Row { name, values }
+        ParameterRow { name, values }
     });
     rows.filter(|row| row.values.iter().any(Option::is_some)).collect()
 }

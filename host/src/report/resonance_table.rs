@@ -11,7 +11,7 @@ use crate::table::csv::{CsvTable, Heads};
 use crate::table::{Column, TableBuilder, Word};
 
 /// A row.
-struct Row<'a> {
+struct ResonanceRow<'a> {
     set_up: &'a str,
     experiment: &'a str,
     from: &'static str,
@@ -27,7 +27,7 @@ pub fn write(campaign: &Campaign, curves: &[TrackedCurve], path: &Path) -> Resul
     for curve in curves {
         let (set_up, experiment) = (campaign.set_ups[curve.set_up].name.as_str(), curve.experiment.as_str());
         for (from, points) in [("measured", &curve.measured), ("predicted", &curve.predicted)] {
-            rows.extend(points.iter().map(|point| Row { set_up, experiment, from, point }));
+            rows.extend(points.iter().map(|point| ResonanceRow { set_up, experiment, from, point }));
         }
     }
     let number = |name: &str, unit: &str, meaning: &str| Column::new(name, unit, meaning);

@@ -5,14 +5,14 @@ use arrow_array::RecordBatch;
 use crate::failure::Failure;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::sealed_parquet;
-use crate::spectrum::{Method, Point};
+use crate::spectrum::{PeakMethod, SpectrumPoint};
 use crate::table::{Column, TableBuilder};
 
 /// The table; `record` names the file of the record.
 ///
 /// # Errors
 /// The table library's error.
-pub fn table(points: &[Point], record: &str, method: Method) -> Result<RecordBatch, Failure> {
+pub fn table(points: &[SpectrumPoint], record: &str, method: PeakMethod) -> Result<RecordBatch, Failure> {
     let table = TableBuilder::new(points)
         .column(Column::new("damping_ratio", "1", "damping ratio of the oscillator"), |p| p.damping_ratio)
         .column(Column::new("period_s", "s", "undamped period of the oscillator"), |p| p.period_s)

@@ -29,7 +29,7 @@ pub const MAX_DRAWN: u64 = 2_000_000;
 
 /// What was drawn.
 #[derive(Debug)]
-pub struct Drawn {
+pub struct DrawnFiles {
     /// Where the page is.
     pub page: PathBuf,
     /// Sensitivity indices, of a study that has them.
@@ -48,7 +48,7 @@ pub fn write(
     data_set: &DataSet,
     best: Option<u64>,
     summary: &[String],
-) -> Result<Option<Drawn>, Failure> {
+) -> Result<Option<DrawnFiles>, Failure> {
     if study.rows() > MAX_DRAWN {
         return Ok(None);
     }
@@ -86,7 +86,7 @@ pub fn write(
         sums.add(name, bytes);
     }
     sums.write(store)?;
-    Ok(Some(Drawn { page: store.path(PAGE), sensitivity, undrawn }))
+    Ok(Some(DrawnFiles { page: store.path(PAGE), sensitivity, undrawn }))
 }
 
 /// The table of sensitivity indices: a row for each index of each key and metric.

@@ -12,7 +12,7 @@ use std::time::Duration;
 use super::checksum::of_bytes;
 use super::own_files::refuse_links;
 pub use super::schema::journal_entry::{
-    Begin, CopiedFile, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart, SetAside, Withdrawn,
+    Begin, CopiedFile, Ended, Finished, Joined, JournalEntry, Losses, Sealed, SegmentStart, SetAside, Withdrawn,
 };
 use crate::failure::Failure;
 use crate::input::regular;
@@ -97,7 +97,7 @@ impl Journal {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn append(&mut self, entry: &Entry) -> Result<(), Failure> {
+    pub fn append(&mut self, entry: &JournalEntry) -> Result<(), Failure> {
         let text = serde_json::to_string(entry).map_err(|e| Failure::cannot("write", &self.path, e))?;
         let mut line = with_sum(&text);
         line.push('\n');
@@ -193,13 +193,13 @@ enum NoEntry {
 }
 
 impl LineReader {
-    fn read(&mut self, line: &[u8]) -> Result<Entry, NoEntry> {
+    fn read(&mut self, line: &[u8]) -> Result<JournalEntry, NoEntry> {
         let (object, sum) = sum_of(line).map_or((None, None), |(object, is_right)| (Some(object), Some(is_right)));
-        let read = serde_json::from_slice::<Entry>(object.as_deref().unwrap_or(line));
+        let read = serde_json::from_slice::<JournalEntry>(object.as_deref().unwrap_or(line));
         let is_begun = !line.is_empty() && line.iter().zip(BEGINNING).all(|(a, b)| a == b);
         let torn = |error: serde_json::Error| if error.is_eof() && is_begun { NoEntry::Torn } else { NoEntry::Damaged };
         let entry = read.map_err(torn)?;
-        let has_sums = if let Entry::Begin(begin) = &entry { begin.sums } else { self.has_sums };
+        let has_sums = if let JournalEntry::Begin(begin) = &entry { begin.sums } else { self.has_sums };
         if !sum.unwrap_or(!has_sums) || !entry.is_consistent() {
             return Err(NoEntry::Damaged);
         }
@@ -210,9 +210,9 @@ impl LineReader {
 
 /// What a journal holds.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Lines {
+pub struct JournalLines {
     /// The entries in order.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<JournalEntry>,
     /// Numbers (from 1) of the lines that are not entries.
     pub damaged: Vec<usize>,
     /// Numbers of the lines that were cut off when the program was killed; they are ignored.
@@ -223,10 +223,10 @@ pub struct Lines {
 ///
 /// # Errors
 /// When it cannot be read; a folder without one gives the error of a missing file.
-pub fn read(folder: &Path) -> Result<Lines, Failure> {
+pub fn read(folder: &Path) -> Result<JournalLines, Failure> {
     let path = folder.join(JOURNAL);
     let bytes = regular::read(&path).map_err(|e| Failure::cannot("read", &path, e))?;
-    let mut lines = Lines::default();
+    let mut lines = JournalLines::default();
     let whole = bytes.iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
     // A torn line ends in the middle of an entry. The program's next entry is its new beginning; before that it may close
     // the parts that were open.
@@ -237,11 +237,11 @@ pub fn read(folder: &Path) -> Result<Lines, Failure> {
         match reader.read(line) {
             Ok(entry) => {
                 match (&entry, cut_short) {
-                    (Entry::Begin(_), Some(torn)) => lines.torn.push(torn),
-                    (Entry::Sealed(_), _) | (_, None) => {}
+                    (JournalEntry::Begin(_), Some(torn)) => lines.torn.push(torn),
+                    (JournalEntry::Sealed(_), _) | (_, None) => {}
                     (_, Some(damaged)) => lines.damaged.push(damaged),
                 }
-                if !matches!(entry, Entry::Sealed(_)) {
+                if !matches!(entry, JournalEntry::Sealed(_)) {
                     cut_short = None;
                 }
                 lines.entries.push(entry);
@@ -267,7 +267,7 @@ pub fn read(folder: &Path) -> Result<Lines, Failure> {
 ///
 /// # Errors
 /// When it cannot be read.
-pub fn read_after(folder: &Path, bytes: &mut u64) -> Result<Vec<Entry>, Failure> {
+pub fn read_after(folder: &Path, bytes: &mut u64) -> Result<Vec<JournalEntry>, Failure> {
     let path = folder.join(JOURNAL);
     let failed = |e: std::io::Error| Failure::cannot("read", &path, e);
     let mut file = regular::open(&path).map_err(failed)?;
@@ -300,8 +300,8 @@ pub fn is_in(folder: &Path) -> bool {
 mod tests {
     use super::*;
 
-    fn joined(rows: u64) -> Entry {
-        Entry::Joined(Joined { rows, ..Joined::default() })
+    fn joined(rows: u64) -> JournalEntry {
+        JournalEntry::Joined(Joined { rows, ..Joined::default() })
     }
 
     #[test]
@@ -316,7 +316,7 @@ mod tests {
         for cut in second..bytes.len() {
             std::fs::write(&path, &bytes[..cut]).unwrap();
             let torn = if cut == second { vec![] } else { vec![2] };
-            let lines = Lines { entries: vec![joined(1)], torn, ..Lines::default() };
+            let lines = JournalLines { entries: vec![joined(1)], torn, ..JournalLines::default() };
             assert_eq!(read(folder.path()).unwrap(), lines, "{cut}");
             Journal::open(folder.path()).unwrap().append(&joined(3)).unwrap();
             let lines = read(folder.path()).unwrap();

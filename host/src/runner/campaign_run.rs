@@ -7,7 +7,7 @@ use damprig_protocol::PlantKind;
 use super::context::{Run, Tally};
 use super::error::RunError;
 use super::reconnect;
-use super::segment::{End, Segment, Task};
+use super::segment::{Segment, SegmentEnd, Task};
 use crate::campaign::{CampaignSetUp, Experiment};
 use crate::client::session::SessionError;
 
@@ -137,14 +137,16 @@ impl Run<'_> {
         while let Some(task) = self.next(set_up, experiment, points) {
             let before = self.journal.points();
             let last = match Segment::carry_out(self, &task) {
-                Ok(End::Finished) => "results were lost on the link and the device no longer has them".to_string(),
-                Ok(End::Paused) => {
+                Ok(SegmentEnd::Finished) => {
+                    "results were lost on the link and the device no longer has them".to_string()
+                }
+                Ok(SegmentEnd::Paused) => {
                     self.estimate.stand();
                     self.wait_for_resumption()?;
                     self.estimate.go_on();
                     continue;
                 }
-                Ok(End::Reset) => {
+                Ok(SegmentEnd::Reset) => {
                     self.readings.board_was_reset();
                     self.session.forget_counters();
                     self.interrupted("the device was reset during the run");

@@ -14,7 +14,7 @@ use crate::client::board_check;
 use crate::client::controller::{Controller, Readings};
 use crate::client::session::{Session, SessionError, hex};
 use crate::host_time;
-use crate::run_folder::journal::{Entry, Losses};
+use crate::run_folder::journal::{JournalEntry, Losses};
 use crate::run_folder::schema::device::{BoardSettings, Device};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::write::recorder::Recording;
@@ -156,7 +156,7 @@ impl<'a> Run<'a> {
     }
 
     /// Adds a line to the journal and to its sum here.
-    pub(super) fn note(&mut self, entry: Entry) {
+    pub(super) fn note(&mut self, entry: JournalEntry) {
         self.journal.add(&entry);
         self.recorder.note(entry);
     }
@@ -164,7 +164,7 @@ impl<'a> Run<'a> {
     pub(super) fn interrupted(&mut self, what: &str) {
         self.tally.counters.interruptions += 1;
         self.watcher.link(what);
-        self.note(Entry::Link { what: what.to_string(), at: host_time::now_text() });
+        self.note(JournalEntry::Link { what: what.to_string(), at: host_time::now_text() });
     }
 
     pub(super) fn end_telemetry(&mut self) -> Result<(), SessionError> {

@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 
 use crate::run_folder::ResultRow;
-use crate::run_folder::journal::Entry;
+use crate::run_folder::journal::JournalEntry;
 use crate::run_folder::schema::transients::TransientRow;
 
 /// A result.
@@ -26,10 +26,10 @@ impl Measured {
     }
 
     /// Its line of the journal.
-    pub(super) fn into_entry(self) -> Entry {
+    pub(super) fn into_entry(self) -> JournalEntry {
         match self {
-            Self::Point(row) => Entry::Result(row),
-            Self::Transient(row) => Entry::Transient(row),
+            Self::Point(row) => JournalEntry::Result(row),
+            Self::Transient(row) => JournalEntry::Transient(row),
         }
     }
 }

@@ -4,7 +4,7 @@ use super::context::Run;
 use crate::campaign::{AroundPeak, CampaignSetUp, Experiment};
 use crate::host_time;
 use crate::run_folder::ResultRow;
-use crate::run_folder::journal::Entry;
+use crate::run_folder::journal::JournalEntry;
 use crate::run_folder::schema::peak_points::PeakPoints;
 
 impl Run<'_> {
@@ -28,7 +28,7 @@ impl Run<'_> {
             around,
             at: host_time::now_text(),
         };
-        self.note(Entry::PeakPoints(Box::new(points.clone())));
+        self.note(JournalEntry::PeakPoints(Box::new(points.clone())));
         let planned = self.journal.planned(self.campaign);
         self.watcher.peak_points(&points, &planned);
     }

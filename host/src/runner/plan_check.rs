@@ -14,8 +14,8 @@ use damprig_core::measure::point::PointResult;
 use damprig_core::measure::transient::TransientResult;
 use damprig_protocol::{Event, Telemetry};
 
-use crate::campaign::{Experiment, Kind, SteppedSine, TrackedResonance};
-use crate::client::session::Report;
+use crate::campaign::{Experiment, ExperimentKind, SteppedSine, TrackedResonance};
+use crate::client::session::DeviceReport;
 
 /// Longest wait for rest before a point, s, with some room; the device ends a longer one itself.
 const LONGEST_REST_S: f64 = 660.0;
@@ -31,7 +31,7 @@ pub(super) struct PlanCheck {
     every_ticks: u16,
     points: Range<usize>,
     /// Of its points; none without a stepped sine.
-    frequencies_hz: Option<Planned>,
+    frequencies_hz: Option<PlannedFrequencies>,
     has_impacts: bool,
     last_tick: u32,
     /// Longest duration of the segment without a hold, ticks.
@@ -41,7 +41,7 @@ pub(super) struct PlanCheck {
 
 /// The frequencies that results may have, Hz.
 #[derive(Clone, Debug)]
-enum Planned {
+enum PlannedFrequencies {
     /// Of each point.
     Known(Vec<f32>),
     /// Of the resonance that is tracked.
@@ -63,12 +63,12 @@ impl PlanCheck {
         let sine = experiment.stepped_sine();
         let frequencies_hz = sine.map(|sine| match &sine.tracked {
             Some(TrackedResonance { lock, .. }) => {
-                Planned::Within(lock.low_hz * (1.0 - OF_TICKS)..=lock.high_hz * (1.0 + OF_TICKS))
+                PlannedFrequencies::Within(lock.low_hz * (1.0 - OF_TICKS)..=lock.high_hz * (1.0 + OF_TICKS))
             }
-            None => Planned::Known(sine.frequencies_hz[points.clone()].iter().map(|f| *f as f32).collect()),
+            None => PlannedFrequencies::Known(sine.frequencies_hz[points.clone()].iter().map(|f| *f as f32).collect()),
         });
         let longest_s = match &experiment.kind {
-            Kind::SteppedSine(sine) => points.len() as f64 * longest_point_s(sine),
+            ExperimentKind::SteppedSine(sine) => points.len() as f64 * longest_point_s(sine),
             _ => LONGEST_REST_S + experiment.expected_s() + experiment.free_vibration().map_or(0.0, |f| f.timeout_s),
         };
         // Rounds to the largest tick where it is longer.
@@ -83,15 +83,17 @@ impl PlanCheck {
     }
 
     /// Whether a report can be one of this segment. Faults always are: they stop the rig.
-    pub(super) fn admits(&mut self, report: &Report) -> bool {
+    pub(super) fn admits(&mut self, report: &DeviceReport) -> bool {
         match report {
-            Report::Telemetry(message) => self.admits_rows(message),
-            Report::Event { event: Event::Fault(_) | Event::Spring(_), .. } => true,
-            Report::Event { tick, .. } if *tick > self.last_tick => false,
-            Report::Event { event: Event::Finished { points, .. }, .. } => usize::from(*points) <= self.points.len(),
-            Report::Event { event: Event::Point(result), .. } => self.admits_point(result, result.index),
-            Report::Event { event: Event::Transient(result), .. } => self.admits_transient(result, result.index),
-            Report::Event { tick, event: Event::Impact(impact) } => self.admits_impact(*tick, impact),
+            DeviceReport::Telemetry(message) => self.admits_rows(message),
+            DeviceReport::Event { event: Event::Fault(_) | Event::Spring(_), .. } => true,
+            DeviceReport::Event { tick, .. } if *tick > self.last_tick => false,
+            DeviceReport::Event { event: Event::Finished { points, .. }, .. } => {
+                usize::from(*points) <= self.points.len()
+            }
+            DeviceReport::Event { event: Event::Point(result), .. } => self.admits_point(result, result.index),
+            DeviceReport::Event { event: Event::Transient(result), .. } => self.admits_transient(result, result.index),
+            DeviceReport::Event { tick, event: Event::Impact(impact) } => self.admits_impact(*tick, impact),
         }
     }
 
@@ -115,11 +117,11 @@ impl PlanCheck {
     /// Whether a result can be that of the point `index`.
     pub(super) fn admits_point(&self, result: &PointResult, index: u16) -> bool {
         let is_planned = match &self.frequencies_hz {
-            Some(Planned::Known(list)) => {
+            Some(PlannedFrequencies::Known(list)) => {
                 let place = usize::from(index).checked_sub(self.points.start);
                 place.and_then(|place| list.get(place)).is_some_and(|planned| *planned == result.frequency_hz)
             }
-            Some(Planned::Within(range)) => {
+            Some(PlannedFrequencies::Within(range)) => {
                 self.points.contains(&usize::from(index)) && range.contains(&result.frequency_hz)
             }
             None => false,
@@ -176,7 +178,7 @@ mod tests {
             width: 3,
             every_ticks: 10,
             points: 4..6,
-            frequencies_hz: Some(Planned::Known(vec![2.4, 2.5])),
+            frequencies_hz: Some(PlannedFrequencies::Known(vec![2.4, 2.5])),
             has_impacts: true,
             last_tick: 10_000,
             longest_ticks: 10_000,
@@ -184,12 +186,12 @@ mod tests {
         }
     }
 
-    fn rows(width: u8, values: usize, first_tick: u32) -> Report {
+    fn rows(width: u8, values: usize, first_tick: u32) -> DeviceReport {
         let values = (0..values).map(|n| n as f32).collect();
-        Report::Telemetry(Box::new(Telemetry { seq: 0, first_tick, every_ticks: 10, width, values }))
+        DeviceReport::Telemetry(Box::new(Telemetry { seq: 0, first_tick, every_ticks: 10, width, values }))
     }
 
-    fn point(index: u16, frequency_hz: f32, start_tick: u32, end_tick: u32) -> Report {
+    fn point(index: u16, frequency_hz: f32, start_tick: u32, end_tick: u32) -> DeviceReport {
         let result = PointResult {
             index,
             frequency_hz,
@@ -216,10 +218,10 @@ mod tests {
             steadiness: Steadiness::Steady,
             impacts_per_cycle: 0.0,
         };
-        Report::Event { tick: end_tick.saturating_sub(1), event: Event::Point(result) }
+        DeviceReport::Event { tick: end_tick.saturating_sub(1), event: Event::Point(result) }
     }
 
-    fn impact(change: impl FnOnce(&mut ImpactRecord)) -> Report {
+    fn impact(change: impl FnOnce(&mut ImpactRecord)) -> DeviceReport {
         let mut impact = ImpactRecord {
             tick: 5,
             centre_ticks: -0.5,
@@ -231,7 +233,7 @@ mod tests {
             held: false,
         };
         change(&mut impact);
-        Report::Event { tick: 6, event: Event::Impact(impact) }
+        DeviceReport::Event { tick: 6, event: Event::Impact(impact) }
     }
 
     #[test]
@@ -268,13 +270,13 @@ mod tests {
         for report in misfits.into_iter().chain(late) {
             assert!(!check().admits(&report), "{report:?}");
         }
-        let finished = |points| Report::Event { tick: 9, event: Event::Finished { points, rows_dropped: 0 } };
+        let finished = |points| DeviceReport::Event { tick: 9, event: Event::Finished { points, rows_dropped: 0 } };
         assert!(check().admits(&finished(2)) && !check().admits(&finished(3)));
     }
 
     #[test]
     fn a_tracked_resonance_may_have_any_frequency_of_its_range() {
-        let check = || PlanCheck { frequencies_hz: Some(Planned::Within(2.0..=3.0)), ..check() };
+        let check = || PlanCheck { frequencies_hz: Some(PlannedFrequencies::Within(2.0..=3.0)), ..check() };
         assert!(check().admits(&point(4, 2.345, 0, 100)) && check().admits(&point(5, 3.0, 0, 100)));
         for misfit in [point(4, 1.9, 0, 100), point(4, f32::NAN, 0, 100), point(6, 2.5, 0, 100)] {
             assert!(!check().admits(&misfit), "{misfit:?}");

@@ -7,7 +7,7 @@ use super::context::{Reconnect, Run, device_record};
 use super::error::RunError;
 use crate::client::session::{Session, SessionError};
 use crate::host_time;
-use crate::run_folder::journal::Entry;
+use crate::run_folder::journal::JournalEntry;
 
 /// The first and the longest pause between two tries.
 const PAUSES: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(5));
@@ -57,7 +57,7 @@ impl Run<'_> {
         }
         let (what, at) = ("the link is back".to_string(), host_time::now_text());
         self.watcher.link(&what);
-        self.note(Entry::Link { what, at });
+        self.note(JournalEntry::Link { what, at });
         Ok(())
     }
 

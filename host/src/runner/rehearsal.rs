@@ -25,11 +25,11 @@ use damprig_simulator::plant::{Load, PlantConfig};
 
 use super::spring_setup::first_target;
 use super::wire_mapping::{self, Selection};
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, ExperimentKind};
 use crate::client::session::Session;
 use crate::failure::Failure;
 use crate::input::Problem;
-use crate::input::locate::Step::{Item, Key};
+use crate::input::locate::PathStep::{Item, Key};
 use crate::prediction;
 
 /// The prediction refuses a record beyond the drive's range, with the peak that fits.
@@ -134,7 +134,7 @@ fn rehearse_in<S: PlantScalar, L: Load<S>>(
             if !experiment.set_ups.contains(&index) || problems >= MAX_PROBLEMS {
                 continue;
             }
-            let mut device = Device::<S, L>::new(settings, &mut upload);
+            let mut device = RehearsedDevice::<S, L>::new(settings, &mut upload);
             if let Err(refused) = device.configure(campaign, selection, set_up, experiment, is_simulated) {
                 if matches!(&refused.why, Rejected::AboveLimit { parameter, .. } if parameter == RECORD_PEAK) {
                     continue;
@@ -148,7 +148,7 @@ fn rehearse_in<S: PlantScalar, L: Load<S>>(
 }
 
 /// A rejected request.
-struct Refused {
+struct RefusedRequest {
     /// The request, in words.
     what: &'static str,
     why: Rejected,
@@ -172,7 +172,7 @@ impl Outgoing for LastReply {
 }
 
 /// A controller in this process; no tick passes on it.
-struct Device<'a, S, L> {
+struct RehearsedDevice<'a, S, L> {
     controller: Controller,
     board: SimulatedBoard<S, L>,
     upload: &'a mut UploadBuffer,
@@ -180,19 +180,19 @@ struct Device<'a, S, L> {
     seq: u16,
 }
 
-impl<'a, S: PlantScalar, L: Load<S>> Device<'a, S, L> {
+impl<'a, S: PlantScalar, L: Load<S>> RehearsedDevice<'a, S, L> {
     fn new(settings: &Settings, upload: &'a mut UploadBuffer) -> Self {
         let mut controller = Controller::new(DeviceInfo::new("", ""), BootInfo::default());
         controller.start_with(settings, Origin::Stored);
         Self { controller, board: SimulatedBoard::default(), upload, replies: LastReply::default(), seq: 0 }
     }
 
-    fn ask(&mut self, what: &'static str, request: Request) -> Result<(), Refused> {
+    fn ask(&mut self, what: &'static str, request: Request) -> Result<(), RefusedRequest> {
         self.seq = self.seq.wrapping_add(1);
         let request = NumberedRequest { seq: self.seq, at_tick: None, request };
         self.controller.serve(&request, &mut self.board, self.upload, &mut self.replies);
         // Every request is answered at once.
-        self.replies.0.take().unwrap_or(Ok(())).map_err(|why| Refused { what, why })
+        self.replies.0.take().unwrap_or(Ok(())).map_err(|why| RefusedRequest { what, why })
     }
 
     /// The requests of a run, in its order.
@@ -203,7 +203,7 @@ impl<'a, S: PlantScalar, L: Load<S>> Device<'a, S, L> {
         set_up: &CampaignSetUp,
         experiment: &Experiment,
         is_simulated: bool,
-    ) -> Result<(), Refused> {
+    ) -> Result<(), RefusedRequest> {
         // Without a plant a simulated board does not start.
         let mut plant = PlantConfig::ideal(set_up.model());
         if is_simulated {
@@ -212,7 +212,7 @@ impl<'a, S: PlantScalar, L: Load<S>> Device<'a, S, L> {
         self.ask("take the simulated set-up", set_plant(plant))?;
         let twin = wire_mapping::twin(selection, set_up, experiment);
         self.ask("take the twin's set-up", Request::SetTwin(twin))?;
-        if let Kind::Playback(playback) = &experiment.kind {
+        if let ExperimentKind::Playback(playback) = &experiment.kind {
             self.upload(&playback.bytes())?;
         }
         let drive_m = self.controller.settings().calibration.drive.range().amplitude_m();
@@ -224,12 +224,12 @@ impl<'a, S: PlantScalar, L: Load<S>> Device<'a, S, L> {
             self.ask("take the set-up's spring", Request::SetSpring(properties))?;
             let config = self.controller.settings().spring.for_set_up(&properties);
             check_target(&config, first_target(set_up, &spring), plant.spring.as_ref())
-                .map_err(|invalid| Refused { what: "move the friction damper's spring", why: invalid.into() })?;
+                .map_err(|invalid| RefusedRequest { what: "move the friction damper's spring", why: invalid.into() })?;
         }
         self.ask("start", Request::Start)
     }
 
-    fn upload(&mut self, bytes: &[u8]) -> Result<(), Refused> {
+    fn upload(&mut self, bytes: &[u8]) -> Result<(), RefusedRequest> {
         const WHAT: &str = "take a record";
         self.ask(WHAT, Request::BeginUpload { bytes: bytes.len() as u32, crc32: checksum(0, bytes) })?;
         for (n, chunk) in bytes.chunks(CHUNK_BYTES).enumerate() {

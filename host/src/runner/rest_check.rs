@@ -18,7 +18,7 @@ use super::error::RunError;
 use super::reconnect;
 use super::watcher::RestAnswer;
 use crate::campaign::{CampaignSetUp, Experiment};
-use crate::client::session::Report;
+use crate::client::session::DeviceReport;
 
 /// Shortest and longest measurement, s. Within, it takes whole periods of the structure: ringing has no mean.
 const MEASURED_S: (f64, f64) = (1.0, 10.0);
@@ -276,7 +276,7 @@ impl Run<'_> {
                 let what = format!("{} rows of telemetry in {} s", rows.len(), PATIENCE.as_secs());
                 return Err(self.session.unusable(what).into());
             }
-            if let Some(Report::Telemetry(message)) = self.session.next_report()?
+            if let Some(DeviceReport::Telemetry(message)) = self.session.next_report()?
                 && usize::from(message.width) == names.len()
             {
                 let each = message.values.chunks_exact(names.len());

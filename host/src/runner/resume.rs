@@ -6,7 +6,7 @@ use crate::campaign::{Campaign, differences};
 use crate::failure::Failure;
 use crate::input::Source;
 use crate::run_folder::checksum;
-use crate::run_folder::journal::{self, Begin, Entry, Lines, Withdrawn};
+use crate::run_folder::journal::{self, Begin, JournalEntry, JournalLines, Withdrawn};
 use crate::run_folder::own_files::refuse_links;
 use crate::run_folder::read::campaign_copy;
 use crate::run_folder::read::cut_results::cut_off;
@@ -43,7 +43,9 @@ impl EarlierRun {
         refuse_links(folder)?;
         let lines = match journal::read(folder) {
             Ok(lines) => lines,
-            Err(_) if !has(journal::JOURNAL) && !has("manifest.json") && has("campaign.toml") => Lines::default(),
+            Err(_) if !has(journal::JOURNAL) && !has("manifest.json") && has("campaign.toml") => {
+                JournalLines::default()
+            }
             Err(_) if !has(journal::JOURNAL) => {
                 let message = format!(
                     "{shown} has no {}: it was recorded by an earlier version, or is not a run\n  `damprig runs verify {shown}` shows what can be read; to measure again, run its campaign.toml as a new run",
@@ -134,7 +136,7 @@ impl EarlierRun {
         }
         let withdrawn = cut_off(folder, &taken);
         for cut in &withdrawn {
-            taken.add(&Entry::Withdrawn(cut.clone()));
+            taken.add(&JournalEntry::Withdrawn(cut.clone()));
             warnings.push(withdrawal(&campaign, cut));
         }
         Ok(Self { campaign, journal: taken, withdrawn, warnings })

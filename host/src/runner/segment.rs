@@ -21,14 +21,14 @@ use super::plan_check::PlanCheck;
 use super::progress::SegmentProgress;
 use super::watcher::{RunAction, WatchedStart};
 use super::wire_mapping::{self, fault_error};
-use crate::campaign::{CampaignSetUp, Experiment, Kind};
-use crate::client::session::{Report, SessionError};
+use crate::campaign::{CampaignSetUp, Experiment, ExperimentKind};
+use crate::client::session::{DeviceReport, SessionError};
 use crate::host_time;
-use crate::run_folder::journal::{Entry, Finished, SegmentStart};
-use crate::run_folder::schema::clock_fit::{ClockPairs, Pair};
+use crate::run_folder::journal::{Finished, JournalEntry, SegmentStart};
+use crate::run_folder::schema::clock_fit::{ClockPair, ClockPairs};
 use crate::run_folder::schema::samples::PointLabel;
 use crate::run_folder::schema::segment_id::SegmentId;
-use crate::run_folder::write::recorder::Rows;
+use crate::run_folder::write::recorder::PointRows;
 
 /// Wall time without a result after which the device's status is requested.
 const ASK_AFTER: Duration = Duration::from_secs(2);
@@ -52,7 +52,7 @@ impl Task<'_> {
 
 /// How a segment ended when nothing failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum End {
+pub(super) enum SegmentEnd {
     /// The device finished.
     Finished,
     /// The device was reset and has lost its experiment.
@@ -86,7 +86,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     ///
     /// # Errors
     /// The device, the link, the disk, an interlock, or Ctrl-C. The recorder has what was taken.
-    pub(super) fn carry_out(run: &'r mut Run<'a>, task: &'r Task<'c>) -> Result<End, RunError> {
+    pub(super) fn carry_out(run: &'r mut Run<'a>, task: &'r Task<'c>) -> Result<SegmentEnd, RunError> {
         let mut segment = Self::new(run, task);
         let end = segment.start().and_then(|()| segment.follow());
         if !matches!(end, Ok(_) | Err(RunError::Session(_))) {
@@ -154,7 +154,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             self.run.session.start()?;
         }
         let task = self.task;
-        self.run.note(Entry::Segment(SegmentStart {
+        self.run.note(JournalEntry::Segment(SegmentStart {
             id: task.id.clone(),
             first_index: task.points.start,
             points: task.points.len(),
@@ -184,7 +184,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             "take the twin's set-up",
             Request::SetTwin(wire_mapping::twin(&self.run.selection, set_up, experiment)),
         )?;
-        if let Kind::Playback(playback) = &experiment.kind {
+        if let ExperimentKind::Playback(playback) = &experiment.kind {
             let stop = self.run.stop;
             session.upload(&playback.bytes(), &mut || !stop.load(Ordering::Relaxed))?;
         }
@@ -208,7 +208,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         Ok(self.run.session.execute("send telemetry", ask)?)
     }
 
-    fn follow(&mut self) -> Result<End, RunError> {
+    fn follow(&mut self) -> Result<SegmentEnd, RunError> {
         let mut heard = Instant::now();
         while !self.progress.is_complete() {
             if self.run.stop.load(Ordering::Relaxed) {
@@ -230,11 +230,11 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             }
             if heard.elapsed() > ASK_AFTER || self.progress.is_overdue() {
                 heard = Instant::now();
-                if self.check_status()? == Some(End::Reset) {
+                if self.check_status()? == Some(SegmentEnd::Reset) {
                     // It no longer has results to request.
                     self.frequency_at = None;
                     self.record_all()?;
-                    return Ok(End::Reset);
+                    return Ok(SegmentEnd::Reset);
                 }
             }
             if self.impacts.are_due() {
@@ -244,9 +244,9 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             self.run.watcher.progress(self.run.tally.rig_s);
             self.run.tell_time_left();
             self.run.show_values()?;
-            if self.act()? == Some(End::Paused) {
+            if self.act()? == Some(SegmentEnd::Paused) {
                 self.record_all()?;
-                return Ok(End::Paused);
+                return Ok(SegmentEnd::Paused);
             }
         }
         self.record_all()?;
@@ -262,25 +262,25 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         // The counters at the end of the segment: the program may be killed in the next one.
         let _ = self.run.session.status();
         let controller = self.run.controller();
-        self.run.note(Entry::Finished(Finished {
+        self.run.note(JournalEntry::Finished(Finished {
             id: self.task.id.clone(),
             end_tick: self.progress.latest_tick(),
             lost_rows: 0,
             clock: self.clock.fit(),
             controller,
         }));
-        Ok(End::Finished)
+        Ok(SegmentEnd::Finished)
     }
 
     /// Carries out what a person asks for.
-    fn act(&mut self) -> Result<Option<End>, RunError> {
+    fn act(&mut self) -> Result<Option<SegmentEnd>, RunError> {
         while let Some(action) = self.run.watcher.action() {
             match action {
                 RunAction::Pause => {
                     self.run.note_action("paused");
                     self.run.session.stop_drive()?;
                     self.run.end_telemetry()?;
-                    return Ok(Some(End::Paused));
+                    return Ok(Some(SegmentEnd::Paused));
                 }
                 RunAction::Resume => self.run.watcher.answer(Err("the run is not paused")),
                 RunAction::Hold(on) if on == self.is_held => {
@@ -299,15 +299,15 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     }
 
     /// Handles a report; whether it was a new result, or the end.
-    fn handle(&mut self, report: Report) -> Result<bool, RunError> {
+    fn handle(&mut self, report: DeviceReport) -> Result<bool, RunError> {
         if !self.check.admits(&report) {
-            if matches!(report, Report::Telemetry(_)) && std::mem::take(&mut self.run.has_rows_at_rest) {
+            if matches!(report, DeviceReport::Telemetry(_)) && std::mem::take(&mut self.run.has_rows_at_rest) {
                 return Ok(false);
             }
             return self.count_misfit().map(|()| false);
         }
         match report {
-            Report::Telemetry(message) => {
+            DeviceReport::Telemetry(message) => {
                 self.run.has_rows_at_rest = false;
                 let rows = message.values.len() / usize::from(message.width).max(1);
                 let span = (rows.max(1) as u32 - 1).saturating_mul(u32::from(message.every_ticks));
@@ -315,7 +315,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 self.progress.arrived(*message).iter().try_for_each(|message| self.record(message))?;
                 Ok(false)
             }
-            Report::Event { tick, event: Event::Point(result) } => {
+            DeviceReport::Event { tick, event: Event::Point(result) } => {
                 self.add_clock_pair(tick);
                 // The device keeps only the last few results, so a lost one is requested at once.
                 self.fetch_missing(result.index)?;
@@ -325,7 +325,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 }
                 Ok(is_new)
             }
-            Report::Event { tick, event: Event::Transient(result) } => {
+            DeviceReport::Event { tick, event: Event::Transient(result) } => {
                 self.add_clock_pair(tick);
                 let is_new = self.progress.point_done(result.index, result.end_tick.saturating_sub(1));
                 if is_new {
@@ -333,17 +333,19 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 }
                 Ok(is_new)
             }
-            Report::Event { tick, event: Event::Finished { rows_dropped, .. } } => {
+            DeviceReport::Event { tick, event: Event::Finished { rows_dropped, .. } } => {
                 let is_new = self.progress.finished(tick);
                 if is_new {
                     self.run.tally.counters.dropped_records += u64::from(rows_dropped);
                 }
                 Ok(is_new)
             }
-            Report::Event { event: Event::Fault(fault), .. } => Err(fault_error(self.task.set_up, fault)),
+            DeviceReport::Event { event: Event::Fault(fault), .. } => Err(fault_error(self.task.set_up, fault)),
             // The structure may still ring: how many ticks follow the end depends on the host.
-            Report::Event { event: Event::Impact(impact), .. } if self.progress.is_after_end(impact.tick) => Ok(false),
-            Report::Event { event: Event::Impact(impact), .. } => {
+            DeviceReport::Event { event: Event::Impact(impact), .. } if self.progress.is_after_end(impact.tick) => {
+                Ok(false)
+            }
+            DeviceReport::Event { event: Event::Impact(impact), .. } => {
                 if self.impacts.add(impact) {
                     self.run.watcher.impact(&impact);
                 }
@@ -352,7 +354,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 }
                 Ok(false)
             }
-            Report::Event { event: Event::Spring(happening), .. } => {
+            DeviceReport::Event { event: Event::Spring(happening), .. } => {
                 self.run.watcher.spring(&happening);
                 Ok(false)
             }
@@ -373,7 +375,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         while !self.results.is_empty()
             && let Ok(Some(report)) = self.next_arrived()
         {
-            if let Report::Telemetry(message) = report
+            if let DeviceReport::Telemetry(message) = report
                 && !self.progress.arrived(*message).iter().all(|message| self.record(message).is_ok())
             {
                 return;
@@ -382,7 +384,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     }
 
     /// The next report; under a granted clock, of those that have arrived: the device stands still.
-    fn next_arrived(&mut self) -> Result<Option<Report>, SessionError> {
+    fn next_arrived(&mut self) -> Result<Option<DeviceReport>, SessionError> {
         let session = &mut *self.run.session;
         if session.is_granted() { Ok(session.report_at_hand()) } else { session.next_report() }
     }
@@ -393,13 +395,13 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             let device_s = f64::from(tick) / f64::from(TICK_HZ);
             // In rig seconds: the pace of a rig with a speed of its own is no drift.
             let host_s = self.run.began.elapsed().as_secs_f64() * self.run.session.speed();
-            let pair = self.clock.add(Pair { device_s, host_s });
-            pair.into_iter().for_each(|pair| self.run.note(Entry::Clock(pair)));
+            let pair = self.clock.add(ClockPair { device_s, host_s });
+            pair.into_iter().for_each(|pair| self.run.note(JournalEntry::Clock(pair)));
         }
     }
 
     /// Requests the status: the report of the end may have been lost. A device that is idle has finished, or was reset.
-    fn check_status(&mut self) -> Result<Option<End>, RunError> {
+    fn check_status(&mut self) -> Result<Option<SegmentEnd>, RunError> {
         let (status, _) = self.run.session.status()?;
         while let Some(report) = self.run.session.report_at_hand() {
             self.handle(report)?;
@@ -419,10 +421,10 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             return Ok(None);
         }
         if usize::from(status.points) < self.task.points.len() {
-            return Ok(Some(End::Reset));
+            return Ok(Some(SegmentEnd::Reset));
         }
         self.progress.finished(self.progress.latest_tick());
-        Ok(Some(End::Finished))
+        Ok(Some(SegmentEnd::Finished))
     }
 
     /// Records the messages held for missing ones.
@@ -438,7 +440,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     }
 
     fn record(&mut self, message: &Telemetry) -> Result<(), RunError> {
-        let mut block: Option<Rows> = None;
+        let mut block: Option<PointRows> = None;
         let rows = self.progress.rows(message);
         let ticks: Vec<u32> = rows.iter().map(|(tick, _)| *tick).collect();
         self.run.watcher.rows(&ticks, &message.values[..ticks.len() * usize::from(message.width)]);
@@ -449,7 +451,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 block.take().into_iter().for_each(|rows| self.run.recorder.rows(rows, self.run.stop));
                 self.label = Arc::new(self.task.label(index));
             }
-            let empty = || Rows { label: Arc::clone(&self.label), ticks: Vec::new(), values: Vec::new() };
+            let empty = || PointRows { label: Arc::clone(&self.label), ticks: Vec::new(), values: Vec::new() };
             let rows = block.get_or_insert_with(empty);
             rows.ticks.push(tick);
             rows.values.extend(values.iter().take(self.run.selection.positions.len()));

@@ -12,7 +12,7 @@ use super::error::RunError;
 use super::watcher::{RunAction, Watcher};
 use crate::client::session::SessionError;
 use crate::host_time;
-use crate::run_folder::journal::Entry;
+use crate::run_folder::journal::JournalEntry;
 
 /// Host time between two questions for the controller's values, and for the status of a rig in a pause.
 const VALUES_EVERY: Duration = Duration::from_millis(100);
@@ -84,7 +84,7 @@ impl Run<'_> {
 
     /// Notes in the journal what a person did.
     pub(super) fn note_action(&mut self, what: &str) {
-        self.note(Entry::Action { what: what.to_string(), at: host_time::now_text() });
+        self.note(JournalEntry::Action { what: what.to_string(), at: host_time::now_text() });
     }
 
     /// Waits until a person resumes the run. The drive is off.

@@ -14,7 +14,7 @@ use super::context::Run;
 use super::error::RunError;
 use super::wire_mapping;
 use crate::campaign::{CampaignSetUp, SpringSpec, SpringTarget};
-use crate::client::session::Report;
+use crate::client::session::DeviceReport;
 
 /// Time limit of a step, longer than the whole travel there and back at the search rate and the readings.
 const LONGEST_STEP: Duration = Duration::from_secs(300);
@@ -106,16 +106,16 @@ impl Run<'_> {
     }
 
     /// The spring's event, if `report` is one.
-    fn spring_report(&mut self, set_up: &CampaignSetUp, report: Report) -> Result<Option<SpringEvent>, RunError> {
+    fn spring_report(&mut self, set_up: &CampaignSetUp, report: DeviceReport) -> Result<Option<SpringEvent>, RunError> {
         match report {
-            Report::Event { event: Event::Spring(happening), .. } => {
+            DeviceReport::Event { event: Event::Spring(happening), .. } => {
                 self.watcher.spring(&happening);
                 match happening {
                     SpringEvent::Fault(fault) => Err(spring_error(set_up, fault)),
                     other => Ok(Some(other)),
                 }
             }
-            Report::Event { event: Event::Fault(fault), .. } => Err(wire_mapping::fault_error(set_up, fault)),
+            DeviceReport::Event { event: Event::Fault(fault), .. } => Err(wire_mapping::fault_error(set_up, fault)),
             _ => Ok(None),
         }
     }

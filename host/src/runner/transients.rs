@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::measure::transient::TransientResult;
 
-use crate::campaign::{CampaignSetUp, Experiment, Kind};
+use crate::campaign::{CampaignSetUp, Experiment, ExperimentKind};
 use crate::prediction::transient::outlook;
 use crate::run_folder::schema::transients::TransientRow;
 
@@ -29,7 +29,7 @@ pub(super) fn row(
         set_up: set_up.name.clone(),
         experiment: experiment.name.clone(),
         kind: match &experiment.kind {
-            Kind::Playback(playback) => playback.kind,
+            ExperimentKind::Playback(playback) => playback.kind,
             _ => "free_vibration",
         }
         .to_string(),

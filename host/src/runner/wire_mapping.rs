@@ -16,7 +16,7 @@ use damprig_simulator::plant::walls::WallSensors;
 use damprig_simulator::plant::{Base, PlantConfig, SensorModel};
 
 use super::error::RunError;
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, RigSettings, SpringSpec};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, ExperimentKind, RigSettings, SpringSpec};
 use crate::client::session::Session;
 use crate::failure::Failure;
 use crate::input::Problem;
@@ -165,9 +165,9 @@ pub(super) fn experiment(
     drive_m: f32,
 ) -> Request {
     match &experiment.kind {
-        Kind::SteppedSine(sine) => Request::Configure(sine.order(set_up.base_amplitude_m, points, drive_m)),
-        Kind::Playback(playback) => Request::ConfigurePlayback(playback.order()),
-        Kind::FreeVibration(free) => Request::ConfigureFreeVibration(free.order()),
+        ExperimentKind::SteppedSine(sine) => Request::Configure(sine.order(set_up.base_amplitude_m, points, drive_m)),
+        ExperimentKind::Playback(playback) => Request::ConfigurePlayback(playback.order()),
+        ExperimentKind::FreeVibration(free) => Request::ConfigureFreeVibration(free.order()),
     }
 }
 

@@ -8,14 +8,14 @@ use damprig_core::model::{DampingLaw, GRAVITY_M_PER_S2, Material, Tuning};
 use crate::input::key::DefaultValue::{From, Number, Word};
 use crate::input::key::Need::{Default, Forbidden, If, Optional, Required, RequiredUnless};
 use crate::input::key::Range::{Any, Between, Inside, NotNegative, Positive};
-use crate::input::key::{Key, Kind, Quantity, Table, key, names, number, tables, word};
+use crate::input::key::{Key, KeyedQuantity, Table, ValueKind, key, names, number, tables, word};
 
 const LAW_NAMES: &[&str] = names!(DampingLaw::ALL, law => law.name());
 
 /// The key of a campaign or a case that names a set-up file.
 pub(crate) const SET_UP_FILE: Key = key(
     "set_up_file",
-    Kind::Text,
+    ValueKind::Text,
     "a file with tables of a set-up, for the keys that this file leaves out; relative to this file",
 );
 
@@ -33,7 +33,7 @@ const fn positive(table: Table) -> Table {
 
 /// Where a damper is mounted on a structure with several places.
 pub(crate) const PLACE: [Key; 2] = [
-    key("place", Kind::Text, "the place of a structure with several, by its name"),
+    key("place", ValueKind::Text, "the place of a structure with several, by its name"),
     number("position_m", NotNegative, "the place on a beam, from its first support"),
 ];
 
@@ -49,7 +49,7 @@ pub const ALL_TABLES: &[Table] = &{
 };
 
 /// The tables of a set-up, where each may be left out: at the top of a campaign for all its set-ups, and in a set-up file.
-pub(crate) const PARTS: [Quantity; 4] = [
+pub(crate) const PARTS: [KeyedQuantity; 4] = [
     set_up::STRUCTURE.optional(),
     set_up::PARTICLE.optional(),
     set_up::FRICTION_DAMPER.optional(),
@@ -67,10 +67,10 @@ tables! {
         GRAVITY: Default(Number(GRAVITY_M_PER_S2)), [
             number("gravity_m_per_s2", NotNegative, "g in the weight of the particle, and so in the friction between particle and structure").usual(9.7, 9.9),
         ];
-        STRUCTURE: RequiredUnless("the file of `set_up_file` has it"), [key("structure", Kind::Table, "the structure: mass, stiffness, damping")];
-        PARTICLE: Optional, [key("particle", Kind::OneOrMoreTables, "the impact damper")];
-        FRICTION_DAMPER: Optional, [key("friction_damper", Kind::OneOrMoreTables, "the friction damper, between structure and base")];
-        TMD: If(&PARTICLE, "particle", &Forbidden, &Optional), [key("tmd", Kind::OneOrMoreTables, "the tuned mass damper")];
+        STRUCTURE: RequiredUnless("the file of `set_up_file` has it"), [key("structure", ValueKind::Table, "the structure: mass, stiffness, damping")];
+        PARTICLE: Optional, [key("particle", ValueKind::OneOrMoreTables, "the impact damper")];
+        FRICTION_DAMPER: Optional, [key("friction_damper", ValueKind::OneOrMoreTables, "the friction damper, between structure and base")];
+        TMD: If(&PARTICLE, "particle", &Forbidden, &Optional), [key("tmd", ValueKind::OneOrMoreTables, "the tuned mass damper")];
     }
 
     "The structure: a mass on a spring and a viscous damper."
@@ -100,10 +100,10 @@ tables! {
             number("friction_coefficient", NotNegative, "μi of the dry friction between particle and structure").usual(0.0, 0.6),
         ];
         WALL: Required, [
-            key("wall", Kind::Table, "both walls, e.g. wall = { kind = \"restitution\", coefficient = 0.5 }"),
+            key("wall", ValueKind::Table, "both walls, e.g. wall = { kind = \"restitution\", coefficient = 0.5 }"),
         ];
         POSITIVE_WALL: Optional, [
-            key("positive_wall", Kind::Table, "the wall at the positive side, where it differs from `wall`: all its keys"),
+            key("positive_wall", ValueKind::Table, "the wall at the positive side, where it differs from `wall`: all its keys"),
         ];
         OFFSET: Default(Number(0.0)), [
             number("offset_m", Any, "y − x in the middle between the walls: they are at y − x = offset ± d").usual(-0.5, 0.5),
@@ -123,10 +123,10 @@ tables! {
         COEFFICIENT: Required, [
             number("coefficient", Between(0.0, 1.0), "e, the coefficient of restitution; with an exponent, that at the reference speed")
                 .usual(0.05, 0.98),
-            key("coefficients", Kind::Numbers(Between(0.0, 1.0)), "e at each of `speeds_m_per_s`, 2 to 6 numbers less than 1: linear in the approach speed between them, constant beyond"),
+            key("coefficients", ValueKind::Numbers(Between(0.0, 1.0)), "e at each of `speeds_m_per_s`, 2 to 6 numbers less than 1: linear in the approach speed between them, constant beyond"),
         ];
         SPEEDS: If(&COEFFICIENT, "coefficients", &Required, &Forbidden), [
-            key("speeds_m_per_s", Kind::Numbers(Positive), "approach speeds of `coefficients`, rising").usual(0.001, 20.0),
+            key("speeds_m_per_s", ValueKind::Numbers(Positive), "approach speeds of `coefficients`, rising").usual(0.001, 20.0),
         ];
         EXPONENT: If(&COEFFICIENT, "coefficients", &Forbidden, &Optional), [
             number("exponent", Between(0.0, 1.0), "p of e(v) = min(coefficient·(v/reference speed)^(−p), maximum), with the approach speed v; without it e is the same at every speed")
@@ -214,14 +214,14 @@ tables! {
     "A dry friction damper between structure and base."
     friction_damper("friction_damper") {
         FORCE: Required, [
-            key("spring", Kind::Table, "a spring that the rig tunes presses the block"),
+            key("spring", ValueKind::Table, "a spring that the rig tunes presses the block"),
             number("force_n", NotNegative, "F, the friction force while slipping").usual(0.0, 1000.0),
             number("friction_ratio", NotNegative, "γF = F/(kZ), the friction force over stiffness times base amplitude")
                 .usual(0.0, 2.0),
         ];
         PLACE: Optional, [super::PLACE[0], super::PLACE[1]];
         OTHER_PLACE: Optional, [
-            key("other_place", Kind::Text, "the place of its other end, by its name; the base when left out"),
+            key("other_place", ValueKind::Text, "the place of its other end, by its name; the base when left out"),
             number("other_position_m", NotNegative, "the place of its other end on a beam; the base when left out"),
         ];
     }

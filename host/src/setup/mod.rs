@@ -14,11 +14,11 @@ use damprig_core::model::{Cavity, SetUp, Structure, Tmd, Tuning};
 use toml::de::DeTable;
 
 use crate::input::Section;
-use crate::input::key::{Key, Kind, Quantity};
+use crate::input::key::{Key, KeyedQuantity, ValueKind};
 use crate::input::section::Given;
 use crate::structure::Places;
 use keys::{friction_damper, particle, set_up, spring, structure, tmd};
-use spec::{Friction, ParticleSpec, Place, Relative};
+use spec::{FrictionSpec, ParticleSpec, Relative, StartPlace};
 use walls::read_wall;
 
 pub use contact::{StatedContact, contacts_of, hertz_as_hard};
@@ -45,12 +45,12 @@ pub enum BaseAmplitude {
 
 /// Keys at the top of a file, for all its set-ups, completed by those of its set-up file.
 #[derive(Clone, Debug, Default)]
-pub struct Shared<'a> {
+pub struct SharedKeys<'a> {
     tables: Vec<(&'static str, DeTable<'a>)>,
     gravity_m_per_s2: Option<f64>,
 }
 
-impl<'a> Shared<'a> {
+impl<'a> SharedKeys<'a> {
     /// The tables at the top of a file, to be inherited from key by key, and its gravity.
     #[must_use]
     pub fn of(root: &Section<'a>, file: Option<&DeTable<'a>>) -> Self {
@@ -71,11 +71,11 @@ impl<'a> Shared<'a> {
                 None => own.cloned(),
             }
         };
-        let tables = PARTS.iter().map(Quantity::name).filter_map(|name| Some((name, table(name)?))).collect();
+        let tables = PARTS.iter().map(KeyedQuantity::name).filter_map(|name| Some((name, table(name)?))).collect();
         Self { tables, gravity_m_per_s2: None }
     }
 
-    fn table(&self, quantity: &Quantity) -> Option<&DeTable<'a>> {
+    fn table(&self, quantity: &KeyedQuantity) -> Option<&DeTable<'a>> {
         self.tables.iter().find(|(name, _)| *name == quantity.name()).map(|(_, table)| table)
     }
 }
@@ -110,7 +110,7 @@ pub struct Carrier<'p> {
 /// place.
 pub fn read<'a>(
     section: &Section<'a>,
-    shared: &'a Shared<'a>,
+    shared: &'a SharedKeys<'a>,
     base: BaseAmplitude,
     sample_s: Option<f64>,
     mut carrier: Option<&mut Carrier>,
@@ -168,8 +168,8 @@ pub fn read<'a>(
 /// A table that may be left out: `Some(None)` then, `None` after a problem.
 fn part<'a, T>(
     section: &Section<'a>,
-    shared: &'a Shared<'a>,
-    quantity: &Quantity,
+    shared: &'a SharedKeys<'a>,
+    quantity: &KeyedQuantity,
     read: impl FnOnce(&Section<'a>) -> Option<T>,
 ) -> Option<Option<T>> {
     match section.table_of(quantity, shared.table(quantity)) {
@@ -202,7 +202,7 @@ pub(crate) fn other_place(s: &Section, places: &mut Places, place: Option<usize>
 }
 
 /// Refuses a place where the structure has only one.
-pub(crate) fn refuse_place(s: &Section, quantity: &Quantity) {
+pub(crate) fn refuse_place(s: &Section, quantity: &KeyedQuantity) {
     if let Some(key) = s.written(quantity) {
         let allowed = "is for a structure with several places: `storey`, `beam`, `mode` or `matrices` in a case, `plant` in a campaign";
         s.reject(key.name, allowed, Some("leave it out".into()));
@@ -276,7 +276,7 @@ fn mass_of((spelling, mass): (usize, f64), structure: Option<&Structure>) -> Opt
 }
 
 /// A length or a force, which the second of its keys states relative to the base amplitude.
-fn relative(s: &Section, quantity: &Quantity, base: BaseAmplitude) -> Option<Relative> {
+fn relative(s: &Section, quantity: &KeyedQuantity, base: BaseAmplitude) -> Option<Relative> {
     match s.one_of(quantity)? {
         (0, value) => Some(Relative::Absolute(value)),
         (_, ratio) => refers(s, quantity, 1, base).then_some(Relative::Ratio(ratio)),
@@ -284,9 +284,9 @@ fn relative(s: &Section, quantity: &Quantity, base: BaseAmplitude) -> Option<Rel
 }
 
 /// Whether there can be a base amplitude for the quantity's key at `place`, which is relative to one.
-fn refers(s: &Section, quantity: &Quantity, place: usize, base: BaseAmplitude) -> bool {
+fn refers(s: &Section, quantity: &KeyedQuantity, place: usize, base: BaseAmplitude) -> bool {
     if let BaseAmplitude::Absent(why) = base {
-        let is_absolute = |key: &&Key| matches!(key.kind, Kind::Number(_)) && !key.name.ends_with("_ratio");
+        let is_absolute = |key: &&Key| matches!(key.kind, ValueKind::Number(_)) && !key.name.ends_with("_ratio");
         let absolute = quantity.keys.iter().find(is_absolute).map_or("", |key| key.name);
         let help = format!("write `{absolute}`, or give Z as `base_amplitude_m` at the top of the case");
         s.reject(quantity.keys[place].name, format!("is relative to Z, and {why}"), Some(help));
@@ -306,9 +306,9 @@ fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude
     let (offset_m, inclination_deg) = (s.scalar(&particle::OFFSET), s.scalar(&particle::INCLINATION));
     let place = match s.given(&particle::START) {
         Some((_, Given::Word(word))) => {
-            Some([0.0, -1.0, 1.0].get(word).map_or(Place::Unknown, |share| Place::Share(*share)))
+            Some([0.0, -1.0, 1.0].get(word).map_or(StartPlace::Unknown, |share| StartPlace::Share(*share)))
         }
-        Some((_, Given::Number(start))) => Some(Place::Metres(start)),
+        Some((_, Given::Number(start))) => Some(StartPlace::Metres(start)),
         _ => None,
     };
     let room = match (clearance, base) {
@@ -316,7 +316,7 @@ fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude
         (Some(Relative::Absolute(clearance)), _) => Some(clearance),
         _ => None,
     };
-    if let (Some(Place::Metres(start)), Some(room), Some(offset_m)) = (place, room, offset_m)
+    if let (Some(StartPlace::Metres(start)), Some(room), Some(offset_m)) = (place, room, offset_m)
         && (start - offset_m).abs() > room
     {
         let (low, high) = (offset_m - room, offset_m + room);
@@ -346,16 +346,16 @@ fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude
         },
         contacts: [contact, positive_wall.map_or(contact, |(_, contact)| contact)],
         place: place?,
-        is_placed: s.is_given(&particle::START) && place != Some(Place::Unknown),
+        is_placed: s.is_given(&particle::START) && place != Some(StartPlace::Unknown),
     })
 }
 
-fn read_friction(s: &Section, base: BaseAmplitude) -> Option<Friction> {
+fn read_friction(s: &Section, base: BaseAmplitude) -> Option<FrictionSpec> {
     let friction = match s.given(&friction_damper::FORCE) {
-        Some((_, Given::Table(spring))) => read_spring(&spring, base).map(Friction::Tuned),
-        Some((1, Given::Number(force))) => Some(Friction::Constant(Relative::Absolute(force))),
+        Some((_, Given::Table(spring))) => read_spring(&spring, base).map(FrictionSpec::Tuned),
+        Some((1, Given::Number(force))) => Some(FrictionSpec::Constant(Relative::Absolute(force))),
         Some((place, Given::Number(ratio))) if refers(s, &friction_damper::FORCE, place, base) => {
-            Some(Friction::Constant(Relative::Ratio(ratio)))
+            Some(FrictionSpec::Constant(Relative::Ratio(ratio)))
         }
         _ => None,
     };

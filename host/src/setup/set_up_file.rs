@@ -15,7 +15,7 @@ use super::keys::{PARTS, SET_UP_FILE, set_up};
 use crate::failure::Failure;
 use crate::input::key::Need::{Optional, Required};
 use crate::input::key::Range::Any;
-use crate::input::key::{Kind, Quantity, Table, key, number, tables};
+use crate::input::key::{KeyedQuantity, Table, ValueKind, key, number, tables};
 use crate::input::{Section, Source};
 
 /// The list of a set-up file that says where its values come from.
@@ -30,25 +30,25 @@ tables! {
         PARTICLE: Optional, [set_up::PARTICLE.keys[0]];
         FRICTION_DAMPER: Optional, [set_up::FRICTION_DAMPER.keys[0]];
         TMD: Optional, [set_up::TMD.keys[0]];
-        IDENTIFIED: Optional, [key("identified", Kind::Tables, "where the values of the file come from, an entry for each")];
+        IDENTIFIED: Optional, [key("identified", ValueKind::Tables, "where the values of the file come from, an entry for each")];
     }
 
     "Where a value comes from; `damprig identify` writes it."
     identified("identified") {
-        KEY: Required, [key("key", Kind::Text, "the key that was identified, with its table")];
+        KEY: Required, [key("key", ValueKind::Text, "the key that was identified, with its table")];
         VALUE: Required, [number("value", Any, "the value as identified, in the key's unit")];
         UNCERTAINTY: Required, [number("standard_uncertainty", Any, "its standard uncertainty")];
-        INTERVAL: Required, [key("interval_95", Kind::Numbers(Any), "both ends of the 95 % interval")];
-        UNIT: Optional, [key("unit", Kind::Text, "unit of the value")];
-        METHOD: Optional, [key("method", Kind::Text, "method of the identification")];
-        TAKEN_FROM: Required, [key("taken_from", Kind::Text, "the run or file that it was taken from")];
-        DATE: Optional, [key("date", Kind::Text, "when it was identified")];
-        DAMPRIG: Optional, [key("damprig", Kind::Text, "program that identified it")];
+        INTERVAL: Required, [key("interval_95", ValueKind::Numbers(Any), "both ends of the 95 % interval")];
+        UNIT: Optional, [key("unit", ValueKind::Text, "unit of the value")];
+        METHOD: Optional, [key("method", ValueKind::Text, "method of the identification")];
+        TAKEN_FROM: Required, [key("taken_from", ValueKind::Text, "the run or file that it was taken from")];
+        DATE: Optional, [key("date", ValueKind::Text, "when it was identified")];
+        DAMPRIG: Optional, [key("damprig", ValueKind::Text, "program that identified it")];
     }
 }
 
 /// The key of a campaign or a case that names the file.
-const NAMED: Quantity = Quantity { keys: &[SET_UP_FILE], need: Optional };
+const NAMED: KeyedQuantity = KeyedQuantity { keys: &[SET_UP_FILE], need: Optional };
 
 /// Where a value of a set-up file comes from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -14,7 +14,7 @@ pub(super) enum Relative {
 
 /// Position of the particle at the start.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Place {
+pub(super) enum StartPlace {
     /// Share of the clearance from the centre, −1 to 1.
     Share(f64),
     /// y − x, m.
@@ -31,7 +31,7 @@ pub(super) struct ParticleSpec {
     pub(super) wall: Wall,
     pub(super) cavity: Cavity,
     pub(super) contacts: [Option<StatedContact>; 2],
-    pub(super) place: Place,
+    pub(super) place: StartPlace,
     /// The position was written, not left to its default.
     pub(super) is_placed: bool,
 }
@@ -47,7 +47,7 @@ impl ParticleSpec {
 
 /// A friction damper of constant force, or one whose spring the rig adjusts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Friction {
+pub(super) enum FrictionSpec {
     Constant(Relative),
     Tuned(SpringSpec),
 }
@@ -102,7 +102,7 @@ impl SpringSpec {
 pub struct SetUpSpec {
     pub(super) structure: Structure,
     pub(super) particle: Option<ParticleSpec>,
-    pub(super) friction: Option<Friction>,
+    pub(super) friction: Option<FrictionSpec>,
     pub(super) tmd: Option<Tmd>,
     pub(super) gravity_m_per_s2: f64,
     pub(super) is_force_driven: bool,
@@ -111,7 +111,7 @@ pub struct SetUpSpec {
 impl SetUpSpec {
     /// Completes the spring properties that the campaign does not state from the board's settings.
     pub(crate) fn on_board(&mut self, board: &SpringConfig) {
-        let Some(Friction::Tuned(spring)) = &mut self.friction else { return };
+        let Some(FrictionSpec::Tuned(spring)) = &mut self.friction else { return };
         let [friction, stiffness] = spring.stated();
         spring.friction_coefficient = friction.unwrap_or(f64::from(board.friction_coefficient));
         spring.stiffness_n_per_m = stiffness.unwrap_or(f64::from(board.stiffness_n_per_m));
@@ -132,9 +132,9 @@ impl SetUpSpec {
             }),
             friction_damper: self.friction.map(|friction| FrictionDamper {
                 force_n: match friction {
-                    Friction::Constant(Relative::Absolute(force)) => force,
-                    Friction::Constant(Relative::Ratio(ratio)) => ratio * stiffness_n_per_m * base_amplitude_m,
-                    Friction::Tuned(spring) => {
+                    FrictionSpec::Constant(Relative::Absolute(force)) => force,
+                    FrictionSpec::Constant(Relative::Ratio(ratio)) => ratio * stiffness_n_per_m * base_amplitude_m,
+                    FrictionSpec::Tuned(spring) => {
                         spring.friction_coefficient * spring.normal_force_n(stiffness_n_per_m, base_amplitude_m)
                     }
                 },
@@ -155,8 +155,8 @@ impl SetUpSpec {
     #[must_use]
     pub fn is_relative(&self) -> bool {
         let by_friction = match self.friction {
-            Some(Friction::Constant(force)) => matches!(force, Relative::Ratio(_)),
-            Some(Friction::Tuned(spring)) => matches!(spring.target, SpringTarget::FrictionRatio(_)),
+            Some(FrictionSpec::Constant(force)) => matches!(force, Relative::Ratio(_)),
+            Some(FrictionSpec::Tuned(spring)) => matches!(spring.target, SpringTarget::FrictionRatio(_)),
             None => false,
         };
         by_friction || self.particle.is_some_and(|p| matches!(p.clearance, Relative::Ratio(_)))
@@ -166,23 +166,23 @@ impl SetUpSpec {
     #[must_use]
     pub fn particle_start_m(&self, base_amplitude_m: f64) -> f64 {
         self.particle.map_or(0.0, |p| match p.place {
-            Place::Share(share) => p.cavity.offset_m + share * p.clearance_m(base_amplitude_m),
-            Place::Metres(start) => start,
-            Place::Unknown => p.cavity.offset_m,
+            StartPlace::Share(share) => p.cavity.offset_m + share * p.clearance_m(base_amplitude_m),
+            StartPlace::Metres(start) => start,
+            StartPlace::Unknown => p.cavity.offset_m,
         })
     }
 
     /// Whether the particle may start anywhere.
     #[must_use]
     pub fn is_start_unknown(&self) -> bool {
-        self.particle.is_some_and(|p| p.place == Place::Unknown)
+        self.particle.is_some_and(|p| p.place == StartPlace::Unknown)
     }
 
     /// The same with a particle that starts at this share of the clearance from the centre, −1 to 1.
     #[must_use]
     pub fn starting_at(mut self, share: f64) -> Self {
         if let Some(particle) = &mut self.particle {
-            particle.place = Place::Share(share);
+            particle.place = StartPlace::Share(share);
         }
         self
     }
@@ -222,7 +222,7 @@ impl SetUpSpec {
     #[must_use]
     pub fn spring(&self) -> Option<SpringSpec> {
         match self.friction {
-            Some(Friction::Tuned(spring)) => Some(spring),
+            Some(FrictionSpec::Tuned(spring)) => Some(spring),
             _ => None,
         }
     }

@@ -5,7 +5,7 @@
 
 use super::number::finite;
 use super::unit::STANDARD_GRAVITY;
-use super::{Axis, Contents, Signal};
+use super::{Contents, Signal, SignalAxis};
 
 /// Header lines that are searched at most.
 const HEADER_LINES: usize = 6;
@@ -28,7 +28,7 @@ pub(super) fn is_one(text: &str) -> bool {
 pub(super) fn parse(text: &str) -> Result<Contents, String> {
     let At2 { step_s, values } = at2(text, None, |unit_si, _, value| Ok(unit_si * value))?;
     let title = text.lines().nth(1).unwrap_or_default().trim();
-    let signal = Signal::new("acceleration", "m/s2", Axis::Time { start_s: 0.0, step_s }, values);
+    let signal = Signal::new("acceleration", "m/s2", SignalAxis::Time { start_s: 0.0, step_s }, values);
     Ok(Contents { kind: "PEER record (AT2)", signals: vec![signal], remarks: vec![title.into()] })
 }
 

@@ -1,11 +1,11 @@
 //! Signals of named columns of numbers, of which one may be the times.
 
 use super::complex::{frequencies, frequency_column, paired};
-use super::unit::{Kind, Unit};
-use super::{Axis, Signal};
+use super::unit::{Unit, UnitKind};
+use super::{Signal, SignalAxis};
 
 /// A column: name, unit as the file writes it, values, imaginary parts.
-pub(super) struct Column {
+pub(super) struct FileColumn {
     pub(super) name: String,
     pub(super) unit_text: String,
     pub(super) values: Vec<f64>,
@@ -14,12 +14,12 @@ pub(super) struct Column {
 
 /// A signal of each column. Columns that are as long as a column of times in a unit of time have these times; others, that are as long
 /// as one of frequencies in Hz, have these. Two columns of the parts of a complex value are one signal.
-pub(super) fn signals(columns: Vec<Column>, remarks: &mut Vec<String>) -> Vec<Signal> {
-    let is_time = |column: &Column| {
-        Unit::of(&column.unit_text).is_some_and(|unit| unit.kind == Kind::Time) && column.imaginary.is_none()
+pub(super) fn signals(columns: Vec<FileColumn>, remarks: &mut Vec<String>) -> Vec<Signal> {
+    let is_time = |column: &FileColumn| {
+        Unit::of(&column.unit_text).is_some_and(|unit| unit.kind == UnitKind::Time) && column.imaginary.is_none()
     };
     let columns = columns.into_iter().filter(|column| !column.values.is_empty());
-    let (times, others): (Vec<Column>, Vec<Column>) = columns.partition(is_time);
+    let (times, others): (Vec<FileColumn>, Vec<FileColumn>) = columns.partition(is_time);
     for time in &times {
         if !time.values.windows(2).all(|pair| pair[1] > pair[0]) {
             remarks.push(format!("The times {:?} do not always rise: they are not used.", time.name));
@@ -30,7 +30,7 @@ pub(super) fn signals(columns: Vec<Column>, remarks: &mut Vec<String>) -> Vec<Si
             .iter()
             .find(|time| time.values.len() == length && time.values.windows(2).all(|pair| pair[1] > pair[0]))?;
         let si = Unit::of(&own.unit_text).map_or(1.0, |unit| unit.si);
-        Some(Axis::of_times(own.values.iter().map(|t| t * si).collect()))
+        Some(SignalAxis::of_times(own.values.iter().map(|t| t * si).collect()))
     };
     let frequency = |length: usize| {
         let of_length =
@@ -44,7 +44,7 @@ pub(super) fn signals(columns: Vec<Column>, remarks: &mut Vec<String>) -> Vec<Si
             (Some(axis), _) => axis,
             (None, Some((own, _))) if own == n => continue,
             (None, Some((own, si))) => frequencies(&others[own].values, si),
-            (None, None) => Axis::Unknown("the file states no times with a unit for it".into()),
+            (None, None) => SignalAxis::Unknown("the file states no times with a unit for it".into()),
         };
         let mut signal = Signal::new(column.name.clone(), column.unit_text.clone(), axis, column.values.clone());
         signal.imaginary.clone_from(&column.imaginary);

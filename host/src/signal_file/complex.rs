@@ -1,28 +1,28 @@
 //! Complex signals that a file keeps as two columns: real and imaginary part, or magnitude and phase.
 
-use super::unit::{Kind, Unit};
-use super::{Axis, Signal};
+use super::unit::{Unit, UnitKind};
+use super::{Signal, SignalAxis};
 
 /// Part of a complex value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Part {
+enum ComplexPart {
     Real,
     Imaginary,
     Phase,
 }
 
 /// Ends of names. Between name and end there may be a blank, a line, a point or brackets: `h_real`, `H (imag)`, `Re(H)`.
-const ENDS: &[(&str, Part)] = &[
-    ("real", Part::Real),
-    ("re", Part::Real),
-    ("imaginary", Part::Imaginary),
-    ("imag", Part::Imaginary),
-    ("im", Part::Imaginary),
-    ("phase", Part::Phase),
+const ENDS: &[(&str, ComplexPart)] = &[
+    ("real", ComplexPart::Real),
+    ("re", ComplexPart::Real),
+    ("imaginary", ComplexPart::Imaginary),
+    ("imag", ComplexPart::Imaginary),
+    ("im", ComplexPart::Imaginary),
+    ("phase", ComplexPart::Phase),
 ];
 
 /// Name of the complex value and the part, of a column's name.
-fn part(name: &str) -> Option<(String, Part)> {
+fn part(name: &str) -> Option<(String, ComplexPart)> {
     let name = name.trim().to_lowercase();
     let separates = |c: char| " _-.()[]/".contains(c);
     ENDS.iter().find_map(|(word, part)| {
@@ -52,7 +52,7 @@ pub(super) fn has_parts<'n>(mut names: impl Iterator<Item = &'n str>) -> bool {
 }
 
 fn is_angle(signal: &Signal) -> bool {
-    signal.kind() == Some(Kind::Angle)
+    signal.kind() == Some(UnitKind::Angle)
 }
 
 /// Places of two columns that make a complex signal, and its name.
@@ -63,9 +63,9 @@ fn pair(signals: &[Signal]) -> Option<(usize, usize, String)> {
     for (n, upper) in signals.iter().enumerate().filter(|(_, signal)| is_free(signal)) {
         let Some((stem, own)) = part(&upper.name) else { continue };
         match own {
-            Part::Real => {
+            ComplexPart::Real => {
                 let is_other = |other: &Signal| {
-                    part(&other.name) == Some((stem.clone(), Part::Imaginary))
+                    part(&other.name) == Some((stem.clone(), ComplexPart::Imaginary))
                         && fits(upper, other)
                         && (other.unit_text == upper.unit_text || other.unit_text.is_empty())
                 };
@@ -73,7 +73,7 @@ fn pair(signals: &[Signal]) -> Option<(usize, usize, String)> {
                     return Some((n, at, if stem.is_empty() { "complex".into() } else { stem }));
                 }
             }
-            Part::Phase if is_angle(upper) => {
+            ComplexPart::Phase if is_angle(upper) => {
                 // A phase without a name is that of the only other column.
                 let others: Vec<usize> = (0..signals.len())
                     .filter(|at| {
@@ -116,7 +116,7 @@ pub(super) fn paired(mut signals: Vec<Signal>) -> Vec<Signal> {
 
 /// The frequencies among columns of names and units, and Hz per unit: the only column in Hz, or the only one of the name frequency.
 pub(super) fn frequency_column<'c>(columns: impl Iterator<Item = (usize, &'c str, &'c str)>) -> Option<(usize, f64)> {
-    let unit = |text: &str| Unit::of(text).filter(|unit| unit.kind == Kind::Frequency);
+    let unit = |text: &str| Unit::of(text).filter(|unit| unit.kind == UnitKind::Frequency);
     let all: Vec<(usize, &str, f64)> = columns.filter_map(|(n, name, text)| Some((n, name, unit(text)?.si))).collect();
     let named: Vec<_> = all
         .iter()
@@ -129,6 +129,6 @@ pub(super) fn frequency_column<'c>(columns: impl Iterator<Item = (usize, &'c str
 }
 
 /// The axis of columns whose frequencies a file states.
-pub(super) fn frequencies(values: &[f64], si: f64) -> Axis {
-    Axis::Frequencies(values.iter().map(|value| value * si).collect())
+pub(super) fn frequencies(values: &[f64], si: f64) -> SignalAxis {
+    SignalAxis::Frequencies(values.iter().map(|value| value * si).collect())
 }

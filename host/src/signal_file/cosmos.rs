@@ -4,7 +4,7 @@
 //! The time step is the 62nd real number, in ms, which is that of the values; the 34th is that of the recorder, in s.
 
 use super::csmip::{AnnouncedNumbers, title};
-use super::{Axis, Contents, STRONG_MOTION, Signal};
+use super::{Contents, STRONG_MOTION, Signal, SignalAxis};
 
 /// Lines in which the header of the real numbers is looked for.
 const HEADER_LINES: usize = 60;
@@ -27,7 +27,7 @@ pub(super) fn is_one(text: &str) -> bool {
 }
 
 /// What the line before the values says.
-struct Head<'a> {
+struct CosmosHeader<'a> {
     count: usize,
     what: &'static str,
     unit: &'static str,
@@ -35,7 +35,7 @@ struct Head<'a> {
     width: Option<usize>,
 }
 
-fn head(line: &str) -> Option<Head<'_>> {
+fn head(line: &str) -> Option<CosmosHeader<'_>> {
     let (before, after) = line.split_once(" pts")?;
     let (count, quantity) = before.trim_start().split_once(' ')?;
     let lower = quantity.to_ascii_lowercase();
@@ -56,7 +56,7 @@ fn head(line: &str) -> Option<Head<'_>> {
         ("inches", "in"),
     ];
     let unit = units.into_iter().find(|(text, _)| stated_unit.eq_ignore_ascii_case(text)).map_or("", |(_, unit)| unit);
-    Some(Head { count: count.parse().ok()?, what, unit, stated_unit, width: width(after) })
+    Some(CosmosHeader { count: count.parse().ok()?, what, unit, stated_unit, width: width(after) })
 }
 
 /// Width of a value in `Format=(8F10.3)`, `(10I8)`, `(6E12.3)`.
@@ -87,7 +87,7 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
             let step_s = step_s.ok_or_else(|| {
                 format!("line {}: the time step of the values is missing: the 62nd real number of the header states it in ms", at + 1)
             })?;
-            let mut signal = Signal::new(head.what, head.unit, Axis::Time { start_s: 0.0, step_s }, values);
+            let mut signal = Signal::new(head.what, head.unit, SignalAxis::Time { start_s: 0.0, step_s }, values);
             if head.unit.is_empty() {
                 signal.unit_text = head.stated_unit.into();
                 signal.remark =

@@ -2,13 +2,13 @@
 //! `5696 points of accel data equally spaced at .010 sec, in cm/sec2. (8f10.7)`.
 
 use super::number::fortran;
-use super::{Axis, Contents, STRONG_MOTION, Signal};
+use super::{Contents, STRONG_MOTION, Signal, SignalAxis};
 
 /// Lines in which the first such line is looked for.
 const HEADER_LINES: usize = 120;
 
 /// What the line before the values says.
-struct Head {
+struct CsmipHeader {
     count: usize,
     step_s: f64,
     name: &'static str,
@@ -17,7 +17,7 @@ struct Head {
     width: Option<usize>,
 }
 
-fn head(line: &str) -> Option<Head> {
+fn head(line: &str) -> Option<CsmipHeader> {
     let lower = line.to_ascii_lowercase();
     let (before, after) = lower.split_once(" points of ")?;
     let (what, after) = after.split_once("equally spaced at")?;
@@ -35,7 +35,7 @@ fn head(line: &str) -> Option<Head> {
         .split_once('(')
         .and_then(|(_, form)| form.split_once('f'))
         .and_then(|(_, form)| form.split_once('.').and_then(|(width, _)| width.parse().ok()));
-    Some(Head {
+    Some(CsmipHeader {
         count: before.trim().parse().ok()?,
         step_s: after.split_whitespace().next()?.parse().ok().filter(|step: &f64| *step > 0.0)?,
         name,
@@ -56,7 +56,7 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
     while let Some((at, line)) = lines.next() {
         let Some(head) = head(line) else { continue };
         let values = AnnouncedNumbers { at, count: head.count, width: head.width }.read(&mut lines)?;
-        signals.push(Signal::new(head.name, head.unit, Axis::Time { start_s: 0.0, step_s: head.step_s }, values));
+        signals.push(Signal::new(head.name, head.unit, SignalAxis::Time { start_s: 0.0, step_s: head.step_s }, values));
     }
     Ok(Contents { kind: STRONG_MOTION, signals, remarks: title(text, 4, 8) })
 }

@@ -6,8 +6,8 @@ use std::io::{BufRead, Read};
 use super::complex::{frequencies, frequency_column, has_parts, paired};
 use super::even::uneven;
 use super::number::{finite, is_name};
-use super::unit::{Kind, Unit, of_column};
-use super::{Axis, Contents, Signal, TABLE};
+use super::unit::{Unit, UnitKind, of_column};
+use super::{Contents, Signal, SignalAxis, TABLE};
 
 /// Bytes from which the dialect of a table is determined.
 pub const SAMPLE_BYTES: usize = 1 << 16;
@@ -17,7 +17,7 @@ const MAX_PREAMBLE: usize = 100;
 
 /// A column of a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Column {
+pub struct DelimitedColumn {
     /// Its name without a unit; its number from 1 in a table without a header.
     pub name: String,
     /// Its unit as the file writes it; empty if it writes none.
@@ -30,7 +30,7 @@ pub struct Dialect {
     delimiter: char,
     has_decimal_comma: bool,
     /// Its columns.
-    pub columns: Vec<Column>,
+    pub columns: Vec<DelimitedColumn>,
     /// The column of the times, if the file states one with its unit, and seconds per unit.
     pub time: Option<(usize, f64)>,
     /// In a table without times the column of the frequencies, if the file states one with its unit, and Hz per unit.
@@ -74,18 +74,19 @@ impl Dialect {
         let rows_width = widest.min(fields(lines[first].1, delimiter).count());
         let has_decimal_comma =
             lines[first..].iter().flat_map(|(_, line)| split(line, delimiter)).any(|field| field.contains(','));
-        let Head { at: header_at, names: header, units } = Head::of(&lines[..first], delimiter, rows_width)?;
+        let DelimitedHeader { at: header_at, names: header, units } =
+            DelimitedHeader::of(&lines[..first], delimiter, rows_width)?;
         let width = header.as_ref().map_or(rows_width, |names| names.len().max(rows_width));
         let column = |n: usize| match (&header, &units) {
-            (Some(names), Some(units)) => Column {
+            (Some(names), Some(units)) => DelimitedColumn {
                 name: names[n].trim().into(),
                 unit_text: units.get(n).map_or("", String::as_str).trim().trim_matches(['(', ')', '[', ']']).into(),
             },
             (Some(names), None) => {
                 let (name, unit_text) = of_column(&names[n]);
-                Column { name, unit_text }
+                DelimitedColumn { name, unit_text }
             }
-            (None, _) => Column { name: numbered(n), unit_text: String::new() },
+            (None, _) => DelimitedColumn { name: numbered(n), unit_text: String::new() },
         };
         let mut remarks = Vec::new();
         if has_decimal_comma {
@@ -101,7 +102,7 @@ impl Dialect {
                 lines[0].1.trim()
             ));
         }
-        let columns: Vec<Column> = (0..width).map(column).collect();
+        let columns: Vec<DelimitedColumn> = (0..width).map(column).collect();
         let time = time_column(&columns)?;
         let named = columns.iter().enumerate().map(|(n, column)| (n, column.name.as_str(), column.unit_text.as_str()));
         let frequency = frequency_column(named).filter(|_| time.is_none());
@@ -134,8 +135,8 @@ fn numbered(n: usize) -> String {
 }
 
 /// The column of the times, and seconds per unit.
-fn time_column(columns: &[Column]) -> Result<Option<(usize, f64)>, String> {
-    let unit = |column: &Column| Unit::of(&column.unit_text).filter(|unit| unit.kind == Kind::Time);
+fn time_column(columns: &[DelimitedColumn]) -> Result<Option<(usize, f64)>, String> {
+    let unit = |column: &DelimitedColumn| Unit::of(&column.unit_text).filter(|unit| unit.kind == UnitKind::Time);
     let found: Vec<(usize, f64)> =
         columns.iter().enumerate().filter_map(|(n, column)| Some((n, unit(column)?.si))).collect();
     match found[..] {
@@ -150,14 +151,14 @@ fn time_column(columns: &[Column]) -> Result<Option<(usize, f64)>, String> {
 
 /// What stands above the first row of numbers.
 #[derive(Default)]
-struct Head {
+struct DelimitedHeader {
     /// Place of the names among the lines.
     at: Option<usize>,
     names: Option<Vec<String>>,
     units: Option<Vec<String>>,
 }
 
-impl Head {
+impl DelimitedHeader {
     /// Finds the nearest line of names, and a line of units between it and the first row.
     fn of(above: &[(usize, &str)], delimiter: char, rows_width: usize) -> Result<Self, String> {
         let Some((last, before)) = above.split_last() else { return Ok(Self::default()) };
@@ -260,7 +261,7 @@ fn is_unit(field: &str) -> bool {
 }
 
 /// The rows of a table, one after another, in constant memory.
-pub struct Rows<'d, R> {
+pub struct DelimitedRows<'d, R> {
     text: R,
     bytes: Vec<u8>,
     dialect: &'d Dialect,
@@ -272,7 +273,7 @@ pub struct Rows<'d, R> {
 /// Longest line, bytes: a binary file without line ends is no table.
 const MAX_LINE: u64 = 1 << 20;
 
-impl<'d, R: BufRead> Rows<'d, R> {
+impl<'d, R: BufRead> DelimitedRows<'d, R> {
     /// The rows of a text from its beginning; passes over the lines before them.
     pub fn new(text: R, dialect: &'d Dialect) -> Self {
         let time = dialect.time.map(|(column, _)| (column, f64::NEG_INFINITY));
@@ -373,7 +374,7 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
     let abscissa = time.or(dialect.frequency);
     let mut columns = vec![Vec::new(); width];
     let mut values = Vec::new();
-    let mut rows = Rows::new(text.as_bytes(), &dialect);
+    let mut rows = DelimitedRows::new(text.as_bytes(), &dialect);
     while rows.next(&mut values)? {
         columns.iter_mut().zip(&values).for_each(|(column, value)| column.push(*value));
     }
@@ -391,9 +392,9 @@ pub(super) fn parse(text: &str) -> Result<Contents, String> {
             continue;
         }
         let axis = match (time, dialect.frequency) {
-            (Some(_), _) => Axis::of_times(places),
+            (Some(_), _) => SignalAxis::of_times(places),
             (None, Some(_)) => frequencies(&places, 1.0),
-            (None, None) => Axis::Unknown("the file states no times with a unit".into()),
+            (None, None) => SignalAxis::Unknown("the file states no times with a unit".into()),
         };
         let mut signal = Signal::new(own.name.clone(), own.unit_text.clone(), axis, kept);
         signal.remark = remark(&signal, missing);
@@ -415,7 +416,7 @@ fn remark(signal: &Signal, missing: usize) -> Option<String> {
     if missing > 0 {
         parts.push(format!("{missing} values are missing"));
     }
-    if let Axis::Times(times_s) = &signal.axis {
+    if let SignalAxis::Times(times_s) = &signal.axis {
         parts.push(uneven(times_s));
     }
     (!parts.is_empty()).then(|| parts.join("; "))

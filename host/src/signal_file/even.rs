@@ -1,6 +1,6 @@
 //! Signals at an even time step: as they are, or resampled where their times jitter.
 
-use super::{Axis, Signal};
+use super::{Signal, SignalAxis};
 
 /// How uneven times are: the longest gap, or the jitter.
 pub(super) fn uneven(times_s: &[f64]) -> String {
@@ -44,12 +44,12 @@ impl Signal {
             return Err(format!("{}: value {} is {}, no number", self.name, n + 1, self.values[n]));
         }
         let times_s = match &self.axis {
-            Axis::Time { start_s, step_s } => {
+            SignalAxis::Time { start_s, step_s } => {
                 let (start_s, step_s) = (*start_s, *step_s);
                 return Ok(EvenSignal { start_s, step_s, values: self.values.clone(), rms_error: 0.0 });
             }
-            Axis::Times(times_s) => times_s,
-            Axis::Unknown(why) => return Err(format!("{}: {why}", self.name)),
+            SignalAxis::Times(times_s) => times_s,
+            SignalAxis::Unknown(why) => return Err(format!("{}: {why}", self.name)),
             _ => return Err(format!("{}: its values are over frequency, not over time", self.name)),
         };
         if times_s.len() < 5 {

@@ -6,7 +6,7 @@ use flate2::read::ZlibDecoder;
 use hdf5_pure::{AttrValue, CompoundField, CompoundType, Dataset, Datatype, File, FormatError, Group};
 
 use super::Contents;
-use super::columns::{Column, signals};
+use super::columns::{FileColumn, signals};
 use super::unit::of_column;
 
 /// Bytes that a compressed variable may unpack to.
@@ -133,7 +133,7 @@ fn variable(
     is_little: bool,
     parent: &str,
     depth: usize,
-    columns: &mut Vec<Column>,
+    columns: &mut Vec<FileColumn>,
     remarks: &mut Vec<String>,
 ) -> Result<(), String> {
     let mut parts = Elements { bytes: data, at: 0, is_little };
@@ -184,7 +184,7 @@ fn array(
     rows: usize,
     values: &[f64],
     imaginary: Option<&[f64]>,
-    columns: &mut Vec<Column>,
+    columns: &mut Vec<FileColumn>,
     remarks: &mut Vec<String>,
 ) {
     if let [only] = values {
@@ -196,7 +196,7 @@ fn array(
     let (plain, unit_text) = of_column(name);
     let several = values.len() / rows > 1;
     for (n, column) in values.chunks_exact(rows).enumerate() {
-        columns.push(Column {
+        columns.push(FileColumn {
             name: if several { format!("{plain}(:,{})", n + 1) } else { plain.clone() },
             unit_text: unit_text.clone(),
             values: column.to_vec(),
@@ -262,7 +262,7 @@ fn group(
     own: &Group,
     path: &str,
     depth: usize,
-    columns: &mut Vec<Column>,
+    columns: &mut Vec<FileColumn>,
     remarks: &mut Vec<String>,
 ) -> Result<(), hdf5_pure::Error> {
     for name in own.datasets()? {

@@ -32,9 +32,9 @@ pub use delimited::Dialect;
 pub(crate) use delimited::SAMPLE_BYTES;
 pub use even::EvenSignal;
 pub use selector::Selector;
-pub use stated::{Calibration, Sensitivity, Stated, Unsettled};
+pub use stated::{Calibration, SensorSensitivity, StatedSignal, UnknownQuantity};
 pub use tone::Tone;
-use unit::{Kind, Ratio, Unit};
+use unit::{Ratio, Unit, UnitKind};
 
 /// Size limit of a file that is read whole: an hour of sound is smaller.
 const MAX_BYTES: u64 = 2 << 30;
@@ -77,7 +77,7 @@ pub struct Signal {
     /// The unit as the file writes it; empty if it writes none.
     pub unit_text: String,
     /// Places of the values.
-    pub axis: Axis,
+    pub axis: SignalAxis,
     /// The values as the file has them, in its unit; the real part of a complex signal.
     pub values: Vec<f64>,
     /// The imaginary part of a complex signal.
@@ -90,7 +90,7 @@ pub struct Signal {
 
 /// The axis of a signal.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Axis {
+pub enum SignalAxis {
     /// Evenly spaced times, s.
     Time {
         /// First time, s.
@@ -113,7 +113,7 @@ pub enum Axis {
     Unknown(String),
 }
 
-impl Axis {
+impl SignalAxis {
     /// Evenly spaced where the times of a table are so within what their printed decimals allow, else as they are.
     fn of_times(times_s: Vec<f64>) -> Self {
         match even_step(&times_s) {
@@ -160,7 +160,7 @@ pub fn even_step(times_s: &[f64]) -> Option<f64> {
 
 impl Signal {
     /// A real signal without a remark.
-    fn new(name: impl Into<String>, unit_text: impl Into<String>, axis: Axis, values: Vec<f64>) -> Self {
+    fn new(name: impl Into<String>, unit_text: impl Into<String>, axis: SignalAxis, values: Vec<f64>) -> Self {
         let unit_text = unit_text.into();
         let unit = Unit::of(&unit_text);
         Self { name: name.into(), unit, unit_text, axis, values, imaginary: None, function: None, remark: None }
@@ -168,7 +168,7 @@ impl Signal {
 
     /// The quantity of the values, if the file states a known unit.
     #[must_use]
-    pub fn kind(&self) -> Option<Kind> {
+    pub fn kind(&self) -> Option<UnitKind> {
         self.unit.map(|unit| unit.kind)
     }
 
@@ -199,7 +199,7 @@ pub fn read(path: &Path) -> Result<Contents, Failure> {
 
 /// Kind of a file by its content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
+enum FileFormat {
     Empty,
     Utf16,
     Wav,
@@ -214,7 +214,7 @@ enum Format {
     Unknown,
 }
 
-impl Format {
+impl FileFormat {
     /// The kind, by the beginning of a file.
     fn of(bytes: &[u8]) -> Self {
         let text = || String::from_utf8_lossy(bytes);
@@ -242,24 +242,24 @@ impl Format {
 pub fn parse(bytes: &[u8]) -> Result<Contents, String> {
     let text = || String::from_utf8_lossy(bytes);
     let damaged = |said: String| Err(format!("it is damaged: {said}\n  copy or export it again"));
-    match Format::of(bytes) {
-        Format::Empty => Err("it is empty".into()),
-        Format::Utf16 => Err("it is text in UTF-16: save it as UTF-8 (in Excel: \"CSV UTF-8\")".into()),
-        Format::Wav => wav::parse(bytes),
-        Format::Parquet => without_panic(|| parquet::parse(bytes)).unwrap_or_else(damaged),
-        Format::Hdf5 => without_panic(|| mat::parse_hdf5(bytes)).unwrap_or_else(damaged),
-        Format::Mat => mat::parse(bytes),
-        Format::Uff => uff::parse(bytes),
-        Format::Csmip => csmip::parse(&text()),
-        Format::Cosmos => cosmos::parse(&text()),
-        Format::At2 => at2::parse(&text()),
-        Format::Table => delimited::parse(&text()),
-        Format::Unknown => Err(format!("this is a binary file of an unknown kind\n  known are {KINDS}")),
+    match FileFormat::of(bytes) {
+        FileFormat::Empty => Err("it is empty".into()),
+        FileFormat::Utf16 => Err("it is text in UTF-16: save it as UTF-8 (in Excel: \"CSV UTF-8\")".into()),
+        FileFormat::Wav => wav::parse(bytes),
+        FileFormat::Parquet => without_panic(|| parquet::parse(bytes)).unwrap_or_else(damaged),
+        FileFormat::Hdf5 => without_panic(|| mat::parse_hdf5(bytes)).unwrap_or_else(damaged),
+        FileFormat::Mat => mat::parse(bytes),
+        FileFormat::Uff => uff::parse(bytes),
+        FileFormat::Csmip => csmip::parse(&text()),
+        FileFormat::Cosmos => cosmos::parse(&text()),
+        FileFormat::At2 => at2::parse(&text()),
+        FileFormat::Table => delimited::parse(&text()),
+        FileFormat::Unknown => Err(format!("this is a binary file of an unknown kind\n  known are {KINDS}")),
     }
 }
 
 /// Whether bytes are text that may need a case to say what it is: a table, or a PEER record, whose header a case may correct.
 #[must_use]
 pub fn is_plain_table(bytes: &[u8]) -> bool {
-    matches!(Format::of(bytes), Format::Empty | Format::Table | Format::At2)
+    matches!(FileFormat::of(bytes), FileFormat::Empty | FileFormat::Table | FileFormat::At2)
 }

@@ -3,9 +3,9 @@
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::Path;
 
-use super::delimited::{Dialect, Rows, SAMPLE_BYTES, no_values};
-use super::unit::{Kind, Unit};
-use super::{Axis, Format, Signal, TABLE, UNEVEN};
+use super::delimited::{DelimitedRows, Dialect, SAMPLE_BYTES, no_values};
+use super::unit::{Unit, UnitKind};
+use super::{FileFormat, Signal, SignalAxis, TABLE, UNEVEN};
 use crate::failure::Failure;
 use crate::input::regular;
 
@@ -33,7 +33,7 @@ pub struct SignalOverview {
     /// The unit as the file writes it.
     pub unit_text: String,
     /// Its places: over time or frequency, or by number.
-    pub places: Places,
+    pub places: OverviewAxis,
     /// Number of values.
     pub count: u64,
     /// Number of missing values.
@@ -56,7 +56,7 @@ pub struct SignalOverview {
 
 /// The axis of a signal.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Places {
+pub enum OverviewAxis {
     /// Time, s.
     Time {
         /// First time, s.
@@ -92,7 +92,7 @@ pub struct Bucket {
 
 /// Collects the overview of a signal, value after value. The parts of its envelope double when there are too many.
 #[derive(Debug, Default)]
-struct Collector {
+struct OverviewCollector {
     count: u64,
     missing: u64,
     mean: f64,
@@ -102,7 +102,7 @@ struct Collector {
     in_last: u64,
 }
 
-impl Collector {
+impl OverviewCollector {
     fn push(&mut self, at: f64, value: f64) {
         if value.is_nan() {
             self.missing += 1;
@@ -132,7 +132,7 @@ impl Collector {
         self.in_last += 1;
     }
 
-    fn overview(self, name: String, unit_text: String, places: Places) -> SignalOverview {
+    fn overview(self, name: String, unit_text: String, places: OverviewAxis) -> SignalOverview {
         let extreme = |pick: fn(f64, f64) -> f64, of: fn(&Bucket) -> f64| self.buckets.iter().map(of).reduce(pick);
         SignalOverview {
             name,
@@ -177,7 +177,7 @@ pub fn read(path: &Path) -> Result<Overview, Failure> {
         let signals = contents.signals.into_iter().map(of_signal).collect();
         Ok(Overview { kind: contents.kind, signals, remarks: contents.remarks })
     };
-    if Format::of(&sample) != Format::Table {
+    if FileFormat::of(&sample) != FileFormat::Table {
         return whole();
     }
     // A line that the sample cuts is not looked at.
@@ -191,7 +191,7 @@ pub fn read(path: &Path) -> Result<Overview, Failure> {
 }
 
 fn of_signal(signal: Signal) -> SignalOverview {
-    let mut collector = Collector::default();
+    let mut collector = OverviewCollector::default();
     for (n, value) in signal.values.iter().enumerate() {
         let value = signal.imaginary.as_ref().map_or(*value, |imaginary| value.hypot(imaginary[n]));
         collector.push(signal.axis.at(n), value);
@@ -200,10 +200,12 @@ fn of_signal(signal: Signal) -> SignalOverview {
     let (first_at, last_at) = (signal.axis.at(0), signal.axis.at(last));
     let step_s = (last_at - first_at) / last.max(1) as f64;
     let places = match &signal.axis {
-        Axis::Time { .. } => Places::Time { first_s: first_at, last_s: last_at, step_s, is_even: true },
-        Axis::Times(_) => Places::Time { first_s: first_at, last_s: last_at, step_s, is_even: false },
-        Axis::Frequency { .. } | Axis::Frequencies(_) => Places::Frequency { first_hz: first_at, last_hz: last_at },
-        Axis::Unknown(why) => Places::Unknown(why.clone()),
+        SignalAxis::Time { .. } => OverviewAxis::Time { first_s: first_at, last_s: last_at, step_s, is_even: true },
+        SignalAxis::Times(_) => OverviewAxis::Time { first_s: first_at, last_s: last_at, step_s, is_even: false },
+        SignalAxis::Frequency { .. } | SignalAxis::Frequencies(_) => {
+            OverviewAxis::Frequency { first_hz: first_at, last_hz: last_at }
+        }
+        SignalAxis::Unknown(why) => OverviewAxis::Unknown(why.clone()),
     };
     let unit = signal.unit;
     SignalOverview {
@@ -217,11 +219,11 @@ fn of_signal(signal: Signal) -> SignalOverview {
 /// The overview of a table, row by row.
 fn table(text: impl BufRead, dialect: Dialect) -> Result<Overview, String> {
     let time = dialect.time;
-    let mut collectors: Vec<Collector> = dialect.columns.iter().map(|_| Collector::default()).collect();
+    let mut collectors: Vec<OverviewCollector> = dialect.columns.iter().map(|_| OverviewCollector::default()).collect();
     let (mut first_s, mut last_s, mut min_step_s, mut max_step_s) = (None, 0.0, f64::INFINITY, 0.0f64);
     let mut count: u64 = 0;
     let mut values = Vec::new();
-    let mut rows = Rows::new(text, &dialect);
+    let mut rows = DelimitedRows::new(text, &dialect);
     while rows.next(&mut values)? {
         count += 1;
         let at = time.map_or(count as f64, |(column, si)| values[column] * si);
@@ -238,9 +240,9 @@ fn table(text: impl BufRead, dialect: Dialect) -> Result<Overview, String> {
         Some(first_s) => {
             let step_s = (last_s - first_s) / (count - 1).max(1) as f64;
             let is_even = (max_step_s - step_s).max(step_s - min_step_s) <= UNEVEN * step_s;
-            Places::Time { first_s, last_s, step_s, is_even }
+            OverviewAxis::Time { first_s, last_s, step_s, is_even }
         }
-        None => Places::Unknown("the file states no times with a unit".into()),
+        None => OverviewAxis::Unknown("the file states no times with a unit".into()),
     };
     let (mut signals, mut remarks) = (Vec::new(), dialect.remarks);
     for (n, collector) in collectors.into_iter().enumerate() {
@@ -253,7 +255,7 @@ fn table(text: impl BufRead, dialect: Dialect) -> Result<Overview, String> {
             continue;
         }
         let mut own = collector.overview(column.name.clone(), column.unit_text.clone(), places.clone());
-        if let Places::Time { is_even: false, .. } = places {
+        if let OverviewAxis::Time { is_even: false, .. } = places {
             own.remark = Some(format!("steps from {min_step_s:.6} to {max_step_s:.6} s"));
         }
         signals.push(own);
@@ -265,23 +267,23 @@ impl SignalOverview {
     /// Commands that may use the signal, for people.
     #[must_use]
     pub fn uses(&self) -> Vec<&'static str> {
-        let is_time = matches!(self.places, Places::Time { .. });
+        let is_time = matches!(self.places, OverviewAxis::Time { .. });
         if self.is_complex && !is_time {
             return vec!["damprig identify response, if it is a frequency response"];
         }
         match self.unit.map(|unit| unit.kind) {
-            Some(Kind::Acceleration) if is_time => {
+            Some(UnitKind::Acceleration) if is_time => {
                 vec![
                     "damprig spectrum",
                     "base motion of a case or a playback (file)",
                     "damprig identify decay, if it is a free decay",
                 ]
             }
-            Some(Kind::Displacement) if is_time => {
+            Some(UnitKind::Displacement) if is_time => {
                 vec!["damprig identify decay, if it is a free decay", "base motion of a case or a playback (file)"]
             }
-            Some(Kind::Velocity) if is_time => vec!["damprig identify decay, if it is a free decay"],
-            Some(Kind::Pressure) if is_time => vec!["damprig identify sound"],
+            Some(UnitKind::Velocity) if is_time => vec!["damprig identify decay, if it is a free decay"],
+            Some(UnitKind::Pressure) if is_time => vec!["damprig identify sound"],
             _ => Vec::new(),
         }
     }

@@ -4,7 +4,7 @@ use bytes::Bytes;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use super::Contents;
-use super::columns::{Column, signals};
+use super::columns::{FileColumn, signals};
 use super::unit::of_column;
 use crate::table::values::numbers;
 
@@ -28,7 +28,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Contents, String> {
         let unit_text = field.metadata().get("unit").cloned().unwrap_or(of_name);
         let values: Vec<f64> = values.concat();
         if values.iter().all(|value| value.is_finite()) {
-            columns.push(Column { name, unit_text, values, imaginary: None });
+            columns.push(FileColumn { name, unit_text, values, imaginary: None });
         } else {
             remarks.push(format!("The column {:?} is not read: values are missing.", field.name()));
         }

@@ -3,20 +3,20 @@
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
-use super::unit::{Kind, Unit};
+use super::unit::{Unit, UnitKind};
 use super::{Selector, Signal, Tone};
 use crate::failure::Failure;
 
 /// Volts of a sensor per unit of what it measures: `100 mV/g`, `10.2 mV/(m/s2)`, `2.5 V/mm`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sensitivity {
+pub struct SensorSensitivity {
     /// What the sensor measures.
-    pub kind: Kind,
+    pub kind: UnitKind,
     /// V per SI unit of it; greater than 0.
     pub volts_per_si: f64,
 }
 
-impl FromStr for Sensitivity {
+impl FromStr for SensorSensitivity {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -27,10 +27,10 @@ impl FromStr for Sensitivity {
         let value = value.ok_or_else(|| format!("{text:?} is not allowed: a sensitivity is greater than 0; {form}"))?;
         let (electric, measured) =
             units.split_once('/').ok_or_else(|| format!("{text:?} has no unit \"V/…\": {form}"))?;
-        let volts = Unit::of(electric).filter(|unit| unit.kind == Kind::Voltage);
+        let volts = Unit::of(electric).filter(|unit| unit.kind == UnitKind::Voltage);
         let volts = volts.ok_or_else(|| format!("{electric:?} in {text:?} is no voltage: {form}"))?;
-        let measured_unit =
-            Unit::of(measured).filter(|unit| !matches!(unit.kind, Kind::Voltage | Kind::Time | Kind::Frequency));
+        let measured_unit = Unit::of(measured)
+            .filter(|unit| !matches!(unit.kind, UnitKind::Voltage | UnitKind::Time | UnitKind::Frequency));
         let measured_unit =
             measured_unit.ok_or_else(|| format!("{measured:?} in {text:?} is no known unit: {form}"))?;
         Ok(Self { kind: measured_unit.kind, volts_per_si: value * volts.si / measured_unit.si })
@@ -59,14 +59,14 @@ impl Calibration {
     pub fn of(recording: &Selector, rms: &str) -> Result<Self, Failure> {
         let parsed = rms.trim().split_once(' ').and_then(|(value, unit)| {
             let value = value.parse::<f64>().ok().filter(|value| value.is_finite() && *value > 0.0)?;
-            Unit::of(unit).filter(|unit| unit.kind != Kind::Voltage).map(|unit| (value, unit))
+            Unit::of(unit).filter(|unit| unit.kind != UnitKind::Voltage).map(|unit| (value, unit))
         });
         let (value, unit) = parsed.ok_or_else(|| {
             Failure::Input(format!("{rms:?} is no RMS of a calibrator: write it with its unit, \"10 m/s2\" or \"1 g\""))
         })?;
         let refuse = |why: String| Failure::Input(format!("{}: {why}", recording.path.display()));
         let signal = recording.read()?;
-        if signal.unit.is_some_and(|unit| unit.kind != Kind::Voltage) {
+        if signal.unit.is_some_and(|unit| unit.kind != UnitKind::Voltage) {
             return Err(refuse(format!(
                 "its values have the unit {:?} already: it calibrates nothing",
                 signal.unit_text
@@ -81,27 +81,27 @@ impl Calibration {
 
 /// What is stated of a signal beside its file.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Stated {
+pub struct StatedSignal {
     /// Unit of the values, if the file does not state it.
     pub unit: Option<Unit>,
     /// Sensitivity of the sensor, if the values are its voltage.
-    pub sensitivity: Option<Sensitivity>,
+    pub sensitivity: Option<SensorSensitivity>,
     /// A calibrator's tone, in place of both.
     pub calibration: Option<Calibration>,
 }
 
-impl Stated {
+impl StatedSignal {
     /// Whether the values are those of a sensor whose sensitivity is not in the file.
     pub(crate) fn is_of_sensor(&self) -> bool {
         self.sensitivity.is_some()
             || self.calibration.is_some()
-            || self.unit.is_some_and(|unit| unit.kind == Kind::Voltage)
+            || self.unit.is_some_and(|unit| unit.kind == UnitKind::Voltage)
     }
 }
 
 /// Why what a signal measures is not known, or what is stated contradicts the file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Unsettled {
+pub enum UnknownQuantity {
     /// Neither the file nor the user states the unit.
     UnitMissing,
     /// A voltage without a sensitivity.
@@ -115,12 +115,12 @@ impl Signal {
     ///
     /// # Errors
     /// What is missing, or contradicts the file.
-    pub fn measured(&self, stated: &Stated) -> Result<Unit, Unsettled> {
+    pub fn measured(&self, stated: &StatedSignal) -> Result<Unit, UnknownQuantity> {
         if let Some(calibration) = &stated.calibration {
             return if self.unit_text == calibration.unit_text {
                 Ok(calibration.unit)
             } else {
-                Err(Unsettled::Contradiction(format!(
+                Err(UnknownQuantity::Contradiction(format!(
                     "{:?} has the unit {:?}, the calibration {:?}: record both on the same channel",
                     self.name, self.unit_text, calibration.unit_text
                 )))
@@ -128,19 +128,19 @@ impl Signal {
         }
         let unit = match (self.unit, stated.unit) {
             (Some(of_file), Some(given)) if of_file != given => {
-                return Err(Unsettled::Contradiction(format!(
+                return Err(UnknownQuantity::Contradiction(format!(
                     "the file states the unit {:?} of {:?}, which is another: leave out the unit",
                     self.unit_text, self.name
                 )));
             }
             (Some(unit), _) | (None, Some(unit)) => unit,
-            (None, None) => return Err(Unsettled::UnitMissing),
+            (None, None) => return Err(UnknownQuantity::UnitMissing),
         };
         match (unit.kind, stated.sensitivity) {
-            (Kind::Voltage, None) => Err(Unsettled::SensitivityMissing),
-            (Kind::Voltage, Some(sensor)) => Ok(Unit { kind: sensor.kind, si: unit.si / sensor.volts_per_si }),
+            (UnitKind::Voltage, None) => Err(UnknownQuantity::SensitivityMissing),
+            (UnitKind::Voltage, Some(sensor)) => Ok(Unit { kind: sensor.kind, si: unit.si / sensor.volts_per_si }),
             (_, None) => Ok(unit),
-            (_, Some(_)) => Err(Unsettled::Contradiction(format!(
+            (_, Some(_)) => Err(UnknownQuantity::Contradiction(format!(
                 "{:?} is a {}, not the voltage of a sensor: leave out the sensitivity",
                 self.name,
                 unit.kind.text()
@@ -154,7 +154,7 @@ mod tests {
     use super::*;
     use crate::signal_file::unit::STANDARD_GRAVITY;
 
-    fn of(text: &str) -> Result<Sensitivity, String> {
+    fn of(text: &str) -> Result<SensorSensitivity, String> {
         text.parse()
     }
 
@@ -165,11 +165,11 @@ mod tests {
             assert_eq!(read.kind, kind, "{text}");
             assert!((read.volts_per_si / volts_per_si - 1.0).abs() < 1e-12, "{text}: {read:?}");
         };
-        close("100 mV/g", Kind::Acceleration, 0.1 / STANDARD_GRAVITY);
-        close("10.2 mV/(m/s²)", Kind::Acceleration, 0.0102);
-        close("10.2 mV/m/s2", Kind::Acceleration, 0.0102);
-        close("2.5 V/mm", Kind::Displacement, 2500.0);
-        close("22 mV/N", Kind::Force, 0.022);
+        close("100 mV/g", UnitKind::Acceleration, 0.1 / STANDARD_GRAVITY);
+        close("10.2 mV/(m/s²)", UnitKind::Acceleration, 0.0102);
+        close("10.2 mV/m/s2", UnitKind::Acceleration, 0.0102);
+        close("2.5 V/mm", UnitKind::Displacement, 2500.0);
+        close("22 mV/N", UnitKind::Force, 0.022);
     }
 
     #[test]

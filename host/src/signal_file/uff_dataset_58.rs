@@ -3,7 +3,7 @@
 use super::number::fortran;
 use super::uff::{line, stated, text as plain};
 use super::unit::Unit;
-use super::{Axis, COHERENCE, FREQUENCY_RESPONSE, Signal, TRANSMISSIBILITY};
+use super::{COHERENCE, FREQUENCY_RESPONSE, Signal, SignalAxis, TRANSMISSIBILITY};
 
 /// Lines of its header.
 const HEADER_LINES: usize = 11;
@@ -36,13 +36,13 @@ struct Header {
     is_even: bool,
     start: f64,
     step: f64,
-    abscissa: Quantity,
-    ordinate: Quantity,
-    denominator: Quantity,
+    abscissa: AxisDescription,
+    ordinate: AxisDescription,
+    denominator: AxisDescription,
 }
 
 /// A record of an axis: number of its data type, label, unit.
-struct Quantity {
+struct AxisDescription {
     kind: u32,
     label: Option<String>,
     unit: Option<String>,
@@ -58,7 +58,7 @@ fn field<T: std::str::FromStr>(words: &[&str], n: usize, record: usize, what: &s
     word.replace(['d', 'D'], "e").parse().map_err(|_| format!("record {record}: {what} is {word:?}"))
 }
 
-impl Quantity {
+impl AxisDescription {
     fn of(line: &str) -> Self {
         let kind = words(line).first().and_then(|word| word.parse().ok()).unwrap_or(0);
         // I10, 3I5, then two labels of 20 characters, each after a blank.
@@ -103,7 +103,7 @@ impl Header {
         if is_even && !(step.is_finite() && step > 0.0) {
             return Err(format!("record 7: the increment {step} is not greater than 0"));
         }
-        let (abscissa, ordinate) = (Quantity::of(&lines[7]), Quantity::of(&lines[8]));
+        let (abscissa, ordinate) = (AxisDescription::of(&lines[7]), AxisDescription::of(&lines[8]));
         let first = stated(lines[0].trim().into());
         let name = ordinate.label.clone().or_else(|| first.clone()).unwrap_or_else(|| "function".into());
         let remark = first.filter(|first| *first != name).into_iter().collect();
@@ -119,7 +119,7 @@ impl Header {
             step,
             abscissa,
             ordinate,
-            denominator: Quantity::of(&lines[9]),
+            denominator: AxisDescription::of(&lines[9]),
         })
     }
 
@@ -142,11 +142,13 @@ impl Header {
         let at = usize::from(!self.is_even);
         let places = || values.iter().map(|value| value[0]).collect::<Vec<f64>>();
         let axis = match (self.abscissa.kind, self.is_even) {
-            (17, true) => Axis::Time { start_s: self.start, step_s: self.step },
-            (17, false) => rising(places()).map(Axis::of_times)?,
-            (18, true) => Axis::Frequency { start_hz: self.start, step_hz: self.step },
-            (18, false) => Axis::Frequencies(rising(places())?),
-            (other, _) => Axis::Unknown(format!("its abscissa has the data type {other}, neither time nor frequency")),
+            (17, true) => SignalAxis::Time { start_s: self.start, step_s: self.step },
+            (17, false) => rising(places()).map(SignalAxis::of_times)?,
+            (18, true) => SignalAxis::Frequency { start_hz: self.start, step_hz: self.step },
+            (18, false) => SignalAxis::Frequencies(rising(places())?),
+            (other, _) => {
+                SignalAxis::Unknown(format!("its abscissa has the data type {other}, neither time nor frequency"))
+            }
         };
         if let Some(unit) = self.abscissa.unit.as_deref()
             && Unit::of(unit).is_some_and(|unit| unit.si != 1.0)

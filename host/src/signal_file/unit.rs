@@ -7,7 +7,7 @@ pub const STANDARD_GRAVITY: f64 = 9.806_65;
 
 /// Quantity of a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum UnitKind {
     /// m/s².
     Acceleration,
     /// m/s.
@@ -28,7 +28,7 @@ pub enum Kind {
     Angle,
 }
 
-impl Kind {
+impl UnitKind {
     /// Its name, for people.
     #[must_use]
     pub fn text(self) -> &'static str {
@@ -50,15 +50,15 @@ impl Kind {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
     /// Its quantity.
-    pub kind: Kind,
+    pub kind: UnitKind,
     /// SI units per unit.
     pub si: f64,
 }
 
 /// Names of units, as [`plain`] writes them, with SI units per unit.
-const UNITS: &[(Kind, &[(&str, f64)])] = &[
+const UNITS: &[(UnitKind, &[(&str, f64)])] = &[
     (
-        Kind::Acceleration,
+        UnitKind::Acceleration,
         &[
             ("m/s2", 1.0),
             ("m_per_s2", 1.0),
@@ -74,7 +74,7 @@ const UNITS: &[(Kind, &[(&str, f64)])] = &[
         ],
     ),
     (
-        Kind::Velocity,
+        UnitKind::Velocity,
         &[
             ("m/s", 1.0),
             ("m_per_s", 1.0),
@@ -86,15 +86,15 @@ const UNITS: &[(Kind, &[(&str, f64)])] = &[
         ],
     ),
     (
-        Kind::Displacement,
+        UnitKind::Displacement,
         &[("m", 1.0), ("cm", 0.01), ("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9), ("in", 0.0254), ("ft", 0.3048)],
     ),
-    (Kind::Force, &[("n", 1.0), ("kn", 1e3), ("mn", 1e-3), ("lbf", 4.448_221_615_260_5)]),
-    (Kind::Pressure, &[("pa", 1.0), ("mpa", 1e-3), ("kpa", 1e3)]),
-    (Kind::Voltage, &[("v", 1.0), ("mv", 1e-3), ("volt", 1.0), ("volts", 1.0)]),
-    (Kind::Time, &[("s", 1.0), ("sec", 1.0), ("seconds", 1.0), ("ms", 1e-3), ("us", 1e-6)]),
-    (Kind::Frequency, &[("hz", 1.0), ("khz", 1e3)]),
-    (Kind::Angle, &[("rad", 1.0), ("deg", DEGREE), ("°", DEGREE)]),
+    (UnitKind::Force, &[("n", 1.0), ("kn", 1e3), ("mn", 1e-3), ("lbf", 4.448_221_615_260_5)]),
+    (UnitKind::Pressure, &[("pa", 1.0), ("mpa", 1e-3), ("kpa", 1e3)]),
+    (UnitKind::Voltage, &[("v", 1.0), ("mv", 1e-3), ("volt", 1.0), ("volts", 1.0)]),
+    (UnitKind::Time, &[("s", 1.0), ("sec", 1.0), ("seconds", 1.0), ("ms", 1e-3), ("us", 1e-6)]),
+    (UnitKind::Frequency, &[("hz", 1.0), ("khz", 1e3)]),
+    (UnitKind::Angle, &[("rad", 1.0), ("deg", DEGREE), ("°", DEGREE)]),
 ];
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
@@ -109,7 +109,7 @@ impl Unit {
             return None;
         }
         let wanted = plain(text);
-        let find = |(kind, names): &(Kind, &[(&str, f64)])| {
+        let find = |(kind, names): &(UnitKind, &[(&str, f64)])| {
             names.iter().find(|(name, _)| *name == wanted).map(|(_, si)| Self { kind: *kind, si: *si })
         };
         UNITS.iter().find_map(find)

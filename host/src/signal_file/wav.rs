@@ -2,7 +2,7 @@
 
 use hound::{SampleFormat, WavReader};
 
-use super::{Axis, Contents, Signal};
+use super::{Contents, Signal, SignalAxis};
 
 /// The channels of a file as shares of full scale.
 pub(super) fn parse(bytes: &[u8]) -> Result<Contents, String> {
@@ -27,7 +27,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Contents, String> {
     }
     let channels = usize::from(spec.channels.max(1));
     let one = |channel: usize| {
-        let axis = Axis::Time { start_s: 0.0, step_s: 1.0 / f64::from(spec.sample_rate) };
+        let axis = SignalAxis::Time { start_s: 0.0, step_s: 1.0 / f64::from(spec.sample_rate) };
         let values = all.iter().skip(channel).step_by(channels).copied().collect();
         let mut signal = Signal::new(format!("channel {}", channel + 1), "", axis, values);
         signal.remark = Some("shares of full scale: a recorded calibration tone gives the unit".into());

@@ -7,9 +7,9 @@ use damprig_core::integrator::exact::Excitation;
 
 use super::keys::{base_fixed, base_half_sine, base_samples, base_sine, base_versine, force_half_sine, force_sine};
 use crate::input::Section;
-use crate::input::key::Quantity as Declared;
+use crate::input::key::KeyedQuantity;
 use crate::input::section::Given;
-use crate::motion_record::{BASE_RECORD, Motion, Quantity, Record, RecordOrigin, read_motion, read_peak};
+use crate::motion_record::{BASE_RECORD, GivenMotion, Record, RecordOrigin, RecordQuantity, read_motion, read_peak};
 use crate::setup::BASE_AMPLITUDE;
 
 /// Excitation of a case.
@@ -115,8 +115,8 @@ pub(super) fn base(s: &Section, stated_m: Option<f64>, find: &dyn Fn(&str) -> Pa
         _ => {
             let (motion, peak_m) = (read_motion(s, find), read_peak(s));
             match motion {
-                Some(Motion::Recorded(record)) => Some(record),
-                Some(Motion::Noise(noise)) => peak_m.map(|peak_m| noise.record(noise.rate_hz(), peak_m)),
+                Some(GivenMotion::Recorded(record)) => Some(record),
+                Some(GivenMotion::Noise(noise)) => peak_m.map(|peak_m| noise.record(noise.rate_hz(), peak_m)),
                 None => None,
             }
             .map(CaseExcitation::Recorded)
@@ -135,13 +135,13 @@ fn samples(s: &Section) -> Option<Record> {
         s.reject(name, format!("has {} samples: a motion has at least 2", values.len()), None);
         return None;
     }
-    let quantity = [Quantity::Displacement, Quantity::Acceleration][place];
+    let quantity = [RecordQuantity::Displacement, RecordQuantity::Acceleration][place];
     let samples = values.into_iter().map(|number| number.value).collect();
     Some(Record { origin: RecordOrigin::Samples, quantity, step_s, samples, resampling: None })
 }
 
 /// Z, m, from the table `base` or from the set-up, not from both.
-fn amplitude(s: &Section, quantity: &Declared, stated_m: Option<f64>) -> Option<f64> {
+fn amplitude(s: &Section, quantity: &KeyedQuantity, stated_m: Option<f64>) -> Option<f64> {
     if stated_m.is_none() {
         return s.scalar(quantity);
     }
@@ -201,7 +201,7 @@ pub(super) fn force(s: &Section) -> Option<CaseExcitation> {
 }
 
 /// Ω in rad/s, or over ωn, and whether it is that ratio.
-fn angular_frequency(s: &Section, quantity: &Declared) -> Option<(bool, f64)> {
+fn angular_frequency(s: &Section, quantity: &KeyedQuantity) -> Option<(bool, f64)> {
     match s.one_of(quantity)? {
         (0, omega) => Some((false, omega)),
         (1, frequency) => Some((false, TAU * frequency)),

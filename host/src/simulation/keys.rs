@@ -6,7 +6,7 @@ use damprig_structures::MAX_MODES;
 use crate::input::key::DefaultValue::Number;
 use crate::input::key::Need::{Default, Forbidden, If, Optional, Required, RequiredUnless};
 use crate::input::key::Range::{Above, Any, Between, NotNegative, Positive, Whole};
-use crate::input::key::{Key, Kind, MAX_WHOLE, Need, Quantity, Table, key, number, tables};
+use crate::input::key::{Key, KeyedQuantity, MAX_WHOLE, Need, Table, ValueKind, key, number, tables};
 use crate::setup;
 
 /// Smallest sphere, m: smaller ones stick to each other, which the model leaves out.
@@ -28,7 +28,7 @@ const FREQUENCY_RATIO: Key =
 
 /// Where a force acts on a structure with several places.
 const FORCE_PLACE: [Key; 2] = [
-    key("place", Kind::Text, "the place of a structure with several where it acts; default: the observed one"),
+    key("place", ValueKind::Text, "the place of a structure with several where it acts; default: the observed one"),
     number("position_m", NotNegative, "the place on a beam where it acts"),
 ];
 
@@ -37,13 +37,13 @@ tables! {
 
     "The top level of a case, which also has the keys of its set-up."
     case("") {
-        NAME: Optional, [key("name", Kind::Text, "name of the case in figures; the file name when left out")];
+        NAME: Optional, [key("name", ValueKind::Text, "name of the case in figures; the file name when left out")];
         SET_UP_FILE: Optional, [setup::SET_UP_FILE];
-        BASE: Optional, [key("base", Kind::Table, "motion of the base; fixed when left out")];
-        FORCE: Optional, [key("force", Kind::Table, "force on the structure; a sine also beside a sine of the base, whose frequency it has")];
-        MANY_PARTICLES: Optional, [key("many_particles", Kind::Table, "spheres in a box on the structure, in place of the other dampers")];
-        INITIAL: Optional, [key("initial", Kind::Table, "initial displacements and velocities; at rest when left out")];
-        RUN: Required, [key("run", Kind::Table, "duration and requested output, e.g. run = { duration_s = 10 }")];
+        BASE: Optional, [key("base", ValueKind::Table, "motion of the base; fixed when left out")];
+        FORCE: Optional, [key("force", ValueKind::Table, "force on the structure; a sine also beside a sine of the base, whose frequency it has")];
+        MANY_PARTICLES: Optional, [key("many_particles", ValueKind::Table, "spheres in a box on the structure, in place of the other dampers")];
+        INITIAL: Optional, [key("initial", ValueKind::Table, "initial displacements and velocities; at rest when left out")];
+        RUN: Required, [key("run", ValueKind::Table, "duration and requested output, e.g. run = { duration_s = 10 }")];
     }
 
     "A fixed base."
@@ -71,8 +71,8 @@ tables! {
     "Samples of the base's motion: any sweep, sum of sines or shape, as a program computes it."
     base_samples("base", "samples") {
         VALUES: Required, [
-            key("displacement_m", Kind::Numbers(Any), "z at each instant, joined by cubics; before the first one the base rests there, after the last one too"),
-            key("acceleration_m_per_s2", Kind::Numbers(Any), "z″ at each instant, joined by lines; z starts from 0 at rest"),
+            key("displacement_m", ValueKind::Numbers(Any), "z at each instant, joined by cubics; before the first one the base rests there, after the last one too"),
+            key("acceleration_m_per_s2", ValueKind::Numbers(Any), "z″ at each instant, joined by lines; z starts from 0 at rest"),
         ];
         TIME_STEP: Required, [number("time_step_s", Positive, "time between two samples")];
     }
@@ -144,7 +144,7 @@ tables! {
     "Duration and requested output of the run."
     run("run") {
         DURATION: RequiredUnless("the base follows a record, which has one"), [number("duration_s", Positive, "duration of the run; default with a record: that of the record").usual(0.01, 1e5)];
-        SAMPLE_TIMES: Optional, [key("sample_times_s", Kind::Numbers(NotNegative), "times at which the state is output, rising")];
+        SAMPLE_TIMES: Optional, [key("sample_times_s", ValueKind::Numbers(NotNegative), "times at which the state is output, rising")];
         CYCLE: Optional, [number("cycle_s", Positive, "length of a cycle; default under a sine: its period")];
         STEADY_FROM: Optional, [number("steady_from_cycle", Whole(0.0, MAX_WHOLE), "first cycle that counts as steady, from 0")];
     }

@@ -12,10 +12,10 @@ use super::json_case;
 use super::keys::{case, force_half_sine, force_sine, initial, run};
 use super::set_values::{self, SetValues};
 use super::{many_particles, multi_degree, refusals};
-use crate::input::locate::Step::Key;
+use crate::input::locate::PathStep::Key;
 use crate::input::{Problem, Section, Source, resolve};
 use crate::motion_record::Record;
-use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, refuse_place, set_up_file};
+use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, SharedKeys, refuse_place, set_up_file};
 use crate::structure::{description, description_of};
 
 /// Reads a case, with some of its values set from outside; `None` after a problem has been reported.
@@ -99,7 +99,7 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     if let (Some(file), Some(document)) = (&file, &document) {
         file.check(source, document);
     }
-    let shared = Shared::of_file(document.as_ref().map(|document| document.get_ref()));
+    let shared = SharedKeys::of_file(document.as_ref().map(|document| document.get_ref()));
     let spec = setup::read(root, &shared, base, record.map(|record| record.step_s), None);
     if spec.as_ref().is_some_and(SetUpSpec::is_start_unknown) {
         let span = source.locate(&[Key("particle"), Key("start")]).unwrap_or_default();

@@ -5,7 +5,7 @@ use super::keys::{case, initial};
 use super::read_case::toml_of;
 use super::set_values::SetValues;
 use crate::failure::Failure;
-use crate::input::locate::Step::Key;
+use crate::input::locate::PathStep::Key;
 use crate::input::locate::locate_in;
 use crate::input::{Problem, Section, Source};
 use crate::motion_record::Record;

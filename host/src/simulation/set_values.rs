@@ -6,7 +6,7 @@ use toml::de::{DeTable, DeValue};
 use super::keys;
 use crate::failure::Failure;
 use crate::input::Span;
-use crate::input::key::Quantity;
+use crate::input::key::KeyedQuantity;
 use crate::{motion_record, setup, structure};
 
 /// Values in place of those of a case, as lines of TOML: `particle.wall.coefficient = 0.5`.
@@ -181,9 +181,9 @@ pub(super) fn both_of_one<'v, 't>(
 
 /// The other keys of the quantity that a table has under this key.
 fn alternatives(path: &str, name: &str) -> impl Iterator<Item = &'static str> {
-    let has = |quantity: &&Quantity| quantity.key(name).is_some();
+    let has = |quantity: &&KeyedQuantity| quantity.key(name).is_some();
     let quantities = [keys::TABLES, structure::TABLES, setup::TABLES, motion_record::TABLES].concat().into_iter();
-    let found: Vec<&'static Quantity> =
+    let found: Vec<&'static KeyedQuantity> =
         quantities.filter(|table| table.path == path).flat_map(|table| table.quantities.iter().filter(has)).collect();
     let name = name.to_string();
     found.into_iter().flat_map(|quantity| quantity.keys).map(|key| key.name).filter(move |other| *other != name)

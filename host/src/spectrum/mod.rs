@@ -13,7 +13,7 @@ use crate::motion_record::Record;
 
 /// How the largest values are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
+pub enum PeakMethod {
     /// Exact motion under an acceleration that is linear between its samples; maxima between the samples too, and in the first period after
     /// the record.
     Exact,
@@ -23,7 +23,7 @@ pub enum Method {
     Newmark,
 }
 
-impl Method {
+impl PeakMethod {
     /// What it does, for people.
     #[must_use]
     pub fn text(self) -> &'static str {
@@ -48,7 +48,7 @@ pub struct Largest {
 
 /// A point of a spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Point {
+pub struct SpectrumPoint {
     /// ζ.
     pub damping_ratio: f64,
     /// T, s.
@@ -69,8 +69,13 @@ pub struct Point {
 ///
 /// # Errors
 /// A record that is no acceleration.
-pub fn spectra(record: &Record, damping: &[f64], periods_s: &[f64], method: Method) -> Result<Vec<Point>, String> {
-    if record.quantity != crate::motion_record::Quantity::Acceleration {
+pub fn spectra(
+    record: &Record,
+    damping: &[f64],
+    periods_s: &[f64],
+    method: PeakMethod,
+) -> Result<Vec<SpectrumPoint>, String> {
+    if record.quantity != crate::motion_record::RecordQuantity::Acceleration {
         return Err("the record is a displacement: a response spectrum needs an acceleration".into());
     }
     let all: Vec<(f64, f64)> =
@@ -78,11 +83,11 @@ pub fn spectra(record: &Record, damping: &[f64], periods_s: &[f64], method: Meth
     let point = |(damping_ratio, period_s): &(f64, f64)| {
         let omega = TAU / period_s;
         let largest = match method {
-            Method::Exact => oscillator::exact(record, omega, *damping_ratio, true),
-            Method::AtSamples => oscillator::exact(record, omega, *damping_ratio, false),
-            Method::Newmark => oscillator::newmark(record, omega, *damping_ratio),
+            PeakMethod::Exact => oscillator::exact(record, omega, *damping_ratio, true),
+            PeakMethod::AtSamples => oscillator::exact(record, omega, *damping_ratio, false),
+            PeakMethod::Newmark => oscillator::newmark(record, omega, *damping_ratio),
         };
-        Point {
+        SpectrumPoint {
             damping_ratio: *damping_ratio,
             period_s: *period_s,
             sd_m: largest.sd_m,

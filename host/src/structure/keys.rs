@@ -5,7 +5,7 @@ use damprig_structures::MAX_MODES;
 use crate::input::key::DefaultValue::Number;
 use crate::input::key::Need::{Default, Forbidden, If, Optional, Required};
 use crate::input::key::Range::{Any, NotNegative, Positive, Whole};
-use crate::input::key::{Kind, Quantity, Table, key, number, tables};
+use crate::input::key::{KeyedQuantity, Table, ValueKind, key, number, tables};
 
 /// Its tables in the plant of a campaign.
 pub const PLANT: [Table; 5] = [
@@ -21,25 +21,25 @@ tables! {
 
     "What describes it: one of these in place of `structure`."
     description("") {
-        STOREYS: Optional, [key("storey", Kind::Tables, "a frame in place of `structure`: its storeys from the ground up; the places are its floors")];
-        BEAM: Optional, [key("beam", Kind::Table, "a beam in place of `structure`; places are positions on it")];
-        MODES: Optional, [key("mode", Kind::Tables, "natural modes in place of `structure`, at the places of `places`")];
-        MATRICES: Optional, [key("matrices", Kind::Table, "mass, stiffness and damping matrices in place of `structure`; a row for each of `places`")];
+        STOREYS: Optional, [key("storey", ValueKind::Tables, "a frame in place of `structure`: its storeys from the ground up; the places are its floors")];
+        BEAM: Optional, [key("beam", ValueKind::Table, "a beam in place of `structure`; places are positions on it")];
+        MODES: Optional, [key("mode", ValueKind::Tables, "natural modes in place of `structure`, at the places of `places`")];
+        MATRICES: Optional, [key("matrices", ValueKind::Table, "mass, stiffness and damping matrices in place of `structure`; a row for each of `places`")];
         PLACES: If(&MATRICES, "matrices", &Required, &If(&MODES, "mode", &Required, &Forbidden)), [
-            key("places", Kind::Texts, "names of the places of modes or matrices, in their order"),
+            key("places", ValueKind::Texts, "names of the places of modes or matrices, in their order"),
         ];
         MODAL_DAMPING: If(&STOREYS, "storey", &Optional, &Forbidden), [
             number("modal_damping_ratio", NotNegative, "ζ of every mode, in place of the dampings of the storeys").usual(0.0, 0.2),
         ];
         OBSERVED: Optional, [
-            key("observed_place", Kind::Text, "the place whose displacement is x; default: the top floor, the last of `places`, the free end or the middle of a beam"),
+            key("observed_place", ValueKind::Text, "the place whose displacement is x; default: the top floor, the last of `places`, the free end or the middle of a beam"),
             number("observed_position_m", NotNegative, "the position on a beam whose displacement is x"),
         ];
     }
 
     "A storey of a frame whose floors move sideways."
     storey("storey") {
-        NAME: Optional, [key("name", Kind::Text, "the name of its floor as a place; default: floor 1, floor 2 …")];
+        NAME: Optional, [key("name", ValueKind::Text, "the name of its floor as a place; default: floor 1, floor 2 …")];
         MASS: Required, [number("mass_kg", Positive, "mass of its floor, above its columns").usual(0.01, 1e7)];
         STIFFNESS: Required, [number("stiffness_n_per_m", Positive, "stiffness of its columns together").usual(1.0, 1e10)];
         DAMPING: Default(Number(0.0)), [number("damping_n_s_per_m", NotNegative, "damping between its floor and the one below").usual(0.0, 1e9)];
@@ -82,7 +82,7 @@ tables! {
         ];
         DAMPING: Required, [number("damping_ratio", NotNegative, "ζ").usual(0.0, 0.2)];
         SHAPE: Required, [
-            key("shape_per_root_kg", Kind::Numbers(Any), "φ, the displacement of each of `places`, for a modal mass of 1 kg"),
+            key("shape_per_root_kg", ValueKind::Numbers(Any), "φ, the displacement of each of `places`, for a modal mass of 1 kg"),
         ];
         PARTICIPATION: Optional, [
             number("participation_root_kg", Any, "Γ = φᵀMι, the participation in a motion of the base; needed where the base moves"),
@@ -91,18 +91,18 @@ tables! {
 
     "Matrices of a structure, M x″ + C x′ + K x with x relative to the base, from files of comma-separated numbers, a line for each row."
     matrices("matrices") {
-        MASS: Required, [key("mass_file", Kind::Text, "file of M, kg, beside this one: symmetric, positive definite")];
-        STIFFNESS: Required, [key("stiffness_file", Kind::Text, "file of K, N/m: symmetric, positive definite")];
+        MASS: Required, [key("mass_file", ValueKind::Text, "file of M, kg, beside this one: symmetric, positive definite")];
+        STIFFNESS: Required, [key("stiffness_file", ValueKind::Text, "file of K, N/m: symmetric, positive definite")];
         DAMPING: Required, [
             number("damping_ratio", NotNegative, "ζ of every mode").usual(0.0, 0.2),
             number("mass_damping_per_s", NotNegative, "a of C = aM + bK, with `stiffness_damping_s`"),
-            key("damping_file", Kind::Text, "file of C, N·s/m: symmetric, no negative eigenvalue"),
+            key("damping_file", ValueKind::Text, "file of C, N·s/m: symmetric, no negative eigenvalue"),
         ];
         STIFFNESS_DAMPING: If(&DAMPING, "mass_damping_per_s", &Required, &Forbidden), [
             number("stiffness_damping_s", NotNegative, "b of C = aM + bK"),
         ];
         INFLUENCE: Optional, [
-            key("influence", Kind::Numbers(Any), "displacement of each place per displacement of the base; default: 1 for each"),
+            key("influence", ValueKind::Numbers(Any), "displacement of each place per displacement of the base; default: 1 for each"),
         ];
     }
 }

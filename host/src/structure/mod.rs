@@ -9,7 +9,7 @@ use damprig_core::model::Structure;
 use damprig_structures::{Modes, Support};
 
 use crate::input::Section;
-use crate::input::key::Quantity;
+use crate::input::key::KeyedQuantity;
 
 pub(crate) use keys::description;
 pub use keys::{PLANT, TABLES};
@@ -28,7 +28,7 @@ pub struct OnBeam {
 }
 
 /// The keys that describe such a structure, one of which a case has in place of `structure`.
-pub const DESCRIPTIONS: [&Quantity; 4] =
+pub const DESCRIPTIONS: [&KeyedQuantity; 4] =
     [&description::STOREYS, &description::BEAM, &description::MODES, &description::MATRICES];
 
 /// The key of the description of such a structure, if the case has one.

@@ -4,7 +4,7 @@ use damprig_structures::Support;
 
 use super::OnBeam;
 use crate::input::Section;
-use crate::input::key::Quantity;
+use crate::input::key::KeyedQuantity;
 use crate::input::section::Given;
 use crate::input::suggest;
 
@@ -20,7 +20,7 @@ pub enum Places {
 impl Places {
     /// The place that a section names by one of the keys of `quantity`: its name, or its position on a beam. `None` without one, or
     /// after a problem has been reported.
-    pub fn named(&mut self, s: &Section, quantity: &Quantity) -> Option<usize> {
+    pub fn named(&mut self, s: &Section, quantity: &KeyedQuantity) -> Option<usize> {
         let (at, given) = s.given(quantity)?;
         let key = quantity.keys[at].name;
         match (self, given) {

@@ -2,20 +2,20 @@
 
 use super::distribution::{self, Distribution, between};
 use super::keys::axis as keys;
-use crate::input::key::Unit;
+use crate::input::key::KeyUnit;
 use crate::input::section::{Given, Number, Text};
 use crate::input::{Section, Span};
 
 /// The value of an axis at a point.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Value {
+pub enum AxisValue {
     /// A number, in the key's unit.
     Number(f64),
     /// A word.
     Word(String),
 }
 
-impl Value {
+impl AxisValue {
     /// As a TOML value.
     #[must_use]
     pub fn toml(&self) -> String {
@@ -97,7 +97,7 @@ impl Reduction {
 
 /// An axis.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Axis {
+pub struct StudyAxis {
     /// The key with its tables: `particle.clearance_ratio`.
     pub key: String,
     /// Its values.
@@ -112,7 +112,7 @@ pub struct Axis {
     pub value_spans: Vec<Span>,
 }
 
-impl Axis {
+impl StudyAxis {
     /// Number of its values; 1 for a scattered axis.
     #[must_use]
     pub fn count(&self) -> usize {
@@ -144,17 +144,17 @@ impl Axis {
 
     /// Its value at a place of a grid, or at a share of a range, 0 to 1.
     #[must_use]
-    pub fn value(&self, place: usize, share: f64) -> Value {
+    pub fn value(&self, place: usize, share: f64) -> AxisValue {
         match &self.values {
-            AxisValues::Numbers(numbers) => Value::Number(numbers[place]),
-            AxisValues::Words(words) => Value::Word(words[place].clone()),
-            AxisValues::Drawn(distribution) => Value::Number(distribution.quantile(share)),
-            AxisValues::Given { from, to } => Value::Number(between(*from, *to, false, share)),
+            AxisValues::Numbers(numbers) => AxisValue::Number(numbers[place]),
+            AxisValues::Words(words) => AxisValue::Word(words[place].clone()),
+            AxisValues::Drawn(distribution) => AxisValue::Number(distribution.quantile(share)),
+            AxisValues::Given { from, to } => AxisValue::Number(between(*from, *to, false, share)),
         }
     }
 
     /// Where the file has a value; `None` for one between the ends of a range.
-    pub(super) fn span_of(&self, value: &Value) -> Option<Span> {
+    pub(super) fn span_of(&self, value: &AxisValue) -> Option<Span> {
         let own = self.checked_values();
         let place = own.iter().position(|own| own == value)?;
         let of_list = self.value_spans.get(place).filter(|_| self.value_spans.len() == own.len());
@@ -171,15 +171,15 @@ impl Axis {
     /// Symbol of its unit; empty for a plain number or a word.
     #[must_use]
     pub fn unit(&self) -> &'static str {
-        Unit::of(self.short_key()).map_or("", |unit| unit.symbol)
+        KeyUnit::of(self.short_key()).map_or("", |unit| unit.symbol)
     }
 
     /// The values with which the case is checked before the study: all of a list, both ends of a scattered one.
     #[must_use]
-    pub fn checked_values(&self) -> Vec<Value> {
+    pub fn checked_values(&self) -> Vec<AxisValue> {
         match &self.values {
             AxisValues::Drawn(Distribution { from, to, .. }) | AxisValues::Given { from, to } => {
-                vec![Value::Number(*from), Value::Number(*to)]
+                vec![AxisValue::Number(*from), AxisValue::Number(*to)]
             }
             _ => (0..self.count()).map(|place| self.value(place, 0.0)).collect(),
         }
@@ -196,7 +196,7 @@ const DISTRIBUTION: distribution::DistributionKeys = distribution::DistributionK
 };
 
 /// Reads an `[[axis]]`. `has_sampling`: a range without a `count` is drawn from; `missing_count` says what to do about one that is not.
-pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Option<Axis> {
+pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Option<StudyAxis> {
     let key = s.text_of(&keys::KEY);
     let ends = [s.placed(&keys::FROM), s.placed(&keys::TO)];
     let count = s.scalar(&keys::COUNT);
@@ -213,7 +213,7 @@ pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Opti
             return None;
         }
         let (values, is_log) = (AxisValues::Drawn(distribution), distribution.is_log());
-        return Some(Axis { key: key.value, values, is_log, reduce, span: key.span, value_spans });
+        return Some(StudyAxis { key: key.value, values, is_log, reduce, span: key.span, value_spans });
     }
     let is_range = s.is_given(&keys::FROM) || s.is_given(&keys::TO) || s.is_given(&keys::COUNT);
     let mut value_spans = Vec::new();
@@ -263,7 +263,7 @@ pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Opti
             }
         }
     };
-    Some(Axis { key: key.value, values, is_log, reduce, span: key.span, value_spans })
+    Some(StudyAxis { key: key.value, values, is_log, reduce, span: key.span, value_spans })
 }
 
 /// Whether a text can be a key with its tables: `particle.clearance_ratio`.

@@ -1,6 +1,6 @@
 //! Finds the largest or smallest value over a band of frequencies, between the values of its grid too.
 
-use super::axis::{Axis, Reduction, Value};
+use super::axis::{AxisValue, Reduction, StudyAxis};
 use super::evaluate::reduce_over;
 pub use super::peaks::Smoothness;
 use super::peaks::{EACH_SIDE, LinePoint, ROUNDS, SCAN, add_between, halve, highest, highest_of, sort};
@@ -37,7 +37,7 @@ impl Effort {
 /// The reduced axes of a study or an optimisation.
 #[derive(Clone, Debug)]
 pub struct Band {
-    axes: Vec<Axis>,
+    axes: Vec<StudyAxis>,
     /// Place of the axis that is searched between its values.
     refined: Option<usize>,
     /// How what is reduced follows that axis.
@@ -50,27 +50,27 @@ pub struct Reduced {
     /// The value; not a number if one of them is not.
     pub value: f64,
     /// The values of the axes.
-    pub at: Vec<Value>,
+    pub at: Vec<AxisValue>,
     /// The places that may decide after a small change, best first, with their values: local extremes over a line of frequencies, or
     /// points of a grid.
-    pub tops: Vec<(Vec<Value>, f64)>,
+    pub tops: Vec<(Vec<AxisValue>, f64)>,
 }
 
 /// Simulates points of the band, given by the values of its axes: a value for each.
-pub type Simulate<'a> = &'a mut dyn FnMut(&[Vec<Value>]) -> Result<Vec<f64>, Failure>;
+pub type Simulate<'a> = &'a mut dyn FnMut(&[Vec<AxisValue>]) -> Result<Vec<f64>, Failure>;
 
 impl Band {
     /// Of axes of which the last varies fastest, for a response that may jump.
     #[must_use]
-    pub fn of(axes: Vec<Axis>) -> Self {
-        let refined = axes.iter().position(Axis::is_refined);
+    pub fn of(axes: Vec<StudyAxis>) -> Self {
+        let refined = axes.iter().position(StudyAxis::is_refined);
         Self { axes, refined, smoothness: Smoothness::Jumps }
     }
 
     /// The same axes with the largest or smallest value over each.
     #[must_use]
-    pub fn of_extreme(axes: &[Axis], reduction: Reduction) -> Self {
-        Self::of(axes.iter().map(|axis| Axis { reduce: Some(reduction), ..axis.clone() }).collect())
+    pub fn of_extreme(axes: &[StudyAxis], reduction: Reduction) -> Self {
+        Self::of(axes.iter().map(|axis| StudyAxis { reduce: Some(reduction), ..axis.clone() }).collect())
     }
 
     /// How the axis that is searched between its values is reduced; `None` without such an axis. With `Minimum` the search can only
@@ -99,7 +99,7 @@ impl Band {
     /// # Errors
     /// Those of `simulate`.
     pub fn reduce(&self, grid: &[f64], effort: Effort, simulate: Simulate) -> Result<Reduced, Failure> {
-        let all: Vec<&Axis> = self.axes.iter().collect();
+        let all: Vec<&StudyAxis> = self.axes.iter().collect();
         let Some(place) = self.refined.filter(|_| effort != Effort::Grid) else {
             let (value, point) = reduce_over(&all, grid);
             let is_minimum = all.first().is_some_and(|axis| axis.reduce == Some(Reduction::Minimum));
@@ -124,10 +124,10 @@ impl Band {
                 numbers(axis).into_iter().zip(of_line.chunks(inner_points)).map(sample).collect();
             let mut evaluate = |frequencies: &[f64]| -> Result<Vec<LinePoint>, Failure> {
                 let at = |frequency: &f64, point: usize| {
-                    let own = std::iter::once(Value::Number(*frequency));
-                    first.iter().cloned().chain(own).chain(values_at(inner_axes, point)).collect::<Vec<Value>>()
+                    let own = std::iter::once(AxisValue::Number(*frequency));
+                    first.iter().cloned().chain(own).chain(values_at(inner_axes, point)).collect::<Vec<AxisValue>>()
                 };
-                let points: Vec<Vec<Value>> =
+                let points: Vec<Vec<AxisValue>> =
                     frequencies.iter().flat_map(|f| (0..inner_points).map(move |point| at(f, point))).collect();
                 let values = simulate(&points)?;
                 Ok(frequencies.iter().copied().zip(values.chunks(inner_points)).map(sample).collect())
@@ -148,7 +148,7 @@ impl Band {
         let (value, number) = reduce_over(outer, &best.iter().map(|sample| sample.value).collect::<Vec<_>>());
         let at = |(number, sample): (usize, LinePoint)| {
             let mut at = values_at(&self.axes[..place], number);
-            at.push(Value::Number(sample.frequency));
+            at.push(AxisValue::Number(sample.frequency));
             at.extend(values_at(inner_axes, sample.inner));
             at
         };
@@ -158,16 +158,16 @@ impl Band {
     }
 }
 
-fn numbers(axis: &Axis) -> Vec<f64> {
-    let number = |place| if let Value::Number(number) = axis.value(place, 0.0) { number } else { f64::NAN };
+fn numbers(axis: &StudyAxis) -> Vec<f64> {
+    let number = |place| if let AxisValue::Number(number) = axis.value(place, 0.0) { number } else { f64::NAN };
     (0..axis.count()).map(number).collect()
 }
 
 /// The values of some axes at one of their points, of which the last axis varies fastest.
 #[must_use]
-pub fn values_at(axes: &[Axis], point: usize) -> Vec<Value> {
+pub fn values_at(axes: &[StudyAxis], point: usize) -> Vec<AxisValue> {
     let mut rest = point;
-    let mut values: Vec<Value> = Vec::new();
+    let mut values: Vec<AxisValue> = Vec::new();
     for axis in axes.iter().rev() {
         values.push(axis.value(rest % axis.count(), 0.0));
         rest /= axis.count();
@@ -182,25 +182,25 @@ mod tests {
     use crate::study::axis::AxisValues;
     use crate::study::peaks::PREDICTED;
 
-    fn axis(key: &str, numbers: Vec<f64>, reduce: Reduction) -> Axis {
+    fn axis(key: &str, numbers: Vec<f64>, reduce: Reduction) -> StudyAxis {
         let values = AxisValues::Numbers(numbers);
-        Axis { key: key.into(), values, is_log: false, reduce: Some(reduce), span: 0..0, value_spans: Vec::new() }
+        StudyAxis { key: key.into(), values, is_log: false, reduce: Some(reduce), span: 0..0, value_spans: Vec::new() }
     }
 
-    fn frequencies(reduce: Reduction) -> Axis {
+    fn frequencies(reduce: Reduction) -> StudyAxis {
         axis("base.frequency_hz", (0..11).map(|n| 2.0 + 0.1 * f64::from(n)).collect(), reduce)
     }
 
     /// The band's value for a response over frequency and the other axis' value.
-    fn reduced(axes: Vec<Axis>, effort: Effort, response: impl Fn(f64, f64) -> f64) -> Reduced {
-        let of = |at: &Vec<Value>| {
+    fn reduced(axes: Vec<StudyAxis>, effort: Effort, response: impl Fn(f64, f64) -> f64) -> Reduced {
+        let of = |at: &Vec<AxisValue>| {
             let number = |key: &str| {
                 let place = axes.iter().position(|axis| axis.key == key);
-                place.map_or(0.0, |place| if let Value::Number(number) = at[place] { number } else { f64::NAN })
+                place.map_or(0.0, |place| if let AxisValue::Number(number) = at[place] { number } else { f64::NAN })
             };
             response(number("base.frequency_hz"), number("a"))
         };
-        let points = axes.iter().map(Axis::count).product();
+        let points = axes.iter().map(StudyAxis::count).product();
         let grid: Vec<f64> = (0..points).map(|point| of(&values_at(&axes, point))).collect();
         Band::of(axes.clone()).reduce(&grid, effort, &mut |asked| Ok(asked.iter().map(of).collect())).unwrap()
     }
@@ -216,7 +216,7 @@ mod tests {
             let found = reduced(vec![frequencies(Reduction::Maximum)], Effort::Peaks, |f, _| resonance(f, natural));
             // The last values are a fiftieth of 0.1 Hz apart, a peak at most 0.002 Hz from one: (0.002/2.003/0.02)²/2 = 0.13 %.
             assert!((found.value * 0.04 - 1.0).abs() < 2.0e-3, "{found:?} for {natural}");
-            let Value::Number(at) = found.at[0] else { panic!("{found:?}") };
+            let AxisValue::Number(at) = found.at[0] else { panic!("{found:?}") };
             assert!((at - natural).abs() < 0.0045, "{at} for {natural}");
             assert_eq!(resonance(at, natural), found.value);
             let least = reduced(vec![frequencies(Reduction::Minimum)], Effort::Peaks, |f, _| -resonance(f, natural));
@@ -229,9 +229,12 @@ mod tests {
         let (axis, mut count) = (frequencies(Reduction::Maximum), 0);
         let grid: Vec<f64> = numbers(&axis).into_iter().map(&response).collect();
         let band = Band { smoothness: Smoothness::Smooth, ..Band::of(vec![axis]) };
-        let mut simulate = |points: &[Vec<Value>]| {
+        let mut simulate = |points: &[Vec<AxisValue>]| {
             count += points.len();
-            Ok(points.iter().map(|at| if let Value::Number(at) = at[0] { response(at) } else { f64::NAN }).collect())
+            Ok(points
+                .iter()
+                .map(|at| if let AxisValue::Number(at) = at[0] { response(at) } else { f64::NAN })
+                .collect())
         };
         (band.reduce(&grid, effort, &mut simulate).unwrap().value, count)
     }
@@ -276,11 +279,11 @@ mod tests {
         for (reduce, natural) in [(Reduction::Maximum, 2.65), (Reduction::Minimum, 2.25)] {
             let found = reduced(vec![other(reduce), frequencies(Reduction::Maximum)], Effort::Scan, response);
             assert!((found.value / (natural * 25.0) - 1.0).abs() < 1e-3, "{found:?}");
-            assert_eq!(found.at[0], Value::Number(natural));
+            assert_eq!(found.at[0], AxisValue::Number(natural));
         }
         let found = reduced(vec![frequencies(Reduction::Maximum), other(Reduction::Maximum)], Effort::Scan, response);
         assert!((found.value / (2.65 * 25.0) - 1.0).abs() < 1e-3, "{found:?}");
-        assert_eq!(found.at[1], Value::Number(2.65));
+        assert_eq!(found.at[1], AxisValue::Number(2.65));
     }
 
     #[test]

@@ -110,8 +110,8 @@ impl Attractor {
         if (self.periods, self.impacts > 0, self.is_held) != (other.periods, other.impacts > 0, other.is_held) {
             return false;
         }
-        let (count, compared) = (self.periods, Compared { place: !self.is_held, second: self.impacts > 0 });
-        let size = Size::of(&self.section);
+        let (count, compared) = (self.periods, ComparedState { place: !self.is_held, second: self.impacts > 0 });
+        let size = MotionSize::of(&self.section);
         (0..count).any(|shift| {
             (0..count).all(|n| size.apart(&self.section[n], &other.section[(n + shift) % count], compared) <= SAME)
         })
@@ -120,7 +120,7 @@ impl Attractor {
 
 /// What of two states is compared beside the velocity of the structure.
 #[derive(Clone, Copy)]
-struct Compared {
+struct ComparedState {
     /// Its place.
     place: bool,
     /// The second mass.
@@ -128,12 +128,12 @@ struct Compared {
 }
 
 /// Sizes of a motion.
-struct Size {
+struct MotionSize {
     length_m: f64,
     speed_m_per_s: f64,
 }
 
-impl Size {
+impl MotionSize {
     fn of(states: &[ExactState]) -> Self {
         let most = |of: fn(&ExactState) -> f64| states.iter().map(of).fold(0.0, f64::max);
         Self {
@@ -143,7 +143,7 @@ impl Size {
     }
 
     /// The difference of two states as a share of the motion.
-    fn apart(&self, a: &ExactState, b: &ExactState, compared: Compared) -> f64 {
+    fn apart(&self, a: &ExactState, b: &ExactState, compared: ComparedState) -> f64 {
         let share = |difference: f64, size: f64| if difference == 0.0 { 0.0 } else { difference.abs() / size };
         let mut most = share(a.v_m_per_s - b.v_m_per_s, self.speed_m_per_s);
         if compared.place {
@@ -157,7 +157,7 @@ impl Size {
     }
 
     /// The smallest number of periods after which the states repeat, and their largest change over it.
-    fn period(&self, states: &[ExactState], compared: Compared) -> Option<(usize, f64)> {
+    fn period(&self, states: &[ExactState], compared: ComparedState) -> Option<(usize, f64)> {
         let change =
             |k: usize| states.iter().zip(&states[k..]).map(|(a, b)| self.apart(a, b, compared)).fold(0.0, f64::max);
         (1..=MAX_PERIODS).map(|k| (k, change(k))).find(|(_, change)| *change <= SAME)
@@ -202,7 +202,7 @@ struct Course {
 
 impl Course {
     /// Whether the friction damper holds the structure during a look: in a period it slips by no more than this share of the motion.
-    fn is_held(&self, size: &Size) -> bool {
+    fn is_held(&self, size: &MotionSize) -> bool {
         self.was_held && self.slipped_m <= SAME * size.length_m * f64::from(LOOK)
     }
 }
@@ -224,7 +224,7 @@ impl Observer for Course {
 }
 
 /// The end of a start.
-struct End {
+struct StartEnd {
     attractor: Option<Attractor>,
     state: ExactState,
     has_passed: bool,
@@ -257,7 +257,7 @@ pub fn run(
         return Err(Failure::Input(format!("both axes have the key `{}`: take two keys", grid.axes[0].key)));
     }
     let done = AtomicU64::new(0);
-    let follow = |start: usize| -> Result<Option<End>, Failure> {
+    let follow = |start: usize| -> Result<Option<StartEnd>, Failure> {
         if !go_on(done.fetch_add(1, Ordering::Relaxed)) {
             return Ok(None);
         }
@@ -269,12 +269,12 @@ pub fn run(
             .map(Some)
             .map_err(|invalid| Failure::Input(format!("start {}: {invalid}", start + 1)))
     };
-    let ends: Option<Vec<End>> = (0..grid.starts()).into_par_iter().map(follow).collect::<Result<_, _>>()?;
+    let ends: Option<Vec<StartEnd>> = (0..grid.starts()).into_par_iter().map(follow).collect::<Result<_, _>>()?;
     Ok(ends.map(gathered))
 }
 
 /// Follows a motion until it repeats.
-fn end(case: &Case, most_cycles: u32) -> Result<End, Invalid> {
+fn end(case: &Case, most_cycles: u32) -> Result<StartEnd, Invalid> {
     let cycle_s = case.drive_period_s().unwrap_or_else(|| case.cycle_s());
     let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
     motion.run(SECTION * cycle_s, &mut ());
@@ -286,10 +286,10 @@ fn end(case: &Case, most_cycles: u32) -> Result<End, Invalid> {
         let mut course = Course::default();
         let states: Vec<ExactState> = (0..LOOK).map(|_| section.next(&mut course)).collect();
         taken += BLOCK + LOOK;
-        let size = Size::of(&states);
+        let size = MotionSize::of(&states);
         slow_m_per_s = SLOW * size.speed_m_per_s;
         is_held = course.is_held(&size);
-        let compared = Compared { place: !is_held, second: course.fastest_m_per_s > slow_m_per_s };
+        let compared = ComparedState { place: !is_held, second: course.fastest_m_per_s > slow_m_per_s };
         let found = size.period(&states, compared);
         if let Some((periods, _)) = found.filter(|found| is_settled(*found, before)) {
             repeats = Some(states[states.len() - periods..].to_vec());
@@ -320,7 +320,7 @@ fn end(case: &Case, most_cycles: u32) -> Result<End, Invalid> {
     }
     found.impacts = course.impacts;
     let has_passed = motion.passed_wall_by_m().is_some();
-    Ok(End {
+    Ok(StartEnd {
         attractor: repeats.filter(|_| !has_passed).map(|section| Attractor { section, ..found }),
         state: *motion.state(),
         has_passed,
@@ -340,7 +340,7 @@ fn is_settled((periods, change): (usize, f64), before: Option<(usize, f64)>) -> 
 }
 
 /// Gathers equal attractors, those of the most starts first.
-fn gathered(ends: Vec<End>) -> Basins {
+fn gathered(ends: Vec<StartEnd>) -> Basins {
     let mut found: Vec<Attractor> = Vec::new();
     let mut basins = Basins {
         passed: ends.iter().map(|end| end.has_passed).collect(),

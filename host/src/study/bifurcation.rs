@@ -147,7 +147,7 @@ pub fn cases(source_name: &str, text: &str, name: &str, sweep: &Sweep, set: &Set
 
 /// Where a sweep goes on.
 #[derive(Clone, Debug)]
-enum Start {
+enum SweepStart {
     Initial(Initial),
     Several(State),
 }
@@ -167,7 +167,7 @@ pub fn run(
         order.reverse();
     }
     let mut samples = Vec::new();
-    let mut start: Option<Start> = None;
+    let mut start: Option<SweepStart> = None;
     for (done, place) in order.into_iter().enumerate() {
         if !go_on(done) {
             break;
@@ -185,14 +185,15 @@ pub fn run(
         let counts = (sweep.settle_cycles, sweep.cycles);
         let mut keep = |state: &ExactState, cycle_max_m| samples.push(sample(state, cycle_max_m));
         let end = match (&case.multi_degree, start.take()) {
-            (Some(several), Some(Start::Several(state))) => {
-                cycles(case, several, &several.inside(state, &case.excitation), counts, &mut keep).map(Start::Several)
+            (Some(several), Some(SweepStart::Several(state))) => {
+                cycles(case, several, &several.inside(state, &case.excitation), counts, &mut keep)
+                    .map(SweepStart::Several)
             }
-            (Some(several), _) => cycles(case, several, &several.start, counts, &mut keep).map(Start::Several),
-            (None, Some(Start::Initial(state))) => {
-                exact_cycles(case, &inside(state, case), counts, &mut keep).map(Start::Initial)
+            (Some(several), _) => cycles(case, several, &several.start, counts, &mut keep).map(SweepStart::Several),
+            (None, Some(SweepStart::Initial(state))) => {
+                exact_cycles(case, &inside(state, case), counts, &mut keep).map(SweepStart::Initial)
             }
-            (None, _) => exact_cycles(case, &case.initial, counts, &mut keep).map(Start::Initial),
+            (None, _) => exact_cycles(case, &case.initial, counts, &mut keep).map(SweepStart::Initial),
         };
         start = Some(end.map_err(|invalid| Failure::Input(format!("{} = {value}: {invalid}", sweep.key)))?);
     }

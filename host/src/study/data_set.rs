@@ -47,7 +47,7 @@ pub const PARTS: &str = "parts";
 /// What a data set is: written when it is created, compared when it is opened again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Manifest {
+pub struct StudyManifest {
     /// Version of the layout.
     pub format: String,
     /// Program and version.
@@ -75,7 +75,7 @@ pub struct Manifest {
     pub sha256: Option<String>,
 }
 
-impl Manifest {
+impl StudyManifest {
     /// Of a study.
     #[must_use]
     pub fn of(study: &Study) -> Self {
@@ -125,7 +125,7 @@ impl Manifest {
 #[derive(Clone, Debug)]
 pub struct DataSet {
     store: Store,
-    manifest: Manifest,
+    manifest: StudyManifest,
 }
 
 /// Name of a part's file.
@@ -164,7 +164,7 @@ impl DataSet {
                 shown.display()
             )));
         }
-        store.put_new(MANIFEST, &Manifest::of(study).to_text())?;
+        store.put_new(MANIFEST, &StudyManifest::of(study).to_text())?;
         // It may be that of another worker.
         let written = Self::existing(study, store)?;
         let removed =
@@ -178,13 +178,13 @@ impl DataSet {
     /// Results of another study or version; a place that cannot be read; a damaged manifest.
     pub fn existing(study: &Study, store: Store) -> Result<Option<Self>, Failure> {
         let Some(bytes) = store.get(MANIFEST)? else { return Ok(None) };
-        let now = Manifest::of(study);
+        let now = StudyManifest::of(study);
         let shown = store.path(MANIFEST);
         let damaged = |what: &dyn std::fmt::Display| {
             let help = "remove it: the next `damprig study run` or `work` writes it again and goes on with the parts";
             Failure::Storage(format!("{} is damaged: {what}\n  {help}", shown.display()))
         };
-        let there: Manifest = serde_json::from_slice(&bytes).map_err(|error| damaged(&error))?;
+        let there: StudyManifest = serde_json::from_slice(&bytes).map_err(|error| damaged(&error))?;
         // The digest is of the values; what is written between them counts too.
         let is_as_written = |digest: &String| *digest == there.digest() && *bytes == *there.to_text();
         if !there.sha256.as_ref().is_none_or(is_as_written) {
@@ -195,7 +195,7 @@ impl DataSet {
         }
         // An older version sized parts in another way, and knew no build.
         let build = there.build.as_ref().and(now.build.clone());
-        let now = Manifest { build, rows_per_part: there.rows_per_part, ..now };
+        let now = StudyManifest { build, rows_per_part: there.rows_per_part, ..now };
         if there.digest() != now.digest() {
             return Err(Failure::Input(changed(&there, &now, &store.path(""))));
         }
@@ -210,7 +210,7 @@ impl DataSet {
 
     /// What it is.
     #[must_use]
-    pub fn manifest(&self) -> &Manifest {
+    pub fn manifest(&self) -> &StudyManifest {
         &self.manifest
     }
 
@@ -369,7 +369,7 @@ pub fn ranges(numbers: &[u64]) -> String {
 }
 
 /// What differs between the data set that is there and the study.
-fn changed(there: &Manifest, now: &Manifest, folder: &Path) -> String {
+fn changed(there: &StudyManifest, now: &StudyManifest, folder: &Path) -> String {
     let what = if there.damprig != now.damprig || there.revision != now.revision || there.format != now.format {
         format!("its parts were written by {}, this is {}", there.damprig, now.damprig)
     } else if there.build != now.build {

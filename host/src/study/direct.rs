@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::Wall;
 
-use super::axis::Value;
+use super::axis::AxisValue;
 use super::samples;
 use super::varied_case::VariedCase;
 use crate::failure::Failure;
@@ -14,7 +14,7 @@ use crate::simulation::Case;
 
 /// A number of the model that a key states alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Number {
+enum ModelNumber {
     Clearance,
     ClearanceRatio,
     Restitution,
@@ -26,7 +26,7 @@ enum Number {
     FrequencyRatio,
 }
 
-impl Number {
+impl ModelNumber {
     fn of(key: &str) -> Option<Self> {
         Some(match key {
             "particle.clearance_m" => Self::Clearance,
@@ -85,7 +85,7 @@ fn angular_frequency(case: &mut Case) -> Option<&mut f64> {
 #[derive(Clone, Debug, Default)]
 pub struct Direct {
     /// For each axis its number of the model, if it has one; empty if all are read.
-    numbers: Vec<Option<Number>>,
+    numbers: Vec<Option<ModelNumber>>,
     /// The case, if nothing else than such numbers varies.
     template: Option<Case>,
 }
@@ -94,8 +94,8 @@ impl Direct {
     /// For axes of which some vary at each point while the others keep their values. The cases that are `compared` are sound. All are read
     /// if a case differs otherwise, of these or with one axis alone at its ends or in its middle, or if an axis that varies has no number.
     #[must_use]
-    pub fn of(varied: VariedCase, mut compared: Vec<Vec<Value>>, varies: impl Fn(usize) -> bool) -> Self {
-        let numbers: Vec<Option<Number>> = varied.axes.iter().map(|axis| Number::of(&axis.key)).collect();
+    pub fn of(varied: VariedCase, mut compared: Vec<Vec<AxisValue>>, varies: impl Fn(usize) -> bool) -> Self {
+        let numbers: Vec<Option<ModelNumber>> = varied.axes.iter().map(|axis| ModelNumber::of(&axis.key)).collect();
         let is_all = numbers.iter().all(Option::is_some);
         let mut varying = (0..numbers.len()).filter(|axis| varies(*axis)).peekable();
         let can_be_kept = varying.peek().is_some() && varying.all(|axis| numbers[axis].is_some());
@@ -107,7 +107,7 @@ impl Direct {
         let template = if is_all { varied.with(&first).ok() } else { None };
         let direct = Self { numbers, template };
         // Where all is read, a value alone may be refused; no case has it then.
-        let is_same = |values: &Vec<Value>| match varied.with(values) {
+        let is_same = |values: &Vec<AxisValue>| match varied.with(values) {
             Err(_) => true,
             Ok(read) => {
                 let template = direct.template_of_others(varied, &first, values, &varies);
@@ -121,12 +121,12 @@ impl Direct {
     ///
     /// # Errors
     /// The refusal of a case that the values make.
-    pub fn at<'a>(&'a self, varied: VariedCase<'a>, values: &[Value]) -> Result<Cases<'a>, Failure> {
-        Ok(Cases { varied, direct: self, template: self.template_at(varied, values)? })
+    pub fn at<'a>(&'a self, varied: VariedCase<'a>, values: &[AxisValue]) -> Result<DirectCases<'a>, Failure> {
+        Ok(DirectCases { varied, direct: self, template: self.template_at(varied, values)? })
     }
 
     /// The case in which the numbers are set: one for all, or one for these values. `None` if all is read.
-    fn template_at(&self, varied: VariedCase, values: &[Value]) -> Result<Option<Case>, Failure> {
+    fn template_at(&self, varied: VariedCase, values: &[AxisValue]) -> Result<Option<Case>, Failure> {
         match &self.template {
             Some(template) => Ok(Some(template.clone())),
             None if self.numbers.is_empty() => Ok(None),
@@ -138,19 +138,19 @@ impl Direct {
     fn template_of_others(
         &self,
         varied: VariedCase,
-        first: &[Value],
-        values: &[Value],
+        first: &[AxisValue],
+        values: &[AxisValue],
         varies: impl Fn(usize) -> bool,
     ) -> Option<Case> {
         let value = |place: usize| if varies(place) { first[place].clone() } else { values[place].clone() };
-        let others: Vec<Value> = (0..values.len()).map(value).collect();
+        let others: Vec<AxisValue> = (0..values.len()).map(value).collect();
         self.template_at(varied, &others).ok().flatten()
     }
 
-    fn set(&self, template: &Case, values: &[Value]) -> Option<Case> {
+    fn set(&self, template: &Case, values: &[AxisValue]) -> Option<Case> {
         let mut case = template.clone();
         for (number, value) in self.numbers.iter().zip(values) {
-            if let (Some(number), Value::Number(value)) = (number, value) {
+            if let (Some(number), AxisValue::Number(value)) = (number, value) {
                 number.set(&mut case, *value)?;
             }
         }
@@ -160,18 +160,18 @@ impl Direct {
 
 /// Cases that differ only in the axes that vary.
 #[derive(Clone, Debug)]
-pub struct Cases<'a> {
+pub struct DirectCases<'a> {
     varied: VariedCase<'a>,
     direct: &'a Direct,
     template: Option<Case>,
 }
 
-impl Cases<'_> {
+impl DirectCases<'_> {
     /// The case with these values of all axes.
     ///
     /// # Errors
     /// The refusal of a case that the values make.
-    pub fn with(&self, values: &[Value]) -> Result<Case, Failure> {
+    pub fn with(&self, values: &[AxisValue]) -> Result<Case, Failure> {
         let made = self.template.as_ref().and_then(|template| self.direct.set(template, values));
         made.map_or_else(|| self.varied.with(values), Ok)
     }

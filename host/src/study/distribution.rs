@@ -2,7 +2,7 @@
 
 use std::f64::consts::SQRT_2;
 
-use crate::input::key::Quantity;
+use crate::input::key::KeyedQuantity;
 use crate::input::section::Number;
 use crate::input::{Section, Span};
 
@@ -148,15 +148,15 @@ pub(super) fn between(from: f64, to: f64, is_log: bool, share: f64) -> f64 {
 #[derive(Clone, Copy, Debug)]
 pub struct DistributionKeys {
     /// Its word.
-    pub distribution: &'static Quantity,
+    pub distribution: &'static KeyedQuantity,
     /// Its mean.
-    pub mean: &'static Quantity,
+    pub mean: &'static KeyedQuantity,
     /// Its standard deviation.
-    pub standard_deviation: &'static Quantity,
+    pub standard_deviation: &'static KeyedQuantity,
     /// Its ends.
-    pub ends: [&'static Quantity; 2],
+    pub ends: [&'static KeyedQuantity; 2],
     /// Spacing of a range.
-    pub scale: &'static Quantity,
+    pub scale: &'static KeyedQuantity,
 }
 
 /// Reads a normal or lognormal distribution between `ends` as read, with their places if both are given. `Some(None)` for a uniform one,

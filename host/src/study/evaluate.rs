@@ -6,13 +6,13 @@ use std::time::{Duration, Instant};
 use damprig_core::integrator::exact::Exact;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 
-use super::axis::{Axis, Reduction, Value};
+use super::axis::{AxisValue, Reduction, StudyAxis};
 use super::band::{Band, Reduced, Smoothness};
 use super::file::Study;
 use super::linear;
 use super::metric;
 use super::over::{Over, quantile};
-use super::simulate::{CaseMetrics, Counted, GoOn, Record, metrics_of_all};
+use super::simulate::{CaseMetrics, Counted, GoOn, SimulationRecord, metrics_of_all};
 use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::simulation::case::RunSpec;
@@ -20,7 +20,7 @@ use crate::simulation::{Case, cost, multi_degree};
 
 /// A column of the table that is computed.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Column {
+pub struct ComputedColumn {
     /// Name.
     pub name: String,
     /// Symbol of its unit; empty for a plain number.
@@ -31,11 +31,11 @@ pub struct Column {
 
 /// The computed columns of a study's table, in the order of the values of [`rows`].
 #[must_use]
-pub fn columns(study: &Study) -> Vec<Column> {
+pub fn columns(study: &Study) -> Vec<ComputedColumn> {
     let mut columns = Vec::new();
     for metric in &study.metrics {
         let (name, unit, doc) = (metric.name(), metric.unit(), metric.definition());
-        let mut push = |name: String, doc: String| columns.push(Column { name, unit, doc });
+        let mut push = |name: String, doc: String| columns.push(ComputedColumn { name, unit, doc });
         match &study.ensemble {
             None => push(name.into(), doc.into()),
             Some(ensemble) => {
@@ -52,7 +52,7 @@ pub fn columns(study: &Study) -> Vec<Column> {
         if study.ensemble.is_none() {
             for axis in extreme_axes(study) {
                 let axis = &study.axes[axis];
-                columns.push(Column {
+                columns.push(ComputedColumn {
                     name: format!("{name}_at_{}", axis.short_key()),
                     unit: axis.unit(),
                     doc: format!("where {} is the {} of {name}", axis.key, axis.reduce.map_or("", Reduction::name)),
@@ -60,7 +60,7 @@ pub fn columns(study: &Study) -> Vec<Column> {
             }
         }
     }
-    columns.push(Column {
+    columns.push(ComputedColumn {
         name: UNRESOLVED.into(),
         unit: "",
         doc: "how often too many events fell on one instant and the motion went on without resolving them".into(),
@@ -144,8 +144,8 @@ fn row_of(study: &Study, band: &Band, row: u64, simulated: &[CaseMetrics], go_on
         let mut reduced: Vec<Reduced> = Vec::new();
         for start in 0..starts {
             let share = study.ensemble.as_ref().map(|ensemble| ensemble.shares[start]);
-            let mut simulate = |points: &[Vec<Value>]| {
-                let case = |at: &Vec<Value>| {
+            let mut simulate = |points: &[Vec<AxisValue>]| {
+                let case = |at: &Vec<AxisValue>| {
                     let mut values = study.points.values(&study.axes, row, 0);
                     for (axis, value) in study.points.reduced().iter().zip(at) {
                         values[*axis] = value.clone();
@@ -164,7 +164,7 @@ fn row_of(study: &Study, band: &Band, row: u64, simulated: &[CaseMetrics], go_on
         match &study.ensemble {
             None => {
                 row_values.push(reduced[0].value);
-                let number = |value: &Value| if let Value::Number(number) = value { *number } else { f64::NAN };
+                let number = |value: &AxisValue| if let AxisValue::Number(number) = value { *number } else { f64::NAN };
                 let extremes = extreme_axes(study).count();
                 row_values.extend(reduced[0].at.iter().take(extremes).map(number));
             }
@@ -186,7 +186,7 @@ fn row_of(study: &Study, band: &Band, row: u64, simulated: &[CaseMetrics], go_on
 
 /// Reduces the values at all points of some axes, of which the last varies fastest, to one, with the number of its point.
 #[must_use]
-pub fn reduce_over(axes: &[&Axis], values: &[f64]) -> (f64, usize) {
+pub fn reduce_over(axes: &[&StudyAxis], values: &[f64]) -> (f64, usize) {
     let mut level: Vec<(f64, usize)> = values.iter().copied().zip(0..).collect();
     for axis in axes.iter().rev() {
         let Some(reduction) = axis.reduce else { continue };
@@ -223,7 +223,7 @@ pub fn trial_s(study: &Study, row: u64) -> Result<f64, Failure> {
 ///
 /// # Errors
 /// The refusal of a case.
-pub fn simulating_s(case: Case, record: Option<Record>, metrics: &[Quantity]) -> Result<f64, Failure> {
+pub fn simulating_s(case: Case, record: Option<SimulationRecord>, metrics: &[Quantity]) -> Result<f64, Failure> {
     let start = Instant::now();
     let counted = Counted::of(&case, record);
     let end_s = counted.end_s;
@@ -318,7 +318,7 @@ mod tests {
 
     #[test]
     fn several_axes_become_one_value_from_the_last_to_the_first() {
-        let axis = |count: u32, reduce: Reduction| Axis {
+        let axis = |count: u32, reduce: Reduction| StudyAxis {
             key: "a".into(),
             values: crate::study::axis::AxisValues::Numbers((0..count).map(f64::from).collect()),
             is_log: false,

@@ -5,17 +5,17 @@ use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 
-use super::axis::{self, Axis, Value};
-use super::direct::{Cases, Direct};
+use super::axis::{self, AxisValue, StudyAxis};
+use super::direct::{Direct, DirectCases};
 use super::ensemble::{self, Ensemble};
 use super::given_points::GivenPoints;
 use super::keys::{overlay as overlay_keys, record, sampling, study as keys};
 use super::metric::{self, METRICS};
 use super::overlay::{self, Overlay};
-use super::points::{Points, Scattered};
+use super::points::{Scattered, StudyPoints};
 use super::samples;
-use super::sampling::{Method, Sampling};
-use super::simulate::{Counted, Record};
+use super::sampling::{Sampling, SamplingMethod};
+use super::simulate::{Counted, SimulationRecord};
 use super::varied_case::VariedCase;
 use crate::failure::Failure;
 use crate::input::regular::read_input;
@@ -47,13 +47,13 @@ pub struct Study {
     /// Text of the case.
     pub case_text: String,
     /// Axes in the order of the file.
-    pub axes: Vec<Axis>,
+    pub axes: Vec<StudyAxis>,
     /// What its points are.
-    pub points: Points,
+    pub points: StudyPoints,
     /// How points are drawn, if they are.
     pub sampling: Option<Sampling>,
     /// What is counted; as the case's `run` says without one.
-    pub record: Option<Record>,
+    pub record: Option<SimulationRecord>,
     /// Several starts, if any.
     pub ensemble: Option<Ensemble>,
     /// Curves over the map; they change no result.
@@ -143,7 +143,7 @@ impl Study {
     ///
     /// # Errors
     /// Names the key, its value and what is allowed.
-    pub fn case_with(&self, values: &[Value]) -> Result<Case, Failure> {
+    pub fn case_with(&self, values: &[AxisValue]) -> Result<Case, Failure> {
         self.varied_case().with(values)
     }
 
@@ -151,7 +151,7 @@ impl Study {
     ///
     /// # Errors
     /// As [`Self::case_with`].
-    pub fn cases(&self, row: u64) -> Result<Cases<'_>, Failure> {
+    pub fn cases(&self, row: u64) -> Result<DirectCases<'_>, Failure> {
         self.direct.at(self.varied_case(), &self.points.values(&self.axes, row, 0))
     }
 
@@ -195,7 +195,7 @@ impl Study {
         if self.is_maximum { new > old } else { new < old }
     }
 
-    fn samples(&self) -> Vec<Vec<Value>> {
+    fn samples(&self) -> Vec<Vec<AxisValue>> {
         samples::of(&self.axes, &self.points)
     }
 
@@ -207,7 +207,7 @@ impl Study {
         samples::each_alone(&self.axes, &samples[0]).iter().try_for_each(|values| self.check_at(source, values))
     }
 
-    fn check_at(&self, source: &Source, values: &[Value]) -> Result<(), Failure> {
+    fn check_at(&self, source: &Source, values: &[AxisValue]) -> Result<(), Failure> {
         let case = self.varied_case().checked(source, values)?;
         if self.ensemble.is_some() && !case.has_particle() {
             return Err(Failure::Input(format!(
@@ -224,13 +224,15 @@ impl Study {
         Ok(())
     }
 
-    fn check_metrics(&self, source: &Source, values: &[Value]) -> Result<(), Failure> {
+    fn check_metrics(&self, source: &Source, values: &[AxisValue]) -> Result<(), Failure> {
         let case = self.varied_case().checked(source, values)?;
         for metric in &self.metrics {
             if let Some(why) = metric::refusal(*metric, &case) {
                 source.report(Problem {
                     title: format!("the metric {:?} does not go with this case", metric.name()),
-                    span: source.locate(&[crate::input::locate::Step::Key(keys::METRICS.name())]).unwrap_or_default(),
+                    span: source
+                        .locate(&[crate::input::locate::PathStep::Key(keys::METRICS.name())])
+                        .unwrap_or_default(),
                     allowed: why.into(),
                     help: None,
                 });
@@ -283,7 +285,7 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option
     let sampling = sampling_section.as_ref().and_then(read_sampling);
     let has_points = points.as_ref().is_none_or(Option::is_some);
     let missing_count = if has_points { "give `count`" } else { MISSING_COUNT };
-    let axes: Vec<Option<Axis>> =
+    let axes: Vec<Option<StudyAxis>> =
         root.tables_of(&keys::AXIS).iter().map(|s| axis::read(s, sampling_section.is_some(), missing_count)).collect();
     let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
     let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| ensemble::read(&s, goal == Some(1)));
@@ -291,7 +293,7 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option
         root.tables_of(&keys::OVERLAY).iter().map(|s| overlay::read(s, path)).collect();
     let points = points?;
     let mut all = points.as_ref().map_or_else(Vec::new, |points| points.axes(&root.span_of(keys::POINTS.name())));
-    all.extend(axes.into_iter().collect::<Option<Vec<Axis>>>()?);
+    all.extend(axes.into_iter().collect::<Option<Vec<StudyAxis>>>()?);
     let axes = all;
     if !check_axes(root, &axes, sampling) {
         return None;
@@ -309,7 +311,7 @@ fn read_root(root: &Section, path: &Path, given: Option<&Source>, points: Option
         root.reject(keys::OBJECTIVE.name(), "must be one of the metrics", help);
     }
     let scattered = points.map(Scattered::Given).or(sampling.map(Scattered::Drawn));
-    let points = Points::new(&axes, scattered);
+    let points = StudyPoints::new(&axes, scattered);
     if points.rows(&axes).is_none() || points.points_per_row(&axes).is_none() {
         root.reject(keys::AXIS.name(), "has more points than a program can count", None);
     }
@@ -387,7 +389,7 @@ fn read_metrics(root: &Section) -> Option<Vec<Quantity>> {
 }
 
 /// Reports what is wrong with the axes together; answers whether points can be drawn.
-fn check_axes(root: &Section, axes: &[Axis], sampling: Option<Sampling>) -> bool {
+fn check_axes(root: &Section, axes: &[StudyAxis], sampling: Option<Sampling>) -> bool {
     if axes.is_empty() {
         root.source().report(Problem {
             title: "`axis` is missing".into(),
@@ -401,14 +403,14 @@ fn check_axes(root: &Section, axes: &[Axis], sampling: Option<Sampling>) -> bool
             root.refuse(keys::AXIS.name(), &axis.span, "two axes have this key", Some("leave one out".into()));
         }
     }
-    if sampling.is_some() && !axes.iter().any(Axis::is_scattered) {
+    if sampling.is_some() && !axes.iter().any(StudyAxis::is_scattered) {
         let help = "leave out the `count` of the axes that are to be drawn from, or this table";
         root.reject(keys::SAMPLING.name(), "there is no range to draw from", Some(help.into()));
         return false;
     }
     let Some(sampling) = sampling else { return true };
     let (ranges, name) = (axes.iter().filter(|axis| axis.is_scattered()).count(), sampling.method.name());
-    let is_grid = |axis: &&Axis| sampling.method.is_for_indices() && !axis.is_scattered() && axis.reduce.is_none();
+    let is_grid = |axis: &&StudyAxis| sampling.method.is_for_indices() && !axis.is_scattered() && axis.reduce.is_none();
     if let Some(axis) = axes.iter().find(is_grid) {
         let allowed = format!("has listed values, and method = {name:?} draws every axis");
         let help = "give `from` and `to` without `count`, add `reduce`, or make a study of each value";
@@ -433,7 +435,7 @@ fn read_sampling(s: &Section) -> Option<Sampling> {
     let count = s.scalar(&sampling::COUNT);
     let seed = s.scalar(&sampling::SEED);
     s.finish();
-    let (method, count) = (Method::ALL[method?], count? as usize);
+    let (method, count) = (SamplingMethod::ALL[method?], count? as usize);
     if method.is_for_indices() && count < LEAST_FOR_INDICES {
         let allowed = format!("must be at least {LEAST_FOR_INDICES} with method = {:?}", method.name());
         s.reject(
@@ -447,12 +449,12 @@ fn read_sampling(s: &Section) -> Option<Sampling> {
 }
 
 /// Reads `[record]`.
-pub(crate) fn read_record(s: &Section) -> Option<Option<Record>> {
+pub(crate) fn read_record(s: &Section) -> Option<Option<SimulationRecord>> {
     let length = s.one_of(&record::LENGTH);
     let settle = s.one_of(&record::SETTLE);
     s.finish();
     let (length, settle) = (length?, settle?);
-    Some(Some(Record {
+    Some(Some(SimulationRecord {
         cycles: (length.0 == 0).then_some(length.1),
         duration_s: (length.0 == 1).then_some(length.1),
         settle_cycles: if settle.0 == 0 { settle.1 } else { 0.0 },

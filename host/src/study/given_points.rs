@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::io;
 use std::sync::Arc;
 
-use super::axis::{Axis, AxisValues, is_key};
+use super::axis::{AxisValues, StudyAxis, is_key};
 use crate::input::Span;
 use crate::motion_record::rows;
 use crate::signal_file::number::finite;
@@ -66,12 +66,19 @@ impl GivenPoints {
 
     /// An axis for each key, which the study file has at `span`.
     #[must_use]
-    pub fn axes(&self, span: &Span) -> Vec<Axis> {
+    pub fn axes(&self, span: &Span) -> Vec<StudyAxis> {
         let axis = |(place, key): (usize, &String)| {
             let values = || self.rows.iter().map(|row| row[place]);
             let (from, to) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
             let values = AxisValues::Given { from, to };
-            Axis { key: key.clone(), values, is_log: false, reduce: None, span: span.clone(), value_spans: Vec::new() }
+            StudyAxis {
+                key: key.clone(),
+                values,
+                is_log: false,
+                reduce: None,
+                span: span.clone(),
+                value_spans: Vec::new(),
+            }
         };
         self.keys.iter().enumerate().map(axis).collect()
     }

@@ -12,7 +12,7 @@ const PACE_PARTS: usize = 64;
 
 /// The parts of a study.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Parts {
+pub struct StudyParts {
     /// Parts that are right.
     pub good: u64,
     /// Those of them that have no digest: an older version has written them, and a changed result in them is not noticed.
@@ -24,8 +24,8 @@ pub struct Parts {
 }
 
 /// Reads every part. `seen` gets each part's number.
-fn look(study: &Study, data_set: &DataSet, mut seen: impl FnMut(u64)) -> Result<Parts, Failure> {
-    let mut parts = Parts::default();
+fn look(study: &Study, data_set: &DataSet, mut seen: impl FnMut(u64)) -> Result<StudyParts, Failure> {
+    let mut parts = StudyParts::default();
     for part in 0..data_set.manifest().parts() {
         match data_set.part(study, part) {
             Ok(Some(there)) => {
@@ -44,7 +44,7 @@ fn look(study: &Study, data_set: &DataSet, mut seen: impl FnMut(u64)) -> Result<
 #[derive(Clone, Debug)]
 pub struct Status {
     /// Its parts.
-    pub parts: Parts,
+    pub parts: StudyParts,
     /// Estimated time until the last part, s, and the number of parts whose pace it is taken from; `None` before two parts of
     /// different times.
     pub left_s: Option<(f64, usize)>,
@@ -73,9 +73,9 @@ fn left_s(mut written: Vec<SystemTime>, missing: usize) -> Option<(f64, usize)> 
 
 /// What a look at all files found.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Verdict {
+pub struct Inspection {
     /// The parts.
-    pub parts: Parts,
+    pub parts: StudyParts,
     /// Table, figures and page that are right; `None` before the parts are joined, or for files of an older version.
     pub results: Option<u64>,
     /// There is a table.
@@ -84,7 +84,7 @@ pub struct Verdict {
     pub wrong: Vec<String>,
 }
 
-impl Verdict {
+impl Inspection {
     /// Number of files that are wrong or missing.
     #[must_use]
     pub fn wrong_files(&self) -> usize {
@@ -97,7 +97,7 @@ impl Verdict {
 ///
 /// # Errors
 /// When files cannot be listed or read.
-pub fn verify(study: &Study, data_set: &DataSet, seen: impl FnMut(u64)) -> Result<Verdict, Failure> {
+pub fn verify(study: &Study, data_set: &DataSet, seen: impl FnMut(u64)) -> Result<Inspection, Failure> {
     let store = data_set.store();
     let (parts, mut wrong) = (look(study, data_set, seen)?, Vec::new());
     for entry in store.list(PARTS)? {
@@ -132,7 +132,7 @@ pub fn verify(study: &Study, data_set: &DataSet, seen: impl FnMut(u64)) -> Resul
     {
         wrong.push(again(what));
     }
-    Ok(Verdict { parts, results, has_table: table.is_some(), wrong })
+    Ok(Inspection { parts, results, has_table: table.is_some(), wrong })
 }
 
 #[cfg(test)]

@@ -88,7 +88,7 @@ mod tests {
 
     use super::*;
     use crate::input::Source;
-    use crate::study::simulate::Record;
+    use crate::study::simulate::SimulationRecord;
 
     /// The engine's error over a counted cycle and what it accumulates in the settling ones is below 1e-12 of the amplitude.
     #[test]
@@ -105,7 +105,8 @@ mod tests {
             );
             let case =
                 Case::parse(&Source::new("case.toml", text.as_str()), "case").unwrap_or_else(|why| panic!("{why}"));
-            let record = |settle_cycles| Record { cycles: Some(7.0), duration_s: None, settle_cycles, settle_s: 0.0 };
+            let record =
+                |settle_cycles| SimulationRecord { cycles: Some(7.0), duration_s: None, settle_cycles, settle_s: 0.0 };
             let counted = Counted::of(&case, Some(record(200.0)));
             let found = settled(&case, &counted).expect("it is linear and settled");
             let wanted = Wanted { cycle_s: Some(counted.cycle_s), steady_from_cycle: Some(200), whole_run: true };

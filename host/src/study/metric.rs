@@ -97,7 +97,7 @@ pub fn refusal(metric: Quantity, case: &Case) -> Option<&'static str> {
 
 /// Results of the counted part of one simulation.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Figures {
+pub struct CountedResults {
     /// Its summary; steady cycles are the counted ones.
     pub summary: Summary,
     /// Counted cycles, with their fraction.
@@ -133,7 +133,7 @@ impl Periodicity {
     }
 }
 
-impl Figures {
+impl CountedResults {
     /// The value of a metric, not a number if there is none. `reference_m`: Z, P/k or x0.
     #[must_use]
     pub fn value(&self, metric: Quantity, reference_m: f64, periodicity: Option<&Periodicity>) -> f64 {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::axis::{self, Axis};
+use super::axis::{self, StudyAxis};
 use super::keys::overlay as keys;
 use super::table::MIN_OF_MAP;
 use crate::continuation::Continuation;
@@ -35,12 +35,12 @@ pub(super) fn read(s: &Section, path: &Path) -> Option<(Text, Overlay)> {
 
 impl Overlay {
     /// Why the curves do not belong over the map of a study with these axes, and what to do.
-    pub(super) fn mismatch(&self, axes: &[Axis], case_path: &Path, case_text: &str) -> Option<(String, String)> {
+    pub(super) fn mismatch(&self, axes: &[StudyAxis], case_path: &Path, case_text: &str) -> Option<(String, String)> {
         let (first, Some(second)) = self.continuation.keys() else {
             let help = "add a table [second] with the other axis of the study to the continuation file";
             return Some(("must be a continuation in two parameters".into(), help.into()));
         };
-        let is_grid = |axis: &Axis| {
+        let is_grid = |axis: &StudyAxis| {
             let is_long = matches!(&axis.values, axis::AxisValues::Numbers(numbers) if numbers.len() >= MIN_OF_MAP);
             is_long && axis.reduce.is_none()
         };

@@ -10,9 +10,9 @@ use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef};
 use arrow_select::concat::concat_batches;
 use bytes::Bytes;
 
-use super::axis::{AxisValues, Value};
-use super::data_set::Manifest;
-use super::evaluate::{Column, columns};
+use super::axis::{AxisValue, AxisValues};
+use super::data_set::StudyManifest;
+use super::evaluate::{ComputedColumn, columns};
 use super::file::Study;
 use crate::failure::Failure;
 use crate::run_folder::read::parquet_file;
@@ -38,7 +38,7 @@ pub struct Part {
 
 /// Columns: number of the row, axes, results; each with its unit and its meaning.
 #[must_use]
-pub fn schema(study: &Study, manifest: &Manifest) -> SchemaRef {
+pub fn schema(study: &Study, manifest: &StudyManifest) -> SchemaRef {
     let field = |name: &str, kind: DataType, unit: &str, doc: &str, is_missing: bool| {
         table::Column::new(name, unit, doc).field(kind).with_nullable(is_missing)
     };
@@ -51,7 +51,7 @@ pub fn schema(study: &Study, manifest: &Manifest) -> SchemaRef {
         };
         fields.push(field(&axis.key, kind, unit, &format!("axis of the study: the case's key {}", axis.key), false));
     }
-    for Column { name, unit, doc } in columns(study) {
+    for ComputedColumn { name, unit, doc } in columns(study) {
         fields.push(field(&name, DataType::Float64, plain(unit), &doc, true));
     }
     let mut about = of_file("a row for each point of the study");
@@ -92,12 +92,14 @@ pub(super) fn batch(
 
 /// The columns that follow from the study alone: numbers of the rows, and the axes.
 fn planned(study: &Study, rows: &Range<u64>) -> Vec<ArrayRef> {
-    let axes: Vec<Vec<Value>> = rows.clone().map(|row| study.points.values(&study.axes, row, 0)).collect();
+    let axes: Vec<Vec<AxisValue>> = rows.clone().map(|row| study.points.values(&study.axes, row, 0)).collect();
     let mut arrays: Vec<ArrayRef> = vec![Arc::new(UInt64Array::from_iter_values(rows.clone()))];
     for &place in study.points.kept() {
-        let number = |values: &Vec<Value>| if let Value::Number(number) = values[place] { number } else { f64::NAN };
-        let word =
-            |values: &Vec<Value>| if let Value::Word(word) = &values[place] { word.clone() } else { String::new() };
+        let number =
+            |values: &Vec<AxisValue>| if let AxisValue::Number(number) = values[place] { number } else { f64::NAN };
+        let word = |values: &Vec<AxisValue>| {
+            if let AxisValue::Word(word) = &values[place] { word.clone() } else { String::new() }
+        };
         arrays.push(match &study.axes[place].values {
             AxisValues::Words(_) => Arc::new(StringArray::from_iter_values(axes.iter().map(word))),
             _ => Arc::new(Float64Array::from_iter_values(axes.iter().map(number))),
@@ -112,7 +114,7 @@ fn planned(study: &Study, rows: &Range<u64>) -> Vec<ArrayRef> {
 /// A file that is no Parquet, is cut short, has changed since it was written, belongs to another study, or has other columns or points.
 pub(super) fn read(
     study: &Study,
-    manifest: &Manifest,
+    manifest: &StudyManifest,
     rows: &Range<u64>,
     (shown, bytes): (&str, Bytes),
 ) -> Result<Part, Failure> {

@@ -1,6 +1,6 @@
 //! The peaks of values over a line of frequencies, with as few further simulations as they need.
 
-use super::simulate::Record;
+use super::simulate::SimulationRecord;
 use crate::failure::Failure;
 use crate::simulation::Case;
 
@@ -18,7 +18,7 @@ pub enum Smoothness {
 impl Smoothness {
     /// Of a case.
     #[must_use]
-    pub fn of(case: &Case, record: Option<Record>) -> Self {
+    pub fn of(case: &Case, record: Option<SimulationRecord>) -> Self {
         let settles = match record {
             Some(record) => record.settle_cycles > 0.0 || record.settle_s > 0.0,
             None => case.run.steady_from_cycle.is_some_and(|cycle| cycle > 0),
@@ -53,7 +53,7 @@ const APART: f64 = 1e-3;
 const TOPS: usize = 6;
 
 /// Evaluates a line of the band at some frequencies.
-pub(super) type Evaluate<'a> = &'a mut dyn FnMut(&[f64]) -> Result<Vec<LinePoint>, Failure>;
+pub(super) type EvaluateLine<'a> = &'a mut dyn FnMut(&[f64]) -> Result<Vec<LinePoint>, Failure>;
 
 /// The value at a frequency, all later axes reduced.
 #[derive(Clone, Copy, Debug)]
@@ -80,7 +80,7 @@ pub(super) fn sort(line: &mut [LinePoint]) {
 pub(super) fn add_between(
     line: &mut Vec<LinePoint>,
     count: usize,
-    evaluate: Evaluate,
+    evaluate: EvaluateLine,
 ) -> Result<Vec<LinePoint>, Failure> {
     let ends = line.windows(2).map(|ends| (ends[0].frequency, ends[1].frequency));
     let added = evaluate(&ends.flat_map(|(from, to)| between(from, to, count)).collect::<Vec<f64>>())?;
@@ -90,7 +90,7 @@ pub(super) fn add_between(
 }
 
 /// Halves the steps of a sorted line until all added values follow from those before.
-pub(super) fn halve(line: &mut Vec<LinePoint>, evaluate: Evaluate) -> Result<(), Failure> {
+pub(super) fn halve(line: &mut Vec<LinePoint>, evaluate: EvaluateLine) -> Result<(), Failure> {
     while 2 * (line.len() - 1) <= SCAN {
         let before = line.clone();
         let added = add_between(line, 1, evaluate)?;
@@ -124,7 +124,7 @@ pub(super) fn highest(
     is_minimum: bool,
     peaks: usize,
     smoothness: Smoothness,
-    evaluate: Evaluate,
+    evaluate: EvaluateLine,
 ) -> Result<Vec<LinePoint>, Failure> {
     let height = |sample: &LinePoint| if is_minimum { -sample.value } else { sample.value };
     if let Some(missing) = line.iter().find(|sample| sample.value.is_nan()) {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::axis::{Axis, Value};
+use super::axis::{AxisValue, StudyAxis};
 use super::given_points::GivenPoints;
 use super::sampling::Sampling;
 
@@ -17,7 +17,7 @@ pub enum Scattered {
 
 /// The points of a study. A row of the table is a point of the axes that are kept; the points of reduced axes become one.
 #[derive(Clone, Debug)]
-pub struct Points {
+pub struct StudyPoints {
     kept: Vec<usize>,
     reduced: Vec<usize>,
     scattered: Vec<usize>,
@@ -31,14 +31,14 @@ enum ScatteredValues {
     Values(Arc<Vec<Vec<f64>>>),
 }
 
-impl Points {
+impl StudyPoints {
     /// Of axes, some of which may be scattered.
     #[must_use]
-    pub fn new(axes: &[Axis], scattered: Option<Scattered>) -> Self {
-        let places = |of: &dyn Fn(&Axis) -> bool| {
+    pub fn new(axes: &[StudyAxis], scattered: Option<Scattered>) -> Self {
+        let places = |of: &dyn Fn(&StudyAxis) -> bool| {
             axes.iter().enumerate().filter(|(_, axis)| of(axis)).map(|(place, _)| place).collect::<Vec<_>>()
         };
-        let places_scattered = places(&Axis::is_scattered);
+        let places_scattered = places(&StudyAxis::is_scattered);
         let rows = scattered.map(|scattered| match scattered {
             Scattered::Drawn(sampling) => ScatteredValues::Shares(sampling.shares(places_scattered.len())),
             Scattered::Given(given) => ScatteredValues::Values(given.rows),
@@ -77,7 +77,7 @@ impl Points {
 
     /// Rows of the table; `None` if there are more than a program can count.
     #[must_use]
-    pub fn rows(&self, axes: &[Axis]) -> Option<u64> {
+    pub fn rows(&self, axes: &[StudyAxis]) -> Option<u64> {
         let scattered = match &self.rows {
             None => 1,
             Some(ScatteredValues::Shares(rows)) => rows.len() as u64,
@@ -88,21 +88,23 @@ impl Points {
 
     /// Simulations behind a row, without several starts; `None` if there are more than a program can count.
     #[must_use]
-    pub fn points_per_row(&self, axes: &[Axis]) -> Option<u64> {
+    pub fn points_per_row(&self, axes: &[StudyAxis]) -> Option<u64> {
         self.reduced.iter().try_fold(1u64, |points, &place| points.checked_mul(axes[place].count() as u64))
     }
 
     /// The values of all axes at a point: the first axis varies slowest, a scattered point slower than any.
     #[must_use]
-    pub fn values(&self, axes: &[Axis], row: u64, point: u64) -> Vec<Value> {
+    pub fn values(&self, axes: &[StudyAxis], row: u64, point: u64) -> Vec<AxisValue> {
         let mut places = vec![0usize; axes.len()];
         let rest = unravel(row, &self.kept, axes, &mut places);
         unravel(point, &self.reduced, axes, &mut places);
-        let value = |(place, axis): (usize, &Axis)| {
+        let value = |(place, axis): (usize, &StudyAxis)| {
             let dimension = self.scattered.iter().position(|scattered| *scattered == place);
             match (&self.rows, dimension) {
                 (Some(ScatteredValues::Shares(rows)), Some(dimension)) => axis.value(0, rows[rest as usize][dimension]),
-                (Some(ScatteredValues::Values(rows)), Some(dimension)) => Value::Number(rows[rest as usize][dimension]),
+                (Some(ScatteredValues::Values(rows)), Some(dimension)) => {
+                    AxisValue::Number(rows[rest as usize][dimension])
+                }
                 _ => axis.value(places[place], 0.0),
             }
         };
@@ -111,7 +113,7 @@ impl Points {
 }
 
 /// Writes the place along each of the `chosen` axes; returns what is left of the number.
-fn unravel(number: u64, chosen: &[usize], axes: &[Axis], places: &mut [usize]) -> u64 {
+fn unravel(number: u64, chosen: &[usize], axes: &[StudyAxis], places: &mut [usize]) -> u64 {
     chosen.iter().rev().fold(number, |rest, &axis| {
         let count = axes[axis].count() as u64;
         places[axis] = (rest % count) as usize;
@@ -124,10 +126,10 @@ mod tests {
     use super::super::axis::{AxisValues, Reduction};
     use super::super::distribution::Distribution;
     use super::*;
-    use crate::study::sampling::Method;
+    use crate::study::sampling::SamplingMethod;
 
-    fn axis(key: &str, values: AxisValues, reduce: Option<Reduction>) -> Axis {
-        Axis { key: key.into(), values, is_log: false, reduce, span: 0..0, value_spans: Vec::new() }
+    fn axis(key: &str, values: AxisValues, reduce: Option<Reduction>) -> StudyAxis {
+        StudyAxis { key: key.into(), values, is_log: false, reduce, span: 0..0, value_spans: Vec::new() }
     }
 
     #[test]
@@ -138,11 +140,11 @@ mod tests {
             axis("f", number(vec![7.0, 8.0, 9.0]), Some(Reduction::Maximum)),
             axis("b", number(vec![0.1, 0.2, 0.3]), None),
         ];
-        let points = Points::new(&axes, None);
+        let points = StudyPoints::new(&axes, None);
         assert_eq!((points.rows(&axes), points.points_per_row(&axes)), (Some(6), Some(3)));
         let at = |row, point| {
             let values = points.values(&axes, row, point);
-            values.iter().map(|value| if let Value::Number(n) = value { *n } else { f64::NAN }).collect::<Vec<_>>()
+            values.iter().map(|value| if let AxisValue::Number(n) = value { *n } else { f64::NAN }).collect::<Vec<_>>()
         };
         assert_eq!(at(0, 0), [1.0, 7.0, 0.1]);
         assert_eq!(at(1, 2), [1.0, 9.0, 0.2]);
@@ -155,8 +157,11 @@ mod tests {
             axis("a", AxisValues::Drawn(Distribution::uniform(10.0, 20.0, false)), None),
             axis("w", AxisValues::Words(vec!["x".into(), "y".into()]), None),
         ];
-        let points = Points::new(&axes, Some(Scattered::Drawn(Sampling { method: Method::Sobol, count: 4, seed: 1 })));
+        let points = StudyPoints::new(
+            &axes,
+            Some(Scattered::Drawn(Sampling { method: SamplingMethod::Sobol, count: 4, seed: 1 })),
+        );
         assert_eq!(points.rows(&axes), Some(8));
-        assert_eq!(points.values(&axes, 5, 0), [Value::Number(17.5), Value::Word("y".into())]);
+        assert_eq!(points.values(&axes, 5, 0), [AxisValue::Number(17.5), AxisValue::Word("y".into())]);
     }
 }

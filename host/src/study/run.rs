@@ -14,7 +14,7 @@ use crate::failure::Failure;
 
 /// Where a study is.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Progress {
+pub struct StudyProgress {
     /// Rows of the table.
     pub rows: u64,
     /// Rows that are done, those of an earlier run among them.
@@ -29,7 +29,7 @@ pub struct Progress {
 
 /// How a study ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ending {
+pub enum StudyEnding {
     /// All parts are there.
     Complete,
     /// It was stopped; the parts so far are kept.
@@ -58,10 +58,10 @@ pub fn cycles(study: &Study) -> f64 {
 pub fn run(
     study: &Study,
     data_set: &DataSet,
-    report: &(dyn Fn(&Progress) -> bool + Sync),
-) -> Result<(Ending, Progress), Failure> {
+    report: &(dyn Fn(&StudyProgress) -> bool + Sync),
+) -> Result<(StudyEnding, StudyProgress), Failure> {
     let manifest = data_set.manifest();
-    let mut progress = Progress::none(manifest.rows);
+    let mut progress = StudyProgress::none(manifest.rows);
     let objective = place_of(study, &main_column(study, study.objective));
     let unresolved = place_of(study, UNRESOLVED);
     let mut missing = Vec::new();
@@ -73,11 +73,11 @@ pub fn run(
     }
     for part in missing {
         if !report(&progress) {
-            return Ok((Ending::Stopped, progress));
+            return Ok((StudyEnding::Stopped, progress));
         }
         let numbers = manifest.rows_of(part);
-        let within = |computed: u64| report(&Progress { done: progress.done + computed, ..progress.clone() });
-        let Some(rows) = compute(study, numbers.clone(), &within)? else { return Ok((Ending::Stopped, progress)) };
+        let within = |computed: u64| report(&StudyProgress { done: progress.done + computed, ..progress.clone() });
+        let Some(rows) = compute(study, numbers.clone(), &within)? else { return Ok((StudyEnding::Stopped, progress)) };
         data_set.write_part(study, part, &rows)?;
         for (number, values) in numbers.zip(&rows) {
             progress.meet(study, number, values[objective]);
@@ -86,7 +86,7 @@ pub fn run(
         progress.done += rows.len() as u64;
     }
     report(&progress);
-    Ok((Ending::Complete, progress))
+    Ok((StudyEnding::Complete, progress))
 }
 
 /// Computes rows of the table on all cores. `go_on` is asked before each row and within it, and told how many are computed; `None` if it
@@ -113,7 +113,7 @@ pub fn compute(
     Ok(rows.map(|rows| rows.concat()))
 }
 
-impl Progress {
+impl StudyProgress {
     /// Before the first part.
     #[must_use]
     pub fn none(rows: u64) -> Self {

@@ -9,7 +9,7 @@ use super::{elementary_effects, sobol_indices};
 
 /// How points are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
+pub enum SamplingMethod {
     /// In each dimension one point in each of `count` equal parts (McKay, Beckman and Conover 1979).
     LatinHypercube,
     /// Sobol's sequence with the direction numbers of Joe and Kuo (2008), from its first point.
@@ -20,10 +20,10 @@ pub enum Method {
     Morris,
 }
 
-/// Words of files, in the order of [`Method::ALL`].
+/// Words of files, in the order of [`SamplingMethod::ALL`].
 pub const SAMPLING_WORDS: &[&str] = &["latin_hypercube", "sobol", "sobol_indices", "morris"];
 
-impl Method {
+impl SamplingMethod {
     /// All, in the order of the words of files.
     pub const ALL: [Self; 4] = [Self::LatinHypercube, Self::Sobol, Self::SobolIndices, Self::Morris];
 
@@ -54,7 +54,7 @@ impl Method {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sampling {
     /// How.
-    pub method: Method,
+    pub method: SamplingMethod,
     /// How many; of base points or trajectories where they are for indices.
     pub count: usize,
     /// Of the random numbers.
@@ -66,9 +66,9 @@ impl Sampling {
     #[must_use]
     pub fn points(&self, dimensions: usize) -> Option<usize> {
         self.count.checked_mul(match self.method {
-            Method::LatinHypercube | Method::Sobol => 1,
-            Method::SobolIndices => sobol_indices::points_per_base(dimensions),
-            Method::Morris => elementary_effects::points_per_trajectory(dimensions),
+            SamplingMethod::LatinHypercube | SamplingMethod::Sobol => 1,
+            SamplingMethod::SobolIndices => sobol_indices::points_per_base(dimensions),
+            SamplingMethod::Morris => elementary_effects::points_per_trajectory(dimensions),
         })
     }
 
@@ -76,10 +76,10 @@ impl Sampling {
     #[must_use]
     pub fn shares(&self, dimensions: usize) -> Vec<Vec<f64>> {
         match self.method {
-            Method::Sobol => Sobol::<f64>::new(dimensions, &JoeKuoD6::standard()).take(self.count).collect(),
-            Method::LatinHypercube => latin_hypercube(self.count, dimensions, self.seed),
-            Method::SobolIndices => sobol_indices::shares(self.count, dimensions, self.seed),
-            Method::Morris => elementary_effects::shares(self.count, dimensions, self.seed),
+            SamplingMethod::Sobol => Sobol::<f64>::new(dimensions, &JoeKuoD6::standard()).take(self.count).collect(),
+            SamplingMethod::LatinHypercube => latin_hypercube(self.count, dimensions, self.seed),
+            SamplingMethod::SobolIndices => sobol_indices::shares(self.count, dimensions, self.seed),
+            SamplingMethod::Morris => elementary_effects::shares(self.count, dimensions, self.seed),
         }
     }
 }
@@ -120,7 +120,7 @@ mod tests {
     #[test]
     fn sobol_points_are_those_of_joe_and_kuo() {
         // The first points of their reference program, in three dimensions.
-        let points = Sampling { method: Method::Sobol, count: 5, seed: 1 }.shares(3);
+        let points = Sampling { method: SamplingMethod::Sobol, count: 5, seed: 1 }.shares(3);
         let expected =
             [[0.0, 0.0, 0.0], [0.5, 0.5, 0.5], [0.75, 0.25, 0.25], [0.25, 0.75, 0.75], [0.375, 0.375, 0.625]];
         assert_eq!(points, expected.map(Vec::from));

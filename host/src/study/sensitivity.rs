@@ -6,7 +6,7 @@ use super::Study;
 use super::bootstrap::IntervalEstimate;
 use super::elementary_effects;
 use super::evaluate::main_column;
-use super::sampling::Method;
+use super::sampling::SamplingMethod;
 use super::sobol_indices;
 use super::table::StudyTable;
 use crate::quantity::Quantity;
@@ -68,13 +68,14 @@ impl SensitivityIndices {
                     };
                     names.iter().zip(estimates).map(index).collect()
                 };
-            let (indices, used): (Vec<Vec<SensitivityIndex>>, usize) = if sampling.method == Method::SobolIndices {
-                let (found, used) = sobol_indices::indices(&values, keys.len());
-                (keys.iter().zip(&found).map(|(key, found)| named(&SHARES, key, found)).collect(), used)
-            } else {
-                let (found, used) = elementary_effects::effects(shares, &values, keys.len());
-                (keys.iter().zip(&found).map(|(key, found)| named(&EFFECTS, key, found)).collect(), used)
-            };
+            let (indices, used): (Vec<Vec<SensitivityIndex>>, usize) =
+                if sampling.method == SamplingMethod::SobolIndices {
+                    let (found, used) = sobol_indices::indices(&values, keys.len());
+                    (keys.iter().zip(&found).map(|(key, found)| named(&SHARES, key, found)).collect(), used)
+                } else {
+                    let (found, used) = elementary_effects::effects(shares, &values, keys.len());
+                    (keys.iter().zip(&found).map(|(key, found)| named(&EFFECTS, key, found)).collect(), used)
+                };
             let (method, left_out) = (sampling.method.name(), sampling.count - used);
             Some(Self { metric: *metric, column, unit, method, used, left_out, indices: indices.concat() })
         };
@@ -90,6 +91,6 @@ impl SensitivityIndices {
     /// Whether they are shares of the variance, and not elementary effects.
     #[must_use]
     pub fn is_of_variance(&self) -> bool {
-        self.method == Method::SobolIndices.name()
+        self.method == SamplingMethod::SobolIndices.name()
     }
 }

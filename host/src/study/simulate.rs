@@ -7,7 +7,7 @@ use damprig_core::integrator::exact::response::Wanted;
 use damprig_motion::stop::{Stop, response_and_motion, response_from};
 
 use super::linear;
-use super::metric::{self, Figures, Periodicity};
+use super::metric::{self, CountedResults, Periodicity};
 use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::simulation::analysis::{AnalysedPeriods, ForcedResponse};
@@ -19,7 +19,7 @@ pub type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);
 
 /// What is counted of each simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Record {
+pub struct SimulationRecord {
     /// Counted cycles, or else
     pub cycles: Option<f64>,
     /// counted time, s.
@@ -42,7 +42,7 @@ pub(crate) struct Counted {
 }
 
 impl Counted {
-    pub fn of(case: &Case, record: Option<Record>) -> Self {
+    pub fn of(case: &Case, record: Option<SimulationRecord>) -> Self {
         let cycle_s = case.cycle_s();
         let Some(record) = record else {
             let first_cycle = case.run.steady_from_cycle.unwrap_or(0) as f64;
@@ -73,14 +73,19 @@ pub type CaseMetrics = (Vec<f64>, f64);
 /// A case that the integrator refuses, or that `go_on` said no.
 pub fn metrics_of_all(
     cases: &[Case],
-    record: Option<Record>,
+    record: Option<SimulationRecord>,
     metrics: &[Quantity],
     go_on: GoOn,
 ) -> Result<Vec<CaseMetrics>, Failure> {
     cases.iter().map(|case| metrics_of(case, record, metrics, go_on)).collect()
 }
 
-fn metrics_of(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: GoOn) -> Result<CaseMetrics, Failure> {
+fn metrics_of(
+    case: &Case,
+    record: Option<SimulationRecord>,
+    metrics: &[Quantity],
+    go_on: GoOn,
+) -> Result<CaseMetrics, Failure> {
     let needs_analysis = metrics.iter().any(|metric| metric::needs_analysis(*metric));
     let analysed = if needs_analysis { analysed(case, record) } else { None };
     let (figures, there) = figures(case, record, metrics, analysed.as_ref(), go_on)?;
@@ -90,13 +95,13 @@ fn metrics_of(case: &Case, record: Option<Record>, metrics: &[Quantity], go_on: 
     Ok((values(case, &figures, metrics, periodicity.as_ref()), f64::from(figures.summary.unresolved)))
 }
 
-fn values(case: &Case, figures: &Figures, metrics: &[Quantity], periodicity: Option<&Periodicity>) -> Vec<f64> {
+fn values(case: &Case, figures: &CountedResults, metrics: &[Quantity], periodicity: Option<&Periodicity>) -> Vec<f64> {
     let reference_m = case.reference_m().map_or(f64::NAN, |(reference_m, _)| reference_m);
     metrics.iter().map(|metric| figures.value(*metric, reference_m, periodicity)).collect()
 }
 
 /// The case whose end is analysed, with its last periods; `None` where nothing is periodic.
-fn analysed(case: &Case, record: Option<Record>) -> Option<(Case, AnalysedPeriods)> {
+fn analysed(case: &Case, record: Option<SimulationRecord>) -> Option<(Case, AnalysedPeriods)> {
     let turning = case.drive_period_s().map(|period_s| TAU / period_s).filter(|_| case.record.is_none())?;
     let mut case = case.without_hertz();
     case.run.duration_s = Counted::of(&case, record).end_s;
@@ -107,14 +112,14 @@ fn analysed(case: &Case, record: Option<Record>) -> Option<(Case, AnalysedPeriod
 /// Simulates a case; with the motion at the start of the periods that are analysed.
 fn figures(
     case: &Case,
-    record: Option<Record>,
+    record: Option<SimulationRecord>,
     metrics: &[Quantity],
     analysed: Option<&(Case, AnalysedPeriods)>,
     go_on: GoOn,
-) -> Result<(Figures, Option<Exact>), Failure> {
+) -> Result<(CountedResults, Option<Exact>), Failure> {
     let counted = Counted::of(case, record);
     let (first_cycle, end_s) = (counted.first_cycle as u64, counted.end_s);
-    let of = |summary, spheres| (Figures { summary, cycles: counted.cycles(), spheres }, None);
+    let of = |summary, spheres| (CountedResults { summary, cycles: counted.cycles(), spheres }, None);
     if let Some(damper) = &case.many_particles {
         let simulated = many_particles::counted(case, damper, first_cycle, end_s, go_on)?;
         let (response, spheres) = simulated.ok_or_else(Failure::stopped)?;
@@ -163,7 +168,7 @@ fn figures(
     Ok((figures, there))
 }
 
-fn figures_on_record(case: &Case, go_on: GoOn) -> Result<Figures, Failure> {
+fn figures_on_record(case: &Case, go_on: GoOn) -> Result<CountedResults, Failure> {
     let mut goes_on = |_: f64| go_on();
     let longest_part_s = cost::longest_part_s(case, None)?;
     let options = RunOptions { keep: false, longest_part_s, go_on: &mut goes_on };
@@ -171,7 +176,7 @@ fn figures_on_record(case: &Case, go_on: GoOn) -> Result<Figures, Failure> {
     if result.stopped_at_s.is_some() {
         return Err(Failure::stopped());
     }
-    Ok(Figures { summary: result.summary, cycles: case.run.duration_s / case.cycle_s(), spheres: None })
+    Ok(CountedResults { summary: result.summary, cycles: case.run.duration_s / case.cycle_s(), spheres: None })
 }
 
 #[cfg(test)]
@@ -191,7 +196,8 @@ mod tests {
             );
             let case =
                 Case::parse(&Source::new("case.toml", text.as_str()), "case").unwrap_or_else(|why| panic!("{why}"));
-            let record = Some(Record { cycles: Some(1e9), duration_s: None, settle_cycles: 1e9, settle_s: 0.0 });
+            let record =
+                Some(SimulationRecord { cycles: Some(1e9), duration_s: None, settle_cycles: 1e9, settle_s: 0.0 });
             let metrics = [Quantity::XOverZ, Quantity::CycleSpread];
             let asked = std::sync::atomic::AtomicU32::new(0);
             let go_on = || asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) < 3;

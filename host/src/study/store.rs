@@ -22,7 +22,7 @@ pub struct Store(PathBuf);
 
 /// A file in a store.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Entry {
+pub struct StoredFile {
     /// Its name under the listed folder.
     pub name: String,
     /// When it was written, by the store's clock.
@@ -104,7 +104,7 @@ impl Store {
     ///
     /// # Errors
     /// When it cannot be listed.
-    pub fn list(&self, under: &str) -> Result<Vec<Entry>, Failure> {
+    pub fn list(&self, under: &str) -> Result<Vec<StoredFile>, Failure> {
         let mut entries = listed(&self.path(under)).map_err(|error| self.failed("list", under, error))?;
         entries.retain(|entry| !is_unfinished(&entry.name));
         entries.sort_by(|a, b| a.name.cmp(&b.name));
@@ -155,14 +155,17 @@ fn written(path: &Path, bytes: &[u8]) -> io::Result<WholeFile> {
     Ok(file)
 }
 
-fn listed(folder: &Path) -> io::Result<Vec<Entry>> {
+fn listed(folder: &Path) -> io::Result<Vec<StoredFile>> {
     let Some(entries) = if_there(fs::read_dir(folder))? else { return Ok(Vec::new()) };
     let mut found = Vec::new();
     for entry in entries {
         let entry = entry?;
         // A file may vanish while the folder is listed.
         let Some(metadata) = if_there(entry.metadata())? else { continue };
-        found.push(Entry { name: entry.file_name().to_string_lossy().into_owned(), modified: metadata.modified()? });
+        found.push(StoredFile {
+            name: entry.file_name().to_string_lossy().into_owned(),
+            modified: metadata.modified()?,
+        });
     }
     Ok(found)
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::axis::{Axis, AxisValues, Value};
+use super::axis::{AxisValue, AxisValues, StudyAxis};
 use crate::failure::Failure;
 use crate::input::{Files, Problem, Source};
 use crate::simulation::case::default_name;
@@ -19,7 +19,7 @@ pub struct VariedCase<'a> {
     /// The files that the case names.
     pub files: &'a Arc<Files>,
     /// What sets its keys.
-    pub axes: &'a [Axis],
+    pub axes: &'a [StudyAxis],
     /// Who sets them, in messages about a single point.
     pub origin: &'static str,
 }
@@ -27,7 +27,7 @@ pub struct VariedCase<'a> {
 impl VariedCase<'_> {
     /// Values of the axes, to be set in the case.
     #[must_use]
-    pub fn set_values(&self, values: &[Value]) -> SetValues {
+    pub fn set_values(&self, values: &[AxisValue]) -> SetValues {
         SetValues { origin: self.origin.into(), lines: lines(self.axes, values) }
     }
 
@@ -35,7 +35,7 @@ impl VariedCase<'_> {
     ///
     /// # Errors
     /// Names the key, its value and what is allowed.
-    pub fn with(&self, values: &[Value]) -> Result<Case, Failure> {
+    pub fn with(&self, values: &[AxisValue]) -> Result<Case, Failure> {
         self.parse(&self.source(), values)
     }
 
@@ -43,7 +43,7 @@ impl VariedCase<'_> {
     ///
     /// # Errors
     /// As [`Self::with`].
-    pub fn checked(&self, file: &Source, values: &[Value]) -> Result<Case, Failure> {
+    pub fn checked(&self, file: &Source, values: &[AxisValue]) -> Result<Case, Failure> {
         let case = self.source();
         let read = self.parse(&case, values);
         read.map_err(|refusal| refused(file, self.axes, values, (&case, self.origin), refusal))
@@ -53,14 +53,14 @@ impl VariedCase<'_> {
         Source::new(self.path.display().to_string(), self.text).with_files(self.files)
     }
 
-    fn parse(&self, case: &Source, values: &[Value]) -> Result<Case, Failure> {
+    fn parse(&self, case: &Source, values: &[AxisValue]) -> Result<Case, Failure> {
         Case::parse_changed(case, &default_name(self.path), &self.set_values(values))
     }
 }
 
 /// Values of axes as lines of TOML.
-fn lines(axes: &[Axis], values: &[Value]) -> String {
-    let line = |(axis, value): (&Axis, &Value)| format!("{} = {}\n", axis.key, value.toml());
+fn lines(axes: &[StudyAxis], values: &[AxisValue]) -> String {
+    let line = |(axis, value): (&StudyAxis, &AxisValue)| format!("{} = {}\n", axis.key, value.toml());
     axes.iter().zip(values).map(line).collect()
 }
 
@@ -68,8 +68,8 @@ fn lines(axes: &[Axis], values: &[Value]) -> String {
 /// for each axis, in the attached text `origin`, and `refusal` what it says of problems elsewhere.
 fn refused(
     file: &Source,
-    axes: &[Axis],
-    values: &[Value],
+    axes: &[StudyAxis],
+    values: &[AxisValue],
     (case, origin): (&Source, &str),
     refusal: Failure,
 ) -> Failure {

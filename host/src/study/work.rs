@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::data_set::DataSet;
 use super::file::Study;
-use super::run::{Ending, compute};
+use super::run::{StudyEnding, compute};
 use crate::failure::Failure;
 
 /// A share of the parts: those that leave the remainder `index` when divided by `count`.
@@ -60,7 +60,7 @@ pub fn shard(
     shard: Shard,
     seen: impl Fn(Done),
     go_on: &(dyn Fn() -> bool + Sync),
-) -> Result<Ending, Failure> {
+) -> Result<StudyEnding, Failure> {
     let missing = data_set.missing()?;
     for part in missing.into_iter().filter(|part| shard.has(*part)) {
         // Another worker of this share may have been faster.
@@ -68,11 +68,11 @@ pub fn shard(
             continue;
         }
         let (start, rows) = (Instant::now(), data_set.manifest().rows_of(part));
-        let Some(values) = compute(study, rows.clone(), &|_| go_on())? else { return Ok(Ending::Stopped) };
+        let Some(values) = compute(study, rows.clone(), &|_| go_on())? else { return Ok(StudyEnding::Stopped) };
         data_set.write_part(study, part, &values)?;
         seen(Done { part, rows, took_s: start.elapsed().as_secs_f64() });
     }
-    Ok(Ending::Complete)
+    Ok(StudyEnding::Complete)
 }
 
 #[cfg(test)]

@@ -64,10 +64,10 @@ pub struct TableFile<R> {
     columns: Columns<R>,
     about: Metadata,
     rows: Vec<R>,
-    to: Sink,
+    to: TableSink,
 }
 
-enum Sink {
+enum TableSink {
     Parquet(Box<ArrowWriter<WholeFile>>),
     Csv(Box<CsvTable<WholeFile>>),
     /// With the name of the file's variable.
@@ -90,14 +90,16 @@ impl<R> TableFile<R> {
         let failed = |e: Failure| Failure::cannot("write", path, e);
         let empty = columns(&[]).finish(about.clone()).map_err(failed)?;
         let to = match format {
-            TableFormat::Parquet => Sink::Parquet(Box::new(parquet_writer(file, &empty.schema()).map_err(failed)?)),
+            TableFormat::Parquet => {
+                TableSink::Parquet(Box::new(parquet_writer(file, &empty.schema()).map_err(failed)?))
+            }
             TableFormat::Csv => {
-                Sink::Csv(Box::new(CsvTable::new(file, &empty.schema(), Heads::Names).map_err(failed)?))
+                TableSink::Csv(Box::new(CsvTable::new(file, &empty.schema(), Heads::Names).map_err(failed)?))
             }
             TableFormat::Mat => {
                 let mut gathered = Vec::new();
                 gather(&mut gathered, &empty, Names::AsPlaces).map_err(failed)?;
-                Sink::Mat(name, file, gathered)
+                TableSink::Mat(name, file, gathered)
             }
         };
         Ok(Self { path: path.to_path_buf(), columns: Box::new(columns), about, rows: Vec::new(), to })
@@ -120,9 +122,9 @@ impl<R> TableFile<R> {
         self.flush()?;
         let path = self.path;
         let file = match self.to {
-            Sink::Parquet(writer) => writer.into_inner().map_err(Failure::from),
-            Sink::Csv(writer) => writer.finish(),
-            Sink::Mat(name, file, columns) => write_mat(&file, name, columns).map(|()| file),
+            TableSink::Parquet(writer) => writer.into_inner().map_err(Failure::from),
+            TableSink::Csv(writer) => writer.finish(),
+            TableSink::Mat(name, file, columns) => write_mat(&file, name, columns).map(|()| file),
         };
         let file = file.map_err(|e| Failure::cannot("write", &path, e))?;
         file.replace().map_err(|e| Failure::cannot("write", &path, e))
@@ -134,9 +136,9 @@ impl<R> TableFile<R> {
         }
         let batch = (self.columns)(&self.rows).finish(self.about.clone());
         let written = batch.and_then(|batch| match &mut self.to {
-            Sink::Parquet(writer) => Ok(writer.write(&batch)?),
-            Sink::Csv(writer) => writer.write(&batch),
-            Sink::Mat(_, _, columns) => {
+            TableSink::Parquet(writer) => Ok(writer.write(&batch)?),
+            TableSink::Csv(writer) => writer.write(&batch),
+            TableSink::Mat(_, _, columns) => {
                 let held: usize = columns.iter().map(|column| column.values.count()).sum();
                 if held + batch.num_rows() * batch.num_columns() > MAX_NUMBERS {
                     let message = "a .mat file holds at most 2 GiB; lower --rate, or write .parquet";

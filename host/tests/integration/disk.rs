@@ -6,7 +6,7 @@ mod linux {
     use std::path::{Path, PathBuf};
     use std::process::Command;
 
-    use damprig::run_folder::journal::{self, Entry, Journal};
+    use damprig::run_folder::journal::{self, Journal, JournalEntry};
     use damprig_protocol::{Request, ToDevice};
     use predicates::prelude::*;
     use predicates::str::contains;
@@ -99,7 +99,7 @@ mod linux {
     fn a_line_that_a_full_disk_cut_short_does_not_damage_the_next() {
         let folder = TempDir::new().unwrap();
         let Some(disk) = Small::mount(&folder.path().join("disk"), "64k") else { return };
-        let entry = |length: usize| Entry::Link { what: "x".repeat(length), at: String::new() };
+        let entry = |length: usize| JournalEntry::Link { what: "x".repeat(length), at: String::new() };
         let mut journal = Journal::open(&disk.0).unwrap();
         journal.append(&entry(10)).unwrap();
         // Fills all blocks except the journal's last one.

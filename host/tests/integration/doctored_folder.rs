@@ -18,7 +18,7 @@ use damprig::run_folder::RunFolder;
 use damprig::run_folder::journal::{JOURNAL, Journal};
 use damprig::run_folder::read::parquet_file;
 use damprig::run_folder::read::verify::verify;
-use damprig::run_folder::write::writer::{Layout, Writer};
+use damprig::run_folder::write::writer::{RecordLayout, RunWriter};
 use damprig::runner::resume::EarlierRun;
 use damprig::storage::out_file::OutFile;
 use serde_json::{Value, json};
@@ -241,14 +241,14 @@ fn resume(run: &Path) {
     let Ok(earlier) = EarlierRun::read(run) else { return };
     let Some(begin) = earlier.journal.begun.first().cloned() else { return };
     let Ok(journal) = Journal::open(run) else { return };
-    let layout = Layout {
+    let layout = RecordLayout {
         signals: begin.signals,
         every_ticks: begin.every_ticks,
         tick_hz: begin.device.tick_hz,
         order: earlier.campaign.in_order(),
         about: Default::default(),
     };
-    if let Ok(mut writer) = Writer::new(run, journal, layout, earlier.journal) {
+    if let Ok(mut writer) = RunWriter::new(run, journal, layout, earlier.journal) {
         let _ = (writer.close(), writer.join(), writer.unwritten_rows(0));
     }
 }

@@ -17,7 +17,7 @@ use damprig::run_folder::ResultRow;
 use damprig::run_folder::journal::Journal;
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::write::recorder::Recorder;
-use damprig::run_folder::write::writer::{Layout, Writer};
+use damprig::run_folder::write::writer::{RecordLayout, RunWriter};
 use damprig::runner::{Run, Selection, Tally};
 use tempfile::TempDir;
 
@@ -123,18 +123,18 @@ impl Link for Faulty {
 }
 
 /// Runs the campaign over a link into a folder.
-fn run(link: Box<dyn Link>, folder: &Path) -> (Writer, Tally) {
+fn run(link: Box<dyn Link>, folder: &Path) -> (RunWriter, Tally) {
     let campaign = campaign();
     let mut session = Session::over(link, "the link".into(), Duration::from_secs(60)).unwrap();
     let selection = Selection::of(&campaign, &session).unwrap();
-    let plan = Layout {
+    let plan = RecordLayout {
         signals: selection.signals.clone(),
         every_ticks: campaign.telemetry.every_ticks(),
         tick_hz: 1000.0,
         order: campaign.in_order(),
         about: Default::default(),
     };
-    let writer = Writer::new(folder, Journal::open(folder).unwrap(), plan, JournalState::default()).unwrap();
+    let writer = RunWriter::new(folder, Journal::open(folder).unwrap(), plan, JournalState::default()).unwrap();
     let (mut recorder, mut nobody) = (Recorder::start(writer, true), ());
     let stop = AtomicBool::new(false);
     let run = Run::new(&campaign, &mut session, &mut recorder, &mut nobody, &stop, selection, JournalState::default());
@@ -148,7 +148,7 @@ fn run(link: Box<dyn Link>, folder: &Path) -> (Writer, Tally) {
 }
 
 /// Every value as text; equal text of a number means equal bits.
-fn figures(writer: &Writer) -> Vec<String> {
+fn figures(writer: &RunWriter) -> Vec<String> {
     writer
         .results()
         .iter()
@@ -190,7 +190,7 @@ fn over_faults(unit: Unit, seed: u64) {
     // Every row of the finished segments is recorded or counted as lost.
     let starts = disturbed.state().segments.len();
     if starts == undisturbed.state().segments.len() {
-        let end = |w: &Writer| w.state().finished.iter().map(|f| u64::from(f.end_tick) + 1).sum::<u64>();
+        let end = |w: &RunWriter| w.state().finished.iter().map(|f| u64::from(f.end_tick) + 1).sum::<u64>();
         assert_eq!(disturbed.rows() + lost, end(&disturbed), "{unit:?}, seed {seed}");
     }
     // Each gap is stated in the row after it.

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use damprig::client::link::Address;
-use damprig::client::session::{Report, Session, SessionError};
+use damprig::client::session::{DeviceReport, Session, SessionError};
 use damprig_core::control::outcome::ExperimentStage;
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::point::PointResult;
@@ -42,7 +42,7 @@ fn running() -> Session {
 fn follow(session: &mut Session, mut until: impl FnMut(&Event) -> bool) -> Vec<PointResult> {
     let mut points = Vec::new();
     loop {
-        if let Some(Report::Event { event, .. }) = session.next_report().expect("the link is intact") {
+        if let Some(DeviceReport::Event { event, .. }) = session.next_report().expect("the link is intact") {
             if let Event::Point(result) = event {
                 points.push(result);
             }

@@ -5,12 +5,12 @@
 use std::f64::consts::TAU;
 
 use damprig::campaign::Campaign;
-use damprig::file_keys::new_file::{self, CaseValues, Damper, Excitation};
+use damprig::file_keys::new_file::{self, CaseValues, Excitation, MountedDamper};
 use damprig::input::Source;
 use damprig::quantity::Quantity;
 use damprig::report::peak::Peak;
 use damprig::simulation::Case;
-use damprig::study::simulate::{Record, metrics_of_all};
+use damprig::study::simulate::{SimulationRecord, metrics_of_all};
 use damprig_core::integrator::exact;
 
 use crate::common::is_full;
@@ -42,14 +42,14 @@ fn simulated(case: &Case, frequencies_hz: &[f64], [settle_cycles, cycles]: [f64;
         case
     };
     let cases: Vec<Case> = frequencies_hz.iter().map(at).collect();
-    let record = Record { cycles: Some(cycles), duration_s: None, settle_cycles, settle_s: 0.0 };
+    let record = SimulationRecord { cycles: Some(cycles), duration_s: None, settle_cycles, settle_s: 0.0 };
     let found = metrics_of_all(&cases, Some(record), &[Quantity::XOverZ], &|| true);
     let found = found.unwrap_or_else(|_| panic!("{case:?} cannot be simulated"));
     frequencies_hz.iter().zip(found).map(|(frequency_hz, (values, _))| (*frequency_hz, values[0])).collect()
 }
 
 /// The peak that a new campaign's points show, and the highest X/Z of a dense sweep over the same range.
-fn peaks(damper: Damper, values: &CaseValues) -> (Peak, f64) {
+fn peaks(damper: MountedDamper, values: &CaseValues) -> (Peak, f64) {
     let text = new_file::campaign("new", &[damper], &[Excitation::SteppedSine], values);
     let campaign = Campaign::parse(Source::new("new.toml", text.clone())).unwrap_or_else(|e| panic!("{e}\n{text}"));
     let (set_up, experiment) = (&campaign.set_ups[0], &campaign.experiments[0]);
@@ -73,7 +73,7 @@ fn peaks(damper: Damper, values: &CaseValues) -> (Peak, f64) {
 fn the_sweep_of_a_new_campaign_finds_the_peak_of_random_designs_or_marks_it() {
     let (designs, most_missed, most_unmarked) = if is_full() { (100, 5, 1) } else { (8, 1, 0) };
     let mut rng = fastrand::Rng::with_seed(1);
-    let dampers = [Damper::Spid, Damper::Hybrid, Damper::Fd, Damper::Tmd];
+    let dampers = [MountedDamper::Spid, MountedDamper::Hybrid, MountedDamper::Fd, MountedDamper::Tmd];
     let (mut missed, mut unmarked, mut unresolved, mut jumps) = (Vec::new(), Vec::new(), 0, 0);
     for design in 0..designs {
         let (damper, values) = (dampers[design % dampers.len()], drawn(&mut rng));
@@ -100,6 +100,6 @@ fn the_sweep_of_a_new_campaign_finds_the_peak_of_random_designs_or_marks_it() {
 #[test]
 fn the_peak_of_a_lightly_damped_structure_is_found_and_resolved() {
     let values = CaseValues { natural_frequency_hz: 4.1, damping_ratio: 0.006, ..CaseValues::default() };
-    let (peak, highest) = peaks(Damper::Bare, &values);
+    let (peak, highest) = peaks(MountedDamper::Bare, &values);
     assert!(peak.is_resolved() && peak.x_over_z > (1.0 - WITHIN) * highest, "{peak:?}, {highest}");
 }

@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 
 use damprig::run_folder::journal;
 use damprig::run_folder::read::verify::{Finding, verify};
-use damprig::run_folder::schema::journal_entry::Entry;
+use damprig::run_folder::schema::journal_entry::JournalEntry;
 use damprig::run_folder::schema::journal_state::JournalState;
 use predicates::prelude::*;
 use predicates::str::contains;
@@ -152,7 +152,7 @@ impl Disk {
     }
 }
 
-fn entries(run: &Path) -> Vec<Entry> {
+fn entries(run: &Path) -> Vec<JournalEntry> {
     journal::read(run).map_or(Vec::new(), |lines| lines.entries)
 }
 

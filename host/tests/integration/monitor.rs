@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
 use damprig::monitor::feed::{Feed, Update, Watched};
-use damprig::monitor::message::{Activity, Level, Limits, Point, Source, SourceKind};
+use damprig::monitor::message::{Activity, Level, Limits, MeasuredPoint, SourceKind, WatchedSource};
 use damprig::monitor::numbers::SignalName;
 use damprig::monitor::{Handles, Monitor, Permissions, Serving, Token};
 use damprig_core::io::{Sensor, SensorSet};
@@ -36,7 +36,7 @@ fn watched_signals(name: &str, signals: &[&str]) -> Update {
 fn watched_table(name: &str, signals: &[&str], table: &[&str]) -> Update {
     let signal = |name: &&str| SignalName { name: (*name).into(), unit: "m".into() };
     Update::Watch(Box::new(Watched {
-        source: Source {
+        source: WatchedSource {
             kind: SourceKind::Run,
             name: name.into(),
             rig: "virtual".into(),
@@ -59,7 +59,7 @@ fn rows(first: u32, count: u32) -> Update {
 }
 
 fn point(frequency_hz: f64) -> Update {
-    Update::Point(Point {
+    Update::Point(MeasuredPoint {
         set_up: "bare".into(),
         experiment: "sweep".into(),
         index: (frequency_hz * 10.0) as u32,

@@ -12,12 +12,12 @@ use damprig::client::link::Address;
 use damprig::client::session::{Session, SessionError};
 use damprig::failure::Failure;
 use damprig::input::Source;
-use damprig::prediction::Predicted;
+use damprig::prediction::CampaignPrediction;
 use damprig::run_folder::ResultRow;
-use damprig::run_folder::journal::Entry;
+use damprig::run_folder::journal::JournalEntry;
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::schema::transients::TransientRow;
-use damprig::run_folder::write::recorder::{Recording, Rows};
+use damprig::run_folder::write::recorder::{PointRows, Recording};
 use damprig::runner::rehearsal::accept;
 use damprig::runner::{Run, RunError, Selection, Watcher};
 use damprig::simulation::{Case, RunOptions, cost, simulate};
@@ -229,9 +229,9 @@ impl Recording for Nothing {
         Ok(())
     }
 
-    fn note(&self, _: Entry) {}
+    fn note(&self, _: JournalEntry) {}
 
-    fn rows(&mut self, _: Rows, _: &AtomicBool) {}
+    fn rows(&mut self, _: PointRows, _: &AtomicBool) {}
 
     fn dropped_rows(&self) -> u64 {
         0
@@ -268,7 +268,7 @@ fn dry_run(path: &Path, text: &str) -> Result<(Campaign, Selection), String> {
     let mut campaign = Campaign::parse(Source::new(path.display().to_string(), text)).map_err(|e| e.to_string())?;
     let session = session();
     let (selection, _) = accept(&mut campaign, &session).map_err(|e| e.to_string())?;
-    let predicted = Predicted::of(&campaign).map_err(|e| e.to_string())?;
+    let predicted = CampaignPrediction::of(&campaign).map_err(|e| e.to_string())?;
     let drive_m = f64::from(session.settings.calibration.drive.range().amplitude_m());
     predicted.check(&campaign, drive_m).map_err(|e| e.to_string())?;
     Ok((campaign, selection))

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crate::common::{damprig, is_full};
 use damprig::input::Source;
 use damprig::optimise::evaluate::{Care, Evaluated};
-use damprig::optimise::search::{self, Progress};
+use damprig::optimise::search::{self, SearchProgress};
 use damprig::optimise::{Optimisation, Optimum, evaluate};
 use damprig::study::band::Effort;
 use serde_json::Value;
@@ -248,7 +248,7 @@ fn the_worst_start_counts_unless_another_value_is_wanted() {
 #[test]
 fn a_search_that_is_stopped_keeps_its_best_point() {
     let folder = folder(CASE, &format!("{TOP}{CLEARANCE}{RESTITUTION}{BAND}"));
-    let found = search::run(&read(&folder), &|progress: &Progress| progress.done < 40).expect("it has points");
+    let found = search::run(&read(&folder), &|progress: &SearchProgress| progress.done < 40).expect("it has points");
     assert!(found.is_stopped && (40..80).contains(&found.points.len()), "{}", found.points.len());
     let best = found.points[found.best].1.objective;
     assert!(found.points.iter().all(|(_, point)| point.objective >= best));

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use damprig::campaign::Campaign;
 use damprig::input::Source;
-use damprig::prediction::Predicted;
+use damprig::prediction::CampaignPrediction;
 use damprig::run_folder::journal;
-use damprig::run_folder::schema::journal_entry::Entry;
+use damprig::run_folder::schema::journal_entry::JournalEntry;
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::table::values::{numbers, texts};
 use damprig_protocol::{Event, FromDevice};
@@ -256,9 +256,9 @@ fn the_dry_run_foresees_points_time_and_place() {
     answer.stdout(contains("18 points, about 103 s of rig time").and(contains(place)));
     let campaign = read(&with(GRID));
     assert_eq!(campaign.points(), 18);
-    let predicted = Predicted::of(&campaign).unwrap();
+    let predicted = CampaignPrediction::of(&campaign).unwrap();
     let listed = read(&with("[2.4, 2.45, 2.5, 2.55, 2.6, 2.466666667, 2.483333333, 2.516666667, 2.533333333]"));
-    let same = Predicted::of(&listed).unwrap();
+    let same = CampaignPrediction::of(&listed).unwrap();
     assert_eq!(
         predicted.responses[0].points, same.responses[0].points,
         "those around the predicted peak are predicted too"
@@ -331,8 +331,10 @@ fn a_lost_line_of_points_around_a_peak_is_made_again() {
     let noted = state(&run).peaks[0].around.clone();
     let path = run.join(journal::JOURNAL);
     let text = std::fs::read_to_string(&path).unwrap();
-    let kept: Vec<&str> =
-        text.lines().filter(|line| !matches!(serde_json::from_str::<Entry>(line), Ok(Entry::PeakPoints(_)))).collect();
+    let kept: Vec<&str> = text
+        .lines()
+        .filter(|line| !matches!(serde_json::from_str::<JournalEntry>(line), Ok(JournalEntry::PeakPoints(_))))
+        .collect();
     std::fs::write(&path, kept.join("\n") + "\n").unwrap();
     damprig(&folder).args(["run", "--resume", "out"]).assert().success().stdout(contains("18 of 18 points"));
     assert_eq!(state(&run).peaks[0].around, noted);

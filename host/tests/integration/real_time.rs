@@ -10,13 +10,13 @@ use std::time::{Duration, Instant};
 use assert_cmd::cargo::CommandCargoExt;
 use damprig::campaign::{Campaign, CampaignSetUp};
 use damprig::client::link::{Address, Speed, cable};
-use damprig::client::session::{Report, Session};
+use damprig::client::session::{DeviceReport, Session};
 use damprig::input::Source;
 use damprig::run_folder::ResultRow;
 use damprig::run_folder::journal::Journal;
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::write::recorder::Recorder;
-use damprig::run_folder::write::writer::{Layout, Writer};
+use damprig::run_folder::write::writer::{RecordLayout, RunWriter};
 use damprig::runner::{Reconnect, Run, RunError, Selection, Watcher};
 use damprig_core::control::fault::FaultCause;
 use damprig_core::control::safety::SafeStage;
@@ -72,7 +72,7 @@ fn fault_after(speed: f64, injected: InjectedFault) -> FaultCause {
     session.execute("inject a fault", ToSimulator::Inject(injected).request()).expect("it is possible while running");
     let begun = Instant::now();
     let fault = loop {
-        if let Some(Report::Event { event: Event::Fault(fault), .. }) = session.next_report().expect("a link") {
+        if let Some(DeviceReport::Event { event: Event::Fault(fault), .. }) = session.next_report().expect("a link") {
             break fault;
         }
         assert!(begun.elapsed() < PATIENCE);
@@ -186,7 +186,7 @@ fn a_cable_pulled_for_too_long_trips_the_rig_and_the_run_goes_on_after_it_is_plu
     let open = || Session::open(&address, Duration::from_secs(1));
     let mut session = open().expect("the rig answers");
     let selection = Selection::of(&campaign, &session).expect("its signals");
-    let layout = Layout {
+    let layout = RecordLayout {
         signals: selection.signals.clone(),
         every_ticks: campaign.telemetry.every_ticks(),
         tick_hz: 1000.0,
@@ -194,7 +194,7 @@ fn a_cable_pulled_for_too_long_trips_the_rig_and_the_run_goes_on_after_it_is_plu
         about: Default::default(),
     };
     let journal = Journal::open(folder.path()).expect("a journal");
-    let writer = Writer::new(folder.path(), journal, layout, JournalState::default()).expect("a writer");
+    let writer = RunWriter::new(folder.path(), journal, layout, JournalState::default()).expect("a writer");
     let mut recorder = Recorder::start(writer, false);
     let mut watcher = Puller { address: &address, points: vec![], was_pulled: false };
     let stop = AtomicBool::new(false);

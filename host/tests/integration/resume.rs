@@ -10,7 +10,7 @@ use crate::common::{
 };
 use arrow_array::RecordBatch;
 use damprig::run_folder::journal;
-use damprig::run_folder::schema::journal_entry::Entry;
+use damprig::run_folder::schema::journal_entry::JournalEntry;
 use damprig::run_folder::schema::journal_state::JournalState;
 use predicates::prelude::*;
 use predicates::str::contains;
@@ -53,13 +53,13 @@ fn the_impacts_of_a_point_are_in_the_journal_before_its_result() {
     let mut with_impacts = 0;
     for (place, entry) in entries.iter().enumerate() {
         let (set_up, experiment, segment, ticks) = match entry {
-            Entry::Result(row) => (&row.set_up, &row.experiment, row.segment, row.start_tick..row.end_tick),
-            Entry::Transient(row) => (&row.set_up, &row.experiment, row.segment, row.start_tick..row.end_tick),
+            JournalEntry::Result(row) => (&row.set_up, &row.experiment, row.segment, row.start_tick..row.end_tick),
+            JournalEntry::Transient(row) => (&row.set_up, &row.experiment, row.segment, row.start_tick..row.end_tick),
             _ => continue,
         };
-        let impacts_in = |entries: &[Entry]| -> usize {
+        let impacts_in = |entries: &[JournalEntry]| -> usize {
             let own = entries.iter().filter_map(|entry| match entry {
-                Entry::Impacts(some)
+                JournalEntry::Impacts(some)
                     if some.id.set_up == *set_up && some.id.experiment == *experiment && some.id.segment == segment =>
                 {
                     Some(some.impacts.iter().filter(|impact| ticks.contains(&u64::from(impact.tick))).count())

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 
 use damprig::campaign::Campaign;
 use damprig::input::Source;
-use damprig::input::key::{DefaultValue, Key, Kind, Need, Quantity, Range, Table, Unit};
+use damprig::input::key::{DefaultValue, Key, KeyUnit, KeyedQuantity, Need, Range, Table, ValueKind};
 use damprig::simulation::Case;
 use damprig::{motion_record, setup, simulation, structure};
 use fastrand::Rng;
@@ -89,7 +89,7 @@ impl<'t> Writer<'t> {
     }
 
     /// The key for a quantity, given the `lines` so far.
-    fn choose(&mut self, quantity: &Quantity, lines: &Lines) -> Option<&'static Key> {
+    fn choose(&mut self, quantity: &KeyedQuantity, lines: &Lines) -> Option<&'static Key> {
         let mut need = quantity.need;
         while let Need::If(_, name, then, otherwise) = need {
             need = if lines.iter().any(|(key, _)| *key == name) { *then } else { *otherwise };
@@ -104,20 +104,20 @@ impl<'t> Writer<'t> {
 
     fn value(&mut self, path: &'static str, key: &Key) -> String {
         match key.kind {
-            Kind::Table | Kind::OneOrMoreTables => {
+            ValueKind::Table | ValueKind::OneOrMoreTables => {
                 let full = if path.is_empty() { key.name.into() } else { format!("{path}.{}", key.name) };
                 let inner = self.tables.iter().find(|table| table.path == full).expect("a declared table").path;
                 let inner = self.table(inner);
                 let lines: Vec<String> = inner.iter().map(|(key, value)| format!("{key} = {value}")).collect();
                 format!("{{ {} }}", lines.join(", "))
             }
-            Kind::Word(words) => format!("{:?}", words[self.rng.usize(..words.len())]),
-            Kind::Number(_) => format!("{:?}", self.number(path, key.name)),
-            Kind::Numbers(Range::Positive) => "[0.01, 0.05]".into(),
-            Kind::Numbers(_) => "[0.0, 0.05]".into(),
-            Kind::Text => "\"some.csv\"".into(),
-            Kind::TextOrPlace => "2".into(),
-            Kind::NumbersOrTable(_) | Kind::Texts | Kind::TextOrCase | Kind::Tables => {
+            ValueKind::Word(words) => format!("{:?}", words[self.rng.usize(..words.len())]),
+            ValueKind::Number(_) => format!("{:?}", self.number(path, key.name)),
+            ValueKind::Numbers(Range::Positive) => "[0.01, 0.05]".into(),
+            ValueKind::Numbers(_) => "[0.0, 0.05]".into(),
+            ValueKind::Text => "\"some.csv\"".into(),
+            ValueKind::TextOrPlace => "2".into(),
+            ValueKind::NumbersOrTable(_) | ValueKind::Texts | ValueKind::TextOrCase | ValueKind::Tables => {
                 panic!("no case has {}", key.name)
             }
         }
@@ -125,7 +125,7 @@ impl<'t> Writer<'t> {
 
     /// A number of realistic magnitude, so that any combination is a valid set-up.
     fn number(&mut self, path: &str, key: &str) -> f64 {
-        let (low, high) = match (key, Unit::of(key).map_or("", |unit| unit.symbol)) {
+        let (low, high) = match (key, KeyUnit::of(key).map_or("", |unit| unit.symbol)) {
             ("seed", _) => return f64::from(self.rng.u8(..)),
             // Spheres that fit into their box.
             ("count", _) => return f64::from(self.rng.u8(1..5)),
@@ -262,10 +262,10 @@ fn the_parser_reads_the_declared_keys_and_no_others() {
 fn a_number_is_refused_outside_its_declared_range_and_read_within() {
     let all = tables();
     for table in all.iter().filter(|table| is_of_one_place(table)) {
-        let written_ones = |quantity: &&Quantity| !SEVERAL_PLACES.contains(&quantity.name());
+        let written_ones = |quantity: &&KeyedQuantity| !SEVERAL_PLACES.contains(&quantity.name());
         for key in table.quantities.iter().filter(written_ones).flat_map(|quantity| quantity.keys) {
-            let Kind::Number(range) = key.kind else { continue };
-            let (least, most) = Unit::of(key.name).map_or((0.0, f64::MAX), |unit| (unit.least, unit.most));
+            let ValueKind::Number(range) = key.kind else { continue };
+            let (least, most) = KeyUnit::of(key.name).map_or((0.0, f64::MAX), |unit| (unit.least, unit.most));
             let (low, high) = match range {
                 Range::Any => (-most, most),
                 Range::NotZero | Range::Positive => (if least > 0.0 { least } else { 1e-300 }, most),

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use crate::common::{damprig, field, folder_with};
-use damprig::signal_file::unit::Kind;
-use damprig::signal_file::{Axis, Contents, EvenSignal, Selector, Signal, parse, read};
+use damprig::signal_file::unit::UnitKind;
+use damprig::signal_file::{Contents, EvenSignal, Selector, Signal, SignalAxis, parse, read};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -28,8 +28,8 @@ fn mat_files_give_their_arrays_with_their_times() {
         let names: Vec<&str> = contents.signals.iter().map(|signal| signal.name.as_str()).collect();
         assert_eq!(names, ["x", "h", "run.a"], "{file}");
         let x = &contents.signals[0];
-        assert_eq!((x.kind(), x.unit.map(|unit| unit.si)), (Some(Kind::Displacement), Some(1e-3)));
-        let Axis::Time { start_s, step_s } = x.axis else { panic!("{:?}", x.axis) };
+        assert_eq!((x.kind(), x.unit.map(|unit| unit.si)), (Some(UnitKind::Displacement), Some(1e-3)));
+        let SignalAxis::Time { start_s, step_s } = x.axis else { panic!("{:?}", x.axis) };
         assert!(start_s == 0.0 && (step_s - 0.01).abs() < 1e-15);
         assert!(x.values.iter().enumerate().all(|(n, value)| *value == (n as f64 * 0.01).sin()));
         let h = &contents.signals[1];
@@ -65,8 +65,12 @@ fn strong_motion_records_give_acceleration_velocity_and_displacement() {
         [("CHAN14.V2", "melo79-ch14-up.csv"), ("CHAN15.V2", "melo79-ch15.csv"), ("CHAN001.V2", "riodell21-ch01.csv")]
     {
         let contents = read(&folder.join(file)).unwrap();
-        let kinds: Vec<Option<Kind>> = contents.signals.iter().map(Signal::kind).collect();
-        assert_eq!(kinds, [Some(Kind::Acceleration), Some(Kind::Velocity), Some(Kind::Displacement)], "{file}");
+        let kinds: Vec<Option<UnitKind>> = contents.signals.iter().map(Signal::kind).collect();
+        assert_eq!(
+            kinds,
+            [Some(UnitKind::Acceleration), Some(UnitKind::Velocity), Some(UnitKind::Displacement)],
+            "{file}"
+        );
         let own = &contents.signals[0];
         let table = only(read(&folder.join(csv)).unwrap());
         assert_eq!(own.values.len(), table.values.len(), "{file}");
@@ -82,9 +86,9 @@ fn tables_are_read_as_labs_write_them() {
     let same = |written: &str| {
         let signal = only(text(written).unwrap_or_else(|why| panic!("{written:?}: {why}")));
         assert_eq!(signal.values, [1.5, -2.25, 3.0, 4.5], "{written:?}");
-        assert_eq!((signal.kind(), signal.unit.unwrap().si), (Some(Kind::Acceleration), 9.80665), "{written:?}");
+        assert_eq!((signal.kind(), signal.unit.unwrap().si), (Some(UnitKind::Acceleration), 9.80665), "{written:?}");
         assert!(
-            matches!(signal.axis, Axis::Time { start_s: 0.0, step_s } if (step_s - 0.01).abs() < 1e-15),
+            matches!(signal.axis, SignalAxis::Time { start_s: 0.0, step_s } if (step_s - 0.01).abs() < 1e-15),
             "{written:?}"
         );
     };
@@ -118,7 +122,7 @@ fn jittering_times_are_resampled_within_the_stated_error() {
     let times_s: Vec<f64> = (0..400).map(|n| step_s * (f64::from(n) + 0.4 * rng.f64() - 0.2)).collect();
     let rows: String = times_s.iter().map(|t| format!("{t},{}\n", (omega * t).sin())).collect();
     let signal = only(text(&format!("t_s,x_m\n{rows}")).unwrap());
-    assert!(matches!(signal.axis, Axis::Times(_)));
+    assert!(matches!(signal.axis, SignalAxis::Times(_)));
     let EvenSignal { start_s, step_s: even_s, values, rms_error: stated } = signal.evenly().unwrap();
     let squares: f64 = (0..400).map(|n| (values[n] - (omega * (start_s + n as f64 * even_s)).sin()).powi(2)).sum();
     let rms = (squares / 400.0).sqrt();
@@ -275,7 +279,7 @@ fn values_over_stated_frequencies_and_complex_values_in_two_columns_are_signals(
         ("f_hz,H_abs,H_phase_deg", &polar, "H_abs"),
     ] {
         let signal = only(text(&format!("{header}\n{body}")).unwrap_or_else(|error| panic!("{header}: {error}")));
-        assert_eq!(signal.axis, Axis::Frequencies(vec![10.0, 20.0, 30.0]), "{header}");
+        assert_eq!(signal.axis, SignalAxis::Frequencies(vec![10.0, 20.0, 30.0]), "{header}");
         assert_eq!(signal.name, name, "{header}");
         let imaginary = signal.imaginary.unwrap_or_else(|| panic!("{header}"));
         for (n, [re, im]) in h.iter().enumerate() {
@@ -313,22 +317,22 @@ fn hdf5_matlab_7_3_and_parquet_give_their_columns_with_their_units() {
     let of =
         |name: &str| contents.signals.iter().find(|signal| signal.name == name).unwrap_or_else(|| panic!("{name}"));
     let (x, a) = (of("x"), of("run/a"));
-    assert_eq!((x.kind(), x.unit.unwrap().si), (Some(Kind::Displacement), 1e-3));
-    assert_eq!((a.kind(), a.unit.unwrap().si), (Some(Kind::Acceleration), 9.80665));
+    assert_eq!((x.kind(), x.unit.unwrap().si), (Some(UnitKind::Displacement), 1e-3));
+    assert_eq!((a.kind(), a.unit.unwrap().si), (Some(UnitKind::Acceleration), 9.80665));
     for (signal, of) in [(x, f64::sin as fn(f64) -> f64), (a, f64::cos)] {
-        assert!(matches!(signal.axis, Axis::Time { start_s: 0.0, .. }), "{:?}", signal.axis);
+        assert!(matches!(signal.axis, SignalAxis::Time { start_s: 0.0, .. }), "{:?}", signal.axis);
         assert!(signal.values.iter().enumerate().all(|(n, value)| *value == of(n as f64 * 0.01)), "{}", signal.name);
     }
     let folder = folder_with(&crate::common::short());
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let results = read(&folder.path().join("out/results.parquet")).unwrap();
     let amplitude = results.signals.iter().find(|signal| signal.name == "x_amplitude").expect("the amplitudes");
-    assert_eq!((amplitude.kind(), amplitude.values.len()), (Some(Kind::Displacement), 6));
+    assert_eq!((amplitude.kind(), amplitude.values.len()), (Some(UnitKind::Displacement), 6));
     assert!(amplitude.values.iter().all(|value| *value > 0.0));
     damprig(&folder).args(["runs", "export", "out", "--format", "h5", "--out", "run.h5"]).assert().success();
     let exported = read(&folder.path().join("run.h5")).unwrap();
     let same = exported.signals.iter().find(|signal| signal.values == amplitude.values).expect("the same amplitudes");
-    assert_eq!(same.kind(), Some(Kind::Displacement), "{}", same.name);
+    assert_eq!(same.kind(), Some(UnitKind::Displacement), "{}", same.name);
 }
 
 #[test]

@@ -13,10 +13,10 @@ use damprig::client::session::Session;
 use damprig::failure::Failure;
 use damprig::input::Source;
 use damprig::run_folder::ResultRow;
-use damprig::run_folder::journal::{Entry, Journal};
+use damprig::run_folder::journal::{Journal, JournalEntry};
 use damprig::run_folder::schema::journal_state::JournalState;
-use damprig::run_folder::write::recorder::{Message, Recorder, Recording, Sink};
-use damprig::run_folder::write::writer::{Layout, Writer};
+use damprig::run_folder::write::recorder::{RecordSink, Recorder, RecorderMessage, Recording};
+use damprig::run_folder::write::writer::{RecordLayout, RunWriter};
 use damprig::runner::{Run, RunError, Selection, Watcher};
 use damprig::table::values::{numbers, texts};
 use tempfile::TempDir;
@@ -54,18 +54,18 @@ impl Gate {
 
 /// A writer whose disk stalls while the gate is shut.
 struct Slow {
-    writer: Writer,
+    writer: RunWriter,
     gate: Arc<Gate>,
 }
 
-impl Sink for Slow {
-    fn take(&mut self, message: Message) -> Result<(), Failure> {
+impl RecordSink for Slow {
+    fn take(&mut self, message: RecorderMessage) -> Result<(), Failure> {
         if self.gate.state.lock().unwrap().is_shut {
             self.gate.set(|state| state.is_held = true);
             self.gate.wait_until("the disk moves again", |state| !state.is_shut);
             self.gate.set(|state| state.is_held = false);
         }
-        let is_result = matches!(&message, Message::Entry(entry) if matches!(**entry, Entry::Result(_)));
+        let is_result = matches!(&message, RecorderMessage::Entry(entry) if matches!(**entry, JournalEntry::Result(_)));
         self.writer.take(message)?;
         if is_result {
             self.gate.set(|state| state.results += 1);
@@ -114,7 +114,7 @@ impl Watcher for Clerk {
 }
 
 /// Runs the short campaign into a folder; returns the writer and the number of rows that the recorder dropped.
-fn run(folder: &Path, disturbs: bool) -> (Writer, u64) {
+fn run(folder: &Path, disturbs: bool) -> (RunWriter, u64) {
     std::fs::create_dir(folder).unwrap();
     let file = folder.join("campaign.toml");
     std::fs::write(&file, short()).unwrap();
@@ -122,14 +122,14 @@ fn run(folder: &Path, disturbs: bool) -> (Writer, u64) {
     let link = Box::new(VirtualRig::new(false, None));
     let mut session = Session::over(link, "the link".into(), Duration::from_secs(60)).unwrap();
     let selection = Selection::of(&campaign, &session).unwrap();
-    let plan = Layout {
+    let plan = RecordLayout {
         signals: selection.signals.clone(),
         every_ticks: campaign.telemetry.every_ticks(),
         tick_hz: 1000.0,
         order: campaign.in_order(),
         about: Default::default(),
     };
-    let writer = Writer::new(folder, Journal::open(folder).unwrap(), plan, JournalState::default()).unwrap();
+    let writer = RunWriter::new(folder, Journal::open(folder).unwrap(), plan, JournalState::default()).unwrap();
     let gate = Arc::new(Gate::default());
     // A recorder that does not wait for room: as for a board with its own clock.
     let slow = Slow { writer, gate: Arc::clone(&gate) };

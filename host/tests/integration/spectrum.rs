@@ -3,16 +3,16 @@
 use std::f64::consts::{PI, TAU};
 
 use damprig::input::Files;
-use damprig::motion_record::{Quantity, Record, RecordOrigin, Spec, read};
-use damprig::spectrum::{Method, Point, periods, spectra};
+use damprig::motion_record::{Record, RecordOrigin, RecordQuantity, Spec, read};
+use damprig::spectrum::{PeakMethod, SpectrumPoint, periods, spectra};
 
 use crate::common::{damprig, field, folder_with};
 
 fn record(step_s: f64, samples: Vec<f64>) -> Record {
-    Record { origin: RecordOrigin::Samples, quantity: Quantity::Acceleration, step_s, samples, resampling: None }
+    Record { origin: RecordOrigin::Samples, quantity: RecordQuantity::Acceleration, step_s, samples, resampling: None }
 }
 
-fn one(record: &Record, zeta: f64, period_s: f64, method: Method) -> Point {
+fn one(record: &Record, zeta: f64, period_s: f64, method: PeakMethod) -> SpectrumPoint {
     spectra(record, &[zeta], &[period_s], method).unwrap()[0]
 }
 
@@ -23,7 +23,7 @@ fn a_step_of_the_ground_gives_the_overshoot_of_the_closed_form() {
     let step = record(0.07, vec![2.0; 2000]);
     for (zeta, period_s) in [(0.0, 0.5), (0.05, 0.5), (0.2, 0.11), (0.05, 0.03)] {
         let omega = TAU / period_s;
-        let found = one(&step, zeta, period_s, Method::Exact);
+        let found = one(&step, zeta, period_s, PeakMethod::Exact);
         let root = (1.0 - zeta * zeta).sqrt();
         let overshoot = 1.0 + (-PI * zeta / root).exp();
         let sd_m = 2.0 / (omega * omega) * overshoot;
@@ -37,7 +37,7 @@ fn a_step_of_the_ground_gives_the_overshoot_of_the_closed_form() {
         }
         assert!((found.psa_m_per_s2 / (omega * omega * found.sd_m) - 1.0).abs() < 1e-12);
         assert!((found.psv_m_per_s / (omega * found.sd_m) - 1.0).abs() < 1e-12);
-        assert!(one(&step, zeta, period_s, Method::AtSamples).sd_m <= found.sd_m);
+        assert!(one(&step, zeta, period_s, PeakMethod::AtSamples).sd_m <= found.sd_m);
     }
 }
 
@@ -46,9 +46,9 @@ fn a_step_of_the_ground_gives_the_overshoot_of_the_closed_form() {
 fn the_ends_of_the_spectrum_are_the_ground_s_own_peaks() {
     // One cycle of 1 m/s² at 1 Hz; z = (2πt − sin 2πt)/4π² ends at 1/2π m.
     let sine = record(1e-3, (0..=1000).map(|n| (TAU * f64::from(n) * 1e-3).sin()).collect());
-    let stiff = one(&sine, 0.05, 1e-3, Method::Exact);
+    let stiff = one(&sine, 0.05, 1e-3, PeakMethod::Exact);
     assert!((stiff.sa_m_per_s2 - 1.0).abs() < 1e-4, "{stiff:?}");
-    let soft = one(&sine, 0.0, 1e4, Method::AtSamples);
+    let soft = one(&sine, 0.0, 1e4, PeakMethod::AtSamples);
     assert!((soft.sd_m * TAU - 1.0).abs() < 1e-4, "{soft:?}");
     assert!((soft.sv_m_per_s - 1.0 / PI).abs() < 1e-4, "{soft:?}");
 }
@@ -58,7 +58,7 @@ fn the_ends_of_the_spectrum_are_the_ground_s_own_peaks() {
 fn without_damping_true_and_pseudo_acceleration_are_the_same() {
     let mut random = fastrand::Rng::with_seed(7);
     let noise = record(0.01, (0..2000).map(|_| random.f64() - 0.5).collect());
-    for point in spectra(&noise, &[0.0], &periods(0.004, 8.0, 60), Method::Exact).unwrap() {
+    for point in spectra(&noise, &[0.0], &periods(0.004, 8.0, 60), PeakMethod::Exact).unwrap() {
         assert!((point.sa_m_per_s2 / point.psa_m_per_s2 - 1.0).abs() < 1e-9, "{point:?}");
     }
 }
@@ -76,9 +76,9 @@ fn maxima_between_samples_are_those_of_a_fine_sampling() {
         .chain([coarse[299]])
         .collect();
     for (zeta, period_s) in [(0.0, 0.015), (0.05, 0.013), (0.05, 0.1), (0.2, 1.0)] {
-        let between = one(&record(0.02, coarse.clone()), zeta, period_s, Method::Exact);
-        let sampled = one(&record(1e-4, fine.clone()), zeta, period_s, Method::AtSamples);
-        let after_too = one(&record(1e-4, fine.clone()), zeta, period_s, Method::Exact);
+        let between = one(&record(0.02, coarse.clone()), zeta, period_s, PeakMethod::Exact);
+        let sampled = one(&record(1e-4, fine.clone()), zeta, period_s, PeakMethod::AtSamples);
+        let after_too = one(&record(1e-4, fine.clone()), zeta, period_s, PeakMethod::Exact);
         // A maximum is missed by up to (ω·h)²/8 of it: 3e-4 at the shortest period.
         let missed = (TAU / period_s * 1e-4).powi(2) / 8.0;
         for (a, b, c) in [
@@ -93,7 +93,7 @@ fn maxima_between_samples_are_those_of_a_fine_sampling() {
 }
 
 /// Published values of a folder, each with ours by the agency's method and exactly: relative deviations.
-fn deviations(folder: &str, method: Method) -> Option<Vec<(String, f64, f64)>> {
+fn deviations(folder: &str, method: PeakMethod) -> Option<Vec<(String, f64, f64)>> {
     let published = std::fs::read_to_string(field(&format!("{folder}/published-sd.csv"))?).unwrap();
     let mut all = Vec::new();
     let mut records = std::collections::HashMap::new();
@@ -101,12 +101,12 @@ fn deviations(folder: &str, method: Method) -> Option<Vec<(String, f64, f64)>> {
         let fields: Vec<&str> = line.split(',').collect();
         let record = records.entry(fields[0].to_string()).or_insert_with(|| {
             // The columns are acceleration_m_per_s2 and acceleration_g.
-            let spec = Spec { quantity: Some(Quantity::Acceleration), ..Spec::default() };
+            let spec = Spec { quantity: Some(RecordQuantity::Acceleration), ..Spec::default() };
             read(&field(&format!("{folder}/{}.csv", fields[0])).unwrap(), &spec, &Files::default()).unwrap()
         });
         let [period_s, zeta, published_m] = [1, 2, 3].map(|place| fields[place].parse::<f64>().unwrap());
         let deviation = |method| one(record, zeta, period_s, method).sd_m / published_m - 1.0;
-        all.push((line.to_string(), deviation(method), deviation(Method::Exact)));
+        all.push((line.to_string(), deviation(method), deviation(PeakMethod::Exact)));
     }
     Some(all)
 }
@@ -118,7 +118,7 @@ fn largest(values: impl Iterator<Item = f64>) -> f64 {
 /// California's agency takes the maxima at the samples of its records.
 #[test]
 fn the_values_of_the_california_program_are_met_at_the_samples() {
-    let Some(all) = deviations("csmip", Method::AtSamples) else { return };
+    let Some(all) = deviations("csmip", PeakMethod::AtSamples) else { return };
     println!(
         "{} values: at samples within {:.2} %, exactly within {:.2} %",
         all.len(),
@@ -135,7 +135,7 @@ fn the_values_of_the_california_program_are_met_at_the_samples() {
 /// 10 % at 0.1 s and a step of 0.02 s.
 #[test]
 fn the_fema_values_are_those_of_newmark_s_average_acceleration_in_half_steps() {
-    let Some(all) = deviations("fema", Method::Newmark) else { return };
+    let Some(all) = deviations("fema", PeakMethod::Newmark) else { return };
     println!(
         "{} values: by Newmark within {:.2} %, exactly within {:.2} %",
         all.len(),

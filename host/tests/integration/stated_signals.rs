@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use crate::common::{damprig, folder_with};
-use damprig::signal_file::unit::Kind;
-use damprig::signal_file::{Axis, Signal, parse};
+use damprig::signal_file::unit::UnitKind;
+use damprig::signal_file::{Signal, SignalAxis, parse};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -187,18 +187,18 @@ fn cosmos(channel: u32, step_ms: f64, recorder_step_s: f64) -> String {
 fn a_cosmos_file_gives_each_quantity_of_each_channel_with_its_own_time_step() {
     let contents = parse(cosmos(1, 5.0, 0.01).as_bytes()).unwrap();
     let [acceleration, velocity]: [Signal; 2] = contents.signals.try_into().unwrap();
-    assert_eq!((acceleration.name.as_str(), acceleration.kind()), ("acceleration", Some(Kind::Acceleration)));
+    assert_eq!((acceleration.name.as_str(), acceleration.kind()), ("acceleration", Some(UnitKind::Acceleration)));
     assert_eq!((velocity.name.as_str(), velocity.unit.unwrap().si), ("velocity", 0.01));
     // Nine characters for each value leave no blank between them.
     assert_eq!(acceleration.values[..3], [-1000.0, -1000.125, -1000.25]);
-    assert_eq!(acceleration.axis, Axis::Time { start_s: 0.0, step_s: 0.005 });
+    assert_eq!(acceleration.axis, SignalAxis::Time { start_s: 0.0, step_s: 0.005 });
     let of_recorder = parse(cosmos(1, -999.0, 0.01).as_bytes()).unwrap();
-    assert_eq!(of_recorder.signals[0].axis, Axis::Time { start_s: 0.0, step_s: 0.01 });
+    assert_eq!(of_recorder.signals[0].axis, SignalAxis::Time { start_s: 0.0, step_s: 0.01 });
     let both = parse((cosmos(1, 5.0, 0.01) + &cosmos(2, 10.0, 0.01)).as_bytes()).unwrap();
     let names: Vec<&str> = both.signals.iter().map(|signal| signal.name.as_str()).collect();
     let expected = ["acceleration channel 1", "velocity channel 1", "acceleration channel 2", "velocity channel 2"];
     assert_eq!(names, expected);
-    assert_eq!(both.signals[2].axis, Axis::Time { start_s: 0.0, step_s: 0.01 });
+    assert_eq!(both.signals[2].axis, SignalAxis::Time { start_s: 0.0, step_s: 0.01 });
 }
 
 #[test]

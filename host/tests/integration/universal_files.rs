@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::common::{damprig, field, folder_with};
 use crate::signal_files::{files, only};
-use damprig::signal_file::unit::Kind;
+use damprig::signal_file::unit::UnitKind;
 use damprig::signal_file::{Signal, parse, read};
 
 /// Values, their sum, the sum of their magnitudes, and the places, as pyuff 2.5 reads them.
@@ -36,9 +36,9 @@ fn universal_files_of_other_programs_give_what_pyuff_reads() {
         let signal = only(read(&folder.join(file)).unwrap());
         (signal.kind(), signal.unit.map(|unit| unit.si), signal.axis.is_time())
     };
-    assert_eq!(unit("binary8byte.uff"), (Some(Kind::Acceleration), Some(9.80665), true));
-    assert_eq!(unit("time-history-not-all-columns-filled.uff"), (Some(Kind::Acceleration), Some(1.0), true));
-    assert_eq!(unit("dataset_milestone_in_header.uff"), (Some(Kind::Pressure), Some(1.0), true));
+    assert_eq!(unit("binary8byte.uff"), (Some(UnitKind::Acceleration), Some(9.80665), true));
+    assert_eq!(unit("time-history-not-all-columns-filled.uff"), (Some(UnitKind::Acceleration), Some(1.0), true));
+    assert_eq!(unit("dataset_milestone_in_header.uff"), (Some(UnitKind::Pressure), Some(1.0), true));
     // A unit that is not known is not guessed.
     assert_eq!(unit("non_ascii_header.uff"), (None, None, false));
     let cut = only(read(&folder.join("dataset_milestone_in_header.uff")).unwrap()).remark.unwrap();
@@ -64,8 +64,8 @@ fn a_runs_universal_file_can_be_inspected_and_its_signals_read() {
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     damprig(&folder).args(["runs", "export", "out", "--format", "uff", "--out", "run.uff"]).assert().success();
     let contents = read(&folder.path().join("run.uff")).unwrap();
-    let kinds: Vec<Option<Kind>> = contents.signals.iter().map(Signal::kind).collect();
-    assert!(kinds.contains(&Some(Kind::Displacement)), "{kinds:?}");
+    let kinds: Vec<Option<UnitKind>> = contents.signals.iter().map(Signal::kind).collect();
+    assert!(kinds.contains(&Some(UnitKind::Displacement)), "{kinds:?}");
     assert!(contents.signals.iter().any(|signal| signal.imaginary.is_some()), "no frequency response");
     assert!(contents.signals.iter().any(|signal| signal.axis.is_time()), "no time history");
 }

@@ -10,11 +10,11 @@ use damprig::campaign::Campaign;
 use damprig::client::link::Link;
 use damprig::client::session::Session;
 use damprig::input::Source;
-use damprig::run_folder::journal::{self, Begin, Entry, Journal};
+use damprig::run_folder::journal::{self, Begin, Journal, JournalEntry};
 use damprig::run_folder::read::sample_files::{read_samples, sample_files};
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::write::recorder::Recorder;
-use damprig::run_folder::write::writer::{Layout, Writer};
+use damprig::run_folder::write::writer::{RecordLayout, RunWriter};
 use damprig::runner::{Run, Selection, device_record};
 use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, Reader};
@@ -185,7 +185,7 @@ fn run(link: Box<dyn Link>, folder: &Path) -> Outcome {
         Ok(selection) => selection,
         Err(error) => return early(error.to_string()),
     };
-    let layout = Layout {
+    let layout = RecordLayout {
         signals: selection.signals.clone(),
         every_ticks: campaign.telemetry.every_ticks(),
         tick_hz: f64::from(session.description.tick_hz),
@@ -204,8 +204,8 @@ fn run(link: Box<dyn Link>, folder: &Path) -> Outcome {
         records: Vec::new(),
     };
     let journal = Journal::open(folder).expect("a journal");
-    let mut writer = Writer::new(folder, journal, layout, JournalState::default()).expect("a writer");
-    writer.note(&Entry::Begin(Box::new(begin))).expect("a line");
+    let mut writer = RunWriter::new(folder, journal, layout, JournalState::default()).expect("a writer");
+    writer.note(&JournalEntry::Begin(Box::new(begin))).expect("a line");
     let (mut recorder, mut nobody) = (Recorder::start(writer, true), ());
     let stop = AtomicBool::new(false);
     let run = Run::new(&campaign, &mut session, &mut recorder, &mut nobody, &stop, selection, JournalState::default());

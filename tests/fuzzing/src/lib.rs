@@ -10,7 +10,7 @@ pub mod messages;
 pub mod mutation;
 pub mod seeds;
 
-use damprig::signal_file::Axis;
+use damprig::signal_file::SignalAxis;
 use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, LONGEST_BODY, Reader};
 use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request, ToDevice};
@@ -147,7 +147,7 @@ pub fn host(data: &[u8]) {
 pub fn file(data: &[u8]) {
     let Ok(contents) = damprig::signal_file::parse(data) else { return };
     for signal in &contents.signals {
-        if let Axis::Times(places) | Axis::Frequencies(places) = &signal.axis {
+        if let SignalAxis::Times(places) | SignalAxis::Frequencies(places) = &signal.axis {
             assert_eq!(places.len(), signal.values.len(), "{}", signal.name);
         }
         if let Some(imaginary) = &signal.imaginary {

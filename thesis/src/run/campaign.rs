@@ -11,7 +11,7 @@ use damprig::client::link::Address;
 use damprig::client::session::Session;
 use damprig::failure::Failure;
 use damprig::host_time;
-use damprig::prediction::Predicted;
+use damprig::prediction::CampaignPrediction;
 use damprig::recorded_run::{RecordedRun, RunStart, begin_entry};
 use damprig::run_folder::ResultRow;
 use damprig::run_folder::schema::journal_state::JournalState;
@@ -50,7 +50,7 @@ pub(super) fn run(file: &Path, folder: &Path, report: &(dyn Fn(f64) -> bool + Sy
     let mut campaign = Campaign::read(file)?;
     let mut session = Session::open(&Address::VIRTUAL, TIMEOUT)?;
     let (selection, _) = accept(&mut campaign, &session)?;
-    let predicted = Predicted::of(&campaign)?;
+    let predicted = CampaignPrediction::of(&campaign)?;
     predicted.check(&campaign, f64::from(session.settings.calibration.drive.range().amplitude_m()))?;
     let out = folder.join(RUN);
     if out.is_dir() {

@@ -18,7 +18,7 @@ use damprig::storage::out_file::OutFile;
 use damprig::study::Study;
 use damprig::study::bifurcation::{self, Direction, Sweep};
 use damprig::study::data_set::{DataSet, MANIFEST};
-use damprig::study::run::{self as study_run, Progress};
+use damprig::study::run::{self as study_run, StudyProgress};
 use damprig::study::store::Store;
 
 type Report<'a> = &'a (dyn Fn(f64) -> bool + Sync);
@@ -37,9 +37,9 @@ pub(super) fn study(file: &Path, folder: &Path, report: Report<'_>) -> Result<En
         Err(error) => return Err(error),
     };
     let rows = study.rows().max(1) as f64;
-    let within = |progress: &Progress| report(progress.done as f64 / rows);
+    let within = |progress: &StudyProgress| report(progress.done as f64 / rows);
     let (ending, last) = study_run::run(&study, &data_set, &within)?;
-    if ending == study_run::Ending::Stopped {
+    if ending == study_run::StudyEnding::Stopped {
         return Ok(Ending::Stopped);
     }
     data_set.join(&study, |_, _| ())?;

@@ -11,7 +11,7 @@ use crate::campaign::RigSettings;
 use crate::campaign::keys::{
     closed_loop, phase_lock, resonance_tracking, response_controlled, response_loop, stepped_sine as keys,
 };
-use crate::input::key::Quantity;
+use crate::input::key::KeyedQuantity;
 use crate::input::section::Given;
 use crate::input::{Number, Section};
 
@@ -64,7 +64,7 @@ pub(super) fn read_loops(section: &Section, rig: Option<&RigSettings>) -> Option
 }
 
 /// The key and the values of a list of amplitudes.
-pub(super) fn amplitudes(section: &Section, declared: &Quantity) -> Option<(&'static str, Vec<Number>)> {
+pub(super) fn amplitudes(section: &Section, declared: &KeyedQuantity) -> Option<(&'static str, Vec<Number>)> {
     let (place, given) = section.given(declared)?;
     let (name, Given::Numbers(list)) = (declared.keys[place].name, given) else { return None };
     if list.is_empty() {

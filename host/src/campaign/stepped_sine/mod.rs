@@ -22,7 +22,7 @@ use crate::settings::number_of;
 
 /// How a point starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Start {
+pub enum PointStart {
     /// With the structure at rest.
     FromRest,
     /// With the motion of the point before: a sweep.
@@ -39,7 +39,7 @@ pub struct SteppedSine {
     /// The points around the measured peak in the order they are run, each as its place in the grid's direction; empty without any.
     pub peak_order: Vec<usize>,
     /// How each point starts.
-    pub start: Start,
+    pub start: PointStart,
     /// What is kept at its amplitude. The drive limit of a loop applies only if `drive_limit` is given.
     pub drive: DriveMode,
     /// The stated drive limit of a loop, m, and its place; without one it is the range of the rig's drive.
@@ -165,8 +165,8 @@ impl SteppedSine {
         };
         core_sine::SteppedSine {
             start: match self.start {
-                Start::FromRest => core_sine::Start::FromRest { level_m: self.rest_level_m as f32 },
-                Start::CarryOver => core_sine::Start::CarryOver,
+                PointStart::FromRest => core_sine::Start::FromRest { level_m: self.rest_level_m as f32 },
+                PointStart::CarryOver => core_sine::Start::CarryOver,
             },
             amplitude_m: base_amplitude_m as f32,
             drive,

@@ -4,7 +4,7 @@ use damprig_core::control::stepped_sine::{DriveMode, MIN_CYCLES};
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::Structure;
 
-use super::{Start, SteppedSine, TrackedResonance, frequencies, loops};
+use super::{PointStart, SteppedSine, TrackedResonance, frequencies, loops};
 use crate::campaign::RigSettings;
 use crate::campaign::keys::{resonance_tracking, steady, stepped_sine as keys};
 use crate::input::{Number, Section};
@@ -115,7 +115,7 @@ fn read_times(section: &Section, lowest_hz: impl FnOnce() -> Option<f64>) -> Opt
         frequencies_hz: Vec::new(),
         tracked: None,
         peak_order: Vec::new(),
-        start: if start? == 0 { Start::FromRest } else { Start::CarryOver },
+        start: if start? == 0 { PointStart::FromRest } else { PointStart::CarryOver },
         drive: DriveMode::Constant,
         drive_limit: None,
         kept: None,

@@ -7,7 +7,7 @@ use clap::Args;
 use super::super::arguments::positive;
 use super::{ChoiceArgs, OutArgs, finish};
 use crate::failure::{Failure, Outcome};
-use crate::identify::table::Table;
+use crate::identify::table::NumberTable;
 use crate::identify::{Identification, contact};
 use crate::run_folder::read::folder::find;
 
@@ -52,7 +52,8 @@ fn identify(args: &ContactArgs) -> Result<Identification, Failure> {
         if args.choice.set_up.is_some() || args.choice.experiment.is_some() {
             return refused("--set-up or --experiment", "a run");
         }
-        let tables: Result<Vec<Table>, Failure> = args.sources.iter().map(|source| Table::read(source)).collect();
+        let tables: Result<Vec<NumberTable>, Failure> =
+            args.sources.iter().map(|source| NumberTable::read(source)).collect();
         return contact::of_records(&tables?, args.reduced_mass_kg);
     }
     if args.reduced_mass_kg.is_some() {

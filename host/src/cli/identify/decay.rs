@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::slice::from_ref;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 
 use super::{ChoiceArgs, OutArgs, SensorArgs, finish_if_consistent};
 use crate::cli::arguments::{StatedArgs, positive, table_file};
@@ -23,7 +23,7 @@ use crate::signal_file::Selector;
 ///
 /// The motion after the release is fitted by least squares; the logarithmic decrement is given for comparison. Fits of few cycles each
 /// give damping ratio and frequency over the amplitude, and test whether the model holds: what does not fit is the first line of the result.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 pub(super) struct DecayArgs {
     /// Run with a free vibration, or file with a displacement, velocity or acceleration (`damprig inspect`): CSV with the columns t_s and
     /// x_m, x_mm, a_g …, UFF, MAT and others; FILE#name is one of several signals

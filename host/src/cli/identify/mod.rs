@@ -12,16 +12,16 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::slice::from_ref;
 
-use clap::{Args as ClapArgs, Subcommand};
+use clap::{Args, Subcommand};
 
 use super::arguments::{ForceArg, JsonArg, positive};
 use crate::failure::{Failure, Outcome};
 use crate::identify::backbone::Row;
 use crate::identify::modal::Wish;
 use crate::identify::restitution::OverSpeed;
-use crate::identify::table::Table;
+use crate::identify::table::NumberTable;
 use crate::identify::wall::Pad;
-use crate::identify::{Choice, Estimate, Identification, Sensors, friction, set_up_file, wall};
+use crate::identify::{Estimate, ExperimentChoice, Identification, Sensors, friction, set_up_file, wall};
 use crate::input::Source;
 use crate::report::numbers::significant;
 use crate::report::terminal::{plain_table, table};
@@ -31,11 +31,11 @@ use crate::storage::out_file::{OutFile, to_failure, write_new};
 /// Identifies parameters of the rig from runs and tables: each with its standard uncertainty and its 95 % interval.
 ///
 /// docs/IDENTIFY.md describes the methods, the columns of the tables and the measured errors.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct IdentifyArgs {
     #[command(subcommand)]
-    what: What,
+    what: IdentifyCommand,
 }
 
 const AFTER_HELP: &str = "\
@@ -68,7 +68,7 @@ Exit codes:
   2    the command line or the record is wrong; nothing was written";
 
 #[derive(Debug, Subcommand)]
-enum What {
+enum IdentifyCommand {
     /// Natural frequency, damping ratio and Coulomb friction from a free vibration
     Decay(decay::DecayArgs),
     /// Natural frequency and damping ratio from a stepped sine, from a frequency response of a file, or from motion and excitation over time
@@ -94,7 +94,7 @@ enum What {
 ///
 /// The columns say which test it is. Angle at which the particle just slides on: angle_deg. Slide from rest: angle_deg,
 /// distance_m and duration_s. Spring: deflection_m and force_n.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 struct FrictionArgs {
     /// CSV file
     #[arg(value_name = "FILE")]
@@ -112,7 +112,7 @@ struct FrictionArgs {
 ///
 /// Columns: storage_modulus_pa (or kpa, mpa) with loss_modulus_pa or loss_factor, or stiffness_n_per_m with loss_factor; with
 /// several frequencies also frequency_hz.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 struct WallArgs {
     /// CSV file
     #[arg(value_name = "FILE")]
@@ -131,7 +131,7 @@ struct WallArgs {
 }
 
 /// Which experiment of a run.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 struct ChoiceArgs {
     /// Set-up of the run, if several have such an experiment
     #[arg(long, value_name = "NAME")]
@@ -143,13 +143,13 @@ struct ChoiceArgs {
 }
 
 impl ChoiceArgs {
-    fn choice(&self) -> Choice {
-        Choice { set_up: self.set_up.clone(), experiment: self.experiment.clone() }
+    fn choice(&self) -> ExperimentChoice {
+        ExperimentChoice { set_up: self.set_up.clone(), experiment: self.experiment.clone() }
     }
 }
 
 /// Errors of the displacement sensors.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 struct SensorArgs {
     /// Relative standard uncertainty of the displacement sensors' scale, from their calibration [default: from the simulated
     /// sensors of a run; else 0.15 %]
@@ -176,7 +176,7 @@ impl SensorArgs {
 }
 
 /// Where the results go.
-#[derive(Clone, Debug, ClapArgs)]
+#[derive(Clone, Debug, Args)]
 struct OutArgs {
     #[command(flatten)]
     json: JsonArg,
@@ -220,24 +220,24 @@ impl OutArgs {
 ///
 /// # Errors
 /// A record from which nothing can be identified, an unwritable file.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &IdentifyArgs) -> Outcome {
     match &args.what {
-        What::Decay(args) => decay::run(args),
-        What::Response(args) => response::run(args),
-        What::Modes(args) => modes::run(args),
-        What::Restitution(args) => restitution::run(args),
-        What::Contact(args) => contact::run(args),
-        What::Friction(args) => {
+        IdentifyCommand::Decay(args) => decay::run(args),
+        IdentifyCommand::Response(args) => response::run(args),
+        IdentifyCommand::Modes(args) => modes::run(args),
+        IdentifyCommand::Restitution(args) => restitution::run(args),
+        IdentifyCommand::Contact(args) => contact::run(args),
+        IdentifyCommand::Friction(args) => {
             args.out.check(from_ref(&args.source), &[])?;
             let identified = of_table(&args.source, |table| friction::identify(table, args.gravity));
             finish(&args.out, identified?)
         }
-        What::Sound(args) => {
+        IdentifyCommand::Sound(args) => {
             args.out.check(from_ref(&args.source), &[])?;
             finish(&args.out, sound::identify(args)?)
         }
-        What::Next(args) => next::run(args),
-        What::Wall(args) => {
+        IdentifyCommand::Next(args) => next::run(args),
+        IdentifyCommand::Wall(args) => {
             args.out.check(from_ref(&args.source), &[])?;
             finish(&args.out, wall(args)?)
         }
@@ -247,9 +247,9 @@ pub fn run(args: &Args) -> Outcome {
 /// Identifies from a table.
 fn of_table(
     source: &Path,
-    identify: impl FnOnce(&Table) -> Result<Vec<Estimate>, Failure>,
+    identify: impl FnOnce(&NumberTable) -> Result<Vec<Estimate>, Failure>,
 ) -> Result<Identification, Failure> {
-    let table = Table::read(source)?;
+    let table = NumberTable::read(source)?;
     Ok(Identification::new(table.file(), identify(&table)?))
 }
 

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 
 use super::{check_band, digits_of, shown};
 use crate::cli::arguments::{ForceArg, JsonArg, positive};
@@ -21,7 +21,7 @@ use crate::storage::out_file::{to_failure, write_new};
 ///
 /// All modes of a band are fitted to all places together; each value has its standard uncertainty and its 95 % interval. The response where the
 /// force acts gives the scale of the shapes. --out writes a case with these modes.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 pub(super) struct ModesArgs {
     /// A place and the frequency response of its motion per force: tip=test.uff#1 middle=test.uff#2 (UFF, MAT, HDF5, Parquet or CSV with complex
     /// values; `damprig inspect` names the signals); with a minus, tip=-test.uff#1, where the motion counts against the wanted direction

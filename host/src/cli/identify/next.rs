@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 
 use super::digits_of;
 use crate::cli::arguments::{ForceArg, JsonArg, positive};
@@ -18,7 +18,7 @@ use crate::run_folder::read::folder::find;
 ///
 /// Of every frequency on every set-up of the run's campaign, X/Z and its exact derivatives by the parameters are computed for the motion from rest. Points are
 /// chosen one after another; each narrows all parameters together, or one with --for, as much as one point can.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 pub(super) struct NextArgs {
     /// Run with a stepped sine
     #[arg(value_name = "RUN")]

@@ -3,17 +3,17 @@
 use std::path::PathBuf;
 use std::slice::from_ref;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 
 use super::{ChoiceArgs, OutArgs, SensorArgs, check_band, finish, finish_if_consistent};
 use crate::cli::arguments::{not_negative, positive};
 use crate::cli::simulate::picture;
 use crate::failure::{Failure, Outcome};
 use crate::identify::modal::h1::{ChannelPair, Channels};
-use crate::identify::modal::read::{Source, has_one};
+use crate::identify::modal::read::{ModalSource, has_one};
 use crate::identify::modal::{self, FrequencyResponse, Modal, Wish};
 use crate::identify::response::{DrivenBy, Response};
-use crate::identify::table::{TIME, Table, X, Z};
+use crate::identify::table::{NumberTable, TIME, X, Z};
 use crate::identify::time_response::{self, Motion, Wanted};
 use crate::identify::{Identification, OfRun, response, response_file, response_of_run};
 use crate::report::figures::{modal_response, transfer_function};
@@ -26,7 +26,7 @@ use crate::signal_file::{self, Selector};
 /// Of a stepped sine: the response is fitted to the points; under a force that of X/P, which also gives the mass. Of a frequency response in a
 /// file: one mode with residual terms is fitted to the lines of a band. Of x and z over time (a playback of noise or another broadband motion): x is
 /// simulated from z and fitted; H1 and coherence by Welch's method show whether x follows z.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 pub(super) struct ResponseArgs {
     /// Run with a stepped sine or a playback, or a file. CSV columns of points: frequency_hz, x_m, z_m or force_n (amplitudes) and phase_rad
     /// or phase_deg if known; of a motion: t_s, x_m, z_m. Of a frequency response: UFF, MAT, HDF5, Parquet or CSV with complex values
@@ -64,7 +64,7 @@ pub(super) struct ResponseArgs {
 }
 
 /// What a file with a frequency response, or with its signals over time, does not state.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(next_help_heading = "Frequency response of a file")]
 struct FileArgs {
     /// Lowest frequency of the fit [default: about the highest peak]
@@ -142,11 +142,11 @@ fn averages(text: &str) -> Result<f64, String> {
 }
 
 /// What the source is.
-enum Given {
+enum GivenSource {
     Points(Response),
     Motion(Motion),
     Lines(FrequencyResponse),
-    Channels(modal::h1::Recorded),
+    Channels(modal::h1::MotionAndExcitation),
 }
 
 /// Identifies from the source, prints the results and writes the files.
@@ -160,16 +160,16 @@ pub(super) fn run(args: &ResponseArgs) -> Outcome {
     let from = from_source(args)?;
     check_options(args, &from)?;
     match from {
-        Given::Points(points) => {
+        GivenSource::Points(points) => {
             let help = "mount the sensor where Γφ is 1, or write the values of one degree of freedom";
             finish_if_consistent(&args.out, of_points(args, points)?, args.despite_misfit, help)
         }
-        Given::Motion(motion) => finish(&args.out, of_motion(args, &motion)?),
-        Given::Lines(lines) => {
+        GivenSource::Motion(motion) => finish(&args.out, of_motion(args, &motion)?),
+        GivenSource::Lines(lines) => {
             let found = modal::identify(&lines, args.file.band())?;
             of_mode(args, &lines, &found)
         }
-        Given::Channels(recorded) => {
+        GivenSource::Channels(recorded) => {
             let wanted = Wanted { segment_s: args.segment_s, overlap: args.overlap };
             let (lines, found) = recorded.identify(wanted, args.file.band())?;
             of_mode(args, &lines, &found)
@@ -177,14 +177,14 @@ pub(super) fn run(args: &ResponseArgs) -> Outcome {
     }
 }
 
-fn from_source(args: &ResponseArgs) -> Result<Given, Failure> {
+fn from_source(args: &ResponseArgs) -> Result<GivenSource, Failure> {
     let selector = Selector::of(&args.source);
     if !selector.path.is_file() {
         let run = find(&args.source)?;
         let of_run = response_of_run(&run, &args.choice.choice())?;
         return Ok(match of_run {
-            OfRun::Points(points) => Given::Points(points),
-            OfRun::Motion(motion) => Given::Motion(motion),
+            OfRun::Points(points) => GivenSource::Points(points),
+            OfRun::Motion(motion) => GivenSource::Motion(motion),
         });
     }
     let file = &args.file;
@@ -192,12 +192,12 @@ fn from_source(args: &ResponseArgs) -> Result<Given, Failure> {
         let (times_s, unit) = (file.times_s.as_deref(), file.unit.as_deref());
         let channels = Channels { file: &args.source, drive, times_s, unit };
         return Ok(match channels.read()? {
-            ChannelPair::Displacements(motion) => Given::Motion(motion),
-            ChannelPair::Other(recorded) => Given::Channels(recorded),
+            ChannelPair::Displacements(motion) => GivenSource::Motion(motion),
+            ChannelPair::Other(recorded) => GivenSource::Channels(recorded),
         });
     }
     if selector.which.is_none() {
-        let table = Table::read(&selector.path);
+        let table = NumberTable::read(&selector.path);
         if let Ok(table) = &table
             && table.has(&X)
         {
@@ -215,7 +215,7 @@ fn from_source(args: &ResponseArgs) -> Result<Given, Failure> {
             return table.and_then(|table| of_table(&table));
         }
     }
-    let source = Source {
+    let source = ModalSource {
         file: &args.source,
         unit: file.unit.as_deref(),
         frequencies_hz: file.frequencies_hz.as_deref(),
@@ -223,22 +223,22 @@ fn from_source(args: &ResponseArgs) -> Result<Given, Failure> {
         averages: file.averages,
         band: file.band(),
     };
-    source.read().map(Given::Lines)
+    source.read().map(GivenSource::Lines)
 }
 
 /// Points or a motion, by the columns of a table.
-fn of_table(table: &Table) -> Result<Given, Failure> {
+fn of_table(table: &NumberTable) -> Result<GivenSource, Failure> {
     if !table.has(&TIME) {
-        return response_file::points(table).map(Given::Points);
+        return response_file::points(table).map(GivenSource::Points);
     }
     let t_s = table.times()?;
     let step_s = (t_s[t_s.len() - 1] - t_s[0]) / (t_s.len() - 1).max(1) as f64;
     let (x_m, z_m) = (table.column(&X)?, table.column(&Z)?);
-    Ok(Given::Motion(Motion { taken_from: table.file().into(), step_s, x_m, z_m }))
+    Ok(GivenSource::Motion(Motion { taken_from: table.file().into(), step_s, x_m, z_m }))
 }
 
 /// Refuses an option that the source gives no meaning.
-fn check_options(args: &ResponseArgs, from: &Given) -> Result<(), Failure> {
+fn check_options(args: &ResponseArgs, from: &GivenSource) -> Result<(), Failure> {
     let refuse = |text: String| Err(Failure::Input(format!("{text}\n  leave it out")));
     let over_time = [
         (args.segment_s.is_some(), "--segment-s"),
@@ -249,7 +249,7 @@ fn check_options(args: &ResponseArgs, from: &Given) -> Result<(), Failure> {
         |count: usize| over_time.iter().take(count).find(|(is_given, _)| *is_given).map(|(_, option)| *option);
     let of_file = args.file.given();
     match from {
-        Given::Points(Response { taken_from, .. }) => {
+        GivenSource::Points(Response { taken_from, .. }) => {
             if let Some(option) = over_time(3) {
                 return refuse(format!(
                     "{option} is for x and z over time; {taken_from} has points of a frequency response"
@@ -261,7 +261,7 @@ fn check_options(args: &ResponseArgs, from: &Given) -> Result<(), Failure> {
                 ));
             }
         }
-        Given::Motion(Motion { taken_from, .. }) => {
+        GivenSource::Motion(Motion { taken_from, .. }) => {
             if let Some(option) = args.sensors.given() {
                 return refuse(format!("{option} is for points; the fit of x and z over time has a scale of its own"));
             }
@@ -271,7 +271,7 @@ fn check_options(args: &ResponseArgs, from: &Given) -> Result<(), Failure> {
                 ));
             }
         }
-        Given::Lines(lines) => {
+        GivenSource::Lines(lines) => {
             if let Some(option) = over_time(2) {
                 return refuse(format!(
                     "{option} is for signals over time; {} has a frequency response",
@@ -284,7 +284,7 @@ fn check_options(args: &ResponseArgs, from: &Given) -> Result<(), Failure> {
                 ));
             }
         }
-        Given::Channels(_) => {
+        GivenSource::Channels(_) => {
             if let Some((option, _)) = of_file.filter(|(_, is_stored)| *is_stored) {
                 return refuse(format!(
                     "{option} is for a stored frequency response; with --drive it is estimated from signals over time"

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 use damprig_identification::Refused;
 
 use super::{ChoiceArgs, OutArgs, SensorArgs, finish_if_consistent};
@@ -10,7 +10,7 @@ use crate::cli::arguments::{not_negative, positive, table_file};
 use crate::cli::simulate::picture;
 use crate::failure::{Failure, Outcome};
 use crate::identify::flights::{self, Known};
-use crate::identify::restitution::{self, Approach, Axis, Options, Restitution};
+use crate::identify::restitution::{self, Approach, FilmAxis, Restitution, RestitutionOptions};
 use crate::identify::{Identification, particle_run};
 use crate::report::figures::restitution as figure;
 use crate::report::{branch_table, restitution_table};
@@ -22,7 +22,7 @@ use crate::run_folder::read::folder::find;
 /// together, the columns say which test it is. Tracked film: frame (or t_s), x and y of the ball in pixels (or x_mm, y_mm). Impact times: t_s,
 /// with several drops also drop (their number), and drop_height_m if known. Heights: drop_height_m and rebound_height_m. Force on the wall:
 /// t_s and force_n. The first line of the answer says whether one coefficient is enough.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 pub(super) struct RestitutionArgs {
     /// Run with impacts, or files of drop tests
     #[arg(value_name = "SOURCE", required = true)]
@@ -38,7 +38,7 @@ pub(super) struct RestitutionArgs {
 
     /// Of a film: axis along which the ball falls [default: that on which it does]
     #[arg(long, value_name = "AXIS", value_enum)]
-    vertical: Option<Axis>,
+    vertical: Option<FilmAxis>,
 
     /// Of a film with several tracks: number of the ball's, or numbers of its parts, separated by commas
     #[arg(long, value_name = "N", value_delimiter = ',')]
@@ -202,7 +202,7 @@ fn restitution_of_files(args: &RestitutionArgs) -> Result<Restitution, Failure> 
         return Err(Failure::Input(text));
     }
     let approach = args.mass_kg.zip(args.approach_m_per_s);
-    let options = Options {
+    let options = RestitutionOptions {
         gravity_m_per_s2: args.gravity.unwrap_or(damprig_core::model::GRAVITY_M_PER_S2),
         frame_rate_hz: args.frame_rate_hz,
         m_per_pixel: args.m_per_pixel,

@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use clap::Args as ClapArgs;
+use clap::Args;
 
 use super::OutArgs;
 use crate::cli::arguments::{not_negative, positive};
 use crate::failure::Failure;
 use crate::identify::Identification;
 use crate::identify::sound::calibration::calibrated;
-use crate::identify::sound::recording::Recording;
+use crate::identify::sound::recording::SoundRecording;
 use crate::identify::sound::weighting::Weighting;
 use crate::identify::sound::{Evaluation, estimates, levels, remarks};
 
@@ -17,7 +17,7 @@ use crate::identify::sound::{Evaluation, estimates, levels, remarks};
 ///
 /// Equivalent level (Leq), largest levels with the time weightings F and S, and peak; with --background also the level of the source
 /// alone. The recording is calibrated by that of a sound calibrator on the same channel with the same gain, or by a number.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 pub(super) struct SoundArgs {
     /// WAV file, another file with a sound (`damprig inspect`), or CSV file with t_s and sound_v, sound_pa or sound; FILE#2 is the
     /// second signal of several
@@ -65,8 +65,8 @@ pub(super) struct SoundArgs {
 /// # Errors
 /// A recording, a calibration or a background that cannot be used.
 pub(super) fn identify(args: &SoundArgs) -> Result<Identification, Failure> {
-    let recording = Recording::read(&args.source, args.channel)?;
-    let background = args.background.as_ref().map(|path| Recording::read(path, args.channel)).transpose()?;
+    let recording = SoundRecording::read(&args.source, args.channel)?;
+    let background = args.background.as_ref().map(|path| SoundRecording::read(path, args.channel)).transpose()?;
     if let Some(other) = background.as_ref().filter(|other| other.is_pascal != recording.is_pascal) {
         return Err(
             other.refuse(format!("it is not in the unit of {}\n  give both in pascal, or neither", recording.file))
@@ -89,7 +89,7 @@ pub(super) fn identify(args: &SoundArgs) -> Result<Identification, Failure> {
 }
 
 /// The pressure of a unit of the recording, Pa, and how it was found, in words.
-fn calibration(args: &SoundArgs, recording: &Recording) -> Result<(f64, Option<String>), Failure> {
+fn calibration(args: &SoundArgs, recording: &SoundRecording) -> Result<(f64, Option<String>), Failure> {
     match (&args.calibration, args.pascal_per_unit) {
         (None, None) if recording.is_pascal => Ok((1.0, None)),
         (None, None) => Err(recording.refuse(
@@ -101,7 +101,7 @@ fn calibration(args: &SoundArgs, recording: &Recording) -> Result<(f64, Option<S
         }
         (Some(path), _) => {
             let level_db = args.calibration_level_db.unwrap_or(94.0);
-            let (frequency_hz, pascal_per_unit) = calibrated(&Recording::read(path, args.channel)?, level_db)?;
+            let (frequency_hz, pascal_per_unit) = calibrated(&SoundRecording::read(path, args.channel)?, level_db)?;
             let words = format!(
                 "calibrated by a tone of {frequency_hz:.1} Hz with {level_db} dB: full scale is {pascal_per_unit:.3} Pa"
             );

@@ -4,7 +4,7 @@ use std::io::{BufRead, stdin};
 
 use clap::ValueEnum;
 
-use super::Wanted;
+use super::NewFileRequest;
 use super::values::{DamperArg, ExperimentArg};
 use crate::cli::arguments::{not_negative, positive};
 use crate::cli::output;
@@ -12,7 +12,7 @@ use crate::failure::Failure;
 use crate::file_keys::new_file::CaseValues;
 
 /// Asks what to write.
-pub(super) fn ask() -> Result<Wanted, Failure> {
+pub(super) fn ask() -> Result<NewFileRequest, Failure> {
     say!("Enter takes the default in brackets.");
     let is_case = answer("Campaign for the rig, or case to simulate", "campaign", |text| match text {
         "campaign" => Ok(false),
@@ -44,7 +44,7 @@ pub(super) fn ask() -> Result<Wanted, Failure> {
         base_amplitude_m: number("Base amplitude Z, m", default.base_amplitude_m, positive)?,
         ..default
     };
-    Ok(Wanted { is_case, dampers, experiments, has_record: false, values })
+    Ok(NewFileRequest { is_case, dampers, experiments, has_record: false, values })
 }
 
 /// Asks until the answer can be read.

@@ -8,7 +8,7 @@ mod values;
 use std::io::{IsTerminal, Write, stdin};
 use std::path::{Path, PathBuf};
 
-use clap::{Args as ClapArgs, ValueEnum};
+use clap::{Args, ValueEnum};
 
 use self::structure::StructureArg;
 use self::values::{DamperArg, ExperimentArg, ValueArgs};
@@ -16,7 +16,7 @@ use super::arguments::ForceArg;
 use crate::campaign::Campaign;
 use crate::failure::{Failure, Outcome};
 use crate::file_keys::fit;
-use crate::file_keys::new_file::{self, CaseValues, Damper, Excitation, Fitted, RecordFile};
+use crate::file_keys::new_file::{self, CaseValues, Excitation, Fitted, MountedDamper, RecordFile};
 use crate::input::Source;
 use crate::simulation::Case;
 use crate::storage::out_file::{to_failure, write_new};
@@ -25,9 +25,9 @@ use crate::study::bifurcation::SweepAxis;
 /// Writes a new campaign, case, study or optimisation: a commented file to edit.
 ///
 /// Without options, on a terminal, it asks. Values that are not given are those of the rig of the source document.
-#[derive(Debug, ClapArgs)]
+#[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub struct Args {
+pub struct InitArgs {
     /// File to write [default: campaign.toml, case.toml, study.toml or optimisation.toml]
     #[arg(value_name = "FILE")]
     file: Option<PathBuf>,
@@ -116,7 +116,7 @@ Exit codes:
   2    the command line is wrong, the values are not allowed, or the file exists; nothing was written";
 
 /// What to write.
-struct Wanted {
+struct NewFileRequest {
     is_case: bool,
     dampers: Vec<DamperArg>,
     experiments: Vec<ExperimentArg>,
@@ -128,7 +128,7 @@ struct Wanted {
 ///
 /// # Errors
 /// The file exists or cannot be written; values that a campaign or a case may not have.
-pub fn run(args: &Args) -> Outcome {
+pub fn run(args: &InitArgs) -> Outcome {
     if let Some(structure) = args.structure {
         return structure.write(args);
     }
@@ -182,7 +182,7 @@ fn write(path: &Path, text: &str, force: ForceArg) -> Outcome {
     write_new(&force.file(path), |file| file.write_all(text.as_bytes()).map_err(|e| failed(&e)))
 }
 
-fn from(args: &Args) -> Wanted {
+fn from(args: &InitArgs) -> NewFileRequest {
     let or = |dampers: &[DamperArg], default: &[DamperArg]| if dampers.is_empty() { default } else { dampers }.to_vec();
     let default: &[DamperArg] = if args.case { &[DamperArg::Spid] } else { &[DamperArg::Bare, DamperArg::Spid] };
     let has_record = args.record.is_some();
@@ -192,11 +192,11 @@ fn from(args: &Args) -> Wanted {
         _ => args.experiment.clone(),
     };
     let (dampers, values) = (or(&args.damper, default), args.values.values());
-    Wanted { is_case: args.case, dampers, experiments, has_record, values }
+    NewFileRequest { is_case: args.case, dampers, experiments, has_record, values }
 }
 
 /// The record as a file at `path` names it.
-fn record_of(args: &Args, record: &Path, path: &Path) -> Result<RecordFile, Failure> {
+fn record_of(args: &InitArgs, record: &Path, path: &Path) -> Result<RecordFile, Failure> {
     let (quantity, unit) = (args.record_quantity.clone(), args.record_unit.clone());
     Ok(RecordFile { file: beside_or_whole("--record", record, path)?, quantity, unit })
 }
@@ -221,7 +221,7 @@ fn name_of(path: &Path) -> String {
     if name.is_empty() { "campaign".into() } else { name }
 }
 
-fn text_of(wanted: &Wanted, name: &str) -> Result<String, Failure> {
+fn text_of(wanted: &NewFileRequest, name: &str) -> Result<String, Failure> {
     for (option, names) in [("--damper", names(&wanted.dampers)), ("--experiment", names(&wanted.experiments))] {
         if let Some(twice) = names.iter().enumerate().find_map(|(n, name)| names[..n].contains(name).then_some(name)) {
             return Err(Failure::Input(format!("{option}: {twice} is named twice")));
@@ -231,7 +231,7 @@ fn text_of(wanted: &Wanted, name: &str) -> Result<String, Failure> {
             return Err(Failure::Input(message));
         }
     }
-    let dampers: Vec<Damper> = wanted.dampers.iter().map(|damper| (*damper).into()).collect();
+    let dampers: Vec<MountedDamper> = wanted.dampers.iter().map(|damper| (*damper).into()).collect();
     let mut experiments: Vec<Excitation> = wanted.experiments.iter().map(|experiment| (*experiment).into()).collect();
     experiments.extend(wanted.has_record.then_some(Excitation::Record));
     if wanted.is_case && experiments.len() > 1 {
@@ -254,8 +254,8 @@ fn names<T: ValueEnum>(arguments: &[T]) -> Vec<String> {
 const FITS: usize = 4;
 
 /// The text, with smaller amplitudes where the prediction is too large.
-fn fitting_text(wanted: &mut Wanted, path: &Path) -> Result<String, Failure> {
-    let dampers: Vec<Damper> = wanted.dampers.iter().map(|damper| (*damper).into()).collect();
+fn fitting_text(wanted: &mut NewFileRequest, path: &Path) -> Result<String, Failure> {
+    let dampers: Vec<MountedDamper> = wanted.dampers.iter().map(|damper| (*damper).into()).collect();
     let mut text = text_of(wanted, &name_of(path))?;
     let mut campaign = check(wanted, path, &text)?;
     for _ in 0..FITS {
@@ -278,7 +278,7 @@ fn fitting_text(wanted: &mut Wanted, path: &Path) -> Result<String, Failure> {
 }
 
 /// Values that are out of range are reported with their keys before anything is written. Gives the campaign; none of a case.
-fn check(wanted: &Wanted, path: &Path, text: &str) -> Result<Option<Campaign>, Failure> {
+fn check(wanted: &NewFileRequest, path: &Path, text: &str) -> Result<Option<Campaign>, Failure> {
     // Records are named relative to the file.
     let source = Source::new(path.with_file_name("new file").display().to_string(), text);
     if wanted.is_case { Case::parse(&source, "case").map(|_| None) } else { Campaign::parse(source).map(Some) }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Args, beside_or_whole, name_of, write};
+use super::{InitArgs, beside_or_whole, name_of, write};
 use crate::failure::{Failure, Outcome};
 use crate::file_keys::new_study;
 use crate::input::Source;
@@ -20,7 +20,7 @@ struct New<'a> {
 }
 
 /// Writes a study of a case.
-pub(super) fn study(case: &Path, args: &Args) -> Outcome {
+pub(super) fn study(case: &Path, args: &InitArgs) -> Outcome {
     let file = args.file.clone().unwrap_or_else(|| "study.toml".into());
     let new = New { option: "--study", case, file, command: "damprig study run" };
     new.write(args, |name, named, case| {
@@ -30,7 +30,7 @@ pub(super) fn study(case: &Path, args: &Args) -> Outcome {
 }
 
 /// Writes an optimisation of a case.
-pub(super) fn optimisation(case: &Path, args: &Args) -> Outcome {
+pub(super) fn optimisation(case: &Path, args: &InitArgs) -> Outcome {
     let file = args.file.clone().unwrap_or_else(|| "optimisation.toml".into());
     let new = New { option: "--optimise", case, file, command: "damprig optimise" };
     new.write(args, |name, named, case| {
@@ -49,12 +49,12 @@ pub(super) fn optimisation(case: &Path, args: &Args) -> Outcome {
 }
 
 /// The text of a file, and its parser.
-type Text = (String, fn(&Source, &Path) -> Result<(), Failure>);
+type ReadText = (String, fn(&Source, &Path) -> Result<(), Failure>);
 
 impl New<'_> {
     /// Writes the text that is made from the file's name, the case as the file names it, and the case; a text that is not accepted is not
     /// written.
-    fn write(&self, args: &Args, text: impl FnOnce(&str, &str, &Case) -> Result<Text, Failure>) -> Outcome {
+    fn write(&self, args: &InitArgs, text: impl FnOnce(&str, &str, &Case) -> Result<ReadText, Failure>) -> Outcome {
         args.force.check(&self.file)?;
         let case = Case::read(self.case)?;
         let named = beside_or_whole(self.option, self.case, &self.file)?;

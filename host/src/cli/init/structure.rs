@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use super::{Args, write};
+use super::{InitArgs, write};
 use crate::failure::{Failure, Outcome};
 use crate::file_keys::modal_case::{self, WrittenMode};
 use crate::input::shipped::{ROOT, text};
@@ -34,7 +34,7 @@ impl StructureArg {
     }
 
     /// Writes its case, whose comments name the file.
-    pub(super) fn write(self, args: &Args) -> Outcome {
+    pub(super) fn write(self, args: &InitArgs) -> Outcome {
         let file = args.file.clone().unwrap_or_else(|| PathBuf::from("case.toml"));
         args.force.check(&file)?;
         let (name, shown) = (self.example(), file.display());
@@ -71,7 +71,7 @@ pub(super) fn place(text: &str) -> Result<TestedPlace, String> {
 }
 
 /// Writes a case with the modes of a modal test.
-pub(super) fn of_modal_test(test_file: &Path, args: &Args) -> Outcome {
+pub(super) fn of_modal_test(test_file: &Path, args: &InitArgs) -> Outcome {
     let file = args.file.clone().unwrap_or_else(|| PathBuf::from("case.toml"));
     args.force.check(&file)?;
     let test = ModalTest::read(test_file)?;

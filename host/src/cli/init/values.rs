@@ -1,10 +1,10 @@
 //! The dampers, experiments and values of a new file as arguments.
 
-use clap::{Args as ClapArgs, ValueEnum};
+use clap::{Args, ValueEnum};
 use damprig_core::model::Material;
 
 use crate::cli::arguments::{not_negative, positive};
-use crate::file_keys::new_file::{CaseValues, Damper, Excitation, Sensors};
+use crate::file_keys::new_file::{CaseValues, Excitation, MountedDamper, Sensors};
 
 /// Dampers, as arguments.
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -21,7 +21,7 @@ pub(super) enum DamperArg {
     Tmd,
 }
 
-impl From<DamperArg> for Damper {
+impl From<DamperArg> for MountedDamper {
     fn from(argument: DamperArg) -> Self {
         match argument {
             DamperArg::Bare => Self::Bare,
@@ -98,7 +98,7 @@ impl From<ExperimentArg> for Excitation {
 }
 
 /// Values of structure and dampers.
-#[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
+#[derive(Clone, Debug, Default, PartialEq, Args)]
 pub(super) struct ValueArgs {
     /// M, the structure's mass [default: 1.6]
     #[arg(long, value_name = "KG", value_parser = positive)]

@@ -59,11 +59,11 @@ const TURN: Duration = Duration::from_millis(1);
 const MAX_WAITING: usize = 16 << 20;
 
 /// The rigs of this process.
-static RIGS: Mutex<Vec<(Address, Arc<Line>)>> = Mutex::new(Vec::new());
+static RIGS: Mutex<Vec<(Address, Arc<RealTimeLine>)>> = Mutex::new(Vec::new());
 
 /// The line between a rig's thread and the host.
 #[derive(Debug, Default)]
-struct Line {
+struct RealTimeLine {
     state: Mutex<LineState>,
     arrived: Condvar,
 }
@@ -76,7 +76,7 @@ struct LineState {
     is_pulled: bool,
 }
 
-impl Line {
+impl RealTimeLine {
     fn state(&self) -> MutexGuard<'_, LineState> {
         lock(&self.state)
     }
@@ -89,7 +89,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 /// The cable between this process and its real-time virtual rig, to be pulled out and plugged in.
 #[derive(Clone, Debug)]
-pub struct Cable(Arc<Line>);
+pub struct Cable(Arc<RealTimeLine>);
 
 impl Cable {
     /// Pulls the cable out: bytes in both directions are lost, and the link cannot be opened.
@@ -121,7 +121,7 @@ pub fn cable(address: &Address) -> Option<Cable> {
 
 /// A link to the rig in its thread.
 #[derive(Debug)]
-pub(super) struct RealTimeRig(Arc<Line>);
+pub(super) struct RealTimeRig(Arc<RealTimeLine>);
 
 impl RealTimeRig {
     /// Connects to the rig at this address; the first time in this process, the rig is started with these settings.
@@ -136,7 +136,7 @@ impl RealTimeRig {
         let line = match known {
             Some(line) => line,
             None => {
-                let line = Arc::new(Line::default());
+                let line = Arc::new(RealTimeLine::default());
                 start(Arc::clone(&line), single, speed, settings)?;
                 rigs.push((address.clone(), Arc::clone(&line)));
                 line
@@ -180,7 +180,7 @@ impl Link for RealTimeRig {
 }
 
 /// Starts the thread of a new rig.
-fn start(line: Arc<Line>, single: bool, speed: Speed, settings: Option<&Settings>) -> Result<(), String> {
+fn start(line: Arc<RealTimeLine>, single: bool, speed: Speed, settings: Option<&Settings>) -> Result<(), String> {
     let info = DeviceInfo::new(env!("CARGO_PKG_VERSION"), "virtual");
     let mut device = Box::new(VirtualDevice::real_time(single, info));
     settings.into_iter().for_each(|settings| device.start_with(settings));
@@ -190,7 +190,7 @@ fn start(line: Arc<Line>, single: bool, speed: Speed, settings: Option<&Settings
 }
 
 /// Runs the device at its pace, for ever.
-fn live(device: &mut VirtualDevice, line: &Line, speed: Speed) -> ! {
+fn live(device: &mut VirtualDevice, line: &RealTimeLine, speed: Speed) -> ! {
     let ticks_per_s = f64::from(TICK_HZ) * speed.get();
     let longest_stall = LONGEST_STALL_S.0.min(LONGEST_STALL_S.1 / speed.get()) * ticks_per_s;
     let ticks_per_turn = (ticks_per_s * TURN.as_secs_f64()).ceil() as u64;
@@ -221,7 +221,7 @@ fn live(device: &mut VirtualDevice, line: &Line, speed: Speed) -> ! {
 }
 
 /// Passes the frames to a host that listens.
-fn deliver(line: &Line, sent: &mut Vec<u8>) {
+fn deliver(line: &RealTimeLine, sent: &mut Vec<u8>) {
     if !sent.is_empty() {
         let mut state = line.state();
         if state.is_open && !state.is_pulled && state.to_host.len() < MAX_WAITING {

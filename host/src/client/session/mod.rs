@@ -29,7 +29,7 @@ use crate::client::link::{Closed, Link, Speed};
 
 /// A message of the device that is not a reply.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Report {
+pub enum DeviceReport {
     /// An event, with its tick.
     Event {
         /// The tick.
@@ -63,7 +63,7 @@ pub struct Session {
     speed: Speed,
     reader: Reader,
     bytes: Vec<u8>,
-    reports: VecDeque<Report>,
+    reports: VecDeque<DeviceReport>,
     /// The answer to the latest request.
     reply: Option<Result<Reply, damprig_protocol::Rejected>>,
     seq: u16,
@@ -179,8 +179,8 @@ impl Session {
                     self.reply = Some(answer);
                 }
             }
-            FromDevice::Event { tick, event, .. } => self.reports.push_back(Report::Event { tick, event }),
-            FromDevice::Telemetry(rows) => self.reports.push_back(Report::Telemetry(Box::new(rows))),
+            FromDevice::Event { tick, event, .. } => self.reports.push_back(DeviceReport::Event { tick, event }),
+            FromDevice::Telemetry(rows) => self.reports.push_back(DeviceReport::Telemetry(Box::new(rows))),
             FromDevice::Clock { tick } => self.clock_tick = self.clock_tick.max(tick),
         }
     }
@@ -255,7 +255,7 @@ impl Session {
     }
 
     /// A report that has already arrived.
-    pub fn report_at_hand(&mut self) -> Option<Report> {
+    pub fn report_at_hand(&mut self) -> Option<DeviceReport> {
         self.reports.pop_front()
     }
 
@@ -263,7 +263,7 @@ impl Session {
     ///
     /// # Errors
     /// The device is silent, or the link breaks.
-    pub fn next_report(&mut self) -> Result<Option<Report>, SessionError> {
+    pub fn next_report(&mut self) -> Result<Option<DeviceReport>, SessionError> {
         if let Some(report) = self.report_at_hand() {
             return Ok(Some(report));
         }

@@ -9,8 +9,8 @@ use super::{FrequencyResponse, Line, Modal, Wish, identify};
 use crate::failure::Failure;
 use crate::identify::time_response::welch::{self, Segments};
 use crate::identify::time_response::{HANN_WIDTH_LINES, Motion, RESOLVED, USUAL_SEGMENTS, Wanted, needed_s};
-use crate::signal_file::unit::Kind;
-use crate::signal_file::{self, Axis, EvenSignal, Selector, Signal};
+use crate::signal_file::unit::UnitKind;
+use crate::signal_file::{self, EvenSignal, Selector, Signal, SignalAxis};
 
 /// Motion and excitation in files.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +27,7 @@ pub struct Channels<'a> {
 
 /// Motion and excitation.
 #[derive(Clone, Debug)]
-pub struct Recorded {
+pub struct MotionAndExcitation {
     /// x is the motion, z the excitation, in the units of the file.
     motion: Motion,
     quantity: Quantity,
@@ -40,7 +40,7 @@ pub enum ChannelPair {
     /// Displacements of structure and base, in m.
     Displacements(Motion),
     /// Another motion and its excitation.
-    Other(Recorded),
+    Other(MotionAndExcitation),
 }
 
 impl Channels<'_> {
@@ -77,8 +77,8 @@ impl Channels<'_> {
         }
         let scaled = |signal: &EvenSignal, si: f64| signal.values.iter().map(|value| value * si).collect();
         if let (Some(own), Some(base), None) = (response.unit, drive.unit, self.unit)
-            && own.kind == Kind::Displacement
-            && base.kind == Kind::Displacement
+            && own.kind == UnitKind::Displacement
+            && base.kind == UnitKind::Displacement
         {
             let (x_m, z_m) = (scaled(&x, own.si), scaled(&z, base.si));
             return Ok(ChannelPair::Displacements(Motion { taken_from, step_s: x.step_s, x_m, z_m }));
@@ -95,7 +95,7 @@ impl Channels<'_> {
             remarks.push(format!("the times are uneven: resampled by cubics at {:.1} Hz", 1.0 / x.step_s));
         }
         let motion = Motion { taken_from, step_s: x.step_s, x_m: x.values, z_m: z.values };
-        Ok(ChannelPair::Other(Recorded { motion, quantity, remarks }))
+        Ok(ChannelPair::Other(MotionAndExcitation { motion, quantity, remarks }))
     }
 }
 
@@ -110,11 +110,11 @@ fn evenly(signal: &Signal, times: Option<&Signal>) -> Result<EvenSignal, String>
     }
     let Some(times) = times else {
         return signal.evenly().map_err(|error| match signal.axis {
-            Axis::Unknown(_) => format!("{error}\n  name the signal that has them, in s: --times-s SIGNAL"),
+            SignalAxis::Unknown(_) => format!("{error}\n  name the signal that has them, in s: --times-s SIGNAL"),
             _ => error,
         });
     };
-    if !matches!(signal.axis, Axis::Unknown(_)) {
+    if !matches!(signal.axis, SignalAxis::Unknown(_)) {
         return Err(format!("the file states the axis of {name:?}: leave out --times-s"));
     }
     if times.values.len() != signal.values.len() || times.imaginary.is_some() {
@@ -125,13 +125,13 @@ fn evenly(signal: &Signal, times: Option<&Signal>) -> Result<EvenSignal, String>
         return Err(format!("--times-s: time {} of {:?} is not later than the one before", n + 2, times.name));
     }
     let axis = match signal_file::even_step(&times.values) {
-        Some(step_s) => Axis::Time { start_s: times.values[0], step_s },
-        None => Axis::Times(times.values.clone()),
+        Some(step_s) => SignalAxis::Time { start_s: times.values[0], step_s },
+        None => SignalAxis::Times(times.values.clone()),
     };
     Signal { axis, ..signal.clone() }.evenly()
 }
 
-impl Recorded {
+impl MotionAndExcitation {
     /// H1 and coherence by segments of this length and overlap.
     fn h1(&self, segment_s: f64, overlap: f64, wish: Wish) -> Result<FrequencyResponse, Failure> {
         let segments = Segments::new(&self.motion, segment_s, overlap)?;

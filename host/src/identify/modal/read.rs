@@ -8,12 +8,12 @@ use super::quantity::Quantity;
 use super::unit::quantity_of;
 use super::{FrequencyResponse, Line, Wish};
 use crate::failure::Failure;
-use crate::signal_file::unit::Kind;
-use crate::signal_file::{self, Axis, Contents, FREQUENCY_RESPONSE, Selector, Signal, TRANSMISSIBILITY};
+use crate::signal_file::unit::UnitKind;
+use crate::signal_file::{self, Contents, FREQUENCY_RESPONSE, Selector, Signal, SignalAxis, TRANSMISSIBILITY};
 
 /// A frequency response in a file, and what the file does not state.
 #[derive(Clone, Copy, Debug)]
-pub struct Source<'a> {
+pub struct ModalSource<'a> {
     /// The file, and which of its signals: `FILE`, `FILE#3`, `FILE#name`.
     pub file: &'a Path,
     /// Unit of a motion per excitation (`--unit`).
@@ -56,7 +56,7 @@ pub fn has_one(contents: &Contents) -> bool {
     contents.signals.iter().filter(|signal| may_be(signal)).count() == 1
 }
 
-impl Source<'_> {
+impl ModalSource<'_> {
     /// Reads the frequency response.
     ///
     /// # Errors
@@ -134,19 +134,19 @@ impl Source<'_> {
         let refuse = |text: String| Failure::Input(format!("{taken_from}: {text}"));
         let count = signal.values.len();
         let (from, places) = match (&signal.axis, self.frequencies_hz) {
-            (Axis::Unknown(_), None) => {
+            (SignalAxis::Unknown(_), None) => {
                 return Err(refuse(format!(
                     "the file does not state the frequencies of {:?}\n  name the signal that has them, in Hz: --frequencies-hz SIGNAL; or state Hz \
                      in its name, for example f_hz",
                     signal.name
                 )));
             }
-            (Axis::Unknown(_), Some(name)) => {
+            (SignalAxis::Unknown(_), Some(name)) => {
                 let other = named("--frequencies-hz", name, &selector.path, contents)?;
                 let refuse = |text: String| Failure::Input(format!("--frequencies-hz {name}: {text}"));
                 let si = match other.unit {
                     None => 1.0,
-                    Some(unit) if unit.kind == Kind::Frequency => unit.si,
+                    Some(unit) if unit.kind == UnitKind::Frequency => unit.si,
                     Some(unit) => {
                         return Err(refuse(format!("{:?} is a {}, not a frequency", other.name, unit.kind.text())));
                     }
@@ -213,7 +213,7 @@ impl Source<'_> {
         }
         let count = signal.values.len();
         let is_other = |(n, hz): (usize, &f64)| (signal.axis.at(n) - hz).abs() > 1e-3 * hz.abs().max(1e-9);
-        let has_frequencies = !matches!(signal.axis, Axis::Unknown(_));
+        let has_frequencies = !matches!(signal.axis, SignalAxis::Unknown(_));
         if count != frequencies.len() || (has_frequencies && frequencies.iter().enumerate().any(is_other)) {
             return refuse(format!(
                 "{:?} has {count} values{}, the frequency response {}: a coherence has the same frequencies",

@@ -2,16 +2,16 @@
 
 use damprig_identification::modal::quantity::{MotionKind, Quantity};
 
-use crate::signal_file::unit::{Kind, Ratio};
+use crate::signal_file::unit::{Ratio, UnitKind};
 
 /// Units that a frequency response may have, for messages.
 const UNITS: &str = "m/N, m/s/N, m/s2/N, g/N, N/m, N/(m/s), N/(m/s2), or m/m, g/g for a transmissibility x/z, also with mm, um, kN and others";
 
-fn motion_of(kind: Kind) -> Option<MotionKind> {
+fn motion_of(kind: UnitKind) -> Option<MotionKind> {
     match kind {
-        Kind::Displacement => Some(MotionKind::Displacement),
-        Kind::Velocity => Some(MotionKind::Velocity),
-        Kind::Acceleration => Some(MotionKind::Acceleration),
+        UnitKind::Displacement => Some(MotionKind::Displacement),
+        UnitKind::Velocity => Some(MotionKind::Velocity),
+        UnitKind::Acceleration => Some(MotionKind::Acceleration),
         _ => None,
     }
 }
@@ -26,8 +26,8 @@ pub fn quantity_of(text: &str) -> Result<Quantity, String> {
     };
     let si = of.si / per.si;
     match (motion_of(of.kind), motion_of(per.kind)) {
-        (Some(motion), None) if per.kind == Kind::Force => Ok(Quantity::of_force(motion, false, si)),
-        (None, Some(motion)) if of.kind == Kind::Force => Ok(Quantity::of_force(motion, true, si)),
+        (Some(motion), None) if per.kind == UnitKind::Force => Ok(Quantity::of_force(motion, false, si)),
+        (None, Some(motion)) if of.kind == UnitKind::Force => Ok(Quantity::of_force(motion, true, si)),
         (Some(motion), Some(base)) if motion == base => Ok(Quantity::of_base(motion, si)),
         _ => Err(format!(
             "the unit {text:?} is {} per {}: a frequency response of a structure is a motion per force, force per motion, or a \

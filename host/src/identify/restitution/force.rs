@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::identify::Estimate;
 use crate::identify::force_record::pulses;
 use crate::identify::statistics::Value;
-use crate::identify::table::Table;
+use crate::identify::table::NumberTable;
 
 const IMPULSE: &str = "force record: impulse and approach velocity";
 
@@ -13,7 +13,7 @@ const IMPULSE: &str = "force record: impulse and approach velocity";
 const REBOUND: f64 = 0.5;
 
 /// Contact time, and restitution where the approach is known.
-pub(super) fn of_force(table: &Table, approach: Option<Approach>) -> Result<Vec<Estimate>, Failure> {
+pub(super) fn of_force(table: &NumberTable, approach: Option<Approach>) -> Result<Vec<Estimate>, Failure> {
     let mut impacts = pulses(table)?;
     let peak_n = impacts.iter().map(|pulse| pulse.peak_n).fold(0.0, f64::max);
     impacts.retain(|pulse| pulse.peak_n > REBOUND * peak_n);

@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 pub use damprig_identification::restitution::law::{self, Impact, Impacts, Law, Power};
-pub use film::Axis;
+pub use film::FilmAxis;
 
 use super::force_record::FORCE;
 use super::statistics::Value;
-use super::table::{TIME, Table};
+use super::table::{NumberTable, TIME};
 use super::{Estimate, Identification};
 use crate::failure::Failure;
 
@@ -28,7 +28,7 @@ pub struct Approach {
 
 /// What is known of the sources besides their files.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Options {
+pub struct RestitutionOptions {
     /// Acceleration of gravity, m/s².
     pub gravity_m_per_s2: f64,
     /// Of a film: frames per second of the recording.
@@ -36,7 +36,7 @@ pub struct Options {
     /// Of a film: metres per pixel at the floor.
     pub m_per_pixel: Option<f64>,
     /// Of a film: the axis along which the ball falls.
-    pub vertical: Option<Axis>,
+    pub vertical: Option<FilmAxis>,
     /// Of a film: the tracks of the ball; empty for the only one.
     pub tracks: Vec<u32>,
     /// Of impact times: height of every drop, m.
@@ -47,7 +47,7 @@ pub struct Options {
     pub approach: Option<Approach>,
 }
 
-impl Default for Options {
+impl Default for RestitutionOptions {
     fn default() -> Self {
         Self {
             gravity_m_per_s2: damprig_core::model::GRAVITY_M_PER_S2,
@@ -64,15 +64,15 @@ impl Default for Options {
 
 /// Kind of a file of drop tests, for the options.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum DropFileKind {
     Film,
     Times,
     Heights,
 }
 
-impl Options {
+impl RestitutionOptions {
     /// The first option for files of which there is none.
-    fn unused(&self, kinds: &[Kind]) -> Option<String> {
+    fn unused(&self, kinds: &[DropFileKind]) -> Option<String> {
         let of_film = [
             ("--frame-rate-hz", self.frame_rate_hz.is_some()),
             ("--m-per-pixel", self.m_per_pixel.is_some()),
@@ -87,7 +87,8 @@ impl Options {
             let given = all.iter().find(|(_, is_given)| *is_given && !kinds.contains(&kind))?;
             Some(format!("{} is for {what}, and this is none\n  leave it out", given.0))
         };
-        of(Kind::Film, "a tracked film", &of_film).or_else(|| of(Kind::Times, "impact times", &of_times))
+        of(DropFileKind::Film, "a tracked film", &of_film)
+            .or_else(|| of(DropFileKind::Times, "impact times", &of_times))
     }
 }
 
@@ -136,7 +137,7 @@ pub struct Restitution {
 ///
 /// # Errors
 /// A file that is none of these, too few impacts, values that no impact has.
-pub fn identify(sources: &[PathBuf], options: &Options) -> Result<Restitution, Failure> {
+pub fn identify(sources: &[PathBuf], options: &RestitutionOptions) -> Result<Restitution, Failure> {
     let (mut groups, mut remarks, mut kinds) = (Vec::new(), Vec::new(), Vec::new());
     for (n, source) in sources.iter().enumerate() {
         if sources[..n].contains(source) {
@@ -170,17 +171,17 @@ pub fn identify(sources: &[PathBuf], options: &Options) -> Result<Restitution, F
 /// What a file holds.
 enum FileContents {
     Force(Box<Identification>),
-    Impacts(Kind, Impacts, Vec<String>),
+    Impacts(DropFileKind, Impacts, Vec<String>),
 }
 
-fn of_file(source: &Path, options: &Options, files: usize) -> Result<FileContents, Failure> {
+fn of_file(source: &Path, options: &RestitutionOptions, files: usize) -> Result<FileContents, Failure> {
     if film::is_film(source) {
         return film::impacts(source, options)
-            .map(|(impacts, remarks)| FileContents::Impacts(Kind::Film, impacts, remarks));
+            .map(|(impacts, remarks)| FileContents::Impacts(DropFileKind::Film, impacts, remarks));
     }
-    let table = Table::read(source)?;
+    let table = NumberTable::read(source)?;
     if !table.has(&FORCE) {
-        let kind = if table.has(&TIME) { Kind::Times } else { Kind::Heights };
+        let kind = if table.has(&TIME) { DropFileKind::Times } else { DropFileKind::Heights };
         return tables::impacts(&table, options).map(|impacts| FileContents::Impacts(kind, impacts, Vec::new()));
     }
     if let Some(why) = options.unused(&[]) {

@@ -6,15 +6,19 @@
 use nalgebra::DMatrix;
 
 use super::law::{Impact, Impacts};
-use super::{MAX, Options};
+use super::{MAX, RestitutionOptions};
 use crate::failure::Failure;
-use crate::identify::table::{METRES, Quantity, TIME, Table};
+use crate::identify::table::{METRES, NumberTable, TIME, TableQuantity};
 
-const DROP: Quantity = Quantity { stem: "drop", units: &[("", 1.0)], about: "number of the drop", most: 1e6 };
-pub(super) const DROP_HEIGHT: Quantity =
-    Quantity { stem: "drop_height", units: METRES, about: "height from which it is dropped", most: 20.0 };
-const REBOUND_HEIGHT: Quantity =
-    Quantity { stem: "rebound_height", units: METRES, about: "height that it reaches after the impact", most: 20.0 };
+const DROP: TableQuantity = TableQuantity { stem: "drop", units: &[("", 1.0)], about: "number of the drop", most: 1e6 };
+pub(super) const DROP_HEIGHT: TableQuantity =
+    TableQuantity { stem: "drop_height", units: METRES, about: "height from which it is dropped", most: 20.0 };
+const REBOUND_HEIGHT: TableQuantity = TableQuantity {
+    stem: "rebound_height",
+    units: METRES,
+    about: "height that it reaches after the impact",
+    most: 20.0,
+};
 
 const TIMES: &str = "drop test: times of the impacts";
 const HEIGHTS: &str = "drop test: heights";
@@ -23,7 +27,7 @@ const HEIGHTS: &str = "drop test: heights";
 ///
 /// # Errors
 /// Columns of no test, too few impacts, values that no impact has.
-pub(super) fn impacts(table: &Table, options: &Options) -> Result<Impacts, Failure> {
+pub(super) fn impacts(table: &NumberTable, options: &RestitutionOptions) -> Result<Impacts, Failure> {
     if table.has(&TIME) {
         return of_times(table, options);
     }
@@ -37,7 +41,7 @@ pub(super) fn impacts(table: &Table, options: &Options) -> Result<Impacts, Failu
 }
 
 /// Rows of each drop; all rows are one drop without a column for it.
-fn drops(table: &Table) -> Result<Vec<Vec<usize>>, Failure> {
+fn drops(table: &NumberTable) -> Result<Vec<Vec<usize>>, Failure> {
     if !table.has(&DROP) {
         return Ok(vec![(0..table.len()).collect()]);
     }
@@ -60,7 +64,7 @@ enum Flights {
     Between,
 }
 
-fn of_times(table: &Table, options: &Options) -> Result<Impacts, Failure> {
+fn of_times(table: &NumberTable, options: &RestitutionOptions) -> Result<Impacts, Failure> {
     let g = options.gravity_m_per_s2;
     let times = table.column(&TIME)?;
     let heights = heights(table, options)?;
@@ -139,7 +143,7 @@ fn shape_of_times(times: &[f64], all: &[Impact], rows_of: &[(Flights, usize)]) -
     &by_time * by_time.transpose()
 }
 
-fn impact(table: &Table, (drop, number): (usize, usize), time_s: Option<f64>, speed: f64, e: f64) -> Impact {
+fn impact(table: &NumberTable, (drop, number): (usize, usize), time_s: Option<f64>, speed: f64, e: f64) -> Impact {
     Impact {
         source: table.file().into(),
         drop: drop as u32 + 1,
@@ -156,7 +160,7 @@ fn impact(table: &Table, (drop, number): (usize, usize), time_s: Option<f64>, sp
 }
 
 /// The drop height of each row, by the column or the option.
-fn heights(table: &Table, options: &Options) -> Result<Option<Vec<f64>>, Failure> {
+fn heights(table: &NumberTable, options: &RestitutionOptions) -> Result<Option<Vec<f64>>, Failure> {
     match (table.has(&DROP_HEIGHT), options.drop_height_m) {
         (true, Some(_)) => Err(table.refuse("--drop-height-m and the column drop_height_m state the same\n  keep one")),
         (true, None) => table.column(&DROP_HEIGHT).map(Some),
@@ -165,7 +169,7 @@ fn heights(table: &Table, options: &Options) -> Result<Option<Vec<f64>>, Failure
 }
 
 /// The drop height of the rows of a drop.
-fn height_of(table: &Table, rows: &[usize], heights: Option<&[f64]>) -> Result<Option<f64>, Failure> {
+fn height_of(table: &NumberTable, rows: &[usize], heights: Option<&[f64]>) -> Result<Option<f64>, Failure> {
     let Some(heights) = heights else { return Ok(None) };
     let height_m = heights[rows[0]];
     if let Some(row) = rows.iter().find(|row| heights[**row] != height_m) {
@@ -182,7 +186,7 @@ fn height_of(table: &Table, rows: &[usize], heights: Option<&[f64]>) -> Result<O
     Ok(Some(height_m))
 }
 
-fn of_heights(table: &Table, g: f64) -> Result<Impacts, Failure> {
+fn of_heights(table: &NumberTable, g: f64) -> Result<Impacts, Failure> {
     let (before, after) = (table.column(&DROP_HEIGHT)?, table.column(&REBOUND_HEIGHT)?);
     let mut all = Vec::new();
     for (row, (before, after)) in before.iter().zip(&after).enumerate() {

@@ -11,7 +11,7 @@ pub mod weighting;
 use super::Estimate;
 use super::statistics::Value;
 use crate::failure::Failure;
-use recording::Recording;
+use recording::SoundRecording;
 use weighting::Weighting;
 
 /// Reference pressure, Pa: 0 dB.
@@ -68,7 +68,7 @@ const MIN_WINDOWS: usize = 3;
 ///
 /// # Errors
 /// A silent recording, one shorter than a window.
-pub fn levels(recording: &Recording, evaluation: &Evaluation) -> Result<Levels, Failure> {
+pub fn levels(recording: &SoundRecording, evaluation: &Evaluation) -> Result<Levels, Failure> {
     if recording.is_silent() {
         return Err(
             recording.refuse("it is silent: all samples are the same\n  was the microphone connected and switched on?")
@@ -220,10 +220,10 @@ mod tests {
 
     use super::*;
 
-    fn sine(frequency_hz: f64, rms: f64, seconds: f64, rate_hz: f64) -> Recording {
+    fn sine(frequency_hz: f64, rms: f64, seconds: f64, rate_hz: f64) -> SoundRecording {
         let count = (seconds * rate_hz).round() as usize;
         let at = |n: usize| 2f64.sqrt() * rms * (TAU * frequency_hz * n as f64 / rate_hz).sin();
-        Recording {
+        SoundRecording {
             file: "tone.wav".into(),
             is_pascal: false,
             sample_rate_hz: rate_hz,

@@ -3,20 +3,20 @@
 use std::path::Path;
 
 use crate::failure::Failure;
-use crate::identify::table::{Quantity, Table};
-use crate::signal_file::unit::Kind;
-use crate::signal_file::{Axis, Selector};
+use crate::identify::table::{NumberTable, TableQuantity};
+use crate::signal_file::unit::UnitKind;
+use crate::signal_file::{Selector, SignalAxis};
 
 /// Columns that a table may have for the microphone's signal: in volt, in pascal, or without a unit.
-const SIGNALS: [Quantity; 3] = [
-    Quantity { stem: "sound", units: &[("v", 1.0), ("mv", 1e-3)], about: "voltage of the microphone", most: 1e3 },
-    Quantity { stem: "sound", units: &[("pa", 1.0)], about: "sound pressure", most: 1e4 },
-    Quantity { stem: "sound", units: &[("", 1.0)], about: "signal of the microphone", most: 1e12 },
+const SIGNALS: [TableQuantity; 3] = [
+    TableQuantity { stem: "sound", units: &[("v", 1.0), ("mv", 1e-3)], about: "voltage of the microphone", most: 1e3 },
+    TableQuantity { stem: "sound", units: &[("pa", 1.0)], about: "sound pressure", most: 1e4 },
+    TableQuantity { stem: "sound", units: &[("", 1.0)], about: "signal of the microphone", most: 1e12 },
 ];
 
 /// A sound recording of one channel.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Recording {
+pub struct SoundRecording {
     /// Its file.
     pub file: String,
     /// Whether its samples are pascals: it needs no calibration.
@@ -36,7 +36,7 @@ const CLIPPED_RUN: usize = 3;
 /// Share of full scale from which a sample is at the end of the span.
 const FULL_SCALE: f64 = 0.9999;
 
-impl Recording {
+impl SoundRecording {
     /// Reads a file; `channel`, counted from 1, chooses one of several.
     ///
     /// # Errors
@@ -61,7 +61,7 @@ impl Recording {
     }
 
     fn of_table(path: &Path, channel: Option<u16>) -> Result<Self, Failure> {
-        let table = Table::read(path)?;
+        let table = NumberTable::read(path)?;
         if channel.is_some_and(|channel| channel != 1) {
             return Err(table.refuse("--channel is for a WAV file; a table has one column sound_v, sound_pa or sound"));
         }
@@ -84,13 +84,13 @@ impl Recording {
         let file = selector.path.display().to_string();
         let refuse = |text: String| Failure::Input(format!("{file}: {text}"));
         let signal = selector.read()?;
-        let is_pascal = signal.kind() == Some(Kind::Pressure);
+        let is_pascal = signal.kind() == Some(UnitKind::Pressure);
         let si = match signal.unit {
             None => 1.0,
-            Some(unit) if matches!(unit.kind, Kind::Pressure | Kind::Voltage) => unit.si,
+            Some(unit) if matches!(unit.kind, UnitKind::Pressure | UnitKind::Voltage) => unit.si,
             Some(unit) => return Err(refuse(format!("{:?} is a {}, no sound", signal.name, unit.kind.text()))),
         };
-        let Axis::Time { step_s, .. } = signal.axis else {
+        let SignalAxis::Time { step_s, .. } = signal.axis else {
             return Err(refuse(format!("{:?} has no evenly spaced times", signal.name)));
         };
         let samples = signal.values.iter().map(|value| value * si).collect();

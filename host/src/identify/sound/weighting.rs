@@ -24,7 +24,7 @@ pub enum Weighting {
 }
 
 /// Names of the levels with a weighting.
-pub(super) struct Names {
+pub(super) struct WeightedNames {
     pub(super) equivalent: &'static str,
     pub(super) source: &'static str,
     pub(super) background: &'static str,
@@ -35,7 +35,7 @@ pub(super) struct Names {
 
 macro_rules! names {
     ($letter:literal) => {
-        Names {
+        WeightedNames {
             equivalent: concat!("equivalent level L", $letter, "eq"),
             source: concat!("equivalent level L", $letter, "eq without the background"),
             background: concat!("equivalent level L", $letter, "eq of the background"),
@@ -86,7 +86,7 @@ impl Weighting {
         }
     }
 
-    pub(super) fn names(self) -> Names {
+    pub(super) fn names(self) -> WeightedNames {
         match self {
             Self::A => names!("A"),
             Self::C => names!("C"),

@@ -6,7 +6,7 @@ use toml::de::DeTable;
 
 use super::{Number, Section, Text};
 use crate::input::Problem;
-use crate::input::key::{DefaultValue, Key, Kind, Need, Quantity, Table};
+use crate::input::key::{DefaultValue, Key, KeyedQuantity, Need, Table, ValueKind};
 
 /// The value of a quantity.
 #[derive(Debug)]
@@ -30,7 +30,7 @@ pub enum Given<'a> {
 /// What decided on the need of a quantity.
 #[derive(Clone, Copy)]
 struct Condition {
-    other: &'static Quantity,
+    other: &'static KeyedQuantity,
     /// Its key.
     key: &'static str,
     /// Its word, if the word decides.
@@ -43,23 +43,23 @@ static EMPTY: LazyLock<DeTable<'static>> = LazyLock::new(DeTable::new);
 
 impl<'a> Section<'a> {
     /// The keys of a quantity that are written, here or in the table that the section inherits from.
-    fn found(&self, quantity: &Quantity) -> Vec<&'static Key> {
+    fn found(&self, quantity: &KeyedQuantity) -> Vec<&'static Key> {
         quantity.keys.iter().filter(|key| self.value(key.name).is_some()).collect()
     }
 
     /// Whether a quantity is written, here or in the table that the section inherits from.
     #[must_use]
-    pub fn is_given(&self, quantity: &Quantity) -> bool {
+    pub fn is_given(&self, quantity: &KeyedQuantity) -> bool {
         !self.found(quantity).is_empty()
     }
 
     /// Leaves a quantity to another reader of the same table.
-    pub fn leave(&self, quantity: &Quantity) {
+    pub fn leave(&self, quantity: &KeyedQuantity) {
         self.found(quantity);
     }
 
     /// The key under which a quantity is written; the section's own before an inherited one.
-    pub fn written(&self, quantity: &Quantity) -> Option<&'static Key> {
+    pub fn written(&self, quantity: &KeyedQuantity) -> Option<&'static Key> {
         let found = self.found(quantity);
         let own: Vec<&Key> = found.iter().copied().filter(|key| self.has_own(key.name)).collect();
         let found = if own.is_empty() { found } else { own };
@@ -72,7 +72,7 @@ impl<'a> Section<'a> {
 
     /// A declared quantity: the place of its key among its keys, and the value; `None` if there is none, or after a problem
     /// has been reported.
-    pub fn given(&self, quantity: &Quantity) -> Option<(usize, Given<'a>)> {
+    pub fn given(&self, quantity: &KeyedQuantity) -> Option<(usize, Given<'a>)> {
         let key = self.written(quantity);
         let (need, reason) = self.need(quantity);
         match (key, need) {
@@ -89,7 +89,7 @@ impl<'a> Section<'a> {
                 None
             }
             (None, Need::Default(DefaultValue::Word(word))) => {
-                let Kind::Word(words) = quantity.keys[0].kind else { return None };
+                let ValueKind::Word(words) = quantity.keys[0].kind else { return None };
                 Some((0, Given::Word(words.iter().position(|w| *w == word)?)))
             }
             (None, Need::Default(value)) => Some((0, Given::Number(value.number()?))),
@@ -98,7 +98,7 @@ impl<'a> Section<'a> {
     }
 
     /// The need of a quantity in this section, and what decided on it.
-    fn need(&self, quantity: &Quantity) -> (Need, Option<Condition>) {
+    fn need(&self, quantity: &KeyedQuantity) -> (Need, Option<Condition>) {
         let mut need = quantity.need;
         let mut reason = None;
         loop {
@@ -120,9 +120,9 @@ impl<'a> Section<'a> {
     }
 
     /// The word of a quantity, written or by default, if it is one of its words.
-    fn word_in_force(&self, quantity: &Quantity) -> Option<&'a str> {
+    fn word_in_force(&self, quantity: &KeyedQuantity) -> Option<&'a str> {
         let key = &quantity.keys[0];
-        let Kind::Word(words) = key.kind else { return None };
+        let ValueKind::Word(words) = key.kind else { return None };
         let word = match (self.value(key.name), quantity.default_value()) {
             (Some(written), _) => written.get_ref().as_str()?,
             (None, Some(DefaultValue::Word(word))) => word,
@@ -132,15 +132,15 @@ impl<'a> Section<'a> {
     }
 
     /// Reports that a quantity is missing.
-    fn lack(&self, quantity: &Quantity) {
+    fn lack(&self, quantity: &KeyedQuantity) {
         // If any of its keys is a number, the message asks for a number.
-        let is_number = |key: &&Key| matches!(key.kind, Kind::Number(_));
+        let is_number = |key: &&Key| matches!(key.kind, ValueKind::Number(_));
         let first = quantity.keys.iter().find(is_number).unwrap_or(&quantity.keys[0]);
         let names: Vec<&'static str> = quantity.keys.iter().map(|key| key.name).collect();
         let list: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
         let what = match (&list[..], first.kind) {
             ([list @ .., last], _) if !list.is_empty() => format!("give {} or {last}", list.join(", ")),
-            (_, Kind::Word(words)) => {
+            (_, ValueKind::Word(words)) => {
                 let words: Vec<String> = words.iter().map(|word| format!("{word:?}")).collect();
                 format!("{}: write {} = {}", first.doc, first.name, words.join(" or "))
             }
@@ -160,7 +160,7 @@ impl<'a> Section<'a> {
             self.reject(key.name, format!("{allowed} {name} = {word:?}"), Some("leave it out".into()));
         } else if !holds {
             self.reject(key.name, format!("goes with `{name}`, which is not given"), None);
-        } else if matches!(key.kind, Kind::Table | Kind::OneOrMoreTables) {
+        } else if matches!(key.kind, ValueKind::Table | ValueKind::OneOrMoreTables) {
             self.source.report(Problem {
                 title: format!("`{}` and `{}` are both given", self.full(key.name), self.full(name)),
                 span: self.span_of(key.name),
@@ -176,13 +176,13 @@ impl<'a> Section<'a> {
 
     fn read(&self, key: &'static Key) -> Option<Given<'a>> {
         match key.kind {
-            Kind::Number(_) => {
+            ValueKind::Number(_) => {
                 let number = self.number_in(key)?;
                 self.warn_if_unusual(key, &number);
                 Some(Given::Number(number.value))
             }
-            Kind::NumbersOrTable(_) if self.is_table(key.name) => self.table(key.name, None).map(Given::Table),
-            Kind::Numbers(_) | Kind::NumbersOrTable(_) => {
+            ValueKind::NumbersOrTable(_) if self.is_table(key.name) => self.table(key.name, None).map(Given::Table),
+            ValueKind::Numbers(_) | ValueKind::NumbersOrTable(_) => {
                 let numbers = self.numbers(key)?;
                 // One warning for the list.
                 if let Some(unusual) = numbers.iter().find(|number| key.is_unusual(number.value)) {
@@ -190,8 +190,8 @@ impl<'a> Section<'a> {
                 }
                 Some(Given::Numbers(numbers))
             }
-            Kind::Word(words) => self.choice(key.name, words).map(Given::Word),
-            Kind::TextOrPlace if !self.is_text(key.name) => {
+            ValueKind::Word(words) => self.choice(key.name, words).map(Given::Word),
+            ValueKind::TextOrPlace if !self.is_text(key.name) => {
                 let place = self.number(key.name)?;
                 if place.value >= 1.0 && place.value.fract() == 0.0 && place.value < 1e6 {
                     return Some(Given::Number(place.value));
@@ -199,17 +199,17 @@ impl<'a> Section<'a> {
                 self.refuse(key.name, &place.span, "must be a place from 1 up, or a name in quotes", None);
                 None
             }
-            Kind::TextOrCase if self.is_table(key.name) => self.table(key.name, None).map(Given::Table),
-            Kind::Text | Kind::TextOrPlace | Kind::TextOrCase => self.text(key.name).map(Given::Text),
-            Kind::Texts => self.texts(key.name).map(Given::Texts),
-            Kind::OneOrMoreTables if self.is_list(key.name) => Some(Given::Tables(self.tables(key.name))),
-            Kind::Table | Kind::OneOrMoreTables => self.table(key.name, None).map(Given::Table),
-            Kind::Tables => Some(Given::Tables(self.tables(key.name))),
+            ValueKind::TextOrCase if self.is_table(key.name) => self.table(key.name, None).map(Given::Table),
+            ValueKind::Text | ValueKind::TextOrPlace | ValueKind::TextOrCase => self.text(key.name).map(Given::Text),
+            ValueKind::Texts => self.texts(key.name).map(Given::Texts),
+            ValueKind::OneOrMoreTables if self.is_list(key.name) => Some(Given::Tables(self.tables(key.name))),
+            ValueKind::Table | ValueKind::OneOrMoreTables => self.table(key.name, None).map(Given::Table),
+            ValueKind::Tables => Some(Given::Tables(self.tables(key.name))),
         }
     }
 
     /// A declared quantity that is a number: the place of its key, and the value.
-    pub fn one_of(&self, quantity: &Quantity) -> Option<(usize, f64)> {
+    pub fn one_of(&self, quantity: &KeyedQuantity) -> Option<(usize, f64)> {
         match self.given(quantity)? {
             (place, Given::Number(value)) => Some((place, value)),
             _ => None,
@@ -217,18 +217,18 @@ impl<'a> Section<'a> {
     }
 
     /// A declared number.
-    pub fn scalar(&self, quantity: &Quantity) -> Option<f64> {
+    pub fn scalar(&self, quantity: &KeyedQuantity) -> Option<f64> {
         self.one_of(quantity).map(|(_, value)| value)
     }
 
     /// A declared number with its place; a default has the place of the section.
-    pub fn placed(&self, quantity: &Quantity) -> Option<Number> {
+    pub fn placed(&self, quantity: &KeyedQuantity) -> Option<Number> {
         let (place, value) = self.one_of(quantity)?;
         Some(Number { value, span: self.span_of(quantity.keys[place].name) })
     }
 
     /// A declared list of numbers.
-    pub fn numbers_of(&self, quantity: &Quantity) -> Option<Vec<Number>> {
+    pub fn numbers_of(&self, quantity: &KeyedQuantity) -> Option<Vec<Number>> {
         match self.given(quantity)? {
             (_, Given::Numbers(numbers)) => Some(numbers),
             _ => None,
@@ -236,7 +236,7 @@ impl<'a> Section<'a> {
     }
 
     /// A declared word, by its place among the key's words.
-    pub fn word(&self, quantity: &Quantity) -> Option<usize> {
+    pub fn word(&self, quantity: &KeyedQuantity) -> Option<usize> {
         match self.given(quantity)? {
             (_, Given::Word(place)) => Some(place),
             _ => None,
@@ -244,7 +244,7 @@ impl<'a> Section<'a> {
     }
 
     /// A declared text.
-    pub fn text_of(&self, quantity: &Quantity) -> Option<Text> {
+    pub fn text_of(&self, quantity: &KeyedQuantity) -> Option<Text> {
         match self.given(quantity)? {
             (_, Given::Text(text)) => Some(text),
             _ => None,
@@ -252,7 +252,7 @@ impl<'a> Section<'a> {
     }
 
     /// A declared list of texts.
-    pub fn texts_of(&self, quantity: &Quantity) -> Option<Vec<Text>> {
+    pub fn texts_of(&self, quantity: &KeyedQuantity) -> Option<Vec<Text>> {
         match self.given(quantity)? {
             (_, Given::Texts(texts)) => Some(texts),
             _ => None,
@@ -261,7 +261,7 @@ impl<'a> Section<'a> {
 
     /// A declared table, which takes missing keys from `inherited`, the table of that name at the top of the file. None without a
     /// table of its own.
-    pub fn table_of(&self, quantity: &Quantity, inherited: Option<&'a DeTable<'a>>) -> Option<Section<'a>> {
+    pub fn table_of(&self, quantity: &KeyedQuantity, inherited: Option<&'a DeTable<'a>>) -> Option<Section<'a>> {
         match self.given(quantity)? {
             (place, Given::Table(_)) => self.table(quantity.keys[place].name, inherited),
             (place, Given::Tables(_)) => {
@@ -275,7 +275,7 @@ impl<'a> Section<'a> {
 
     /// A declared table that may be left out: then an empty one, whose quantities all have their defaults. `None` after a problem
     /// has been reported.
-    pub fn part(&self, quantity: &Quantity) -> Option<Section<'a>> {
+    pub fn part(&self, quantity: &KeyedQuantity) -> Option<Section<'a>> {
         if self.is_given(quantity) {
             return self.table_of(quantity, None);
         }
@@ -283,7 +283,7 @@ impl<'a> Section<'a> {
     }
 
     /// A declared list of tables, or the one table in place of it; empty if it is left out, or after a problem has been reported.
-    pub fn tables_of(&self, quantity: &Quantity) -> Vec<Section<'a>> {
+    pub fn tables_of(&self, quantity: &KeyedQuantity) -> Vec<Section<'a>> {
         match self.written(quantity).and_then(|key| self.read(key)) {
             Some(Given::Tables(tables)) => tables,
             Some(Given::Table(table)) => vec![table],

@@ -1,7 +1,7 @@
 //! Warns of values outside the usual range of their key ([`Key::usual`]). The values are used as they are.
 
 use super::{Number, Section};
-use crate::input::key::{Key, Quantity};
+use crate::input::key::{Key, KeyedQuantity};
 use crate::input::{Problem, Span};
 
 impl Section<'_> {
@@ -14,7 +14,7 @@ impl Section<'_> {
     }
 
     /// Warns if a quantity that is written under another key amounts to an unusual value of its key `name`.
-    pub fn warn_if_it_means(&self, quantity: &Quantity, name: &str, value: f64) {
+    pub fn warn_if_it_means(&self, quantity: &KeyedQuantity, name: &str, value: f64) {
         let (Some(written), Some(key)) = (self.written(quantity), quantity.key(name)) else { return };
         if written.name != name && key.is_unusual(value) {
             let title = format!("`{}` means an unusual {name} = {}", self.full(written.name), shown_number(value));

@@ -13,13 +13,13 @@ use damprig_core::io::TICK_HZ;
 
 use super::control::Actions;
 use super::feed::{Feed, Update, Watched};
-use super::message::{Activity, Level, Limits, Source, SourceKind};
+use super::message::{Activity, Level, Limits, SourceKind, WatchedSource};
 use super::numbers::SignalName;
 use super::run::curves;
 use crate::failure::Failure;
-use crate::prediction::Predicted;
+use crate::prediction::CampaignPrediction;
 use crate::run_folder::RunFolder;
-use crate::run_folder::journal::{self, Entry};
+use crate::run_folder::journal::{self, JournalEntry};
 use crate::run_folder::read::campaign_copy;
 use crate::run_folder::read::sample_files::{read_samples, sample_files};
 use crate::run_folder::schema::journal_state::JournalState;
@@ -80,8 +80,8 @@ fn follow(reader: &mut Reader, actions: &Actions, stop: &AtomicBool) -> Result<(
 
 /// Rig time at which the present segment began, s.
 fn present_segment_s(reader: &Reader) -> f64 {
-    let entries: Vec<Entry> = reader.waiting().cloned().collect();
-    let start = entries.iter().rposition(|entry| matches!(entry, Entry::Segment(_))).unwrap_or(0);
+    let entries: Vec<JournalEntry> = reader.waiting().cloned().collect();
+    let start = entries.iter().rposition(|entry| matches!(entry, JournalEntry::Segment(_))).unwrap_or(0);
     JournalState::of(&entries[..start]).ticks() as f64 / f64::from(TICK_HZ)
 }
 
@@ -127,9 +127,9 @@ fn describe(run: &RunFolder, kind: SourceKind) -> (Watched, Option<String>) {
         Ok((campaign, limits))
     });
     let (curves, limits, refusal) = match known {
-        Ok((campaign, limits)) => match Predicted::of(&campaign) {
+        Ok((campaign, limits)) => match CampaignPrediction::of(&campaign) {
             Ok(predicted) => (curves(&campaign, &predicted), limits, None),
-            Err(refusal) => (curves(&campaign, &Predicted::default()), limits, Some(refusal)),
+            Err(refusal) => (curves(&campaign, &CampaignPrediction::default()), limits, Some(refusal)),
         },
         Err(refusal) => (Vec::new(), Limits::default(), Some(refusal)),
     };
@@ -138,7 +138,7 @@ fn describe(run: &RunFolder, kind: SourceKind) -> (Watched, Option<String>) {
         format!("Without a prediction: the copy of the campaign cannot be used: {first}")
     });
     let watched = Watched {
-        source: Source {
+        source: WatchedSource {
             kind,
             name: manifest.campaign.clone(),
             rig: device.map_or_else(String::new, |device| device.link.clone()),

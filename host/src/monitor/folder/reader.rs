@@ -13,13 +13,13 @@ use crate::monitor::message::{Activity, Impact, Level, LinkState, SourceKind};
 use crate::monitor::run::{point, transient};
 use crate::monitor::words;
 use crate::run_folder::RunFolder;
-use crate::run_folder::journal::{self, Entry};
+use crate::run_folder::journal::{self, JournalEntry};
 use crate::run_folder::schema::segment_id::SegmentId;
 use crate::table::values::{numbers, texts};
 
 /// The segment of the last row told.
 #[derive(Clone, Debug, PartialEq)]
-struct Present {
+struct PresentSegment {
     id: SegmentId,
     /// The first tick that has not been told.
     next_tick: u64,
@@ -35,12 +35,12 @@ pub(super) struct Reader {
     /// Columns of the samples' files.
     columns: Vec<String>,
     longest_step_s: f64,
-    present: Option<Present>,
+    present: Option<PresentSegment>,
     /// Rig time at tick 0 of the present segment, s.
     base_s: f64,
     recomputed: Recomputed,
     /// Journal entries whose tick the rows have not reached.
-    waiting: VecDeque<Entry>,
+    waiting: VecDeque<JournalEntry>,
     /// Impacts whose tick the rows have not reached.
     impacts: VecDeque<TimedImpact>,
     /// Bytes of the journal that were read, and the segments among its entries with the last tick that an entry states.
@@ -104,13 +104,13 @@ impl Reader {
         let new = journal::read_after(self.run.path(), &mut self.journal_bytes);
         for entry in new? {
             match &entry {
-                Entry::Segment(start) => self.segments.push((start.id.clone(), 0)),
-                Entry::Result(row) => self.note_end(&row.set_up, &row.experiment, row.segment, row.end_tick),
-                Entry::Transient(row) => self.note_end(&row.set_up, &row.experiment, row.segment, row.end_tick),
-                Entry::Finished(end) => {
+                JournalEntry::Segment(start) => self.segments.push((start.id.clone(), 0)),
+                JournalEntry::Result(row) => self.note_end(&row.set_up, &row.experiment, row.segment, row.end_tick),
+                JournalEntry::Transient(row) => self.note_end(&row.set_up, &row.experiment, row.segment, row.end_tick),
+                JournalEntry::Finished(end) => {
                     self.note_end(&end.id.set_up, &end.id.experiment, end.id.segment, end.end_tick.into());
                 }
-                Entry::Impacts(some) if !self.is_replay => {
+                JournalEntry::Impacts(some) if !self.is_replay => {
                     let own = some.impacts.iter().map(|impact| TimedImpact {
                         id: some.id.clone(),
                         tick: impact.tick.into(),
@@ -162,7 +162,7 @@ impl Reader {
     }
 
     /// The entries that wait for their rows.
-    pub(super) fn waiting(&self) -> impl Iterator<Item = &Entry> {
+    pub(super) fn waiting(&self) -> impl Iterator<Item = &JournalEntry> {
         self.waiting.iter()
     }
 
@@ -209,7 +209,7 @@ impl Reader {
                     self.base_s += self.between_starts_s(is_at);
                     let (set_up, experiment) = (set_ups[row].clone(), experiments[row].clone());
                     let id = SegmentId { set_up: set_up.clone(), experiment: experiment.clone(), segment };
-                    self.present = Some(Present { id, next_tick: tick, last_s: self.base_s });
+                    self.present = Some(PresentSegment { id, next_tick: tick, last_s: self.base_s });
                     self.feed.send(Update::Experiment { set_up, experiment, clearance_m: None });
                 }
             }
@@ -279,12 +279,12 @@ impl Reader {
         }
     }
 
-    fn is_due(&self, entry: &Entry) -> bool {
+    fn is_due(&self, entry: &JournalEntry) -> bool {
         let (set_up, experiment, segment, tick) = match entry {
-            Entry::Result(row) => (&row.set_up, &row.experiment, row.segment, row.end_tick),
-            Entry::Transient(row) => (&row.set_up, &row.experiment, row.segment, row.end_tick),
+            JournalEntry::Result(row) => (&row.set_up, &row.experiment, row.segment, row.end_tick),
+            JournalEntry::Transient(row) => (&row.set_up, &row.experiment, row.segment, row.end_tick),
             // In a replay a link, an action and the start of a segment wait for the rows of their segment.
-            Entry::Segment(start) if self.is_replay && self.has_samples() => {
+            JournalEntry::Segment(start) if self.is_replay && self.has_samples() => {
                 (&start.id.set_up, &start.id.experiment, start.id.segment, 0)
             }
             _ => return true,
@@ -297,25 +297,25 @@ impl Reader {
         }
     }
 
-    fn tell(&mut self, entry: &Entry) {
+    fn tell(&mut self, entry: &JournalEntry) {
         match entry {
-            Entry::Result(row) => self.feed.send(Update::Point(point(row))),
-            Entry::Transient(row) => self.feed.send(Update::Transient(transient(row))),
-            Entry::Segment(start) if !self.is_replay => {
+            JournalEntry::Result(row) => self.feed.send(Update::Point(point(row))),
+            JournalEntry::Transient(row) => self.feed.send(Update::Transient(transient(row))),
+            JournalEntry::Segment(start) if !self.is_replay => {
                 let SegmentId { set_up, experiment, .. } = &start.id;
                 let text = format!("Running: set-up {set_up}, experiment {experiment}");
                 self.feed.send(Update::Activity(Activity::Running, text));
             }
-            Entry::Link { what, .. } => {
+            JournalEntry::Link { what, .. } => {
                 self.link.interruptions += 1;
                 self.feed.log(Level::Warning, words::sentence(what));
             }
-            Entry::PeakPoints(points) => {
+            JournalEntry::PeakPoints(points) => {
                 let level = if points.is_notable() { Level::Warning } else { Level::Info };
                 self.feed.log(level, words::sentence(&points.text()));
             }
-            Entry::Action { what, .. } => self.feed.log(Level::Action, words::sentence(what)),
-            Entry::Ended(ended) => {
+            JournalEntry::Action { what, .. } => self.feed.log(Level::Action, words::sentence(what)),
+            JournalEntry::Ended(ended) => {
                 let lost = &ended.counters;
                 self.link.lost_rows += lost.lost_rows;
                 self.link.dropped_rows += lost.dropped_rows_host;

@@ -11,11 +11,11 @@ use damprig_simulator::messages::ToSimulator;
 
 use super::{RUN_IS_OVER, TURN};
 use crate::client::controller::Controller;
-use crate::client::session::{Report, Session, SessionError};
+use crate::client::session::{DeviceReport, Session, SessionError};
 use crate::monitor::action::{Action, Injection};
 use crate::monitor::control::{Actions, Asked};
 use crate::monitor::feed::{Feed, Update, Watched};
-use crate::monitor::message::{Activity, FaultText, Impact, Level, Limits, LinkState, Source, SourceKind};
+use crate::monitor::message::{Activity, FaultText, Impact, Level, Limits, LinkState, SourceKind, WatchedSource};
 use crate::monitor::numbers::SignalName;
 use crate::monitor::run::AfterRun;
 use crate::monitor::words;
@@ -67,7 +67,7 @@ impl<'a> RigWatch<'a> {
         let safety = &session.settings.safety;
         let known = |limit: f32| (limit > 0.0).then_some(f64::from(limit));
         let watched = Watched {
-            source: Source {
+            source: WatchedSource {
                 kind: SourceKind::Rig,
                 name: session.name().to_string(),
                 rig: session.name().to_string(),
@@ -188,15 +188,17 @@ impl<'a> RigWatch<'a> {
         self.session.execute("end the telemetry", ask)
     }
 
-    fn show(&mut self, report: Report) -> Result<(), SessionError> {
+    fn show(&mut self, report: DeviceReport) -> Result<(), SessionError> {
         match report {
-            Report::Telemetry(message) => self.show_rows(&message)?,
-            Report::Event { event: Event::Impact(impact), .. } => {
+            DeviceReport::Telemetry(message) => self.show_rows(&message)?,
+            DeviceReport::Event { event: Event::Impact(impact), .. } => {
                 self.feed.send(Update::Impact(Impact::of(&impact, self.from_s)));
             }
-            Report::Event { event: Event::Spring(event), .. } => self.feed.log(Level::Info, words::spring(&event)),
-            Report::Event { event: Event::Fault(_), .. } if !self.is_after_run => self.show_status()?,
-            Report::Event { .. } => {}
+            DeviceReport::Event { event: Event::Spring(event), .. } => {
+                self.feed.log(Level::Info, words::spring(&event))
+            }
+            DeviceReport::Event { event: Event::Fault(_), .. } if !self.is_after_run => self.show_status()?,
+            DeviceReport::Event { .. } => {}
         }
         Ok(())
     }

@@ -4,7 +4,7 @@ use std::io::Write;
 
 use csv::Writer;
 
-use crate::compare::{ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, Predicted};
+use crate::compare::{ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, PredictedQuantity};
 
 /// The columns. Uncertainties are expanded, k = 2.
 const COLUMNS: [&str; 16] = [
@@ -45,7 +45,7 @@ pub fn write_csv(comparison: &Comparison, to: impl Write) -> Result<(), csv::Err
 }
 
 fn record(experiment: &ComparedExperiment, point: &ComparedPoint, own: &ComparedMetric) -> Vec<String> {
-    let predicted = |p: &Option<Predicted>| {
+    let predicted = |p: &Option<PredictedQuantity>| {
         p.map_or(Default::default(), |p| [p.value.value, p.value.expanded, p.normalised_error].map(|v| v.to_string()))
     };
     let mut cells = vec![

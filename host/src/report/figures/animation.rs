@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::report::describe;
 use crate::report::numbers::significant;
 use crate::report::plot::palette::{GREY, INK, WHITE, colour};
-use crate::report::plot::svg::{Colour, Font, Place, Svg};
+use crate::report::plot::svg::{Colour, Font, PicturePlace, Svg};
 use crate::report::plot::{LABEL, Picture, TITLE};
 use crate::simulation::Case;
 use crate::simulation::frames::{Frame, Frames};
@@ -53,7 +53,7 @@ pub fn draw(case: &Case, frames: &Frames) -> Result<Picture, Failure> {
     if frames.all().len() < 2 {
         return Err(Failure::undrawn("the run was stopped before the cycles that are animated"));
     }
-    let stage = Stage::of(case, frames);
+    let stage = Scene::of(case, frames);
     let mut picture = Picture::new(WIDTH, stage.height() + 30.0);
     picture.text(&format!("{}: {}", case.name, describe::excitation(case)), (24.0, 22.0), Font::new(TITLE, INK));
     picture.text(&stage.caption(), (24.0, 42.0), Font::new(LABEL, GREY));
@@ -62,7 +62,7 @@ pub fn draw(case: &Case, frames: &Frames) -> Result<Picture, Failure> {
 }
 
 /// How the places of a structure are drawn.
-enum Layout<'a> {
+enum StructureLayout<'a> {
     /// Floors of a frame, from below.
     Floors,
     /// Masses on rails, each displaced sideways.
@@ -71,10 +71,10 @@ enum Layout<'a> {
     Beam(&'a OnBeam),
 }
 
-struct Stage<'a> {
+struct Scene<'a> {
     case: &'a Case,
     frames: &'a Frames,
-    layout: Layout<'a>,
+    layout: StructureLayout<'a>,
     names: Vec<String>,
     /// Points for a metre of displacement.
     scale: f64,
@@ -82,17 +82,17 @@ struct Stage<'a> {
     lasts_s: f64,
 }
 
-impl<'a> Stage<'a> {
+impl<'a> Scene<'a> {
     fn of(case: &'a Case, frames: &'a Frames) -> Self {
         let several = case.multi_degree.as_ref();
         let layout = match several {
-            Some(of) if of.is_frame() => Layout::Floors,
-            Some(of) => of.on_beam.as_ref().map_or(Layout::Rails, Layout::Beam),
-            None => Layout::Rails,
+            Some(of) if of.is_frame() => StructureLayout::Floors,
+            Some(of) => of.on_beam.as_ref().map_or(StructureLayout::Rails, StructureLayout::Beam),
+            None => StructureLayout::Rails,
         };
         let of_places = frames.all().iter().flat_map(|frame| frame.places_m.iter().chain([&frame.z_m]).copied());
         let mut largest_m = of_places.map(f64::abs).fold(0.0, f64::max);
-        if let Layout::Beam(of) = &layout {
+        if let StructureLayout::Beam(of) = &layout {
             // Its end moves furthest, and need not be a place.
             let end =
                 |frame: &Frame| Spline::through(&knots(of, frame), of.support == Support::Cantilever).at(of.length_m);
@@ -121,7 +121,7 @@ impl<'a> Stage<'a> {
 
     fn height(&self) -> f64 {
         match self.layout {
-            Layout::Beam(_) => TOP + 3.0 * LARGEST + 2.0 * HALF_CAVITY,
+            StructureLayout::Beam(_) => TOP + 3.0 * LARGEST + 2.0 * HALF_CAVITY,
             _ => TOP + (self.places() as f64 + 0.5) * self.apart() + 40.0,
         }
     }
@@ -169,11 +169,15 @@ impl<'a> Stage<'a> {
     }
 
     /// Where a place is drawn at rest.
-    fn rest(&self, place: usize) -> Place {
+    fn rest(&self, place: usize) -> PicturePlace {
         match self.layout {
-            Layout::Floors => (MIDDLE, TOP + (self.places() - place) as f64 * self.apart() - 0.5 * self.apart()),
-            Layout::Rails => (MIDDLE, TOP + (place as f64 + 0.5) * self.apart() + 14.0),
-            Layout::Beam(of) => (BEAM.0 + (BEAM.1 - BEAM.0) * of.positions_m[place] / of.length_m, self.beam_y()),
+            StructureLayout::Floors => {
+                (MIDDLE, TOP + (self.places() - place) as f64 * self.apart() - 0.5 * self.apart())
+            }
+            StructureLayout::Rails => (MIDDLE, TOP + (place as f64 + 0.5) * self.apart() + 14.0),
+            StructureLayout::Beam(of) => {
+                (BEAM.0 + (BEAM.1 - BEAM.0) * of.positions_m[place] / of.length_m, self.beam_y())
+            }
         }
     }
 
@@ -186,18 +190,18 @@ impl<'a> Stage<'a> {
     }
 
     /// A displacement in points: to the right, of a beam upwards.
-    fn moved(&self, by_m: f64) -> Place {
+    fn moved(&self, by_m: f64) -> PicturePlace {
         self.along(by_m * self.scale)
     }
 
-    fn along(&self, by: f64) -> Place {
-        if matches!(self.layout, Layout::Beam(_)) { (0.0, -by) } else { (by, 0.0) }
+    fn along(&self, by: f64) -> PicturePlace {
+        if matches!(self.layout, StructureLayout::Beam(_)) { (0.0, -by) } else { (by, 0.0) }
     }
 
     fn draw(&self, svg: &mut Svg) {
         let mut base = Svg::default();
         match &self.layout {
-            Layout::Floors => {
+            StructureLayout::Floors => {
                 let y = self.ground_y();
                 base.segments([[(MIDDLE - 150.0, y), (MIDDLE + 150.0, y)]], INK.stroke(3.0));
                 base.text("base", (MIDDLE + 160.0, y), Font::new(LABEL, GREY));
@@ -205,7 +209,7 @@ impl<'a> Stage<'a> {
                     self.columns(svg);
                 }
             }
-            Layout::Rails => {
+            StructureLayout::Rails => {
                 let rails = (0..self.places()).map(|place| {
                     let (x, y) = self.rest(place);
                     [(x - 220.0, y + 13.0), (x + 220.0, y + 13.0)]
@@ -215,27 +219,27 @@ impl<'a> Stage<'a> {
                 base.segments([[(60.0, TOP), (60.0, y)]], INK.stroke(3.0));
                 base.text("base", (60.0, y + 12.0), Font::new(LABEL, GREY).centred());
             }
-            Layout::Beam(of) => self.beam(svg, &mut base, of),
+            StructureLayout::Beam(of) => self.beam(svg, &mut base, of),
         }
         self.moving(svg, &base, |frame| self.moved(frame.z_m));
         for place in 0..self.places() {
             let mut drawn = Svg::default();
             let (x, y) = self.rest(place);
             match self.layout {
-                Layout::Beam(_) => {
+                StructureLayout::Beam(_) => {
                     drawn.circle((x, y), 3.5, colour(0).fill());
                     // Names in two rows, as places may be near each other.
                     let below = (x, self.height() - 14.0 * (place % 2) as f64);
                     svg.text(&self.names[place], below, Font::new(LABEL, GREY).centred());
                 }
-                Layout::Floors => {
+                StructureLayout::Floors => {
                     drawn.rectangle((x - HALF_FLOOR, y - 0.5 * FLOOR, x + HALF_FLOOR, y + 0.5 * FLOOR), INK.fill());
                 }
-                Layout::Rails => {
+                StructureLayout::Rails => {
                     drawn.rectangle((x - 45.0, y - 12.0, x + 45.0, y + 12.0), WHITE.fill().edged(INK, 2.0));
                 }
             }
-            if !matches!(self.layout, Layout::Beam(_)) {
+            if !matches!(self.layout, StructureLayout::Beam(_)) {
                 svg.text(&self.names[place], (WIDTH - 24.0, y), Font::new(LABEL, GREY).ending());
             }
             self.moving(svg, &drawn, |frame| self.moved(frame.places_m[place]));
@@ -244,13 +248,13 @@ impl<'a> Stage<'a> {
     }
 
     /// Where the middle of a cavity or a tuned mass is beside its place, of several there: in rows of three, of a beam in columns.
-    fn beside(&self, nth: usize, count: usize) -> Place {
+    fn beside(&self, nth: usize, count: usize) -> PicturePlace {
         let (column, row) = ((nth % 3) as f64, (nth / 3) as f64);
         let right = (column - 0.5 * (count.min(3) as f64 - 1.0)) * (2.0 * HALF_CAVITY + 10.0);
         match self.layout {
-            Layout::Beam(_) => (16.0 * (nth + 1) as f64, 0.0),
-            Layout::Floors => (right, -0.5 * FLOOR - RADIUS - 5.0 - 20.0 * row),
-            Layout::Rails => (right, -24.0 - 20.0 * row),
+            StructureLayout::Beam(_) => (16.0 * (nth + 1) as f64, 0.0),
+            StructureLayout::Floors => (right, -0.5 * FLOOR - RADIUS - 5.0 - 20.0 * row),
+            StructureLayout::Rails => (right, -24.0 - 20.0 * row),
         }
     }
 
@@ -341,7 +345,7 @@ impl<'a> Stage<'a> {
     }
 
     /// Elements that move.
-    fn moving(&self, svg: &mut Svg, elements: &Svg, by: impl Fn(&Frame) -> Place) {
+    fn moving(&self, svg: &mut Svg, elements: &Svg, by: impl Fn(&Frame) -> PicturePlace) {
         let places: Vec<String> = self.frames.all().iter().map(by).map(|(x, y)| format!("{x:.1} {y:.1}")).collect();
         let (first, values) = (&places[0], places.join(";"));
         svg.raw(&format!(
@@ -380,7 +384,7 @@ fn tint(number: usize) -> Colour {
     colour(number + 1)
 }
 
-fn sum(a: Place, b: Place) -> Place {
+fn sum(a: PicturePlace, b: PicturePlace) -> PicturePlace {
     (a.0 + b.0, a.1 + b.1)
 }
 

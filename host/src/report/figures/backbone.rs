@@ -3,8 +3,8 @@
 use crate::failure::Failure;
 use crate::identify::backbone::Row;
 use crate::identify::decay::Decay;
-use crate::report::plot::axis::{Axis, Frame, Scale};
-use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
+use crate::report::plot::legend::{self, LegendEntry};
 use crate::report::plot::palette::colour;
 use crate::report::plot::svg::{Colour, Style};
 use crate::report::plot::traces::{Traces, circle};
@@ -20,12 +20,12 @@ const MEASURED: Colour = colour(0);
 const FITTED: Colour = colour(1);
 
 /// Two panels, one above the other.
-fn frames([upper, lower]: [(Axis, Axis); 2]) -> [Frame; 2] {
-    let place = |(x, y): (Axis, Axis), top: f64| Frame { x, y, bounds: (LEFT, top, RIGHT, top + TALL) };
+fn frames([upper, lower]: [(Axis, Axis); 2]) -> [PlotFrame; 2] {
+    let place = |(x, y): (Axis, Axis), top: f64| PlotFrame { x, y, bounds: (LEFT, top, RIGHT, top + TALL) };
     [place(upper, TOP), place(lower, TOP + TALL + GAP)]
 }
 
-fn picture(panels: [(&Frame, Traces); 2], entries: &[Entry]) -> Picture {
+fn picture(panels: [(&PlotFrame, Traces); 2], entries: &[LegendEntry]) -> Picture {
     let mut picture = Picture::new(BROAD, TOP + 2.0 * TALL + GAP + 60.0);
     for (frame, inside) in panels {
         picture.panel(frame, &inside.svg());
@@ -68,8 +68,8 @@ pub fn draw(decay: &Decay) -> Result<Picture, Failure> {
     let cycles = decay.backbone.as_ref().map_or(0, |backbone| backbone.cycles);
     let of_fit = if coulomb_m > 0.0 { "fit of the whole record, with friction" } else { "fit of the whole record" };
     let entries = [
-        Entry::mark(format!("windows of {cycles} cycles, 95 % intervals"), &circle(3.2, MEASURED.fill())),
-        Entry::line(of_fit, dashed),
+        LegendEntry::mark(format!("windows of {cycles} cycles, 95 % intervals"), &circle(3.2, MEASURED.fill())),
+        LegendEntry::line(of_fit, dashed),
     ];
     Ok(picture([(&upper, above), (&lower, below)], &entries))
 }
@@ -122,8 +122,8 @@ pub fn residuals(decay: &Decay) -> Result<Picture, Failure> {
     }
     let cycles = decay.backbone.as_ref().map_or(0, |backbone| backbone.cycles);
     let entries = [
-        Entry::line("fit of the whole record", FITTED.stroke(2.0)),
-        Entry::line(format!("fits of {cycles} cycles each"), MEASURED.stroke(2.0)),
+        LegendEntry::line("fit of the whole record", FITTED.stroke(2.0)),
+        LegendEntry::line(format!("fits of {cycles} cycles each"), MEASURED.stroke(2.0)),
     ];
     Ok(picture([(&upper, above), (&lower, below)], &entries))
 }

@@ -2,8 +2,8 @@
 
 use super::study_map::{MapAxis, drawn, runs};
 use crate::report::numbers::significant;
-use crate::report::plot::axis::Frame;
-use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::axis::PlotFrame;
+use crate::report::plot::legend::{self, LegendEntry};
 use crate::report::plot::palette::{COLOURS, GREY, INK, WALL, WHITE, colour};
 use crate::report::plot::svg::{Bounds, Colour, Font, Svg};
 use crate::report::plot::{Picture, SMALL, TITLE};
@@ -32,7 +32,7 @@ pub fn draw(basins: &Basins, grid: &Grid, labels: [String; 2], title: &str) -> P
         values: places.iter().map(|place| grid.axes[n].values[*place]).collect(),
         is_log: false,
     });
-    let frame = Frame { x: x.axis(), y: y.axis(), bounds: BOUNDS };
+    let frame = PlotFrame { x: x.axis(), y: y.axis(), bounds: BOUNDS };
     let (columns, edges) = (grid.axes[0].values.len(), (x.borders(), y.borders()));
     let mut picture = Picture::new(SIZE.0, SIZE.1);
     for (row, place) in up.iter().enumerate() {
@@ -64,7 +64,7 @@ pub fn draw(basins: &Basins, grid: &Grid, labels: [String; 2], title: &str) -> P
     picture
 }
 
-fn entries(basins: &Basins) -> Vec<Entry> {
+fn entries(basins: &Basins) -> Vec<LegendEntry> {
     let share =
         |starts: usize| format!("{} % of the starts", significant(100.0 * starts as f64 / basins.ends.len() as f64, 3));
     let sample = |fill: Colour| {
@@ -73,20 +73,21 @@ fn entries(basins: &Basins) -> Vec<Entry> {
         svg
     };
     let entry = |(place, of): (usize, &Attractor)| {
-        Entry::mark(format!("{}: {}", place + 1, of.description()), &sample(tint(place))).with_detail(share(of.starts))
+        LegendEntry::mark(format!("{}: {}", place + 1, of.description()), &sample(tint(place)))
+            .with_detail(share(of.starts))
     };
-    let mut entries: Vec<Entry> = basins.attractors.iter().take(TINTS).enumerate().map(entry).collect();
+    let mut entries: Vec<LegendEntry> = basins.attractors.iter().take(TINTS).enumerate().map(entry).collect();
     let rest: usize = basins.attractors.iter().skip(TINTS).map(|of| of.starts).sum();
     if rest > 0 {
         let words = format!("{} more, in the same colours again", basins.attractors.len() - TINTS);
-        entries.push(Entry::mark(words, &Svg::default()).with_detail(share(rest)));
+        entries.push(LegendEntry::mark(words, &Svg::default()).with_detail(share(rest)));
     }
     let [lost, passed] = basins.without_attractor();
     for (starts, fill, words) in
         [(lost, WHITE, "does not settle or repeat"), (passed, WALL, "particle passes its wall")]
     {
         if starts > 0 {
-            entries.push(Entry::mark(words, &sample(fill)).with_detail(share(starts)));
+            entries.push(LegendEntry::mark(words, &sample(fill)).with_detail(share(starts)));
         }
     }
     entries

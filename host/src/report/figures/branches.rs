@@ -5,10 +5,10 @@ use crate::continuation::{FoundBranch, FoundBranches, FoundOrbit};
 use crate::failure::Failure;
 use crate::report::branch_table;
 use crate::report::figures::symbols;
-use crate::report::plot::axis::{Axis, Frame, Scale};
-use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
+use crate::report::plot::legend::{self, LegendEntry};
 use crate::report::plot::palette::{GREY, INK, WHITE, colour};
-use crate::report::plot::svg::{Bounds, Colour, Font, Place, Svg};
+use crate::report::plot::svg::{Bounds, Colour, Font, PicturePlace, Svg};
 use crate::report::plot::traces::{Traces, shape};
 use crate::report::plot::{Picture, SMALL, source};
 
@@ -45,7 +45,7 @@ fn sign(kind: &str, number: usize, tint: Colour) -> Svg {
 /// A table without an identity.
 pub fn draw(found: &FoundBranches) -> Result<Picture, Failure> {
     let orbits = || found.branches.iter().flat_map(|branch| &branch.orbits);
-    let frame = Frame {
+    let frame = PlotFrame {
         x: Axis::around(
             symbols::label(&found.parameter, || found.reference),
             Scale::Linear,
@@ -63,11 +63,12 @@ pub fn draw(found: &FoundBranches) -> Result<Picture, Failure> {
     let mut picture = Picture::new(SIZE.0, SIZE.1);
     picture.panel(&frame, &inside);
     picture.note(BOUNDS.0, Scale::Linear.undrawn(orbits().map(|orbit| orbit.max_abs_x_m * 1e3)).as_deref());
-    let lines = [Entry::line("stable", INK.stroke(2.0)), Entry::line("unstable", INK.stroke(2.0).dashed(UNSTABLE))];
+    let lines =
+        [LegendEntry::line("stable", INK.stroke(2.0)), LegendEntry::line("unstable", INK.stroke(2.0).dashed(UNSTABLE))];
     legend::rows(&mut picture, (BOUNDS.0, BOUNDS.3 + 76.0), BOUNDS.2, &lines);
     let is_there = |kind: &str| found.branches.iter().flat_map(|b| &b.special_points).any(|s| s.kind == kind);
     let marks = MARKS.into_iter().filter(|(kind, ..)| is_there(kind));
-    let entry = |(kind, short, number)| Entry::mark(format!("{short}: {kind}"), &sign(kind, number, GREY));
+    let entry = |(kind, short, number)| LegendEntry::mark(format!("{short}: {kind}"), &sign(kind, number, GREY));
     legend::rows(&mut picture, (BOUNDS.0, BOUNDS.3 + 102.0), SIZE.0, &marks.map(entry).collect::<Vec<_>>());
     let table = branch_table::orbits(found).map_err(Failure::undrawn)?;
     Ok(picture.of_source(&source("continuation", &branch_table::identity(&table))))
@@ -78,7 +79,7 @@ fn tint(branch: &FoundBranch) -> Colour {
 }
 
 /// Draws the curve in runs of the same stability.
-fn curve(traces: &mut Traces, frame: &Frame, branch: &FoundBranch) {
+fn curve(traces: &mut Traces, frame: &PlotFrame, branch: &FoundBranch) {
     let at = |orbit: &FoundOrbit| (orbit.parameter, orbit.max_abs_x_m * 1e3);
     let is_drawn = |orbit: &FoundOrbit| frame.draws(at(orbit).0, at(orbit).1);
     for mut rest in branch.orbits.split(|orbit| !is_drawn(orbit)) {
@@ -93,7 +94,7 @@ fn curve(traces: &mut Traces, frame: &Frame, branch: &FoundBranch) {
 }
 
 /// Marks the special points; `labelled` has the places of the labels so far, so that none lies on another.
-fn marks(svg: &mut Svg, frame: &Frame, branch: &FoundBranch, labelled: &mut Vec<Place>) {
+fn marks(svg: &mut Svg, frame: &PlotFrame, branch: &FoundBranch, labelled: &mut Vec<PicturePlace>) {
     for special in &branch.special_points {
         if !frame.draws(special.parameter, special.max_abs_x_m * 1e3) {
             continue;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::frequency_response::{Ordinate, ResponseCurve, ResponseNotes, ResponsePoint, draw};
 use super::time_histories::{self, HistoryCurve, HistoryPanel};
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, Start};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, ExperimentKind, PointStart};
 use crate::failure::Failure;
 use crate::report::describe;
 use crate::report::numbers::trimmed;
@@ -278,7 +278,7 @@ fn curves(
     let mut how: Vec<String> = drawn
         .filter_map(Experiment::base_driven)
         .map(|e| {
-            let start = if e.start == Start::FromRest { "from rest" } else { "motion carried over" };
+            let start = if e.start == PointStart::FromRest { "from rest" } else { "motion carried over" };
             let until = match e.longest_dwell_s() {
                 longest_s if longest_s > e.dwell_s => format!(" until steady, up to {} s", trimmed(longest_s, 3)),
                 _ => String::new(),
@@ -347,7 +347,7 @@ pub fn transients(campaign: &Campaign, folder: &Path, rows: &[TransientRow]) -> 
                 .collect();
             let base = experiment.playback().and(set_ups.first()).and_then(|s| history(&z, &s.name));
             let about = match &experiment.kind {
-                Kind::Playback(playback) => playback.about.clone(),
+                ExperimentKind::Playback(playback) => playback.about.clone(),
                 _ => "free vibration".into(),
             };
             (!curves.is_empty()).then(|| HistoryPanel { title: format!("{}: {about}", experiment.name), curves, base })

@@ -1,10 +1,10 @@
 //! Draws a run beside its simulations: X/Z over frequency with uncertainties and normalised errors, x over time with its residual and
 //! impacts, and the phase plane.
 
-use crate::compare::{ComparedExperiment, ComparedPoint, History, Predicted, Uncertain};
+use crate::compare::{ComparedExperiment, ComparedPoint, PointHistory, PredictedQuantity, UncertainValue};
 use crate::quantity::Quantity;
-use crate::report::plot::axis::{Axis, Frame, Scale, length_unit};
-use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale, length_unit};
+use crate::report::plot::legend::{self, LegendEntry};
 use crate::report::plot::palette::{GREY, MARKED, colour};
 use crate::report::plot::svg::{Colour, Svg};
 use crate::report::plot::traces::{PointerValue, Traces, bar_low};
@@ -28,19 +28,19 @@ const SAMPLE: f64 = 3.0;
 /// Most cycles of the phase plane that are drawn, as readings.
 const PHASE_READINGS: usize = 2000;
 
-fn panels(x: &Axis, upper: Axis, lower: Axis, wide: f64) -> (Frame, Frame, Picture) {
+fn panels(x: &Axis, upper: Axis, lower: Axis, wide: f64) -> (PlotFrame, PlotFrame, Picture) {
     let (right, middle, below) = (wide - RIGHT, TOP + TALL, TOP + TALL + GAP);
-    let upper = Frame { x: x.clone(), y: upper, bounds: (LEFT, TOP, right, middle) };
-    let lower = Frame { x: x.clone(), y: lower, bounds: (LEFT, below, right, below + LOW) };
+    let upper = PlotFrame { x: x.clone(), y: upper, bounds: (LEFT, TOP, right, middle) };
+    let lower = PlotFrame { x: x.clone(), y: lower, bounds: (LEFT, below, right, below + LOW) };
     (upper, lower, Picture::new(wide, below + LOW + 64.0))
 }
 
 /// A measured value with its predictions, at a frequency.
 struct Plotted<'a> {
     frequency_hz: f64,
-    measured: Uncertain,
-    predicted: Option<&'a Predicted>,
-    ideal: Option<&'a Predicted>,
+    measured: UncertainValue,
+    predicted: Option<&'a PredictedQuantity>,
+    ideal: Option<&'a PredictedQuantity>,
 }
 
 fn plotted(experiment: &ComparedExperiment, metric: Quantity) -> Vec<Plotted<'_>> {
@@ -64,17 +64,18 @@ fn plotted(experiment: &ComparedExperiment, metric: Quantity) -> Vec<Plotted<'_>
 pub fn response(experiment: &ComparedExperiment, breadth: Breadth) -> Picture {
     let points = plotted(experiment, Quantity::XOverZ);
     let predicted = || points.iter().filter_map(|p| Some((p.frequency_hz, p.predicted?.value)));
-    let ideal: Vec<(f64, Uncertain)> = points.iter().filter_map(|p| Some((p.frequency_hz, p.ideal?.value))).collect();
+    let ideal: Vec<(f64, UncertainValue)> =
+        points.iter().filter_map(|p| Some((p.frequency_hz, p.ideal?.value))).collect();
     let errors: Vec<(f64, f64)> =
         points.iter().filter_map(|p| Some((p.frequency_hz, p.predicted?.normalised_error))).collect();
     let x = Axis::around("Frequency (Hz)", Scale::Linear, points.iter().map(|p| p.frequency_hz));
-    let ends = |value: &Uncertain| [low(value), value.value, value.value + value.expanded];
+    let ends = |value: &UncertainValue| [low(value), value.value, value.value + value.expanded];
     let values = points.iter().flat_map(|p| ends(&p.measured)).chain(predicted().flat_map(|(_, value)| ends(&value)));
     let y = Axis::around("X/Z (cycle maxima)", Scale::Log, values.chain(ideal.iter().map(|(_, value)| value.value)));
     let error_axis = Axis::around("Normalised error E_n", Scale::Linear, errors.iter().map(|e| e.1).chain([-1.5, 1.5]));
     let (upper, lower, mut picture) = panels(&x, y, error_axis, breadth.width());
-    let measured: Vec<(f64, Uncertain)> = points.iter().map(|p| (p.frequency_hz, p.measured)).collect();
-    let predicted: Vec<(f64, Uncertain)> = predicted().collect();
+    let measured: Vec<(f64, UncertainValue)> = points.iter().map(|p| (p.frequency_hz, p.measured)).collect();
+    let predicted: Vec<(f64, UncertainValue)> = predicted().collect();
     // Where both predictions are equal, the ideal one is seen beside the other.
     let curves = [(2, "on the ideal base", &ideal), (1, "predicted", &predicted), (0, "measured", &measured)];
     let mut inside = Svg::default();
@@ -84,17 +85,17 @@ pub fn response(experiment: &ComparedExperiment, breadth: Breadth) -> Picture {
     let entries = [("measured, ± U", MEASURED), ("predicted, band ± U", PREDICTED)];
     let entries = entries.into_iter().chain((!ideal.is_empty()).then_some(("on the ideal base", IDEAL)));
     let entry =
-        |(place, (words, tint)): (usize, (&str, Colour))| Entry::line(words, tint.stroke(SAMPLE)).of_curve(place);
+        |(place, (words, tint)): (usize, (&str, Colour))| LegendEntry::line(words, tint.stroke(SAMPLE)).of_curve(place);
     let at = if breadth == Breadth::Broad { (LEFT, 22.0) } else { (14.0, 12.0) };
     legend::rows(&mut picture, at, breadth.width(), &entries.enumerate().map(entry).collect::<Vec<_>>());
     picture
 }
 
 /// A curve of the upper panel, by its place in the legend: what was measured, predicted, or predicted on the ideal base.
-fn values_of(frame: &Frame, place: usize, label: &str, values: &[(f64, Uncertain)]) -> Svg {
-    let ends = |value: &Uncertain| [low(value), value.value, value.value + value.expanded];
-    let is_drawn = |(f, value): &&(f64, Uncertain)| ends(value).into_iter().all(|end| frame.draws(*f, end));
-    let values: Vec<(f64, Uncertain)> = values.iter().filter(is_drawn).copied().collect();
+fn values_of(frame: &PlotFrame, place: usize, label: &str, values: &[(f64, UncertainValue)]) -> Svg {
+    let ends = |value: &UncertainValue| [low(value), value.value, value.value + value.expanded];
+    let is_drawn = |(f, value): &&(f64, UncertainValue)| ends(value).into_iter().all(|end| frame.draws(*f, end));
+    let values: Vec<(f64, UncertainValue)> = values.iter().filter(is_drawn).copied().collect();
     let ranges = || values.iter().map(|(f, value)| (*f, low(value), value.value + value.expanded));
     let mut traces = Traces::new(frame);
     let line = || values.iter().map(|(f, value)| (*f, value.value));
@@ -120,7 +121,7 @@ fn values_of(frame: &Frame, place: usize, label: &str, values: &[(f64, Uncertain
 }
 
 /// The normalised errors, and lines at −1, 0 and 1.
-fn errors_of(frame: &Frame, errors: &[(f64, f64)]) -> Svg {
+fn errors_of(frame: &PlotFrame, errors: &[(f64, f64)]) -> Svg {
     let mut traces = Traces::new(frame);
     for limit in [-1.0, 0.0, 1.0] {
         traces.line([frame.x.from, frame.x.to].map(|f| (f, limit)), GREY.stroke(if limit == 0.0 { 0.6 } else { 1.2 }));
@@ -137,7 +138,7 @@ fn errors_of(frame: &Frame, errors: &[(f64, f64)]) -> Svg {
 }
 
 /// The lower end of a value's interval; above 0, for a logarithmic axis.
-fn low(value: &Uncertain) -> f64 {
+fn low(value: &UncertainValue) -> f64 {
     bar_low(Scale::Log, value.value, value.expanded)
 }
 
@@ -147,7 +148,7 @@ fn largest(points: &[(f64, f64)]) -> f64 {
 
 /// x over time, measured and simulated, with the impacts of both, and the residual below.
 #[must_use]
-pub fn time_history(history: &History) -> Picture {
+pub fn time_history(history: &PointHistory) -> Picture {
     let at = |n: usize| history.from_s + n as f64 / history.rate_hz;
     let timed =
         |x_m: &[f32]| -> Vec<(f64, f64)> { x_m.iter().enumerate().map(|(n, x)| (at(n), f64::from(*x))).collect() };
@@ -192,13 +193,13 @@ pub fn time_history(history: &History) -> Picture {
 fn head(picture: &mut Picture, is_measured: bool, simulated: &str, also: Option<(&str, Colour)>) {
     let measured = is_measured.then_some(("measured", MEASURED));
     let all = measured.into_iter().chain([(simulated, PREDICTED)]).chain(also);
-    let entries: Vec<Entry> = all.map(|(words, tint)| Entry::line(words, tint.stroke(SAMPLE))).collect();
+    let entries: Vec<LegendEntry> = all.map(|(words, tint)| LegendEntry::line(words, tint.stroke(SAMPLE))).collect();
     legend::rows(picture, (LEFT, 22.0), f64::INFINITY, &entries);
 }
 
 /// Velocity over displacement, measured and simulated, of the last readings.
 #[must_use]
-pub fn phase_plane(history: &History) -> Picture {
+pub fn phase_plane(history: &PointHistory) -> Picture {
     const SIDE: f64 = 460.0;
     let orbit = |x_m: &[f32]| -> Vec<(f64, f64)> {
         let last = &x_m[x_m.len().saturating_sub(PHASE_READINGS)..];
@@ -208,7 +209,7 @@ pub fn phase_plane(history: &History) -> Picture {
     let (measured, simulated) = (orbit(&history.measured_m), orbit(&history.simulated_m));
     let both = || measured.iter().chain(&simulated);
     let (name, scale) = length_unit(both().map(|p| p.0.abs()).fold(0.0, f64::max));
-    let frame = Frame {
+    let frame = PlotFrame {
         x: Axis::around(format!("x ({name})"), Scale::Linear, both().map(|p| p.0 * scale)),
         y: Axis::around("x′ (mm/s)", Scale::Linear, both().map(|p| p.1 * 1e3)),
         bounds: (LEFT, TOP, LEFT + SIDE + 40.0, TOP + SIDE),

@@ -4,20 +4,20 @@ use crate::continuation::FoundBranches;
 use crate::failure::Failure;
 use crate::report::branch_table;
 use crate::report::figures::symbols;
-use crate::report::plot::axis::{Axis, Frame, Scale};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
 use crate::report::plot::svg::{Bounds, Colour, Font, Svg};
 use crate::report::plot::{LABEL, Picture, source};
 
 /// A curve of special points.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Curve {
+pub struct SpecialCurve {
     /// Name of its kind.
     pub kind: &'static str,
     /// Abscissa and ordinate of its points.
     pub points: Vec<(f64, f64)>,
 }
 
-impl Curve {
+impl SpecialCurve {
     /// The curves of a continuation; with `is_swapped` its second parameter is the abscissa.
     #[must_use]
     pub fn all(found: &FoundBranches, is_swapped: bool) -> Vec<Self> {
@@ -74,9 +74,9 @@ pub fn draw(found: &FoundBranches) -> Result<Picture, Failure> {
         return Err(Failure::undrawn("the continuation has one parameter: its file has no table [second]"));
     };
     let [across, up] = [&found.parameter, second].map(|key| symbols::label(key, || found.reference));
-    let curves = Curve::all(found, false);
+    let curves = SpecialCurve::all(found, false);
     let points = || curves.iter().flat_map(|curve| &curve.points);
-    let frame = Frame {
+    let frame = PlotFrame {
         x: Axis::around(&across, Scale::Linear, points().map(|point| point.0)),
         y: Axis::around(&up, Scale::Linear, points().map(|point| point.1)),
         bounds: BOUNDS,
@@ -89,7 +89,7 @@ pub fn draw(found: &FoundBranches) -> Result<Picture, Failure> {
 }
 
 /// Draws the curves with their names: dark on a light edge, cut at the borders of the frame.
-pub fn draw_over(svg: &mut Svg, curves: &[Curve], frame: &Frame) {
+pub fn draw_over(svg: &mut Svg, curves: &[SpecialCurve], frame: &PlotFrame) {
     if curves.is_empty() {
         return;
     }
@@ -114,7 +114,7 @@ pub fn draw_over(svg: &mut Svg, curves: &[Curve], frame: &Frame) {
 }
 
 /// Where the name of a curve begins beside it, at a place that no other label takes; `None` if the frame shows nothing of the curve.
-fn label_place(curve: &Curve, frame: &Frame, taken: &mut Vec<(f64, f64, f64)>) -> Option<(f64, f64)> {
+fn label_place(curve: &SpecialCurve, frame: &PlotFrame, taken: &mut Vec<(f64, f64, f64)>) -> Option<(f64, f64)> {
     let (left, top, right, bottom) = frame.bounds;
     let points = curve.points.iter().map(|point| frame.point(point.0, point.1));
     let visible: Vec<(f64, f64)> =
@@ -144,14 +144,14 @@ mod tests {
     #[test]
     fn labels_of_curves_on_one_another_do_not_cover_each_other_and_a_curve_outside_has_none() {
         let axis = |to: f64| Axis::between("", 0.0, to);
-        let frame = Frame { x: axis(10.0), y: axis(1.0), bounds: (0.0, 0.0, 1000.0, 500.0) };
+        let frame = PlotFrame { x: axis(10.0), y: axis(1.0), bounds: (0.0, 0.0, 1000.0, 500.0) };
         let points: Vec<(f64, f64)> = (0..=20).map(|n| (3.0 + 0.1 * f64::from(n), 0.05 * f64::from(n))).collect();
         let outside = points.iter().map(|(x, y)| (x + 20.0, *y)).collect();
         let mut taken = Vec::new();
         for kind in ["fold", "grazing", "period doubling"] {
-            assert!(label_place(&Curve { kind, points: points.clone() }, &frame, &mut taken).is_some());
+            assert!(label_place(&SpecialCurve { kind, points: points.clone() }, &frame, &mut taken).is_some());
         }
-        assert!(label_place(&Curve { kind: "fold", points: outside }, &frame, &mut taken).is_none());
+        assert!(label_place(&SpecialCurve { kind: "fold", points: outside }, &frame, &mut taken).is_none());
         for (n, a) in taken.iter().enumerate() {
             for b in &taken[..n] {
                 assert!((a.2 - b.2).abs() >= LABEL_HEIGHT || a.1 < b.0 || b.1 < a.0, "{taken:?}");

@@ -2,7 +2,7 @@
 
 use super::frequency_response::{Ordinate, ResponseCurve, ResponseNotes, ResponsePoint};
 use super::study_curves::{Curve, CurveLabels, Mark};
-use super::study_map::{Map, MapAxis};
+use super::study_map::{MapAxis, StudyMap};
 use super::time_histories::{HistoryCurve, HistoryPanel};
 use super::{bifurcation, branches, curves, frequency_response, study_curves, study_map, time_histories};
 use crate::continuation::{FoundBranch, FoundBranches, FoundCurve, FoundOrbit, FoundSpecial};
@@ -42,9 +42,9 @@ fn check(picture: &Picture, values: impl IntoIterator<Item = f64>, shown: &[f64]
     }
 }
 
-fn map(values: &[f64]) -> Map {
+fn map(values: &[f64]) -> StudyMap {
     let axis = || MapAxis { label: "a".into(), values: vec![1.0, 2.0, 3.0, 4.0], is_log: false };
-    Map {
+    StudyMap {
         title: "m".into(),
         x: axis(),
         y: axis(),
@@ -64,7 +64,7 @@ fn maps_of_extreme_values_say_how_many_are_not_drawn() {
     let picture = study_map::draw(&map(&[&[1e308, f64::NEG_INFINITY][..], &[2.0; 14]].concat())).expect("a map");
     assert!(picture.svg().contains("2 of 16 values are not drawn: infinite or beyond ±1e30"));
     assert!(picture.png().is_ok());
-    let far = Map {
+    let far = StudyMap {
         x: MapAxis { label: "far".into(), values: vec![1.0, 2.0, 3.0, 1e308], is_log: false },
         ..map(&[1.0; 16])
     };

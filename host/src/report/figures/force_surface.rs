@@ -6,7 +6,7 @@ use crate::campaign::Campaign;
 use crate::compare::Continued;
 use crate::report::force_surface::ForceSurface;
 use crate::report::numbers::{significant, trimmed};
-use crate::report::plot::axis::{Axis, Frame, Scale};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
 use crate::report::plot::palette::{GREY, INK, MARKED, colour, viridis};
 use crate::report::plot::svg::{Bounds, Colour, Font, Svg};
 use crate::report::plot::traces::{Traces, circle};
@@ -75,7 +75,7 @@ fn points(surface: &ForceSurface) -> impl Iterator<Item = (usize, f64, f64)> {
 
 /// Z over frequency, a line for each amplitude.
 fn sheets(picture: &mut Picture, surface: &ForceSurface, bounds: Bounds) {
-    let frame = Frame {
+    let frame = PlotFrame {
         x: Axis::around("Frequency (Hz)", Scale::Linear, surface.frequencies_hz.iter().copied()),
         y: Axis::around("Base amplitude Z (mm)", Scale::Linear, points(surface).map(|(_, _, z_m)| z_m * 1e3)),
         bounds,
@@ -104,7 +104,7 @@ fn cuts(picture: &mut Picture, surface: &ForceSurface, stated_m: f64, bounds: Bo
     let label = format!("Amplitude of {} ({})", surface.kept.name, surface.kept.unit);
     let orbits = behind.iter().flat_map(|own| &own.branches).flat_map(|branch| &branch.orbits);
     let of_model = orbits.map(|orbit| orbit.max_abs_x_m * 1e3);
-    let frame = Frame {
+    let frame = PlotFrame {
         x: Axis::around("Frequency (Hz)", Scale::Linear, surface.frequencies_hz.iter().copied()),
         y: Axis::around(label, Scale::Linear, surface.amplitudes.iter().copied().chain(of_model)),
         bounds,

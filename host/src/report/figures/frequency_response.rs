@@ -1,7 +1,7 @@
 //! Draws curves over frequency, one per set-up, for example X/Z. [`super::campaign`] supplies the curves.
 
-use crate::report::plot::axis::{Axis, Frame, Scale};
-use crate::report::plot::legend::{self, Arrangement, Entry};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
+use crate::report::plot::legend::{self, Arrangement, LegendEntry};
 use crate::report::plot::palette::{GREY, Look};
 use crate::report::plot::svg::{Font, Svg};
 use crate::report::plot::traces::{PointerValue, Traces, bar_low, circle, marker, upright};
@@ -78,7 +78,7 @@ const CAPTION_LINE: f64 = 17.0;
 #[must_use]
 pub fn draw(curves: &[ResponseCurve], quantity: &Ordinate, notes: &ResponseNotes, breadth: Breadth) -> Picture {
     let values = || curves.iter().flat_map(|c| &c.points);
-    let mut entries: Vec<Entry> = curves.iter().map(entry).collect();
+    let mut entries: Vec<LegendEntry> = curves.iter().map(entry).collect();
     entries.extend(signs(curves, quantity));
     let undrawn =
         Scale::Linear.undrawn(values().map(|p| p.value)).map(|words| format!(" {words}.")).unwrap_or_default();
@@ -89,7 +89,7 @@ pub fn draw(curves: &[ResponseCurve], quantity: &Ordinate, notes: &ResponseNotes
     let under = 9.0 + caption.len() as f64 * CAPTION_LINE;
     let places = Arrangement::of(breadth, (left, TOP), &entries, under);
     let ends = |p: &ResponsePoint| p.range(quantity.scale).map_or([p.value; 3], |(low, high)| [low, p.value, high]);
-    let frame = Frame {
+    let frame = PlotFrame {
         x: Axis::around("Frequency (Hz)", Scale::Linear, values().map(|p| p.frequency_hz)),
         y: Axis::around(quantity.label, quantity.scale, values().flat_map(ends)),
         bounds: places.bounds,
@@ -110,7 +110,7 @@ pub fn draw(curves: &[ResponseCurve], quantity: &Ordinate, notes: &ResponseNotes
 }
 
 /// The elements of a curve: band, line, bars, repeats and markers.
-fn elements_of(frame: &Frame, curve: &ResponseCurve, quantity: &Ordinate) -> Svg {
+fn elements_of(frame: &PlotFrame, curve: &ResponseCurve, quantity: &Ordinate) -> Svg {
     let can_be_drawn = |p: &&ResponsePoint| frame.draws(p.frequency_hz, p.value);
     let mut points: Vec<&ResponsePoint> = curve.points.iter().filter(can_be_drawn).collect();
     points.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
@@ -144,13 +144,13 @@ const RING: f64 = 10.0;
 const REPEAT: f64 = 2.2;
 
 /// A curve's entry in the legend.
-fn entry(curve: &ResponseCurve) -> Entry {
-    let line = Entry::line(&curve.label, curve.look.line(2.0)).marked(&marker(curve.look, true));
+fn entry(curve: &ResponseCurve) -> LegendEntry {
+    let line = LegendEntry::line(&curve.label, curve.look.line(2.0)).marked(&marker(curve.look, true));
     line.with_detail(&curve.detail).of_curve(curve.place)
 }
 
 /// The legend's lower part: what the signs of the figure mean.
-fn signs(curves: &[ResponseCurve], quantity: &Ordinate) -> Vec<Entry> {
+fn signs(curves: &[ResponseCurve], quantity: &Ordinate) -> Vec<LegendEntry> {
     let any = |is: &dyn Fn(&ResponsePoint) -> bool| curves.iter().flat_map(|c| &c.points).any(is);
     let two = |is_filled| {
         let mut sign = Svg::default();
@@ -173,5 +173,5 @@ fn signs(curves: &[ResponseCurve], quantity: &Ordinate) -> Vec<Entry> {
         (is_unresolved, "peak not resolved or at a jump", circle(RING, GREY.stroke(1.0))),
     ];
     let drawn = all.into_iter().filter(|(is_drawn, ..)| *is_drawn);
-    drawn.map(|(_, words, sign)| Entry::mark(words, &sign).of_sign()).collect()
+    drawn.map(|(_, words, sign)| LegendEntry::mark(words, &sign).of_sign()).collect()
 }

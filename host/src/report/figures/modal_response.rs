@@ -6,8 +6,8 @@ use super::transfer_function::{CURVE, GAP, LEFT, MEASURED, MODEL, RIGHT, TOP, WI
 use crate::failure::Failure;
 use crate::identify::modal::Modal;
 use crate::report::numbers::significant;
-use crate::report::plot::axis::{Axis, Frame, Scale};
-use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
+use crate::report::plot::legend::{self, LegendEntry};
 use crate::report::plot::palette::{INK, colour};
 use crate::report::plot::svg::{Font, Style};
 use crate::report::plot::traces::{Traces, upright};
@@ -63,7 +63,7 @@ pub fn draw(found: &Modal) -> Result<Picture, Failure> {
     let mut top = TOP;
     for (place, y) in axes.into_iter().take(panels).enumerate() {
         let x = Axis::between(if place + 1 == panels { "Frequency (Hz)" } else { "" }, from, to);
-        let frame = Frame { x, y, bounds: (LEFT, top, RIGHT, top + HEIGHTS[place]) };
+        let frame = PlotFrame { x, y, bounds: (LEFT, top, RIGHT, top + HEIGHTS[place]) };
         top += HEIGHTS[place] + GAP;
         let mut traces = Traces::new(&frame);
         let points = |value: &dyn Fn(usize) -> f64| (0..lines.len()).map(|n| (at(n), value(n))).collect::<Vec<_>>();
@@ -118,9 +118,9 @@ fn head(picture: &mut Picture, found: &Modal) {
     );
     picture.text(&title, (LEFT, 22.0), Font::new(TITLE, INK));
     let entries = [
-        Entry::line("measured; residual: real part", MEASURED),
-        Entry::line("residual: imaginary part", IMAGINARY),
-        Entry::line("fitted mode with residual terms", MODEL),
+        LegendEntry::line("measured; residual: real part", MEASURED),
+        LegendEntry::line("residual: imaginary part", IMAGINARY),
+        LegendEntry::line("fitted mode with residual terms", MODEL),
     ];
-    legend::rows(picture, (LEFT, 45.0), RIGHT, &entries.map(Entry::of_sign));
+    legend::rows(picture, (LEFT, 45.0), RIGHT, &entries.map(LegendEntry::of_sign));
 }

@@ -2,8 +2,8 @@
 
 use crate::failure::Failure;
 use crate::identify::next::{GainCurve, NextPoints};
-use crate::report::plot::axis::{Axis, Frame, Scale};
-use crate::report::plot::legend::{Arrangement, Entry, column};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
+use crate::report::plot::legend::{Arrangement, LegendEntry, column};
 use crate::report::plot::palette::{INK, Look};
 use crate::report::plot::svg::Font;
 use crate::report::plot::traces::{Traces, marker};
@@ -20,13 +20,13 @@ pub fn draw(next: &NextPoints) -> Result<Picture, Failure> {
     }
     let look = |set_up| Look { set_up, run: 0 };
     let entry = |(n, gain): (usize, &GainCurve)| {
-        Entry::line(gain.label.clone(), look(n).line(2.0)).with_detail(gain.set_up.clone())
+        LegendEntry::line(gain.label.clone(), look(n).line(2.0)).with_detail(gain.set_up.clone())
     };
     let is_drawn = |(_, gain): &(usize, &GainCurve)| gain.points.iter().any(|(_, share)| share.is_some());
-    let entries: Vec<Entry> = next.gains.iter().enumerate().filter(is_drawn).map(entry).collect();
+    let entries: Vec<LegendEntry> = next.gains.iter().enumerate().filter(is_drawn).map(entry).collect();
     let parts = Arrangement::of(Breadth::Broad, (92.0, 30.0), &entries, 0.0);
     let of = next.key.as_deref().unwrap_or("all parameters");
-    let frame = Frame {
+    let frame = PlotFrame {
         x: Axis::around("Frequency (Hz)", Scale::Linear, all().map(|(hz, _)| *hz)),
         y: Axis::around(
             format!("Uncertainty of {of} after one point, of that before"),

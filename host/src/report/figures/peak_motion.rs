@@ -10,7 +10,7 @@ use crate::campaign::Campaign;
 use crate::failure::Failure;
 use crate::report::describe;
 use crate::report::numbers::trimmed;
-use crate::report::plot::axis::{Axis, Frame, Scale};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
 use crate::report::plot::palette::{GREY, INK, Look};
 use crate::report::plot::svg::Font;
 use crate::report::plot::traces::Traces;
@@ -54,7 +54,7 @@ struct Dwell {
 }
 
 /// A motion to draw.
-struct Motion<'a> {
+struct DrawnMotion<'a> {
     title: String,
     look: Look,
     row: &'a ResultRow,
@@ -64,7 +64,7 @@ struct Motion<'a> {
     tick_hz: f64,
 }
 
-type Key = (String, String, u32);
+type PointKey = (String, String, u32);
 
 /// Draws a line of panels for each experiment on each set-up; `None` if x was not recorded often enough at any peak.
 ///
@@ -86,7 +86,7 @@ pub fn draw(campaign: &Campaign, run: &RunFolder, taken: &JournalState) -> Resul
         })
         .collect();
     let dwells = dwells(run, &peaks)?;
-    let motions: Vec<Motion> = peaks
+    let motions: Vec<DrawnMotion> = peaks
         .iter()
         .filter_map(|(title, look, row)| {
             let dwell = dwells.get(&key(row))?;
@@ -95,7 +95,8 @@ pub fn draw(campaign: &Campaign, run: &RunFolder, taken: &JournalState) -> Resul
             };
             let own = taken.impacts.iter().filter(|some| is_own(&some.id)).flat_map(|some| &some.impacts);
             let impacts = own.map(|i| (f64::from(i.tick) + f64::from(i.centre_ticks), i.side)).collect();
-            let motion = Motion { title: title.clone(), look: *look, row, dwell, impacts, tick_hz: f64::from(TICK_HZ) };
+            let motion =
+                DrawnMotion { title: title.clone(), look: *look, row, dwell, impacts, tick_hz: f64::from(TICK_HZ) };
             (motion.samples_in_a_cycle() >= MIN_SAMPLES).then_some(motion)
         })
         .collect();
@@ -111,14 +112,14 @@ pub fn draw(campaign: &Campaign, run: &RunFolder, taken: &JournalState) -> Resul
     Ok(Some(picture))
 }
 
-fn key(row: &ResultRow) -> Key {
+fn key(row: &ResultRow) -> PointKey {
     (row.set_up.clone(), row.experiment.clone(), row.segment)
 }
 
 /// Reads the samples of the dwells of these points.
-fn dwells(run: &RunFolder, peaks: &[(String, Look, &ResultRow)]) -> Result<BTreeMap<Key, Dwell>, Failure> {
-    let wanted: BTreeMap<Key, &ResultRow> = peaks.iter().map(|(_, _, row)| (key(row), *row)).collect();
-    let mut dwells: BTreeMap<Key, Dwell> = BTreeMap::new();
+fn dwells(run: &RunFolder, peaks: &[(String, Look, &ResultRow)]) -> Result<BTreeMap<PointKey, Dwell>, Failure> {
+    let wanted: BTreeMap<PointKey, &ResultRow> = peaks.iter().map(|(_, _, row)| (key(row), *row)).collect();
+    let mut dwells: BTreeMap<PointKey, Dwell> = BTreeMap::new();
     for batch in run.samples() {
         let batch = batch.map_err(Failure::undrawn)?;
         let names = (texts(&batch, "set_up"), texts(&batch, "experiment"), numbers(&batch, "segment"));
@@ -181,7 +182,7 @@ fn smooth(path: &[(f64, f64)], parts: u32) -> Vec<(f64, f64)> {
     path.windows(4).flat_map(stretch).collect()
 }
 
-impl Motion<'_> {
+impl DrawnMotion<'_> {
     fn samples_in_a_cycle(&self) -> f64 {
         self.dwell.spacing().map_or(0.0, |step| self.tick_hz / step / self.row.frequency_hz)
     }
@@ -242,9 +243,9 @@ impl Motion<'_> {
         let time = Axis::between("Time (s)", 0.0, seconds(end));
         let both = x.iter().chain(&z).map(|p| p.1);
         let frames = [
-            Frame { x: time, y: Axis::around("x, z (mm)", Scale::Linear, both), bounds: bounds(0) },
-            Frame { x: positions("x (mm)"), y: speeds.clone(), bounds: bounds(1) },
-            Frame { x: positions("x once a period (mm)"), y: speeds, bounds: bounds(2) },
+            PlotFrame { x: time, y: Axis::around("x, z (mm)", Scale::Linear, both), bounds: bounds(0) },
+            PlotFrame { x: positions("x (mm)"), y: speeds.clone(), bounds: bounds(1) },
+            PlotFrame { x: positions("x once a period (mm)"), y: speeds, bounds: bounds(2) },
         ];
         let tint = self.look.colour();
         let [mut history, mut phase, mut poincare] = frames.each_ref().map(Traces::new);
@@ -278,8 +279,8 @@ mod tests {
         (dwell, row)
     }
 
-    fn motion<'a>(dwell: &'a Dwell, row: &'a ResultRow) -> Motion<'a> {
-        Motion {
+    fn motion<'a>(dwell: &'a Dwell, row: &'a ResultRow) -> DrawnMotion<'a> {
+        DrawnMotion {
             title: String::new(),
             look: Look::default(),
             row,

@@ -2,8 +2,8 @@
 
 use super::campaign::shortened;
 use crate::campaign::Campaign;
-use crate::report::plot::axis::{Axis, Frame, Scale};
-use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
+use crate::report::plot::legend::{self, LegendEntry};
 use crate::report::plot::palette::{Look, colour};
 use crate::report::plot::traces::{Traces, marker};
 use crate::report::plot::{BROAD, Picture};
@@ -30,7 +30,7 @@ pub fn draw(campaign: &Campaign, curves: &[TrackedCurve]) -> Picture {
     };
     // The legend has up to three entries in a row.
     let top = 22.0 + ROW * curves.len().div_ceil(3) as f64;
-    let frame = |y: Axis, top: f64| Frame {
+    let frame = |y: Axis, top: f64| PlotFrame {
         x: Axis::around("Amplitude of x (mm)", Scale::Linear, shown(|point| point.x_m * 1e3)),
         y,
         bounds: (LEFT, top, RIGHT, top + TALL),
@@ -74,7 +74,7 @@ pub fn draw(campaign: &Campaign, curves: &[TrackedCurve]) -> Picture {
             mark(&mut below, (mm, point.damping_ratio), point.found, curve.set_up);
         }
         let name = shortened(&format!("{}: {}", campaign.set_ups[curve.set_up].label, curve.experiment));
-        entries.push(Entry::mark(name, &marker(Look { set_up: curve.set_up, run: 0 }, true)));
+        entries.push(LegendEntry::mark(name, &marker(Look { set_up: curve.set_up, run: 0 }, true)));
     }
     let mut picture = Picture::new(BROAD, top + 2.0 * TALL + GAP + 60.0);
     picture.panel(&upper, &above.svg());

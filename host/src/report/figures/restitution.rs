@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::failure::Failure;
 use crate::identify::restitution::{Impact, Law};
 use crate::identify::statistics::student_95;
-use crate::report::plot::axis::{Axis, Frame, Scale};
-use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
+use crate::report::plot::legend::{self, LegendEntry};
 use crate::report::plot::palette::colour;
 use crate::report::plot::traces::{Traces, circle};
 use crate::report::plot::{BROAD, Picture};
@@ -33,7 +33,7 @@ pub fn draw(law: &Law, impacts: &[Impact]) -> Result<Picture, Failure> {
     let half = |impact: &Impact| student_95(f64::MAX) * impact.coefficient_standard_uncertainty;
     let ends = |impact: &Impact| [impact.coefficient - half(impact), impact.coefficient + half(impact)];
     let e = impacts.iter().flat_map(ends).chain([law.constant.value]);
-    let frame = Frame {
+    let frame = PlotFrame {
         x: Axis::around("Approach speed (m/s)", Scale::Linear, impacts.iter().map(|impact| impact.speed_m_per_s)),
         y: Axis::around("Coefficient of restitution e", Scale::Linear, e),
         bounds: (LEFT, TOP, RIGHT, TOP + TALL),
@@ -43,7 +43,7 @@ pub fn draw(law: &Law, impacts: &[Impact]) -> Result<Picture, Failure> {
     let place = sources.len();
     let constant = colour(place).stroke(1.8).dashed("3 4");
     traces.line([(from, law.constant.value), (to, law.constant.value)], constant);
-    let mut entries: Vec<Entry> = Vec::new();
+    let mut entries: Vec<LegendEntry> = Vec::new();
     let fitted = colour(place + 1).stroke(1.8).dashed("7 4");
     if let Some(power) = &law.power {
         let [slowest, fastest] = law.speeds_m_per_s;
@@ -62,11 +62,11 @@ pub fn draw(law: &Law, impacts: &[Impact]) -> Result<Picture, Failure> {
     for (place, source) in sources.iter().enumerate() {
         let name =
             Path::new(source).file_name().map_or_else(|| source.to_string(), |name| name.to_string_lossy().into());
-        entries.push(Entry::mark(format!("impacts of {name}"), &circle(3.2, colour(place).fill())));
+        entries.push(LegendEntry::mark(format!("impacts of {name}"), &circle(3.2, colour(place).fill())));
     }
-    entries.push(Entry::line("one coefficient", constant));
+    entries.push(LegendEntry::line("one coefficient", constant));
     if law.power.is_some() {
-        entries.push(Entry::line("fit over the speed", fitted));
+        entries.push(LegendEntry::line("fit over the speed", fitted));
     }
     let mut picture = Picture::new(BROAD, TOP + TALL + 60.0);
     picture.panel(&frame, &traces.svg());

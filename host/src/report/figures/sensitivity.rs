@@ -2,8 +2,8 @@
 
 use super::study::StudyFigure;
 use super::study_labels::{metric_label, name};
-use crate::report::plot::axis::{Axis, Frame, Scale};
-use crate::report::plot::legend::{self, Arrangement, Entry};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
+use crate::report::plot::legend::{self, Arrangement, LegendEntry};
 use crate::report::plot::palette::{GREY, INK, PALE, colour};
 use crate::report::plot::svg::{Colour, Font, Svg};
 use crate::report::plot::traces::{Traces, circle};
@@ -19,7 +19,7 @@ const ROW: f64 = 40.0;
 const BAR: f64 = 12.0;
 
 /// A key and its indices.
-type Row = (String, Vec<IntervalEstimate>);
+type KeyIndices = (String, Vec<IntervalEstimate>);
 
 /// First order and total.
 const TINTS: [Colour; 2] = [colour(2), colour(3)];
@@ -29,7 +29,7 @@ const TINTS: [Colour; 2] = [colour(2), colour(3)];
 pub fn draw(study: &Study, sensitivity: &SensitivityIndices) -> Option<StudyFigure> {
     let title = format!("{}: {}", study.name, metric_label(study, sensitivity.metric));
     let column = &sensitivity.column;
-    let rows: Vec<Row> = sensitivity
+    let rows: Vec<KeyIndices> = sensitivity
         .by_key()
         .map(|(key, estimates)| (short(study, key), estimates))
         .filter(|(_, estimates)| estimates.iter().all(is_drawn))
@@ -61,13 +61,13 @@ fn short(study: &Study, key: &str) -> String {
 }
 
 /// For each key a bar of its first-order and one of its total index.
-fn bars(rows: &[Row]) -> Picture {
+fn bars(rows: &[KeyIndices]) -> Picture {
     let font = Font::new(LABEL, INK);
     let left = 40.0 + rows.iter().map(|(key, _)| font.width(key)).fold(80.0, f64::max);
     let bottom = TOP + ROW * rows.len() as f64;
     let ends = rows.iter().flat_map(|(_, estimates)| estimates.iter().flat_map(|estimate| estimate.interval_95));
     let x = Axis::between("share of the variance", ends.clone().fold(0.0, f64::min), ends.fold(1.0, f64::max));
-    let frame = Frame { x, y: Axis::between("", 0.0, 1.0), bounds: (left, TOP, RIGHT.max(left + 200.0), bottom) };
+    let frame = PlotFrame { x, y: Axis::between("", 0.0, 1.0), bounds: (left, TOP, RIGHT.max(left + 200.0), bottom) };
     let mut picture = Picture::new(frame.bounds.2 + 30.0, bottom + 60.0);
     let across = |value: f64| frame.point(value, 0.0).0;
     for tick in frame.x.ticks().0 {
@@ -87,7 +87,7 @@ fn bars(rows: &[Row]) -> Picture {
     }
     picture.add(&frame.edges());
     let entries = ["first order: alone", "total: with the others"].into_iter().zip(TINTS);
-    let entries: Vec<Entry> = entries.map(|(words, tint)| Entry::mark(words, &square(tint))).collect();
+    let entries: Vec<LegendEntry> = entries.map(|(words, tint)| LegendEntry::mark(words, &square(tint))).collect();
     legend::rows(&mut picture, (24.0, 44.0), BROAD, &entries);
     picture
 }
@@ -99,16 +99,17 @@ fn square(tint: Colour) -> Svg {
 }
 
 /// σ over µ*, with the line σ = µ*: near it and above an effect depends on where the step is taken.
-fn effects(rows: &[Row], unit: &str) -> Picture {
-    let [magnitude, deviation] = [1, 2].map(|place| move |(_, estimates): &Row| estimates[place]);
-    let most = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
+fn effects(rows: &[KeyIndices], unit: &str) -> Picture {
+    let [magnitude, deviation] = [1, 2].map(|place| move |(_, estimates): &KeyIndices| estimates[place]);
+    let most = |of: &dyn Fn(&KeyIndices) -> f64| rows.iter().map(of).fold(0.0, f64::max);
     let largest = most(&|row| magnitude(row).interval_95[1]).max(most(&|row| deviation(row).value));
     let axis = |label: &str| Axis::around(format!("{label}{unit}"), Scale::Linear, [0.0, largest]);
-    let entry = |(row, place): (&Row, usize)| Entry::mark(row.0.as_str(), &circle(4.5, colour(place).fill()));
-    let entries: Vec<Entry> = rows.iter().zip(1..).map(entry).collect();
+    let entry =
+        |(row, place): (&KeyIndices, usize)| LegendEntry::mark(row.0.as_str(), &circle(4.5, colour(place).fill()));
+    let entries: Vec<LegendEntry> = rows.iter().zip(1..).map(entry).collect();
     let places = Arrangement::of(Breadth::Broad, (92.0, 44.0), &entries, 26.0);
     let (x, y) = (axis("µ*, mean magnitude of the effect"), axis("σ of the effect"));
-    let frame = Frame { x, y, bounds: places.bounds };
+    let frame = PlotFrame { x, y, bounds: places.bounds };
     let mut traces = Traces::new(&frame);
     traces.line([(0.0, 0.0), (largest, largest)], GREY.stroke(1.0).dashed("5 4"));
     for (row, place) in rows.iter().zip(1..) {

@@ -6,7 +6,7 @@ use crate::campaign::CampaignSetUp;
 use crate::report::describe;
 use crate::report::numbers::{significant, trimmed};
 use crate::report::plot::palette::{GREY, INK, Look, PALE, WALL};
-use crate::report::plot::svg::{Colour, Font, Place};
+use crate::report::plot::svg::{Colour, Font, PicturePlace};
 use crate::report::plot::traces::marker;
 use crate::report::plot::{LABEL, Picture, SMALL};
 use damprig_core::model::{Particle, SetUp};
@@ -38,12 +38,12 @@ struct Sketch {
 }
 
 impl Sketch {
-    fn line(&mut self, points: &[Place], tint: Colour, width: f64) {
+    fn line(&mut self, points: &[PicturePlace], tint: Colour, width: f64) {
         self.picture.line(points.iter().copied(), tint.stroke(width));
     }
 
     /// A filled box with an outline.
-    fn body(&mut self, (left, top): Place, (right, bottom): Place, fill: Colour) {
+    fn body(&mut self, (left, top): PicturePlace, (right, bottom): PicturePlace, fill: Colour) {
         self.picture.rectangle((left, top, right, bottom), fill.fill().edged(INK, 1.0));
     }
 
@@ -57,7 +57,7 @@ impl Sketch {
     }
 
     /// An arrow to the right.
-    fn arrow(&mut self, from: Place, to: f64) {
+    fn arrow(&mut self, from: PicturePlace, to: f64) {
         self.line(&[from, (to, from.1)], GREY, 2.0);
         self.picture.area([(to, from.1), (to - 7.0, from.1 - 4.0), (to - 7.0, from.1 + 4.0)], GREY.fill());
     }

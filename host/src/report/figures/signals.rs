@@ -1,11 +1,11 @@
 //! The signals of a measured file: the lowest and highest value of each part, a panel for each signal.
 
 use crate::failure::Failure;
-use crate::report::plot::axis::{Axis, Frame, Scale};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
 use crate::report::plot::palette::colour;
 use crate::report::plot::traces::Traces;
 use crate::report::plot::{BROAD, Picture};
-use crate::signal_file::overview::{Overview, Places, SignalOverview};
+use crate::signal_file::overview::{Overview, OverviewAxis, SignalOverview};
 
 /// Signals that are drawn.
 const MAX_PANELS: usize = 8;
@@ -28,7 +28,7 @@ pub fn draw(overview: &Overview) -> Result<Picture, Failure> {
     for (n, signal) in drawn.iter().enumerate() {
         let top = TOP + n as f64 * (TALL + GAP);
         let ends = || signal.envelope.iter().flat_map(|part| [(part.at, part.min), (part.at, part.max)]);
-        let frame = Frame {
+        let frame = PlotFrame {
             x: Axis::tight(across(signal), ends().map(|end| end.0)),
             y: Axis::around(label(n + 1, signal), scale(signal), ends().map(|end| end.1)),
             bounds: (LEFT, top, BROAD - 24.0, top + TALL),
@@ -44,9 +44,9 @@ pub fn draw(overview: &Overview) -> Result<Picture, Failure> {
 
 fn across(signal: &SignalOverview) -> &'static str {
     match signal.places {
-        Places::Time { .. } => "Time (s)",
-        Places::Frequency { .. } => "Frequency (Hz)",
-        Places::Unknown(_) => "Number of the value",
+        OverviewAxis::Time { .. } => "Time (s)",
+        OverviewAxis::Frequency { .. } => "Frequency (Hz)",
+        OverviewAxis::Unknown(_) => "Number of the value",
     }
 }
 

@@ -5,10 +5,10 @@
 use damprig_core::integrator::exact::Excitation;
 
 use crate::failure::Failure;
-use crate::motion_record::Quantity;
+use crate::motion_record::RecordQuantity;
 use crate::report::describe;
-use crate::report::plot::axis::{Axis, Frame, Scale, length_unit};
-use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale, length_unit};
+use crate::report::plot::legend::{self, LegendEntry};
 use crate::report::plot::palette::{INK, MARKED, WALL, colour};
 use crate::report::plot::svg::{Bounds, Colour, Font};
 pub use crate::report::plot::traces::COLUMNS;
@@ -51,7 +51,7 @@ const LAST_CYCLES: f64 = 10.0;
 
 /// Whether the base drifts, as that of an uncorrected acceleration record does: x and y are then drawn relative to it.
 fn drifts(case: &Case) -> bool {
-    case.record.as_ref().is_some_and(|record| record.quantity == Quantity::Acceleration)
+    case.record.as_ref().is_some_and(|record| record.quantity == RecordQuantity::Acceleration)
 }
 
 /// The envelope that draws a case between two times, s, in so many columns.
@@ -135,7 +135,7 @@ fn panel(picture: &mut Picture, envelope: &Envelope, notes: &MotionNotes, bounds
     let (name, scale) = length_unit(low.abs().max(high.abs()));
     let (from, to) = envelope.window_s();
     let relative = if envelope.is_relative() { " relative to the base" } else { "" };
-    let frame = Frame {
+    let frame = PlotFrame {
         x: Axis::between("Time (s)", from, to),
         y: Axis::around(format!("Displacement{relative} ({name})"), Scale::Linear, [low * scale, high * scale]),
         bounds,
@@ -163,15 +163,15 @@ fn panel(picture: &mut Picture, envelope: &Envelope, notes: &MotionNotes, bounds
     picture.panel(&frame, &traces.svg());
 }
 
-fn entries(notes: &MotionNotes, envelopes: &[&Envelope]) -> Vec<Entry> {
+fn entries(notes: &MotionNotes, envelopes: &[&Envelope]) -> Vec<LegendEntry> {
     let less = if envelopes.iter().any(|o| o.is_relative()) { " − z" } else { "" };
-    let mut entries = vec![Entry::line(format!("x{less} structure"), X.stroke(2.0))];
-    entries.extend(notes.second_mass.map(|word| Entry::line(format!("y{less} {word}"), Y.stroke(1.2))));
-    entries.extend(notes.base_moves.then(|| Entry::line("z base", Z.stroke(1.2))));
+    let mut entries = vec![LegendEntry::line(format!("x{less} structure"), X.stroke(2.0))];
+    entries.extend(notes.second_mass.map(|word| LegendEntry::line(format!("y{less} {word}"), Y.stroke(1.2))));
+    entries.extend(notes.base_moves.then(|| LegendEntry::line("z base", Z.stroke(1.2))));
     if notes.walls_m.is_some() {
-        entries.push(Entry::line("walls, ± d", WALL.stroke(1.0)));
+        entries.push(LegendEntry::line("walls, ± d", WALL.stroke(1.0)));
         if envelopes.iter().any(|o| o.impacts() > 0) {
-            entries.push(Entry::mark("impact", &impact(1, MARKED)));
+            entries.push(LegendEntry::mark("impact", &impact(1, MARKED)));
         }
     }
     entries

@@ -1,16 +1,16 @@
 //! The figures of a study: for each metric a map over two axes, curves over one, or the drawn points.
 
-use super::curves::Curve as SpecialCurve;
+use super::curves::SpecialCurve;
 use super::study_curves::{self, Curve, CurveLabels, Mark};
 use super::study_labels::{label, metric_label, metric_meaning, name};
-use super::study_map::{self, Map, MapAxis};
+use super::study_map::{self, MapAxis, StudyMap};
 use crate::continuation::FoundBranches;
 use crate::failure::Failure;
 use crate::quantity::Quantity;
 use crate::report::numbers::significant;
 use crate::report::plot::{Breadth, Picture};
 use crate::study::Study;
-use crate::study::axis::{Axis, Value};
+use crate::study::axis::{AxisValue, StudyAxis};
 use crate::study::evaluate::main_column;
 use crate::study::table::{MIN_OF_MAP, StudyTable, numbers};
 
@@ -31,13 +31,13 @@ pub struct StudyFigure {
 }
 
 /// A drawn figure, and a narrow one if it is of curves.
-type Drawn = (Result<Picture, Failure>, Option<Picture>);
+type DrawnFigure = (Result<Picture, Failure>, Option<Picture>);
 
 /// Published points to be drawn over the curves of a study.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PublishedPoints {
     /// Axes and their values; an axis that is not among them may have any.
-    pub at: Vec<(String, Value)>,
+    pub at: Vec<(String, AxisValue)>,
     /// Key of the axis that is the abscissa of `points`.
     pub over: String,
     /// Abscissa and value.
@@ -109,7 +109,7 @@ fn draw_metric(
     Some(StudyFigure { stem: metric.name().into(), caption, picture, narrow })
 }
 
-fn drawn(curves: &[Curve], labels: &CurveLabels) -> Drawn {
+fn drawn(curves: &[Curve], labels: &CurveLabels) -> DrawnFigure {
     let [broad, narrow] = [Breadth::Broad, Breadth::Narrow].map(|breadth| study_curves::draw(curves, labels, breadth));
     (Ok(broad), Some(narrow))
 }
@@ -126,17 +126,17 @@ struct Sheet<'a> {
 }
 
 impl Sheet<'_> {
-    fn axis(&self, place: usize) -> &Axis {
+    fn axis(&self, place: usize) -> &StudyAxis {
         &self.study.axes[place]
     }
 
     /// The values of all axes in a row.
-    fn at(&self, row: u64) -> Vec<Value> {
+    fn at(&self, row: u64) -> Vec<AxisValue> {
         self.study.points.values(&self.study.axes, row, 0)
     }
 
-    fn number(values: &[Value], place: usize) -> f64 {
-        if let Value::Number(number) = values[place] { number } else { f64::NAN }
+    fn number(values: &[AxisValue], place: usize) -> f64 {
+        if let AxisValue::Number(number) = values[place] { number } else { f64::NAN }
     }
 
     /// The row that a slice goes through: the best one, or the first.
@@ -145,25 +145,25 @@ impl Sheet<'_> {
     }
 
     /// Kept axes other than these, with their values in the row that the slice goes through.
-    fn others(&self, shown: &[usize]) -> Vec<(usize, Value)> {
+    fn others(&self, shown: &[usize]) -> Vec<(usize, AxisValue)> {
         let there = self.at(self.through());
         let kept = self.study.points.kept().iter().filter(|place| !shown.contains(place));
         kept.map(|place| (*place, there[*place].clone())).collect()
     }
 
-    fn words(&self, others: &[(usize, Value)]) -> String {
-        let word = |(place, value): &(usize, Value)| {
+    fn words(&self, others: &[(usize, AxisValue)]) -> String {
+        let word = |(place, value): &(usize, AxisValue)| {
             let axis = self.axis(*place);
             let value = match value {
-                Value::Number(number) => significant(*number, 5),
-                Value::Word(word) => word.clone(),
+                AxisValue::Number(number) => significant(*number, 5),
+                AxisValue::Word(word) => word.clone(),
             };
             format!("{} = {value} {}", name(self.study, axis), axis.unit()).trim_end().to_string()
         };
         others.iter().map(word).collect::<Vec<_>>().join(", ")
     }
 
-    fn title(&self, others: &[(usize, Value)]) -> String {
+    fn title(&self, others: &[(usize, AxisValue)]) -> String {
         let words = self.words(others);
         if words.is_empty() { self.study.name.clone() } else { format!("{}: {words}", self.study.name) }
     }
@@ -193,7 +193,7 @@ impl Sheet<'_> {
         (0..self.values.len() as u64).filter(is_in).collect()
     }
 
-    fn map(&self, x: usize, y: usize) -> (Drawn, String) {
+    fn map(&self, x: usize, y: usize) -> (DrawnFigure, String) {
         let others = self.others(&[x, y]);
         let rising = |place: usize| {
             let mut values = numbers(self.study, place).unwrap_or_default().to_vec();
@@ -241,7 +241,7 @@ impl Sheet<'_> {
         if !curves.is_empty() {
             caption.push_str(" Black: where a periodic motion changes; docs/CONTINUE.md has the names.");
         }
-        let map = Map { title, x: across, y: up, label: self.value_label(), values, marked, curves, best };
+        let map = StudyMap { title, x: across, y: up, label: self.value_label(), values, marked, curves, best };
         ((study_map::draw(&map), None), caption)
     }
 
@@ -253,21 +253,21 @@ impl Sheet<'_> {
 
     /// Curves over `x`, one for each combination of the other axes. If these are too many: through the best point, one for each value
     /// of `next`.
-    fn curves(&self, x: usize, next: Option<usize>) -> (Drawn, String) {
+    fn curves(&self, x: usize, next: Option<usize>) -> (DrawnFigure, String) {
         let is_all = self.values.len() / self.axis(x).count() <= MAX_CURVES;
         let varied = self.study.points.kept().iter().copied().filter(|place| self.axis(*place).count() > 1);
         let shown: Vec<usize> = if is_all { varied.collect() } else { [x].into_iter().chain(next).collect() };
         let fixed = self.others(&shown);
         // Neighbouring seeds have nothing to do with each other.
         let is_scattered = self.axis(x).key.ends_with(".seed");
-        let mut curves: Vec<(Vec<(usize, Value)>, Curve)> = Vec::new();
+        let mut curves: Vec<(Vec<(usize, AxisValue)>, Curve)> = Vec::new();
         let quantiles = self.study.ensemble.as_ref().map(|_| {
             ["min", "max"].map(|end| self.table.column(&format!("{}_{end}", self.metric.name())).unwrap_or_default())
         });
         for row in self.slice(&shown) {
             let there = self.at(row);
             let others = shown.iter().filter(|place| **place != x);
-            let others: Vec<(usize, Value)> = others.map(|place| (*place, there[*place].clone())).collect();
+            let others: Vec<(usize, AxisValue)> = others.map(|place| (*place, there[*place].clone())).collect();
             let known = curves.iter().position(|(of, _)| *of == others);
             let known = known.unwrap_or_else(|| {
                 let label = self.words(&others);
@@ -314,17 +314,17 @@ impl Sheet<'_> {
     }
 
     /// Whether points belong to a value of an axis.
-    fn is_at(&self, published: &PublishedPoints, (place, value): &(usize, Value)) -> bool {
+    fn is_at(&self, published: &PublishedPoints, (place, value): &(usize, AxisValue)) -> bool {
         let there = published.at.iter().find(|(key, _)| *key == self.axis(*place).key);
         there.is_none_or(|(_, wanted)| match (wanted, value) {
             // As printed: the value of a grid is rounded.
-            (Value::Number(a), Value::Number(b)) => (a - b).abs() <= 1e-9 * a.abs().max(b.abs()),
+            (AxisValue::Number(a), AxisValue::Number(b)) => (a - b).abs() <= 1e-9 * a.abs().max(b.abs()),
             _ => wanted == value,
         })
     }
 
     /// The value over the first drawn axis.
-    fn drawn_points(&self) -> (Drawn, String) {
+    fn drawn_points(&self) -> (DrawnFigure, String) {
         let is_drawn = |place: &&usize| self.axis(**place).is_scattered();
         let x = self.study.points.kept().iter().find(is_drawn).copied().unwrap_or(0);
         let point = |row: u64| (Self::number(&self.at(row), x), self.values[row as usize]);

@@ -1,7 +1,7 @@
 //! Draws a quantity over one axis of a study: a curve for each combination of the others, with the band between its quantiles.
 
-use crate::report::plot::axis::{Axis, Frame, Scale};
-use crate::report::plot::legend::{self, Arrangement, Entry};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
+use crate::report::plot::legend::{self, Arrangement, LegendEntry};
 use crate::report::plot::palette::{INK, MARKED, colour};
 use crate::report::plot::svg::{Colour, Font, Svg};
 use crate::report::plot::traces::{PointerValue, Traces, circle};
@@ -64,8 +64,9 @@ const LINE: f64 = 17.0;
 /// Draws the curves.
 #[must_use]
 pub fn draw(curves: &[Curve], labels: &CurveLabels, breadth: Breadth) -> Picture {
-    let entry = |(place, curve): (usize, &Curve)| Entry::line(&curve.label, colour(place).stroke(2.0)).of_curve(place);
-    let entries: Vec<Entry> = curves.iter().enumerate().filter(|_| curves.len() > 1).map(entry).collect();
+    let entry =
+        |(place, curve): (usize, &Curve)| LegendEntry::line(&curve.label, colour(place).stroke(2.0)).of_curve(place);
+    let entries: Vec<LegendEntry> = curves.iter().enumerate().filter(|_| curves.len() > 1).map(entry).collect();
     let left = if breadth == Breadth::Broad { 92.0 } else { 74.0 };
     let font = Font::new(TITLE, INK);
     let title = font.wrapped(&labels.title, breadth.width() - left - 10.0);
@@ -78,7 +79,7 @@ pub fn draw(curves: &[Curve], labels: &CurveLabels, breadth: Breadth) -> Picture
     let values = curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.1)).chain(bands());
     let values = values.chain(marks().map(|at| at.1));
     let scale = if labels.is_log { Scale::Log } else { Scale::Linear };
-    let frame = Frame {
+    let frame = PlotFrame {
         x: Axis::around(labels.x.clone(), scale, abscissae()),
         y: Axis::around(labels.y.clone(), Scale::Linear, values),
         bounds: places.bounds,
@@ -101,8 +102,8 @@ pub fn draw(curves: &[Curve], labels: &CurveLabels, breadth: Breadth) -> Picture
     let published = [(false, "published, computed"), (true, "published, measured")];
     let has = |is_measured: bool| labels.marks.iter().any(|mark| mark.is_measured == is_measured);
     let published = published.into_iter().filter(|(is_measured, _)| has(*is_measured));
-    let entries: Vec<Entry> =
-        published.map(|(is_measured, words)| Entry::mark(words, &sign(is_measured, INK))).collect();
+    let entries: Vec<LegendEntry> =
+        published.map(|(is_measured, words)| LegendEntry::mark(words, &sign(is_measured, INK))).collect();
     let (left, _) = legend::rows(&mut picture, (left, y), f64::INFINITY, &entries);
     // On the line of these entries.
     picture.note(left, undrawn.as_deref());
@@ -110,7 +111,7 @@ pub fn draw(curves: &[Curve], labels: &CurveLabels, breadth: Breadth) -> Picture
 }
 
 /// The elements of a curve: band, line or dots, the published points on it, and the best point on the first one.
-fn elements_of(frame: &Frame, place: usize, curve: &Curve, labels: &CurveLabels) -> Svg {
+fn elements_of(frame: &PlotFrame, place: usize, curve: &Curve, labels: &CurveLabels) -> Svg {
     let is_drawn = |(x, y): &(f64, f64)| frame.draws(*x, *y);
     let tint = colour(place);
     let mut traces = Traces::new(frame);

@@ -3,7 +3,7 @@
 use super::symbols;
 use crate::quantity::Quantity;
 use crate::study::Study;
-use crate::study::axis::Axis;
+use crate::study::axis::StudyAxis;
 
 /// The symbol of the case's reference length at the first point.
 fn reference(study: &Study) -> &'static str {
@@ -13,13 +13,13 @@ fn reference(study: &Study) -> &'static str {
 
 /// Quantity and unit of an axis: `d/Z`, `f (Hz)`; the key where it has no symbol.
 #[must_use]
-pub fn label(study: &Study, axis: &Axis) -> String {
+pub fn label(study: &Study, axis: &StudyAxis) -> String {
     symbols::label(&axis.key, || reference(study))
 }
 
 /// Name of an axis before a value: `d/Z`, `f`; the key without its tables where it has no symbol.
 #[must_use]
-pub fn name(study: &Study, axis: &Axis) -> String {
+pub fn name(study: &Study, axis: &StudyAxis) -> String {
     symbols::name(&axis.key, || reference(study))
 }
 

@@ -1,10 +1,10 @@
 //! Draws a quantity over two axes of a study as a map: a rectangle for each point, contour lines, the best point.
 
-use super::curves::{self, Curve};
+use super::curves::{self, SpecialCurve};
 use crate::failure::Failure;
 use crate::report::numbers::significant;
-use crate::report::plot::axis::{Axis, Frame, Scale};
-use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
+use crate::report::plot::legend::{self, LegendEntry};
 use crate::report::plot::palette::{INK, MARKED, WHITE, viridis};
 use crate::report::plot::svg::{Bounds, Colour, Font, Svg};
 use crate::report::plot::traces::circle;
@@ -12,7 +12,7 @@ use crate::report::plot::{LABEL, Picture, TITLE, contour};
 
 /// A map.
 #[derive(Clone, Debug)]
-pub struct Map {
+pub struct StudyMap {
     /// Name of the study, and what the other axes are.
     pub title: String,
     /// Horizontal axis.
@@ -26,7 +26,7 @@ pub struct Map {
     /// Marked points, each kind with its meaning; values as in `values`. At most two kinds.
     pub marked: Vec<(String, Vec<bool>)>,
     /// Curves of special points over it.
-    pub curves: Vec<Curve>,
+    pub curves: Vec<SpecialCurve>,
     /// The best point and its text.
     pub best: Option<((f64, f64), String)>,
 }
@@ -71,7 +71,7 @@ impl MapAxis {
     }
 }
 
-impl Map {
+impl StudyMap {
     /// The map with some values of its longest axes, evenly taken; the best point stays.
     fn thinned(&self) -> Self {
         let (columns, across, up) = (self.x.values.len(), drawn(self.x.values.len()), drawn(self.y.values.len()));
@@ -122,7 +122,7 @@ pub(super) fn drawn(count: usize) -> Vec<usize> {
 ///
 /// # Errors
 /// Fewer than two values on an axis, or one that cannot be drawn.
-pub fn draw(map: &Map) -> Result<Picture, Failure> {
+pub fn draw(map: &StudyMap) -> Result<Picture, Failure> {
     if map.x.values.len() < 2 || map.y.values.len() < 2 {
         return Err(Failure::undrawn("a map needs at least two values on both axes"));
     }
@@ -137,9 +137,9 @@ pub fn draw(map: &Map) -> Result<Picture, Failure> {
     }
     let undrawn = Scale::Linear.undrawn(map.values.iter().copied());
     let drawn = |value: &f64| if Scale::Linear.draws(*value) { *value } else { f64::NAN };
-    let map = &Map { values: map.values.iter().map(drawn).collect(), ..map.clone() };
+    let map = &StudyMap { values: map.values.iter().map(drawn).collect(), ..map.clone() };
     let colours = colour_scale(&map.label, &map.values);
-    let frame = Frame { x: map.x.axis(), y: map.y.axis(), bounds: BOUNDS };
+    let frame = PlotFrame { x: map.x.axis(), y: map.y.axis(), bounds: BOUNDS };
     let mut picture = Picture::new(SIZE.0, SIZE.1);
     cells(&mut picture, map, &frame, &colours);
     hatching(&mut picture, map, &frame);
@@ -161,7 +161,7 @@ pub fn draw(map: &Map) -> Result<Picture, Failure> {
 }
 
 /// Draws a rectangle for each run of neighbours of the same colour.
-fn cells(svg: &mut Svg, map: &Map, frame: &Frame, colours: &Axis) {
+fn cells(svg: &mut Svg, map: &StudyMap, frame: &PlotFrame, colours: &Axis) {
     let (across, up) = (map.x.borders(), map.y.borders());
     let step = |value: f64| (colours.place(value) * COLOUR_STEPS as f64).floor().clamp(0.0, COLOUR_STEPS as f64 - 1.0);
     for (row, values) in map.values.chunks(map.x.values.len()).enumerate() {
@@ -204,7 +204,7 @@ fn tint(step: f64) -> Colour {
 }
 
 /// Contour lines in places between points, each as segments. Those between marked points say nothing.
-fn contours(map: &Map, colours: &Axis) -> impl Iterator<Item = Vec<[(f64, f64); 2]>> {
+fn contours(map: &StudyMap, colours: &Axis) -> impl Iterator<Item = Vec<[(f64, f64); 2]>> {
     let is_marked = |n: usize| map.marked.iter().any(|(_, marks)| marks[n]);
     let known = |(n, value): (usize, &f64)| if is_marked(n) { f64::NAN } else { *value };
     let values: Vec<f64> = map.values.iter().enumerate().map(known).collect();
@@ -221,7 +221,7 @@ fn contours(map: &Map, colours: &Axis) -> impl Iterator<Item = Vec<[(f64, f64); 
 const HATCHES: [&str; 2] = ["M-2,2 l4,-4 M0,10 l10,-10 M8,12 l4,-4", "M-2,8 l4,4 M0,0 l10,10 M8,-2 l4,4"];
 
 /// Draws patterns over the marked points.
-fn hatching(svg: &mut Svg, map: &Map, frame: &Frame) {
+fn hatching(svg: &mut Svg, map: &StudyMap, frame: &PlotFrame) {
     for (kind, path) in HATCHES.iter().enumerate() {
         let mut lines = Svg::default();
         lines.path(path, WHITE.stroke(1.8).opacity(0.6));
@@ -273,15 +273,15 @@ fn best(around: Option<Colour>) -> Svg {
 }
 
 /// The best point and the kinds of marks that the map has.
-fn entries(map: &Map) -> Vec<Entry> {
+fn entries(map: &StudyMap) -> Vec<LegendEntry> {
     let sample = |kind: usize| {
         let mut svg = Svg::default();
         svg.rectangle_with((-9.0, -8.0, 9.0, 8.0), &hatch(kind));
         svg
     };
-    let best = map.best.iter().map(|(_, words)| Entry::mark(words, &best(None)));
+    let best = map.best.iter().map(|(_, words)| LegendEntry::mark(words, &best(None)));
     let marked = map.marked.iter().enumerate().filter(|(_, (_, marks))| marks.contains(&true));
-    best.chain(marked.map(|(kind, (words, _))| Entry::mark(words, &sample(kind)))).collect()
+    best.chain(marked.map(|(kind, (words, _))| LegendEntry::mark(words, &sample(kind)))).collect()
 }
 
 #[cfg(test)]
@@ -311,7 +311,7 @@ mod tests {
         let values: Vec<f64> = (0..columns * rows).map(|place| (place % 97) as f64).collect();
         let marked = vec![("odd".into(), values.iter().map(|value| value % 2.0 == 1.0).collect())];
         let (x, y) = (axis(columns), axis(rows));
-        let map = Map {
+        let map = StudyMap {
             title: "m".into(),
             x,
             y,
@@ -330,10 +330,10 @@ mod tests {
         }
         assert!(draw(&map).expect("a picture").png().is_ok());
         // Values that jump from point to point have no contour lines, smooth ones have.
-        let has_lines = |map: &Map| draw(map).expect("a picture").svg().contains("stroke-linecap");
-        let noise = Map { marked: Vec::new(), ..map };
+        let has_lines = |map: &StudyMap| draw(map).expect("a picture").svg().contains("stroke-linecap");
+        let noise = StudyMap { marked: Vec::new(), ..map };
         assert!(!has_lines(&noise));
         let smooth = (0..columns * rows).map(|place| (place % columns) as f64).collect();
-        assert!(has_lines(&Map { values: smooth, ..noise }));
+        assert!(has_lines(&StudyMap { values: smooth, ..noise }));
     }
 }

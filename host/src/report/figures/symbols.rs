@@ -1,6 +1,6 @@
 //! Symbols of keys as the field writes them: d/Z, e, μi.
 
-use crate::input::key::Unit;
+use crate::input::key::KeyUnit;
 use crate::simulation::Case;
 
 /// Symbols of keys. That of a clearance ratio depends on the case's reference length.
@@ -69,7 +69,7 @@ fn symbol(key: &str, reference: impl FnOnce() -> &'static str) -> Option<String>
 }
 
 fn unit(key: &str) -> &'static str {
-    Unit::of(key).map_or("", |unit| unit.symbol)
+    KeyUnit::of(key).map_or("", |unit| unit.symbol)
 }
 
 /// Quantity and unit of a key: `d/Z`, `f (Hz)`; the key where it has no symbol. `reference` is the symbol of the reference length.

@@ -1,7 +1,7 @@
 //! Draws playbacks, impulses and free vibrations: x over time, a panel per experiment, a curve per set-up.
 
-use crate::report::plot::axis::{Axis, Frame, Scale};
-use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
+use crate::report::plot::legend::{self, LegendEntry};
 use crate::report::plot::palette::{GREY, INK, Look};
 use crate::report::plot::svg::{Bounds, Font, Style};
 use crate::report::plot::traces::Traces;
@@ -39,7 +39,7 @@ const MILLIMETRES: f64 = 1e3;
 /// Draws the panels from top to bottom.
 #[must_use]
 pub fn draw(panels: &[HistoryPanel]) -> Picture {
-    let legends: Vec<Vec<Entry>> = panels.iter().map(entries).collect();
+    let legends: Vec<Vec<LegendEntry>> = panels.iter().map(entries).collect();
     let right = WIDTH - 32.0 - legends.iter().map(|entries| legend::size(entries).0).fold(0.0, f64::max);
     let height = TOP + panels.len().max(1) as f64 * (HIGH + GAP) - GAP + 64.0;
     let mut picture = Picture::new(WIDTH, height);
@@ -65,16 +65,16 @@ fn curves(panel: &HistoryPanel) -> impl Iterator<Item = (Vec<(f64, f64)>, Style)
     all.map(|(points, style)| (points.iter().map(|(t, m)| (*t, m * MILLIMETRES)).collect(), style))
 }
 
-fn entries(panel: &HistoryPanel) -> Vec<Entry> {
-    let own = panel.curves.iter().map(|curve| Entry::line(&curve.label, curve.look.line(2.0)));
-    own.chain(panel.base.as_ref().map(|_| Entry::line("base z", GREY.stroke(2.0)))).collect()
+fn entries(panel: &HistoryPanel) -> Vec<LegendEntry> {
+    let own = panel.curves.iter().map(|curve| LegendEntry::line(&curve.label, curve.look.line(2.0)));
+    own.chain(panel.base.as_ref().map(|_| LegendEntry::line("base z", GREY.stroke(2.0)))).collect()
 }
 
-fn frame<'a>(points: impl Iterator<Item = &'a (f64, f64)> + Clone, bounds: Bounds) -> Frame {
+fn frame<'a>(points: impl Iterator<Item = &'a (f64, f64)> + Clone, bounds: Bounds) -> PlotFrame {
     let times = points.clone().map(|p| p.0).filter(|t| Scale::Linear.draws(*t));
     let (from, to) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)));
     let (from, to) = if from < to { (from, to) } else { (0.0, 1.0) };
-    Frame {
+    PlotFrame {
         x: Axis::between("Time (s)", from, to),
         y: Axis::around("Displacement (mm)", Scale::Linear, points.map(|p| p.1)),
         bounds,

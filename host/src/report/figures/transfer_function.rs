@@ -6,8 +6,8 @@ use crate::failure::Failure;
 use crate::identify::time_response::TimeResponse;
 use crate::identify::time_response::welch::Line;
 use crate::report::numbers::significant;
-use crate::report::plot::axis::{Axis, Frame, Scale};
-use crate::report::plot::legend::{self, Entry};
+use crate::report::plot::axis::{Axis, PlotFrame, Scale};
+use crate::report::plot::legend::{self, LegendEntry};
 use crate::report::plot::palette::{INK, colour};
 use crate::report::plot::svg::{Font, Style};
 use crate::report::plot::traces::{Traces, upright};
@@ -60,7 +60,7 @@ pub fn draw(found: &TimeResponse) -> Result<Picture, Failure> {
     head(&mut picture, found);
     let mut top = TOP;
     for (place, ((x, y), value)) in axes.into_iter().zip(measured).enumerate() {
-        let frame = Frame { x, y, bounds: (LEFT, top, RIGHT, top + HEIGHTS[place]) };
+        let frame = PlotFrame { x, y, bounds: (LEFT, top, RIGHT, top + HEIGHTS[place]) };
         top += HEIGHTS[place] + GAP;
         let mut traces = Traces::new(&frame);
         if place == 0 {
@@ -110,18 +110,18 @@ fn head(picture: &mut Picture, found: &TimeResponse) {
         100.0 * segments.overlap,
         found.spectrum.averages
     );
-    let entries = [Entry::line(words, MEASURED), Entry::line("fitted structure", MODEL)];
-    legend::rows(picture, (LEFT, 45.0), RIGHT, &entries.map(Entry::of_sign));
+    let entries = [LegendEntry::line(words, MEASURED), LegendEntry::line("fitted structure", MODEL)];
+    legend::rows(picture, (LEFT, 45.0), RIGHT, &entries.map(LegendEntry::of_sign));
 }
 
 /// Draws a curve, cut at the ends of the frame.
-pub(super) fn curve(traces: &mut Traces, frame: &Frame, values: impl Iterator<Item = (f64, f64)>, style: Style) {
+pub(super) fn curve(traces: &mut Traces, frame: &PlotFrame, values: impl Iterator<Item = (f64, f64)>, style: Style) {
     let inside = |(f, value): (f64, f64)| (f, value.clamp(frame.y.from, frame.y.to));
     traces.line(values.filter(|(_, value)| value.is_finite()).map(inside), style);
 }
 
 /// Draws the expanded uncertainty of |H| at a line as a pale bar.
-fn uncertainty(traces: &mut Traces, frame: &Frame, line: &Line, averages: f64) {
+fn uncertainty(traces: &mut Traces, frame: &PlotFrame, line: &Line, averages: f64) {
     let half = (EXPANDED * line.relative_uncertainty(averages)).min(0.99);
     let end = |share: f64| (line.frequency_hz, (line.magnitude() * share).clamp(frame.y.from, frame.y.to));
     traces.line([end(1.0 - half), end(1.0 + half)], colour(2).stroke(2.0).opacity(0.5));

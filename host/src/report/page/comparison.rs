@@ -4,7 +4,7 @@
 use maud::{Markup, html};
 
 use super::{BOTH, document, drawn, drawn_in_both};
-use crate::compare::{ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, Predicted, Verdict};
+use crate::compare::{ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, PredictedQuantity, Verdict};
 use crate::quantity::Quantity;
 use crate::report::figures::comparison::{phase_plane, response, time_history};
 use crate::report::figures::force_surface;
@@ -217,8 +217,9 @@ fn heads() -> Markup {
 fn cells(point: &ComparedPoint, own: &ComparedMetric, has_frequency: bool) -> Markup {
     let (unit, scale) = own.metric.shown_unit();
     let value = |value: f64, expanded: f64| with_uncertainty(value * scale, expanded * scale).replace('-', "−");
-    let predicted = |p: &Option<Predicted>| p.as_ref().map_or("–".into(), |p| value(p.value.value, p.value.expanded));
-    let error = |p: &Option<Predicted>| {
+    let predicted =
+        |p: &Option<PredictedQuantity>| p.as_ref().map_or("–".into(), |p| value(p.value.value, p.value.expanded));
+    let error = |p: &Option<PredictedQuantity>| {
         p.as_ref().map_or("–".into(), |p| normalised_error(p.normalised_error).replace('-', "−"))
     };
     html! {

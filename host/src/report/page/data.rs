@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::gaps::{self, SampleGaps};
 use crate::campaign::Campaign;
-use crate::run_folder::journal::{self, Entry};
+use crate::run_folder::journal::{self, JournalEntry};
 use crate::run_folder::read::campaign_copy;
 use crate::run_folder::schema::device::BoardSettings;
 use crate::run_folder::schema::journal_state::JournalState;
@@ -38,7 +38,7 @@ impl PageData {
             Ok(lines) => lines,
             Err(error) => {
                 unreadable.push(error.to_string());
-                journal::Lines::default()
+                journal::JournalLines::default()
             }
         };
         if !lines.damaged.is_empty() {
@@ -47,8 +47,8 @@ impl PageData {
         }
         let taken = JournalState::of(&lines.entries);
         let link = lines.entries.iter().filter_map(|entry| match entry {
-            Entry::Link { what, at } | Entry::Action { what, at } => Some((at.clone(), what.clone())),
-            Entry::PeakPoints(points) => Some((points.at.clone(), points.text())),
+            JournalEntry::Link { what, at } | JournalEntry::Action { what, at } => Some((at.clone(), what.clone())),
+            JournalEntry::PeakPoints(points) => Some((points.at.clone(), points.text())),
             _ => None,
         });
         let board = taken.begun.last().and_then(|begin| begin.device.settings.as_ref());

@@ -32,7 +32,7 @@ const STYLE: &str = concat!(include_str!("../look.css"), include_str!("style.css
 
 /// A report page.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Page {
+pub struct ReportPage {
     /// The HTML text.
     pub html: String,
     /// Unreadable parts of the run, which the page lists too.
@@ -41,19 +41,19 @@ pub struct Page {
 
 /// Makes the page of a run. It names the parts that cannot be read.
 #[must_use]
-pub fn page(run: &RunFolder) -> Page {
+pub fn page(run: &RunFolder) -> ReportPage {
     let data = PageData::of(run);
     let title = format!("{} – {}", data.manifest.campaign, data.id);
     let content = html! {
         (content(run, &data))
         (footer())
     };
-    Page { html: document(&title, &content), unreadable: data.all_unreadable() }
+    ReportPage { html: document(&title, &content), unreadable: data.all_unreadable() }
 }
 
 /// Makes one page of several runs: their frequency responses in one figure, or in one for each set-up, then the content of each page.
 #[must_use]
-pub fn page_of_runs(runs: &[RunFolder]) -> Page {
+pub fn page_of_runs(runs: &[RunFolder]) -> ReportPage {
     let all: Vec<PageData> = runs.iter().map(PageData::of).collect();
     let plotted: Vec<_> = all
         .iter()
@@ -73,7 +73,10 @@ pub fn page_of_runs(runs: &[RunFolder]) -> Page {
     let of_run = |data: &PageData| -> Vec<String> {
         data.all_unreadable().iter().map(|what| format!("{}: {what}", data.id)).collect()
     };
-    Page { html: document(&format!("{} runs", all.len()), &content), unreadable: all.iter().flat_map(of_run).collect() }
+    ReportPage {
+        html: document(&format!("{} runs", all.len()), &content),
+        unreadable: all.iter().flat_map(of_run).collect(),
+    }
 }
 
 fn footer() -> Markup {

@@ -9,7 +9,7 @@ use crate::report::terminal::optimise::{COMPARED, answer as text, ranked};
 
 /// The figures, each broad and narrow.
 #[derive(Debug)]
-pub struct Figures {
+pub struct OptimumFigures {
     /// The objective's metric over the band.
     pub over_band: Option<[Picture; 2]>,
     /// The front of two objectives.
@@ -18,7 +18,13 @@ pub struct Figures {
 
 /// Makes the page. `scope` is the command's first line, `source` the optimisation's name and the date.
 #[must_use]
-pub fn page(optimisation: &Optimisation, answer: &Optimum, scope: &str, figures: Figures, source: &str) -> String {
+pub fn page(
+    optimisation: &Optimisation,
+    answer: &Optimum,
+    scope: &str,
+    figures: OptimumFigures,
+    source: &str,
+) -> String {
     let all = ranked(answer);
     let caption = "The objective's metric over the band at each optimum with its nominal values; the band around a curve has its least and largest \
                    value within the tolerances, for all uncertain values and from all starts that the search compared points by.";

@@ -5,7 +5,9 @@ use maud::{Markup, html};
 
 use super::data::PageData;
 use super::tables::{label, largest, number, short};
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, Start, SteppedSine, TrackedResonance, kept_in_words};
+use crate::campaign::{
+    Campaign, CampaignSetUp, Experiment, ExperimentKind, PointStart, SteppedSine, TrackedResonance, kept_in_words,
+};
 use crate::report::compared::predicted_and_measured;
 use crate::report::parameters::rows;
 use crate::run_folder::schema::manifest::SetUpRecord;
@@ -92,7 +94,7 @@ pub(super) fn experiments(data: &PageData) -> Markup {
                         td.word { (range(experiment)) }
                         td { (experiment.points()) }
                         @if let Some(sine) = experiment.stepped_sine() {
-                            td.word { (if sine.start == Start::FromRest { "from rest" } else { "motion carried over" }) }
+                            td.word { (if sine.start == PointStart::FromRest { "from rest" } else { "motion carried over" }) }
                             td.word { (controlled(sine)) }
                             td { (short(sine.settle_s, 3)) }
                             td { (short(sine.dwell_s, 3)) }
@@ -157,13 +159,13 @@ pub(super) fn acting(data: &PageData) -> Markup {
 fn range(experiment: &Experiment) -> String {
     let list = experiment.frequencies_hz();
     match &experiment.kind {
-        Kind::Playback(playback) => return playback.about.clone(),
-        Kind::FreeVibration(free) => return format!("released at {} mm", short(free.start_m * 1e3, 3)),
-        Kind::SteppedSine(SteppedSine { tracked: Some(TrackedResonance { lock, .. }), .. }) => {
+        ExperimentKind::Playback(playback) => return playback.about.clone(),
+        ExperimentKind::FreeVibration(free) => return format!("released at {} mm", short(free.start_m * 1e3, 3)),
+        ExperimentKind::SteppedSine(SteppedSine { tracked: Some(TrackedResonance { lock, .. }), .. }) => {
             let [low, high] = [lock.low_hz, lock.high_hz].map(|f| short(f.into(), 4));
             return format!("resonance from {low} to {high}, at {}°", short(lock.phase_rad.to_degrees().into(), 4));
         }
-        Kind::SteppedSine(_) => {}
+        ExperimentKind::SteppedSine(_) => {}
     }
     let listed = match list {
         [first, .., last] if list.len() > 6 => format!("{} … {}", short(*first, 4), short(*last, 4)),

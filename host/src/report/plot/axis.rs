@@ -3,7 +3,7 @@
 //! Ticks are 1, 2, 5 in every decade, or round steps.
 
 use super::palette::{INK, PALE};
-use super::svg::{Bounds, Font, Place, Svg};
+use super::svg::{Bounds, Font, PicturePlace, Svg};
 use super::{LABEL, TITLE};
 use crate::report::numbers::significant;
 
@@ -197,7 +197,7 @@ fn round_step(at_least: f64) -> f64 {
 
 /// Two axes and the rectangle between them.
 #[derive(Clone, Debug)]
-pub struct Frame {
+pub struct PlotFrame {
     /// Horizontal axis.
     pub x: Axis,
     /// Vertical axis.
@@ -206,10 +206,10 @@ pub struct Frame {
     pub bounds: Bounds,
 }
 
-impl Frame {
+impl PlotFrame {
     /// Point of the figure for a pair of values.
     #[must_use]
-    pub fn point(&self, x: f64, y: f64) -> Place {
+    pub fn point(&self, x: f64, y: f64) -> PicturePlace {
         let (left, top, right, bottom) = self.bounds;
         let [x, y] = [self.x.place(x), self.y.place(y)].map(|place| place.clamp(-FARTHEST, FARTHEST));
         (left + x * (right - left), bottom - y * (bottom - top))

@@ -1,11 +1,11 @@
 //! Lines of equal value on a grid.
 
-use super::svg::Place;
+use super::svg::PicturePlace;
 
 /// The line along which values on a grid are `level`, as segments in places of the grid: 0, 0 is the first value, 1, 0 the next one of
 /// its row. A cell with a corner that is not a number has no line.
 #[must_use]
-pub fn segments(values: &[f64], columns: usize, level: f64) -> Vec<[Place; 2]> {
+pub fn segments(values: &[f64], columns: usize, level: f64) -> Vec<[PicturePlace; 2]> {
     let mut found = Vec::new();
     let rows = values.len() / columns;
     for (row, column) in (1..rows).flat_map(|row| (1..columns).map(move |column| (row - 1, column - 1))) {
@@ -22,7 +22,7 @@ pub fn segments(values: &[f64], columns: usize, level: f64) -> Vec<[Place; 2]> {
             let between = |from: usize, to: usize| from as f64 + share * (to as f64 - from as f64);
             Some((between(corners[edge].0, corners[next].0), between(corners[edge].1, corners[next].1)))
         };
-        let crossings: Vec<Place> = (0..4).filter_map(crossing).collect();
+        let crossings: Vec<PicturePlace> = (0..4).filter_map(crossing).collect();
         match crossings[..] {
             [a, b] => found.push([a, b]),
             // A saddle: its middle decides which of the corners are apart.
@@ -36,7 +36,7 @@ pub fn segments(values: &[f64], columns: usize, level: f64) -> Vec<[Place; 2]> {
 
 /// Segments that meet at their ends, as lines.
 #[must_use]
-pub fn joined(segments: Vec<[Place; 2]>) -> Vec<Vec<Place>> {
+pub fn joined(segments: Vec<[PicturePlace; 2]>) -> Vec<Vec<PicturePlace>> {
     let mut rest = segments;
     let mut lines = Vec::new();
     while let Some([from, to]) = rest.pop() {
@@ -55,9 +55,9 @@ pub fn joined(segments: Vec<[Place; 2]>) -> Vec<Vec<Place>> {
 }
 
 /// The segment that has this end, and its other end. Neighbouring cells cross their common edge at the same place but for rounding.
-fn following(rest: &[[Place; 2]], end: Place) -> Option<(usize, Place)> {
-    let is_there = |at: &Place| (at.0 - end.0).abs() + (at.1 - end.1).abs() < 1e-9;
-    let of = |(n, [a, b]): (usize, &[Place; 2])| match (is_there(a), is_there(b)) {
+fn following(rest: &[[PicturePlace; 2]], end: PicturePlace) -> Option<(usize, PicturePlace)> {
+    let is_there = |at: &PicturePlace| (at.0 - end.0).abs() + (at.1 - end.1).abs() < 1e-9;
+    let of = |(n, [a, b]): (usize, &[PicturePlace; 2])| match (is_there(a), is_there(b)) {
         (true, _) => Some((n, *b)),
         (_, true) => Some((n, *a)),
         _ => None,
@@ -83,7 +83,7 @@ mod tests {
         let values: Vec<f64> = (0..12).map(|n| f64::from(n % 4) + 2.0 * f64::from(n / 4)).collect();
         let lines = segments(&values, 4, 2.5);
         assert!(lines.iter().flatten().all(|(x, y)| (x + 2.0 * y - 2.5).abs() < 1e-12), "{lines:?}");
-        let has = |place: Place| lines.iter().flatten().any(|at| *at == place);
+        let has = |place: PicturePlace| lines.iter().flatten().any(|at| *at == place);
         assert!(has((2.5, 0.0)) && has((0.0, 1.25)), "{lines:?}");
     }
 
@@ -94,7 +94,7 @@ mod tests {
             assert_eq!(lines.len(), 2);
             for [a, b] in &lines {
                 // Each line runs around one corner.
-                let is_near = |(x, y): &Place| [a, b].iter().all(|at| (at.0 - x).abs() + (at.1 - y).abs() < 1.0);
+                let is_near = |(x, y): &PicturePlace| [a, b].iter().all(|at| (at.0 - x).abs() + (at.1 - y).abs() < 1.0);
                 assert!(apart.iter().any(is_near), "{middle}: {lines:?}");
             }
         }

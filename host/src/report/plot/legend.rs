@@ -1,7 +1,7 @@
 //! Legends: a sample and words for each entry, in a column beside the axes or in rows.
 
 use super::palette::{GREY, INK};
-use super::svg::{Bounds, Font, Place, Style, Svg};
+use super::svg::{Bounds, Font, PicturePlace, Style, Svg};
 use super::{Breadth, LABEL, Picture, SMALL};
 
 /// Width of a sample, points. Marks are in its middle.
@@ -26,7 +26,7 @@ const BELOW_AXES: f64 = 74.0;
 
 /// An entry of a legend.
 #[derive(Clone, Debug, Default)]
-pub struct Entry {
+pub struct LegendEntry {
     /// What is drawn, from 0 to [`SAMPLE`] across, around 0.
     sample: Svg,
     words: String,
@@ -38,7 +38,7 @@ pub struct Entry {
     is_sign: bool,
 }
 
-impl Entry {
+impl LegendEntry {
     /// A line in this style.
     pub fn line(words: impl Into<String>, style: Style) -> Self {
         let mut sample = Svg::default();
@@ -88,7 +88,7 @@ impl Entry {
         LINE + if self.detail.is_empty() { 0.0 } else { DETAIL + AFTER_DETAIL }
     }
 
-    fn draw(&self, svg: &mut Svg, (left, y): Place) {
+    fn draw(&self, svg: &mut Svg, (left, y): PicturePlace) {
         let mut own = Svg::default();
         own.at((left, y), &self.sample);
         own.text(&self.words, (left + WORDS, y), self.font());
@@ -103,7 +103,7 @@ impl Entry {
 }
 
 /// Draws the entries below each other, the first one around this place.
-pub fn column(svg: &mut Svg, (left, mut y): Place, entries: &[Entry]) {
+pub fn column(svg: &mut Svg, (left, mut y): PicturePlace, entries: &[LegendEntry]) {
     for entry in entries {
         entry.draw(svg, (left, y));
         y += entry.height();
@@ -112,12 +112,12 @@ pub fn column(svg: &mut Svg, (left, mut y): Place, entries: &[Entry]) {
 
 /// Width and height of a column.
 #[must_use]
-pub fn size(entries: &[Entry]) -> (f64, f64) {
-    (entries.iter().map(Entry::width).fold(0.0, f64::max), entries.iter().map(Entry::height).sum())
+pub fn size(entries: &[LegendEntry]) -> (f64, f64) {
+    (entries.iter().map(LegendEntry::width).fold(0.0, f64::max), entries.iter().map(LegendEntry::height).sum())
 }
 
 /// Draws the entries beside each other, in rows that end at `right`. Answers with where a further entry would be.
-pub fn rows(svg: &mut Svg, (left, mut y): Place, right: f64, entries: &[Entry]) -> Place {
+pub fn rows(svg: &mut Svg, (left, mut y): PicturePlace, right: f64, entries: &[LegendEntry]) -> PicturePlace {
     let mut x = left;
     for entry in entries {
         if x > left && x + entry.width() > right {
@@ -137,13 +137,13 @@ pub struct Arrangement {
     /// The frame of the axes.
     pub bounds: Bounds,
     /// The first entry of the legend.
-    pub legend: Place,
+    pub legend: PicturePlace,
 }
 
 impl Arrangement {
     /// Arranges axes from `left`, `top`, the legend beside or below them, and lines of this height under both.
     #[must_use]
-    pub fn of(breadth: Breadth, (left, top): Place, legend: &[Entry], under: f64) -> Self {
+    pub fn of(breadth: Breadth, (left, top): PicturePlace, legend: &[LegendEntry], under: f64) -> Self {
         let (wide, (column, height)) = (breadth.width(), size(legend));
         if breadth == Breadth::Broad && column <= WIDEST {
             let right = if legend.is_empty() { wide - 30.0 } else { wide - column - 36.0 };

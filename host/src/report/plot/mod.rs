@@ -21,7 +21,7 @@ use resvg::{tiny_skia, usvg};
 use skrifa::instance::{LocationRef, Size};
 use skrifa::{FontRef, MetadataProvider};
 
-use self::axis::{Axis, Frame, Scale};
+use self::axis::{Axis, PlotFrame, Scale};
 use self::palette::{GREY, WHITE};
 use self::svg::{Font, Svg};
 use crate::failure::Failure;
@@ -152,12 +152,12 @@ impl Picture {
     }
 
     /// Draws a frame and what is within it ([`traces`]).
-    pub fn panel(&mut self, frame: &Frame, inside: &Svg) {
+    pub fn panel(&mut self, frame: &PlotFrame, inside: &Svg) {
         [&frame.grid(), &frame.ticks(), &frame.edges(), inside].into_iter().for_each(|part| self.elements.add(part));
     }
 
     /// As [`Picture::panel`], with curves that the script of a page shows and zooms ([`traces::Traces::curve`]).
-    pub fn live_panel(&mut self, frame: &Frame, inside: &Svg) {
+    pub fn live_panel(&mut self, frame: &PlotFrame, inside: &Svg) {
         let (left, top, right, bottom) = frame.bounds;
         let axis = |axis: &Axis| {
             let Axis { label, from, to, scale } = axis;

@@ -7,7 +7,7 @@ use maud::Escaper;
 use crate::input::shown;
 
 /// A place in a picture, from its left and its top, in points.
-pub type Place = (f64, f64);
+pub type PicturePlace = (f64, f64);
 
 /// Left, top, right and bottom of a rectangle, in points.
 pub type Bounds = (f64, f64, f64, f64);
@@ -178,18 +178,18 @@ impl Svg {
     }
 
     /// A line through points.
-    pub fn line(&mut self, points: impl IntoIterator<Item = Place>, style: Style) {
+    pub fn line(&mut self, points: impl IntoIterator<Item = PicturePlace>, style: Style) {
         self.write(format_args!("<polyline {style} stroke-linejoin=\"round\" points=\""));
         self.points(points);
     }
 
     /// An area.
-    pub fn area(&mut self, corners: impl IntoIterator<Item = Place>, style: Style) {
+    pub fn area(&mut self, corners: impl IntoIterator<Item = PicturePlace>, style: Style) {
         self.write(format_args!("<polygon {style} points=\""));
         self.points(corners);
     }
 
-    fn points(&mut self, points: impl IntoIterator<Item = Place>) {
+    fn points(&mut self, points: impl IntoIterator<Item = PicturePlace>) {
         let mut after = "";
         for (x, y) in points {
             self.write(format_args!("{after}{},{}", Length(x), Length(y)));
@@ -199,7 +199,7 @@ impl Svg {
     }
 
     /// Straight lines that need not touch: from, to. Where they do, they look like one line.
-    pub fn segments(&mut self, segments: impl IntoIterator<Item = [Place; 2]>, style: Style) {
+    pub fn segments(&mut self, segments: impl IntoIterator<Item = [PicturePlace; 2]>, style: Style) {
         self.write(format_args!("<path {style} stroke-linecap=\"round\" d=\""));
         for [(x1, y1), (x2, y2)] in segments {
             self.write(format_args!("M{} {}L{} {}", Length(x1), Length(y1), Length(x2), Length(y2)));
@@ -208,7 +208,7 @@ impl Svg {
     }
 
     /// Squares of this size around places.
-    pub fn squares(&mut self, places: impl IntoIterator<Item = Place>, size: f64, colour: Colour) {
+    pub fn squares(&mut self, places: impl IntoIterator<Item = PicturePlace>, size: f64, colour: Colour) {
         self.write(format_args!("<path {} opacity=\"0.8\" stroke-linecap=\"square\" d=\"", colour.stroke(size)));
         // A line without length has the square of its ends.
         places.into_iter().for_each(|(x, y)| self.write(format_args!("M{} {}h0", Length(x), Length(y))));
@@ -230,7 +230,7 @@ impl Svg {
     }
 
     /// A circle.
-    pub fn circle(&mut self, (x, y): Place, radius: f64, style: Style) {
+    pub fn circle(&mut self, (x, y): PicturePlace, radius: f64, style: Style) {
         let place = |name: &str, value: f64| {
             if value == 0.0 { String::new() } else { format!("{name}=\"{}\" ", Length(value)) }
         };
@@ -243,12 +243,12 @@ impl Svg {
     }
 
     /// Words in the built-in font.
-    pub fn text(&mut self, words: &str, place: Place, font: Font) {
+    pub fn text(&mut self, words: &str, place: PicturePlace, font: Font) {
         self.text_with(words, place, font, "");
     }
 
     /// Words with further attributes.
-    pub fn text_with(&mut self, words: &str, (x, y): Place, font: Font, attributes: &str) {
+    pub fn text_with(&mut self, words: &str, (x, y): PicturePlace, font: Font, attributes: &str) {
         let Font { size, colour, anchor, down, is_upright } = font;
         self.write(format_args!(
             "<text x=\"{}\" y=\"{}\" font-size=\"{size}\" fill=\"{colour}\"",
@@ -265,7 +265,7 @@ impl Svg {
     }
 
     /// Elements whose 0, 0 is at a place.
-    pub fn at(&mut self, (x, y): Place, elements: &Self) {
+    pub fn at(&mut self, (x, y): PicturePlace, elements: &Self) {
         self.write(format_args!("<g transform=\"translate({} {})\">{elements}</g>\n", Length(x), Length(y)));
     }
 

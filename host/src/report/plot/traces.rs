@@ -5,9 +5,9 @@
 //! size.
 
 use super::LABEL;
-use super::axis::{Frame, Scale};
+use super::axis::{PlotFrame, Scale};
 use super::palette::{COLOURS, GREY, Look, WHITE};
-use super::svg::{Colour, Font, Place, Style, Svg};
+use super::svg::{Colour, Font, PicturePlace, Style, Svg};
 use crate::report::numbers::significant;
 
 /// Significant digits of the numbers that the script shows.
@@ -19,24 +19,24 @@ pub const COLUMNS: usize = 760;
 /// Elements within a frame. Pairs are values of its axes; those that it cannot draw must be left out.
 #[derive(Debug)]
 pub struct Traces<'a> {
-    frame: &'a Frame,
+    frame: &'a PlotFrame,
     svg: Svg,
 }
 
 impl<'a> Traces<'a> {
     /// No elements.
     #[must_use]
-    pub fn new(frame: &'a Frame) -> Self {
+    pub fn new(frame: &'a PlotFrame) -> Self {
         Self { frame, svg: Svg::default() }
     }
 
-    fn place(&self, (x, y): (f64, f64)) -> Place {
+    fn place(&self, (x, y): (f64, f64)) -> PicturePlace {
         self.frame.point(x, y)
     }
 
     /// A line through points.
     pub fn line(&mut self, points: impl IntoIterator<Item = (f64, f64)>, style: Style) {
-        let mut places: Vec<Place> = points.into_iter().map(|at| self.place(at)).collect();
+        let mut places: Vec<PicturePlace> = points.into_iter().map(|at| self.place(at)).collect();
         places.dedup();
         if !places.is_empty() {
             self.svg.line(places, style);
@@ -56,7 +56,7 @@ impl<'a> Traces<'a> {
         }
         let up = band.iter().map(|(x, _, high)| (*x, *high));
         let corners = up.chain(band.iter().rev().map(|(x, low, _)| (*x, *low)));
-        let places: Vec<Place> = corners.map(|at| self.place(at)).collect();
+        let places: Vec<PicturePlace> = corners.map(|at| self.place(at)).collect();
         self.svg.area(places, tint.fill().opacity(0.2));
     }
 
@@ -93,7 +93,7 @@ impl<'a> Traces<'a> {
         // Places nearer than this look the same.
         let near = |place: f64| (place / 0.3).round() as i64;
         let places = points.into_iter().filter(|(x, y)| self.frame.draws(*x, *y)).map(|at| self.place(at));
-        let places: Vec<Place> = places.filter(|(x, y)| seen.insert((near(*x), near(*y)))).collect();
+        let places: Vec<PicturePlace> = places.filter(|(x, y)| seen.insert((near(*x), near(*y)))).collect();
         self.svg.squares(places, size, tint);
     }
 
@@ -122,7 +122,7 @@ impl<'a> Traces<'a> {
 
 /// A dashed line across the frame at an abscissa, with a name above the frame; nothing beyond the axis. It moves across only.
 #[must_use]
-pub fn upright(frame: &Frame, x: f64, name: &str) -> Svg {
+pub fn upright(frame: &PlotFrame, x: f64, name: &str) -> Svg {
     let mut group = Svg::default();
     if (frame.x.from..=frame.x.to).contains(&x) {
         let mut sign = Svg::default();

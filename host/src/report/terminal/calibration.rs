@@ -1,14 +1,14 @@
 //! Text of `damprig calibrate`: the points with their residuals, the settings before and after, the verdict.
 
 use super::plain_table;
-use crate::calibrate::record::Record;
-use crate::calibrate::{Channel, Point};
+use crate::calibrate::record::CalibrationRecord;
+use crate::calibrate::{CalibrationPoint, Channel};
 use crate::report::numbers::{significant, with_uncertainty};
 use crate::settings::decimal;
 
 /// The calibration in words and tables.
 #[must_use]
-pub fn text(record: &Record) -> String {
+pub fn text(record: &CalibrationRecord) -> String {
     let channel = record.kind();
     let about = channel.about();
     let (date, before) = (&record.date, &record.before);
@@ -43,7 +43,7 @@ pub fn text(record: &Record) -> String {
 }
 
 /// The points as a table.
-fn points(record: &Record) -> comfy_table::Table {
+fn points(record: &CalibrationRecord) -> comfy_table::Table {
     let channel = record.kind();
     let ((reference, of_reference), (reading, of_reading)) = (channel.shown_reference(), channel.shown_reading());
     let has_side = record.points.iter().any(|p| p.side != 0);
@@ -76,7 +76,7 @@ fn points(record: &Record) -> comfy_table::Table {
 }
 
 /// A point that was measured with the new settings.
-fn checked(channel: Channel, point: &Point) -> String {
+fn checked(channel: Channel, point: &CalibrationPoint) -> String {
     let ((reference, of_reference), (reading, of_reading)) = (channel.shown_reference(), channel.shown_reading());
     format!(
         "\nChecked with the new settings: {:.5} {reference} reads {:.5} {reading}, {:+.5} {reading} off",

@@ -1,7 +1,9 @@
 //! Text of `damprig compare`: a row for each point, and the quantities that differ.
 
 use super::table;
-use crate::compare::{ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, Predicted, Uncertain, Verdict};
+use crate::compare::{
+    ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, PredictedQuantity, UncertainValue, Verdict,
+};
 use crate::quantity::Quantity;
 use crate::report::numbers::{normalised_error, trimmed, with_uncertainty};
 
@@ -44,7 +46,7 @@ fn leading(point: &ComparedPoint) -> Option<&ComparedMetric> {
     point.metric(Quantity::XOverZ).or_else(|| point.metric(Quantity::RmsXM))
 }
 
-fn shown(metric: Quantity, value: &Uncertain) -> String {
+fn shown(metric: Quantity, value: &UncertainValue) -> String {
     let scale = metric.shown_unit().1;
     with_uncertainty(value.value * scale, value.expanded * scale)
 }
@@ -66,9 +68,11 @@ fn points(comparison: &Comparison) -> String {
             let Some(own) = leading(point) else { continue };
             let (unit, _) = own.metric.shown_unit();
             let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
-            let value = |p: &Option<Predicted>| p.as_ref().map_or("–".into(), |p| shown(own.metric, &p.value));
-            let error =
-                |p: &Option<Predicted>| p.as_ref().map_or("–".into(), |p| normalised_error(p.normalised_error));
+            let value =
+                |p: &Option<PredictedQuantity>| p.as_ref().map_or("–".into(), |p| shown(own.metric, &p.value));
+            let error = |p: &Option<PredictedQuantity>| {
+                p.as_ref().map_or("–".into(), |p| normalised_error(p.normalised_error))
+            };
             let compared = || point.metrics.iter().filter_map(ComparedMetric::predicted);
             let sensitive = if point.is_sensitive { "\n(sensitive)" } else { "" };
             table.add_row([

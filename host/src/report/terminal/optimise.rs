@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::table::table;
-use crate::optimise::answer::{KeptConstraint, Variable};
+use crate::optimise::answer::{BestVariable, KeptConstraint};
 use crate::optimise::constraint::Constraint;
-use crate::optimise::neighbourhood::Sensitivity;
+use crate::optimise::neighbourhood::VariableSensitivity;
 use crate::optimise::run;
 use crate::optimise::search::points_that_can_be_made;
 use crate::optimise::{Optimisation, Optimum};
@@ -173,7 +173,7 @@ fn sensitivity(optimisation: &Optimisation, answer: &Optimum) -> String {
 }
 
 /// A ridge near the optimum, in words.
-fn ridge(sensitivity: &Sensitivity, answer: &Optimum) -> String {
+fn ridge(sensitivity: &VariableSensitivity, answer: &Optimum) -> String {
     let Some(jump) = &sensitivity.jump else { return String::new() };
     let away = distance(sensitivity, answer);
     format!(
@@ -188,7 +188,7 @@ fn ridge(sensitivity: &Sensitivity, answer: &Optimum) -> String {
 }
 
 /// How far the ridge is from the optimum: ` (+1.40 % away)`.
-fn distance(sensitivity: &Sensitivity, answer: &Optimum) -> String {
+fn distance(sensitivity: &VariableSensitivity, answer: &Optimum) -> String {
     let at = answer.variables.iter().find(|variable| variable.key == sensitivity.key).map_or(f64::NAN, |v| v.value);
     match &sensitivity.jump {
         Some(jump) if at != 0.0 => format!(" ({} away)", percent((jump.near - at) / at)),
@@ -269,8 +269,8 @@ pub fn ranked(answer: &Optimum) -> Vec<&Optimum> {
 }
 
 /// Values of the variables as they are made.
-fn made(variables: &[Variable]) -> String {
-    let variable = |variable: &Variable| {
+fn made(variables: &[BestVariable]) -> String {
+    let variable = |variable: &BestVariable| {
         let tolerance = with_unit(variable.tolerance, 2, variable.unit);
         format!("{} = {} ± {tolerance}", variable.key, with_unit(variable.value, 12, variable.unit))
     };
@@ -285,10 +285,10 @@ fn for_people(metric: &str, value: f64) -> String {
 }
 
 /// A cell of the comparison.
-type Cell = fn(&Optimum) -> String;
+type ComparedCell = fn(&Optimum) -> String;
 
 /// The columns of the comparison of dampers.
-pub const COMPARED: [(&str, Cell); 6] = [
+pub const COMPARED: [(&str, ComparedCell); 6] = [
     ("damper", |answer| answer.name.clone()),
     ("objective", |answer| for_people(answer.metric, answer.objective)),
     ("nominal", |answer| answer.nominal.map_or_else(String::new, |nominal| for_people(answer.metric, nominal))),

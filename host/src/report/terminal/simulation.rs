@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use damprig_core::integrator::exact::Excitation;
 use damprig_particles::{Damper, Elasticity};
 
-use crate::motion_record::{Quantity, Record};
+use crate::motion_record::{Record, RecordQuantity};
 use crate::report::describe;
 use crate::report::numbers::{about, millimetres, significant};
 use crate::report::terminal::multi_degree;
@@ -302,7 +302,7 @@ pub fn summary(case: &Case, result: &SimulationResult) -> String {
             ),
         ));
     }
-    if let Some(record) = case.record.as_ref().filter(|r| r.quantity == Quantity::Acceleration) {
+    if let Some(record) = case.record.as_ref().filter(|r| r.quantity == RecordQuantity::Acceleration) {
         let drift = significant(record.drift_m(), 3);
         lines.push((
             "baseline",

@@ -2,7 +2,7 @@
 
 use crate::report::numbers::significant;
 use crate::study::Study;
-use crate::study::axis::Value;
+use crate::study::axis::AxisValue;
 use crate::study::evaluate::main_column;
 
 /// Size of a study: `Clearance and restitution: 10000 points, 1e4 simulations, 1e7 cycles`.
@@ -23,8 +23,8 @@ pub fn best(study: &Study, row: u64, value: f64) -> String {
     let place = |axis: &usize| {
         let axis_values = &values[*axis];
         let text = match axis_values {
-            Value::Number(number) => significant(*number, 6),
-            Value::Word(word) => word.clone(),
+            AxisValue::Number(number) => significant(*number, 6),
+            AxisValue::Word(word) => word.clone(),
         };
         format!("\n  {:32} {text} {}", study.axes[*axis].key, study.axes[*axis].unit()).trim_end().to_string()
     };

@@ -3,7 +3,7 @@
 use comfy_table::Table;
 
 use super::table::{head, table};
-use crate::campaign::{Campaign, Kind};
+use crate::campaign::{Campaign, ExperimentKind};
 use crate::prediction::transient::Expected;
 use crate::quantity::Quantity;
 use crate::run_folder::schema::transients::TransientRow;
@@ -43,7 +43,7 @@ pub fn plan(campaign: &Campaign, expected: &[Expected]) -> Option<String> {
         ]);
     }
     let records = campaign.experiments.iter().filter_map(|experiment| match &experiment.kind {
-        Kind::Playback(p) => Some(format!(
+        ExperimentKind::Playback(p) => Some(format!(
             "{}: {}; {} samples at {} Hz, resolution {:.3} µm",
             experiment.name,
             p.about,

@@ -13,7 +13,7 @@ use crate::campaign::transient::{NOISE_FILE, RECORDS, kept_record};
 use crate::campaign::{Campaign, default_name, repeat_names};
 use crate::failure::Failure;
 use crate::input::{Copies, Source, regular};
-use crate::run_folder::journal::{self, Begin, CopiedFile, JOURNAL, Lines};
+use crate::run_folder::journal::{self, Begin, CopiedFile, JOURNAL, JournalLines};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::setup::set_up_file;
 
@@ -62,7 +62,7 @@ fn with_copies(folder: &Path) -> Result<Source, Failure> {
     let Ok(table) = source.text().parse::<Table>() else { return Ok(source) };
     let lines = match journal::read(folder) {
         Ok(lines) => lines,
-        Err(_) if !journal::is_in(folder) => Lines::default(),
+        Err(_) if !journal::is_in(folder) => JournalLines::default(),
         Err(error) => return Err(error),
     };
     let copies = copies(folder, &table, &lines)?;
@@ -70,7 +70,7 @@ fn with_copies(folder: &Path) -> Result<Source, Failure> {
 }
 
 /// An `[[experiment]]` that plays a file or noise.
-struct Played {
+struct PlayedExperiment {
     /// From 1.
     number: usize,
     /// Its place among all experiments, with the repeats of earlier ones, from 1.
@@ -80,7 +80,7 @@ struct Played {
     file: PathBuf,
 }
 
-fn played(campaign: &Table) -> Vec<Played> {
+fn played(campaign: &Table) -> Vec<PlayedExperiment> {
     let mut place = 1;
     let mut all = Vec::new();
     let experiments = campaign.get("experiment").and_then(|list| list.as_array()).into_iter().flatten();
@@ -94,13 +94,13 @@ fn played(campaign: &Table) -> Vec<Played> {
         };
         let name = experiment.get("name").and_then(|name| name.as_str());
         let names = repeat_names(&name.map_or_else(|| default_name(number), str::to_string), repeats);
-        all.extend(file.map(|file| Played { number, place, names, file }));
+        all.extend(file.map(|file| PlayedExperiment { number, place, names, file }));
         place += repeats;
     }
     all
 }
 
-fn copies(folder: &Path, campaign: &Table, lines: &Lines) -> Result<Copies, Failure> {
+fn copies(folder: &Path, campaign: &Table, lines: &JournalLines) -> Result<Copies, Failure> {
     let state = JournalState::of(&lines.entries);
     let listed = state.begun.first().map_or(&[][..], |begin| &begin.records);
     let all = played(campaign);
@@ -124,7 +124,7 @@ fn copies(folder: &Path, campaign: &Table, lines: &Lines) -> Result<Copies, Fail
 }
 
 /// The copy that the journal lists for an experiment.
-fn numbered(folder: &Path, listed: &[CopiedFile], played: &Played) -> Result<PathBuf, Failure> {
+fn numbered(folder: &Path, listed: &[CopiedFile], played: &PlayedExperiment) -> Result<PathBuf, Failure> {
     let own = listed.iter().find(|copy| copy.experiment == Some(played.number));
     own.map(|copy| folder.join(&copy.file.name)).ok_or_else(|| {
         let (shown, number, file) = (folder.display(), played.number, played.file.display());
@@ -133,7 +133,7 @@ fn numbered(folder: &Path, listed: &[CopiedFile], played: &Played) -> Result<Pat
 }
 
 /// The copy of an experiment in a run whose journal does not number them.
-fn unnumbered(folder: &Path, state: &JournalState, played: &Played) -> Result<PathBuf, Failure> {
+fn unnumbered(folder: &Path, state: &JournalState, played: &PlayedExperiment) -> Result<PathBuf, Failure> {
     let by_place = kept_record(folder, played.place, &played.file);
     let by_number = kept_record(folder, played.number, &played.file);
     let differ = || regular::read(&by_place).ok() != regular::read(&by_number).ok();
@@ -155,22 +155,22 @@ fn unnumbered(folder: &Path, state: &JournalState, played: &Played) -> Result<Pa
 
 /// The copies of a run without the beginning of its journal: it was killed before that was written. The names of all copies together
 /// tell how they are numbered.
-fn by_names(folder: &Path, all: &[Played]) -> Result<BTreeMap<usize, PathBuf>, Failure> {
+fn by_names(folder: &Path, all: &[PlayedExperiment]) -> Result<BTreeMap<usize, PathBuf>, Failure> {
     let entries = std::fs::read_dir(folder.join(RECORDS)).into_iter().flatten().flatten().map(|entry| entry.path());
     let is_record = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         name.starts_with(|c: char| c.is_ascii_digit()) && !name.ends_with(".tmp")
     };
     let there: BTreeSet<PathBuf> = entries.filter(is_record).collect();
-    let by_number = |played: &Played| vec![kept_record(folder, played.number, &played.file)];
-    let by_place = |played: &Played| {
+    let by_number = |played: &PlayedExperiment| vec![kept_record(folder, played.number, &played.file)];
+    let by_place = |played: &PlayedExperiment| {
         let places = played.place..played.place + played.names.len();
         places.map(|place| kept_record(folder, place, &played.file)).collect::<Vec<_>>()
     };
-    type Way<'a> = &'a dyn Fn(&Played) -> Vec<PathBuf>;
-    let ways: [Way<'_>; 2] = [&by_number, &by_place];
+    type CopyPaths<'a> = &'a dyn Fn(&PlayedExperiment) -> Vec<PathBuf>;
+    let ways: [CopyPaths<'_>; 2] = [&by_number, &by_place];
     let way = ways.into_iter().find(|way| all.iter().flat_map(way).collect::<BTreeSet<_>>() == there);
-    let first = |way: Way<'_>, played: &Played| Some((played.number, way(played).into_iter().next()?));
+    let first = |way: CopyPaths<'_>, played: &PlayedExperiment| Some((played.number, way(played).into_iter().next()?));
     way.map(|way| all.iter().filter_map(|played| first(way, played)).collect()).ok_or_else(|| {
         let folder = folder.display();
         Failure::Storage(format!(
@@ -184,6 +184,6 @@ fn is_unnumbered(begin: &Begin) -> bool {
 }
 
 /// Whether a repeat of the experiment has a result on any set-up.
-fn is_measured(state: &JournalState, played: &Played) -> bool {
+fn is_measured(state: &JournalState, played: &PlayedExperiment) -> bool {
     state.transients().iter().any(|row| played.names.contains(&row.experiment))
 }

@@ -13,7 +13,7 @@ use super::parquet_file::read;
 use crate::failure::Failure;
 use crate::input::regular;
 use crate::run_folder::journal;
-use crate::run_folder::journal::Entry;
+use crate::run_folder::journal::JournalEntry;
 use crate::run_folder::schema::samples::{self, PointLabel, read_stream_schema};
 use crate::run_folder::schema::stream_sums::{Difference, compare, sums_path};
 use crate::table::values::numbers;
@@ -67,7 +67,7 @@ pub fn read_stream(path: &Path) -> Result<OpenStream, Failure> {
 
 /// Whether an open part has checksums. The journal says so, in case their file was removed.
 fn has_sums(path: &Path) -> bool {
-    let begin = |entry: &Entry| if let Entry::Begin(begin) = entry { Some(begin.sums) } else { None };
+    let begin = |entry: &JournalEntry| if let JournalEntry::Begin(begin) = entry { Some(begin.sums) } else { None };
     let lines = || journal::read(path.parent()?).ok();
     sums_path(path).exists() || lines().and_then(|lines| lines.entries.iter().rev().find_map(begin)).unwrap_or(false)
 }

@@ -77,13 +77,13 @@ fn closed_of(open: &Path) -> Option<PathBuf> {
     Some(open.parent()?.join(part_name(open_part_number(open.file_name()?.to_str()?)?)))
 }
 
-type Batches = Box<dyn Iterator<Item = Result<RecordBatch, Failure>>>;
+type BatchIterator = Box<dyn Iterator<Item = Result<RecordBatch, Failure>>>;
 
 /// Batches of one of [`sample_files`]; of an open part, up to the last whole one.
 ///
 /// # Errors
 /// As [`read`].
-pub fn read_samples(path: &Path) -> Result<Batches, Failure> {
+pub fn read_samples(path: &Path) -> Result<BatchIterator, Failure> {
     if is_open_part(path) {
         let salvaged = match salvage(path) {
             Ok(salvaged) => salvaged,

@@ -7,7 +7,7 @@ use arrow_array::RecordBatch;
 use super::parquet_file::read;
 use crate::failure::Failure;
 use crate::input::regular;
-use crate::run_folder::journal::Entry;
+use crate::run_folder::journal::JournalEntry;
 use crate::run_folder::schema::impacts::{self, IMPACTS};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::Manifest;
@@ -17,14 +17,14 @@ use crate::run_folder::schema::transients::{self, TRANSIENTS};
 use crate::run_folder::write::parquet_file::bytes_of;
 
 /// A table that is made of the journal.
-struct Table<'a> {
+struct UnfinishedTable<'a> {
     name: &'static str,
     row: &'static str,
     /// Its number of rows.
     rows: fn(&JournalState) -> usize,
     make: &'a dyn Fn(&JournalState) -> Result<RecordBatch, Failure>,
     /// Whether the line changes it.
-    depends_on: fn(&Entry) -> bool,
+    depends_on: fn(&JournalEntry) -> bool,
     /// Whether a program that has written these lines has written it, or will within the next moments.
     is_due: fn(&JournalState) -> bool,
 }
@@ -32,7 +32,12 @@ struct Table<'a> {
 /// The tables that are missing, or not as this program makes them of manifest and journal, one text each; `order` has the set-ups and
 /// experiments of the campaign. A table may be older than the last lines.
 #[must_use]
-pub fn differing(folder: &Path, manifest: &Manifest, entries: &[Entry], order: &[(String, String)]) -> Vec<String> {
+pub fn differing(
+    folder: &Path,
+    manifest: &Manifest,
+    entries: &[JournalEntry],
+    order: &[(String, String)],
+) -> Vec<String> {
     let journal = JournalState::of(entries);
     let run = journal.begun.first().map_or("", |begin| begin.run.as_str());
     let tick_hz = journal.begun.first().map_or(0.0, |begin| begin.device.tick_hz);
@@ -41,30 +46,36 @@ pub fn differing(folder: &Path, manifest: &Manifest, entries: &[Entry], order: &
     let events = |state: &JournalState| transients::table(state.transients());
     let hits = |state: &JournalState| impacts::table(&state.impacts, tick_hz);
     let tables = [
-        Table {
+        UnfinishedTable {
             name: RESULTS,
             row: results::ROW,
             rows: |state| state.rows().len(),
             make: &points,
             depends_on: |entry| {
-                matches!(entry, Entry::Result(_) | Entry::PeakPoints(_) | Entry::Segment(_) | Entry::Withdrawn(_))
+                matches!(
+                    entry,
+                    JournalEntry::Result(_)
+                        | JournalEntry::PeakPoints(_)
+                        | JournalEntry::Segment(_)
+                        | JournalEntry::Withdrawn(_)
+                )
             },
             is_due: |state| !state.segments.is_empty(),
         },
-        Table {
+        UnfinishedTable {
             name: TRANSIENTS,
             row: transients::ROW,
             rows: |state| state.transients().len(),
             make: &events,
-            depends_on: |entry| matches!(entry, Entry::Transient(_) | Entry::Withdrawn(_)),
+            depends_on: |entry| matches!(entry, JournalEntry::Transient(_) | JournalEntry::Withdrawn(_)),
             is_due: |state| !state.transients().is_empty(),
         },
-        Table {
+        UnfinishedTable {
             name: IMPACTS,
             row: impacts::ROW,
             rows: |state| state.impacts.iter().map(|some| some.impacts.len()).sum(),
             make: &hits,
-            depends_on: |entry| matches!(entry, Entry::Impacts(_)),
+            depends_on: |entry| matches!(entry, JournalEntry::Impacts(_)),
             is_due: |state| (state.joined.is_some() || !state.ended.is_empty()) && !state.impacts.is_empty(),
         },
     ];
@@ -91,7 +102,7 @@ pub fn differing(folder: &Path, manifest: &Manifest, entries: &[Entry], order: &
 }
 
 /// Whether this is so of the lines up to some place.
-fn at_some_line(entries: &[Entry], table: &Table<'_>, is_so: impl Fn(&JournalState) -> bool) -> bool {
+fn at_some_line(entries: &[JournalEntry], table: &UnfinishedTable<'_>, is_so: impl Fn(&JournalState) -> bool) -> bool {
     let mut state = JournalState::default();
     is_so(&state)
         || entries.iter().any(|entry| {

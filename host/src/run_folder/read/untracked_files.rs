@@ -107,10 +107,10 @@ fn results(folder: &Path, name: &str, journal: &JournalState) -> Option<String> 
     }
 }
 
-type Key = (String, String, u32, u32);
+type ResultKey = (String, String, u32, u32);
 
 /// The points that a batch of results holds.
-fn keys(batch: &RecordBatch) -> Result<Vec<Key>, Failure> {
+fn keys(batch: &RecordBatch) -> Result<Vec<ResultKey>, Failure> {
     let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
     let (segments, points) = (numbers(batch, "segment")?, numbers(batch, "point_index")?);
     let rows = set_ups.into_iter().zip(experiments).zip(segments.into_iter().zip(points));
@@ -124,7 +124,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::run_folder::journal::{Entry, SegmentStart};
+    use crate::run_folder::journal::{JournalEntry, SegmentStart};
     use crate::run_folder::schema::samples::SampleColumn;
     use crate::run_folder::schema::segment_id::SegmentId;
     use crate::run_folder::write::sample_part::OpenPart;
@@ -146,7 +146,7 @@ mod tests {
     fn a_part_beside_an_open_part_of_its_number_is_tracked_only_if_it_has_its_rows() {
         let folder = tempfile::tempdir().unwrap();
         let start = SegmentStart { id: id(), points: 1, ..SegmentStart::default() };
-        let journal = JournalState::of(&[Entry::Segment(start)]);
+        let journal = JournalState::of(&[JournalEntry::Segment(start)]);
         let found = || untracked(folder.path(), &journal, false);
         seal(folder.path(), f32::NAN);
         assert!(found().is_empty(), "a kill came before the journal had the part");

@@ -14,7 +14,7 @@ use super::untracked_files::untracked;
 use crate::campaign::{Campaign, differences};
 use crate::failure::Failure;
 use crate::input::{Source, regular};
-use crate::run_folder::journal::Lines;
+use crate::run_folder::journal::JournalLines;
 use crate::run_folder::own_files::refuse_links;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::MANIFEST;
@@ -60,7 +60,7 @@ pub fn verify(path: &Path) -> Result<Vec<Finding>, Failure> {
         Err(error) => {
             // Older runs have no journal.
             found.extend(journal::is_in(path).then(|| Finding::Wrong(error.to_string())));
-            Lines::default()
+            JournalLines::default()
         }
     };
     let taken = JournalState::of(&lines.entries);
@@ -134,7 +134,7 @@ fn checksums(run: &RunFolder, found: &mut Vec<Finding>) {
 }
 
 /// The journal itself, and the files that it lists.
-fn journal(path: &Path, run: Option<&RunFolder>, lines: &Lines, taken: &JournalState, found: &mut Vec<Finding>) {
+fn journal(path: &Path, run: Option<&RunFolder>, lines: &JournalLines, taken: &JournalState, found: &mut Vec<Finding>) {
     let name = journal::JOURNAL;
     if !journal::is_in(path) {
         let is_lost = run.is_some_and(|run| run.manifest().is_running());

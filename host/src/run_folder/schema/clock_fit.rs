@@ -28,7 +28,7 @@ pub struct ClockFit {
 
 /// A tick and its arrival.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Pair {
+pub struct ClockPair {
     /// The device's time, s since its start.
     #[serde(with = "json_float")]
     pub device_s: f64,
@@ -40,15 +40,15 @@ pub struct Pair {
 /// Gathers the pairs of one experiment.
 #[derive(Clone, Debug, Default)]
 pub struct ClockPairs {
-    pairs: Vec<Pair>,
-    open: Option<Pair>,
+    pairs: Vec<ClockPair>,
+    open: Option<ClockPair>,
     bin_end_s: f64,
 }
 
 impl ClockPairs {
     /// Adds an arrival. Gives the kept pair of a second that is over.
-    pub fn add(&mut self, pair: Pair) -> Option<Pair> {
-        let delay = |p: Pair| p.host_s - p.device_s;
+    pub fn add(&mut self, pair: ClockPair) -> Option<ClockPair> {
+        let delay = |p: ClockPair| p.host_s - p.device_s;
         let closed = if pair.host_s >= self.bin_end_s { self.open.take() } else { None };
         self.pairs.extend(closed);
         match self.open {
@@ -65,20 +65,20 @@ impl ClockPairs {
     /// The line through the pairs; none without any.
     #[must_use]
     pub fn fit(&self) -> Option<ClockFit> {
-        let pairs: Vec<Pair> = self.pairs.iter().copied().chain(self.open).collect();
+        let pairs: Vec<ClockPair> = self.pairs.iter().copied().chain(self.open).collect();
         let count = pairs.len() as f64;
         if pairs.is_empty() {
             return None;
         }
-        let mean = |of: fn(&Pair) -> f64| pairs.iter().map(of).sum::<f64>() / count;
+        let mean = |of: fn(&ClockPair) -> f64| pairs.iter().map(of).sum::<f64>() / count;
         let (device, host) = (mean(|p| p.device_s), mean(|p| p.host_s));
-        let product = |a: &Pair| (a.device_s - device) * (a.host_s - host);
-        let square = |a: &Pair| (a.device_s - device) * (a.device_s - device);
+        let product = |a: &ClockPair| (a.device_s - device) * (a.host_s - host);
+        let square = |a: &ClockPair| (a.device_s - device) * (a.device_s - device);
         let (covariance, variance) = (pairs.iter().map(product).sum::<f64>(), pairs.iter().map(square).sum::<f64>());
         // Two pairs always lie on a line, whatever their delays.
         let slope = if pairs.len() > 2 && variance > 0.0 { covariance / variance } else { 1.0 };
         let zero = host - slope * device;
-        let residual = |p: &Pair| (p.host_s - zero - slope * p.device_s).powi(2);
+        let residual = |p: &ClockPair| (p.host_s - zero - slope * p.device_s).powi(2);
         Some(ClockFit {
             tick_zero_host_s: zero,
             drift_ppm: (1.0 / slope - 1.0) * 1e6,
@@ -100,7 +100,7 @@ mod tests {
             let device_s = f64::from(n) * 0.01;
             // 40 ppm fast, started 3 s after the program; a delay of up to 50 ms, seldom less than 1 ms.
             let host_s = 3.0 + device_s / (1.0 + 40e-6) + 0.05 * random.f64();
-            pairs.add(Pair { device_s, host_s });
+            pairs.add(ClockPair { device_s, host_s });
         }
         let fit = pairs.fit().unwrap();
         assert!((fit.drift_ppm - 40.0).abs() < 2.0, "{fit:?}");
@@ -112,8 +112,8 @@ mod tests {
     fn two_pairs_give_no_drift() {
         let mut pairs = ClockPairs::default();
         assert_eq!(pairs.fit(), None);
-        pairs.add(Pair { device_s: 0.0, host_s: 1.0 });
-        pairs.add(Pair { device_s: 2.0, host_s: 3.5 });
+        pairs.add(ClockPair { device_s: 0.0, host_s: 1.0 });
+        pairs.add(ClockPair { device_s: 2.0, host_s: 3.5 });
         assert_eq!(pairs.fit().unwrap().drift_ppm, 0.0);
     }
 }

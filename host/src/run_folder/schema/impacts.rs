@@ -31,8 +31,8 @@ pub struct Impacts {
 /// # Errors
 /// When the columns differ in length: a defect of this function.
 pub fn table(all: &[Impacts], tick_hz: f64) -> Result<RecordBatch, Failure> {
-    type Row<'a> = (&'a SegmentId, &'a ImpactRecord);
-    let rows: Vec<Row> =
+    type ImpactRow<'a> = (&'a SegmentId, &'a ImpactRecord);
+    let rows: Vec<ImpactRow> =
         all.iter().flat_map(|some| some.impacts.iter().map(move |impact| (&some.id, impact))).collect();
     TableBuilder::new(&rows)
         .column(Quantity::SetUp, |(id, _)| id.set_up.as_str())

@@ -4,7 +4,7 @@ use std::ops::AddAssign;
 
 use serde::{Deserialize, Serialize};
 
-use super::clock_fit::{ClockFit, Pair};
+use super::clock_fit::{ClockFit, ClockPair};
 use super::device::Device;
 use super::impacts::Impacts;
 use super::json_float;
@@ -20,7 +20,7 @@ use crate::run_folder::checksum::FileRecord;
 /// A line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "entry", rename_all = "snake_case")]
-pub enum Entry {
+pub enum JournalEntry {
     /// The program begins, or resumes the run.
     Begin(Box<Begin>),
     /// The device has started (a part of) an experiment.
@@ -40,7 +40,7 @@ pub enum Entry {
     /// The device has finished a segment.
     Finished(Finished),
     /// Device time and host time of one tick in the present segment; about one a second.
-    Clock(Pair),
+    Clock(ClockPair),
     /// The link was lost or came back, or the device was reset.
     Link {
         /// What happened.
@@ -63,7 +63,7 @@ pub enum Entry {
     Ended(Ended),
 }
 
-impl Entry {
+impl JournalEntry {
     /// Whether its parts fit together. What a journal states as a part of the samples is removed once the parts are joined, so
     /// it must have a part's name.
     #[must_use]

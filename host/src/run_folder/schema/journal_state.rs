@@ -7,7 +7,9 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use super::impacts::Impacts;
-use super::journal_entry::{Begin, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart, SetAside, Withdrawn};
+use super::journal_entry::{
+    Begin, Ended, Finished, Joined, JournalEntry, Losses, Sealed, SegmentStart, SetAside, Withdrawn,
+};
 use super::peak_points::PeakPoints;
 use super::results::ResultRow;
 use super::segment_id::SegmentId;
@@ -56,20 +58,20 @@ pub struct Planned {
 impl JournalState {
     /// Of a journal.
     #[must_use]
-    pub fn of(entries: &[Entry]) -> Self {
+    pub fn of(entries: &[JournalEntry]) -> Self {
         let mut state = Self::default();
         entries.iter().for_each(|entry| state.add(entry));
         state
     }
 
     /// Adds a line.
-    pub fn add(&mut self, entry: &Entry) {
+    pub fn add(&mut self, entry: &JournalEntry) {
         match entry {
-            Entry::Begin(begin) => {
+            JournalEntry::Begin(begin) => {
                 self.begun.push((**begin).clone());
                 self.controllers.push(None);
             }
-            Entry::Segment(start) => {
+            JournalEntry::Segment(start) => {
                 if start.anew {
                     let (id, first) = (&start.id, start.first_index);
                     let is_earlier = |r: &mut ResultRow| {
@@ -81,7 +83,7 @@ impl JournalState {
                 }
                 self.segments.push(start.clone());
             }
-            Entry::Result(row) => {
+            JournalEntry::Result(row) => {
                 let is_same = |r: &ResultRow| {
                     r.point_index == row.point_index && r.set_up == row.set_up && r.experiment == row.experiment
                 };
@@ -90,18 +92,18 @@ impl JournalState {
                     self.rows.push((**row).clone());
                 }
             }
-            Entry::PeakPoints(points) => {
+            JournalEntry::PeakPoints(points) => {
                 if self.peak(&points.set_up, &points.experiment).is_none() {
                     self.peaks.push((**points).clone());
                 }
             }
-            Entry::Transient(row) => {
+            JournalEntry::Transient(row) => {
                 let is_same = |r: &TransientRow| r.set_up == row.set_up && r.experiment == row.experiment;
                 if !self.transients.iter().any(is_same) {
                     self.transients.push((**row).clone());
                 }
             }
-            Entry::Withdrawn(withdrawn) => {
+            JournalEntry::Withdrawn(withdrawn) => {
                 let is_it = |set_up: &str, experiment: &str, segment: u32, point_index: u32| {
                     let id = &withdrawn.id;
                     set_up == id.set_up
@@ -115,22 +117,22 @@ impl JournalState {
                     self.withdrawn.push(withdrawn.clone());
                 }
             }
-            Entry::Impacts(some) => self.impacts.push((**some).clone()),
-            Entry::Sealed(sealed) => {
+            JournalEntry::Impacts(some) => self.impacts.push((**some).clone()),
+            JournalEntry::Sealed(sealed) => {
                 self.sealed.retain(|s| s.part != sealed.part);
                 self.sealed.push(sealed.clone());
             }
-            Entry::SetAside(aside) => {
+            JournalEntry::SetAside(aside) => {
                 self.set_aside.retain(|s| s.part != aside.part);
                 self.set_aside.push(aside.clone());
             }
-            Entry::Finished(finished) => {
+            JournalEntry::Finished(finished) => {
                 self.update_controller(finished.controller);
                 self.finished.push(finished.clone());
             }
-            Entry::Clock(_) | Entry::Link { .. } | Entry::Action { .. } => {}
-            Entry::Joined(joined) => self.joined = Some(joined.clone()),
-            Entry::Ended(ended) => {
+            JournalEntry::Clock(_) | JournalEntry::Link { .. } | JournalEntry::Action { .. } => {}
+            JournalEntry::Joined(joined) => self.joined = Some(joined.clone()),
+            JournalEntry::Ended(ended) => {
                 self.update_controller(ended.controller);
                 self.ended.push(ended.clone());
             }
@@ -373,15 +375,15 @@ mod tests {
     use super::*;
     use crate::campaign::{AroundPeak, GridPeak};
 
-    fn result(point_index: u32, segment: u32) -> Entry {
+    fn result(point_index: u32, segment: u32) -> JournalEntry {
         let row =
             ResultRow { set_up: "a".into(), experiment: "e".into(), point_index, segment, ..ResultRow::default() };
-        Entry::Result(Box::new(row))
+        JournalEntry::Result(Box::new(row))
     }
 
-    fn start(segment: u32, anew: bool) -> Entry {
+    fn start(segment: u32, anew: bool) -> JournalEntry {
         let id = SegmentId { set_up: "a".into(), experiment: "e".into(), segment };
-        Entry::Segment(SegmentStart { id, points: 5, anew, ..SegmentStart::default() })
+        JournalEntry::Segment(SegmentStart { id, points: 5, anew, ..SegmentStart::default() })
     }
 
     #[test]
@@ -410,7 +412,7 @@ mod tests {
             format!(r#","controller":{{"overruns":{overruns},"longest_tick_us":{tick_us}}}"#)
         };
         let sum = |lines: &[String]| {
-            let entries: Vec<Entry> = lines.iter().map(|line| serde_json::from_str(line).unwrap()).collect();
+            let entries: Vec<JournalEntry> = lines.iter().map(|line| serde_json::from_str(line).unwrap()).collect();
             JournalState::of(&entries).controller().map(|c| (c.overruns, c.longest_tick_us))
         };
         // A run that ended, one that was killed, one without counters.
@@ -437,15 +439,15 @@ mod tests {
         assert_eq!(taken.rows()[0].segment, 1);
     }
 
-    fn measured(point_index: u32, frequency_hz: f64) -> Entry {
-        let Entry::Result(row) = result(point_index, 0) else { unreachable!() };
-        Entry::Result(Box::new(ResultRow { frequency_hz, ..*row }))
+    fn measured(point_index: u32, frequency_hz: f64) -> JournalEntry {
+        let JournalEntry::Result(row) = result(point_index, 0) else { unreachable!() };
+        JournalEntry::Result(Box::new(ResultRow { frequency_hz, ..*row }))
     }
 
-    fn around(frequencies_hz: &[f64]) -> Entry {
+    fn around(frequencies_hz: &[f64]) -> JournalEntry {
         let peak = Some(GridPeak { frequency_hz: 2.5, between_hz: [2.4, 2.6] });
         let around = AroundPeak { peak, second: None, frequencies_hz: frequencies_hz.to_vec() };
-        Entry::PeakPoints(Box::new(PeakPoints {
+        JournalEntry::PeakPoints(Box::new(PeakPoints {
             set_up: "a".into(),
             experiment: "e".into(),
             around,
@@ -454,7 +456,7 @@ mod tests {
     }
 
     fn order(grid: [f64; 3]) -> Vec<f64> {
-        let mut entries: Vec<Entry> = (0..).zip(grid).map(|(n, f)| measured(n, f)).collect();
+        let mut entries: Vec<JournalEntry> = (0..).zip(grid).map(|(n, f)| measured(n, f)).collect();
         entries.extend([around(&[2.45, 2.55]), measured(3, 2.45), measured(4, 2.55)]);
         JournalState::of(&entries).rows_in_order(&[("a".into(), "e".into())]).iter().map(|r| r.frequency_hz).collect()
     }
@@ -469,8 +471,8 @@ mod tests {
     #[test]
     fn a_sweep_around_a_peak_that_is_repeated_keeps_the_grid_and_a_repeated_grid_has_a_new_peak() {
         let anew = |segment, first_index| {
-            let Entry::Segment(start) = start(segment, true) else { unreachable!() };
-            Entry::Segment(SegmentStart { first_index, ..start })
+            let JournalEntry::Segment(start) = start(segment, true) else { unreachable!() };
+            JournalEntry::Segment(SegmentStart { first_index, ..start })
         };
         let mut taken = JournalState::of(&[start(0, false), result(0, 0), result(1, 0), around(&[2.45]), result(2, 1)]);
         taken.add(&around(&[2.47]));
@@ -487,6 +489,6 @@ mod tests {
         let line = around(&[2.433_333_333, 0.1 + 0.2]);
         let text = serde_json::to_string(&line).unwrap();
         assert!(text.starts_with("{\"entry\":\"peak_points\""), "{text}");
-        assert_eq!(serde_json::from_str::<Entry>(&text).unwrap(), line);
+        assert_eq!(serde_json::from_str::<JournalEntry>(&text).unwrap(), line);
     }
 }

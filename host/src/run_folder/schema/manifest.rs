@@ -22,7 +22,7 @@ use crate::setup::{Identified, SetUpFile};
 /// How a run ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "status", rename_all = "snake_case")]
-pub enum Ending {
+pub enum RunEnding {
     /// It has not ended; when no program is recording any more, it was killed.
     Running,
     /// Every point was taken.
@@ -215,7 +215,7 @@ pub struct Manifest {
     pub plan: Plan,
     /// How the run ended.
     #[serde(flatten)]
-    pub ending: Ending,
+    pub ending: RunEnding,
     /// Whether a program is recording into the folder now; none when unknown. Found when a folder is opened.
     #[serde(skip)]
     pub is_recording: Option<bool>,
@@ -282,7 +282,7 @@ impl Manifest {
             format: FORMAT,
             campaign: campaign.name.clone(),
             plan: campaign.plan.clone(),
-            ending: Ending::Running,
+            ending: RunEnding::Running,
             is_recording: None,
             started: started.to_string(),
             damprig: crate::VERSION_LINE.to_string(),
@@ -355,7 +355,7 @@ impl Manifest {
     /// Whether every point was taken and the program ended in an orderly way.
     #[must_use]
     pub fn is_complete(&self) -> bool {
-        self.ending == Ending::Complete
+        self.ending == RunEnding::Complete
     }
 
     /// Whether its rig was simulated.
@@ -367,21 +367,21 @@ impl Manifest {
     /// Whether the run has not ended in an orderly way: it goes on, or was killed.
     #[must_use]
     pub fn is_running(&self) -> bool {
-        self.ending == Ending::Running
+        self.ending == RunEnding::Running
     }
 
     /// How it ended, in words.
     #[must_use]
     pub fn ending_text(&self) -> String {
         match (&self.ending, self.is_recording) {
-            (Ending::Running, Some(true)) => "still running".into(),
-            (Ending::Running, Some(false)) => {
+            (RunEnding::Running, Some(true)) => "still running".into(),
+            (RunEnding::Running, Some(false)) => {
                 "killed while it was running, or ended by a disk that could not be written".into()
             }
-            (Ending::Running, None) => "still running, or killed".into(),
-            (Ending::Complete, _) => "complete".into(),
-            (Ending::Incomplete { reason }, _) if reason.is_empty() => "incomplete".into(),
-            (Ending::Incomplete { reason }, _) => format!("incomplete: {reason}"),
+            (RunEnding::Running, None) => "still running, or killed".into(),
+            (RunEnding::Complete, _) => "complete".into(),
+            (RunEnding::Incomplete { reason }, _) if reason.is_empty() => "incomplete".into(),
+            (RunEnding::Incomplete { reason }, _) => format!("incomplete: {reason}"),
         }
     }
 
@@ -389,9 +389,9 @@ impl Manifest {
     #[must_use]
     pub fn status(&self) -> &'static str {
         match self.ending {
-            Ending::Running => "running",
-            Ending::Complete => "complete",
-            Ending::Incomplete { .. } => "incomplete",
+            RunEnding::Running => "running",
+            RunEnding::Complete => "complete",
+            RunEnding::Incomplete { .. } => "incomplete",
         }
     }
 

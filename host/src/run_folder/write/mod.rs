@@ -13,4 +13,4 @@ pub mod writer;
 
 pub use output_folder::OutputFolder;
 pub use recorder::Recorder;
-pub use writer::Writer;
+pub use writer::RunWriter;

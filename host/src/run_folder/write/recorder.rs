@@ -15,7 +15,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::failure::Failure;
-use crate::run_folder::journal::{Entry, JOURNAL};
+use crate::run_folder::journal::{JOURNAL, JournalEntry};
 use crate::run_folder::schema::samples::PointLabel;
 
 /// Capacity of the queue in values (rows × signals): nine minutes of 8 signals at 1 kHz, 8 s of 50 at 10 kHz; 16 MiB.
@@ -32,16 +32,16 @@ const TURN: Duration = Duration::from_millis(50);
 
 /// Something to record.
 #[derive(Debug)]
-pub enum Message {
+pub enum RecorderMessage {
     /// A line of the journal.
-    Entry(Box<Entry>),
+    Entry(Box<JournalEntry>),
     /// Samples.
-    Rows(Rows),
+    Rows(PointRows),
 }
 
 /// Rows of one point.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Rows {
+pub struct PointRows {
     /// The point.
     pub label: Arc<PointLabel>,
     /// Their ticks.
@@ -51,12 +51,12 @@ pub struct Rows {
 }
 
 /// Stores the messages of the recorder's thread.
-pub trait Sink: Send + 'static {
+pub trait RecordSink: Send + 'static {
     /// Stores a message.
     ///
     /// # Errors
     /// When it cannot be written.
-    fn take(&mut self, message: Message) -> Result<(), Failure>;
+    fn take(&mut self, message: RecorderMessage) -> Result<(), Failure>;
 
     /// Syncs everything to the disk.
     ///
@@ -74,18 +74,18 @@ pub trait Recording {
     fn check(&self) -> Result<(), Failure>;
 
     /// Adds a line to the journal. Never waits.
-    fn note(&self, entry: Entry);
+    fn note(&self, entry: JournalEntry);
 
     /// Adds samples, or counts them as dropped when there is no room. Under a granted clock it waits for room instead, until
     /// `stop` is set or the disk has failed.
-    fn rows(&mut self, rows: Rows, stop: &AtomicBool);
+    fn rows(&mut self, rows: PointRows, stop: &AtomicBool);
 
     /// Rows dropped because the disk was too slow.
     fn dropped_rows(&self) -> u64;
 }
 
 #[derive(Debug, Default)]
-struct Shared {
+struct RecorderQueue {
     waiting: Mutex<usize>,
     /// Lines of the journal that wait.
     entries: Mutex<usize>,
@@ -101,8 +101,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// The sending end of the queue.
 #[derive(Debug)]
 pub struct Recorder<S> {
-    queue: Option<Sender<Message>>,
-    shared: Arc<Shared>,
+    queue: Option<Sender<RecorderMessage>>,
+    shared: Arc<RecorderQueue>,
     thread: Option<JoinHandle<S>>,
     waits_for_room: bool,
     dropped_rows: u64,
@@ -110,7 +110,7 @@ pub struct Recorder<S> {
     most_waiting: usize,
 }
 
-impl<S: Sink> Recorder<S> {
+impl<S: RecordSink> Recorder<S> {
     /// Starts the thread. `waits_for_room`: the clock is granted, so the device stands still while the host waits.
     #[must_use]
     pub fn start(sink: S, waits_for_room: bool) -> Self {
@@ -121,7 +121,7 @@ impl<S: Sink> Recorder<S> {
     #[must_use]
     pub fn with_room(sink: S, waits_for_room: bool, most_waiting: usize) -> Self {
         let (queue, messages) = mpsc::channel();
-        let shared = Arc::new(Shared::default());
+        let shared = Arc::new(RecorderQueue::default());
         let theirs = Arc::clone(&shared);
         let thread = std::thread::spawn(move || work(sink, &messages, &theirs));
         Self {
@@ -135,7 +135,7 @@ impl<S: Sink> Recorder<S> {
         }
     }
 
-    fn send(&self, message: Message) {
+    fn send(&self, message: RecorderMessage) {
         // A thread that has failed has left its error in `failed`.
         let _ = self.queue.as_ref().map(|queue| queue.send(message));
     }
@@ -156,7 +156,7 @@ impl<S: Sink> Recorder<S> {
     }
 }
 
-impl<S: Sink> Recording for Recorder<S> {
+impl<S: RecordSink> Recording for Recorder<S> {
     fn check(&self) -> Result<(), Failure> {
         if let Some(error) = lock(&self.shared.failed).clone() {
             return Err(error);
@@ -168,7 +168,7 @@ impl<S: Sink> Recording for Recorder<S> {
         }
     }
 
-    fn note(&self, entry: Entry) {
+    fn note(&self, entry: JournalEntry) {
         let mut entries = lock(&self.shared.entries);
         if *entries >= MAX_ENTRIES {
             let message = format!("{MAX_ENTRIES} lines of the journal are waiting: the disk is too slow");
@@ -177,10 +177,10 @@ impl<S: Sink> Recording for Recorder<S> {
         }
         *entries += 1;
         drop(entries);
-        self.send(Message::Entry(Box::new(entry)));
+        self.send(RecorderMessage::Entry(Box::new(entry)));
     }
 
-    fn rows(&mut self, rows: Rows, stop: &AtomicBool) {
+    fn rows(&mut self, rows: PointRows, stop: &AtomicBool) {
         let size = rows.values.len();
         let mut waiting = lock(&self.shared.waiting);
         // An empty queue has room for a message of any length.
@@ -194,7 +194,7 @@ impl<S: Sink> Recording for Recorder<S> {
         *waiting += size;
         drop(waiting);
         self.accepted_rows += rows.ticks.len() as u64;
-        self.send(Message::Rows(rows));
+        self.send(RecorderMessage::Rows(rows));
     }
 
     fn dropped_rows(&self) -> u64 {
@@ -213,7 +213,7 @@ fn defect(panic: Option<&(dyn Any + Send)>) -> Failure {
     )
 }
 
-fn work<S: Sink>(mut sink: S, messages: &Receiver<Message>, shared: &Shared) -> S {
+fn work<S: RecordSink>(mut sink: S, messages: &Receiver<RecorderMessage>, shared: &RecorderQueue) -> S {
     // A panic must not lose the sink: what it has written is closed, and the run gets its manifest and report.
     let outcome = catch_unwind(AssertUnwindSafe(|| {
         let mut synced = Instant::now();
@@ -221,8 +221,8 @@ fn work<S: Sink>(mut sink: S, messages: &Receiver<Message>, shared: &Shared) -> 
             match messages.recv_timeout(SYNC_EVERY.saturating_sub(synced.elapsed())) {
                 Ok(message) => {
                     let (size, entries) = match &message {
-                        Message::Rows(rows) => (rows.values.len(), 0),
-                        Message::Entry(_) => (0, 1),
+                        RecorderMessage::Rows(rows) => (rows.values.len(), 0),
+                        RecorderMessage::Entry(_) => (0, 1),
                     };
                     let taken = sink.take(message);
                     *lock(&shared.waiting) -= size;
@@ -252,8 +252,8 @@ mod tests {
     use super::*;
     use crate::run_folder::journal::Joined;
 
-    fn rows(tick: u32) -> Rows {
-        Rows { label: Arc::default(), ticks: vec![tick], values: vec![0.0] }
+    fn rows(tick: u32) -> PointRows {
+        PointRows { label: Arc::default(), ticks: vec![tick], values: vec![0.0] }
     }
 
     /// Reports that it holds a message, and waits for leave to go on.
@@ -264,13 +264,13 @@ mod tests {
         entries: u64,
     }
 
-    impl Sink for Stalled {
-        fn take(&mut self, message: Message) -> Result<(), Failure> {
+    impl RecordSink for Stalled {
+        fn take(&mut self, message: RecorderMessage) -> Result<(), Failure> {
             let _ = self.holds.send(());
             let _ = self.leave.recv();
             match message {
-                Message::Rows(_) => self.rows += 1,
-                Message::Entry(_) => self.entries += 1,
+                RecorderMessage::Rows(_) => self.rows += 1,
+                RecorderMessage::Entry(_) => self.entries += 1,
             }
             Ok(())
         }
@@ -294,7 +294,7 @@ mod tests {
         held.recv().unwrap();
         // The sink holds the first row and is stalled.
         (1..100).for_each(|tick| recorder.rows(rows(tick), &stop));
-        (0..100).for_each(|rows| recorder.note(Entry::Joined(Joined { rows, ..Joined::default() })));
+        (0..100).for_each(|rows| recorder.note(JournalEntry::Joined(Joined { rows, ..Joined::default() })));
         assert_eq!(recorder.dropped_rows(), 90);
         drop(give);
         let (sink, outcome) = recorder.finish();
@@ -321,8 +321,8 @@ mod tests {
 
     struct Full;
 
-    impl Sink for Full {
-        fn take(&mut self, _: Message) -> Result<(), Failure> {
+    impl RecordSink for Full {
+        fn take(&mut self, _: RecorderMessage) -> Result<(), Failure> {
             Err(Failure::cannot("write", Path::new("samples"), "no space left on device"))
         }
 
@@ -333,8 +333,8 @@ mod tests {
 
     struct Defective;
 
-    impl Sink for Defective {
-        fn take(&mut self, _: Message) -> Result<(), Failure> {
+    impl RecordSink for Defective {
+        fn take(&mut self, _: RecorderMessage) -> Result<(), Failure> {
             panic!("a defect, on purpose");
         }
 
@@ -357,7 +357,7 @@ mod tests {
     #[test]
     fn lines_beyond_what_a_working_disk_leaves_behind_end_the_run() {
         let (recorder, held, give) = stalled(false);
-        let line = || Entry::Joined(Joined::default());
+        let line = || JournalEntry::Joined(Joined::default());
         recorder.note(line());
         held.recv().unwrap();
         (0..MAX_ENTRIES - 1).for_each(|_| recorder.note(line()));

@@ -11,12 +11,12 @@ use std::sync::Arc;
 use arrow_schema::{Metadata, SchemaRef};
 
 use super::parquet_file::{Durability, write_table};
-use super::recorder::{Message, Rows, Sink};
+use super::recorder::{PointRows, RecordSink, RecorderMessage};
 use super::sample_join::{join, remove_parts};
 use super::sample_part::{MAX_ROWS, OpenPart, seal_salvaged};
 use crate::failure::Failure;
 use crate::run_folder::file_name::FileName;
-use crate::run_folder::journal::{Entry, Journal, Sealed, SetAside};
+use crate::run_folder::journal::{Journal, JournalEntry, Sealed, SetAside};
 use crate::run_folder::read::folder::readable_rows;
 use crate::run_folder::read::open_part::{read_stream, rows_and_gaps};
 use crate::run_folder::read::sample_files::{closed_parts, open_parts, open_sums};
@@ -33,7 +33,7 @@ use crate::run_folder::{checksum, own_files};
 
 /// What is recorded, and in which order results are written.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Layout {
+pub struct RecordLayout {
     /// Columns of the samples.
     pub signals: Vec<SampleColumn>,
     /// Ticks from row to row; 0 for none.
@@ -46,7 +46,7 @@ pub struct Layout {
     pub about: Metadata,
 }
 
-impl Layout {
+impl RecordLayout {
     /// The columns and metadata of the samples.
     fn samples(&self) -> SchemaRef {
         samples::schema(&self.signals, &self.about)
@@ -70,9 +70,9 @@ struct Pending {
 }
 
 /// Writes the journal, samples and results of a run folder.
-pub struct Writer {
+pub struct RunWriter {
     folder: PathBuf,
-    layout: Layout,
+    layout: RecordLayout,
     journal: Journal,
     state: JournalState,
     open: Option<OpenPart>,
@@ -89,12 +89,12 @@ pub struct Writer {
     has_new_results: bool,
 }
 
-impl Writer {
+impl RunWriter {
     /// Continues after `state`, the sum of the journal. A part that an earlier run of the program left open is closed first.
     ///
     /// # Errors
     /// When that cannot be written.
-    pub fn new(folder: &Path, journal: Journal, layout: Layout, state: JournalState) -> Result<Self, Failure> {
+    pub fn new(folder: &Path, journal: Journal, layout: RecordLayout, state: JournalState) -> Result<Self, Failure> {
         let files = [closed_parts(folder), open_parts(folder), open_sums(folder)].into_iter().flatten().map(|(n, _)| n);
         // The number of a file that was removed is not used again.
         let listed = state.sealed.iter().map(|s| s.part).chain(state.set_aside.iter().map(|s| s.part));
@@ -164,14 +164,15 @@ impl Writer {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn note(&mut self, entry: &Entry) -> Result<(), Failure> {
-        if matches!(entry, Entry::Result(_) | Entry::Transient(_)) {
+    pub fn note(&mut self, entry: &JournalEntry) -> Result<(), Failure> {
+        if matches!(entry, JournalEntry::Result(_) | JournalEntry::Transient(_)) {
             self.sync_samples()?;
         }
         self.journal.append(entry)?;
         self.state.add(entry);
         self.is_synced = false;
-        self.has_new_results |= matches!(entry, Entry::Result(_) | Entry::Transient(_) | Entry::Segment(_));
+        self.has_new_results |=
+            matches!(entry, JournalEntry::Result(_) | JournalEntry::Transient(_) | JournalEntry::Segment(_));
         Ok(())
     }
 
@@ -191,13 +192,13 @@ impl Writer {
         Ok(())
     }
 
-    fn entry(&mut self, mut entry: Entry) -> Result<(), Failure> {
+    fn entry(&mut self, mut entry: JournalEntry) -> Result<(), Failure> {
         match &mut entry {
-            Entry::Segment(_) => {
+            JournalEntry::Segment(_) => {
                 self.seal()?;
                 self.last_tick = None;
             }
-            Entry::Finished(finished) => {
+            JournalEntry::Finished(finished) => {
                 let every = u64::from(self.layout.every_ticks);
                 if let Some(steps) = u64::from(finished.end_tick).checked_div(every) {
                     let have = self.last_tick.map_or(0, |tick| tick / every + 1);
@@ -209,11 +210,11 @@ impl Writer {
         }
         self.note(&entry)?;
         // Samples of a segment that the journal does not have would be taken for those of another run.
-        let is_final = matches!(entry, Entry::Segment(_) | Entry::Result(_) | Entry::Transient(_));
+        let is_final = matches!(entry, JournalEntry::Segment(_) | JournalEntry::Result(_) | JournalEntry::Transient(_));
         if is_final { self.sync_journal() } else { Ok(()) }
     }
 
-    fn push(&mut self, rows: &Rows) -> Result<(), Failure> {
+    fn push(&mut self, rows: &PointRows) -> Result<(), Failure> {
         let every = u64::from(self.layout.every_ticks).max(1);
         let width = self.layout.signals.len();
         if rows.values.len() != rows.ticks.len() * width {
@@ -279,11 +280,11 @@ impl Writer {
             let path = self.folder.join(part_name(p.part));
             let file = FileName::new(&part_name(p.part)).map_err(|e| Failure::cannot("read", &path, e))?;
             let file = checksum::of_file(&self.folder, &file).map_err(|e| Failure::cannot("read", &path, e))?;
-            self.note(&Entry::Sealed(Sealed { part: p.part, file, rows: p.rows, lost_rows: p.lost_rows }))?;
+            self.note(&JournalEntry::Sealed(Sealed { part: p.part, file, rows: p.rows, lost_rows: p.lost_rows }))?;
         }
         for p in &pending {
             if let Some(sound_bytes) = p.sound_bytes {
-                self.note(&Entry::SetAside(set_aside(&self.folder, p.part, sound_bytes)?))?;
+                self.note(&JournalEntry::SetAside(set_aside(&self.folder, p.part, sound_bytes)?))?;
             }
         }
         self.sync_journal()?;
@@ -332,7 +333,7 @@ impl Writer {
     }
 
     /// Of the `accepted` rows of the recorder, those that are in no file because the disk has failed. From here on
-    /// [`Writer::rows`] is the rows that can be read.
+    /// [`RunWriter::rows`] is the rows that can be read.
     pub fn unwritten_rows(&mut self, accepted: u64) -> u64 {
         self.rows = readable_rows(&self.folder, &self.state);
         let written = self.repeated_rows.saturating_add(self.rows);
@@ -346,7 +347,7 @@ impl Writer {
     pub fn join(&mut self) -> Result<(), Failure> {
         if self.state.joined.is_none() {
             let joined = join(&self.folder, &self.layout.samples(), &self.state.sealed)?;
-            self.note(&Entry::Joined(joined))?;
+            self.note(&JournalEntry::Joined(joined))?;
             self.sync()?;
         }
         let Some(joined) = &self.state.joined else { return Ok(()) };
@@ -365,7 +366,12 @@ fn set_aside(folder: &Path, part: u32, sound_bytes: u64) -> Result<SetAside, Fai
     Ok(SetAside { part, file, sound_bytes })
 }
 
-fn new_part(folder: &Path, next: &mut u32, label: &Arc<PointLabel>, layout: &Layout) -> Result<OpenPart, Failure> {
+fn new_part(
+    folder: &Path,
+    next: &mut u32,
+    label: &Arc<PointLabel>,
+    layout: &RecordLayout,
+) -> Result<OpenPart, Failure> {
     let number = *next;
     if number > LAST_PART {
         return Err(Failure::cannot(
@@ -378,11 +384,11 @@ fn new_part(folder: &Path, next: &mut u32, label: &Arc<PointLabel>, layout: &Lay
     OpenPart::create(folder, number, Arc::clone(label), &layout.signals, layout.tick_hz)
 }
 
-impl Sink for Writer {
-    fn take(&mut self, message: Message) -> Result<(), Failure> {
+impl RecordSink for RunWriter {
+    fn take(&mut self, message: RecorderMessage) -> Result<(), Failure> {
         match message {
-            Message::Entry(entry) => self.entry(*entry),
-            Message::Rows(rows) => self.push(&rows),
+            RecorderMessage::Entry(entry) => self.entry(*entry),
+            RecorderMessage::Rows(rows) => self.push(&rows),
         }
     }
 

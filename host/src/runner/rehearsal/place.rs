@@ -2,21 +2,21 @@
 
 use damprig_core::rig::Rejected;
 
-use super::Refused;
+use super::RefusedRequest;
 use crate::campaign::transient::two_digits_down;
-use crate::campaign::{Campaign, Kind, SpringTarget};
-use crate::input::locate::Step::{self, Item, Key};
+use crate::campaign::{Campaign, ExperimentKind, SpringTarget};
+use crate::input::locate::PathStep::{self, Item, Key};
 use crate::input::locate::path_text;
 use crate::input::{Problem, Span};
 use crate::settings::decimal;
 use crate::setup;
 
 /// A path of the campaign's file.
-type Path<'a> = Vec<Step<'a>>;
+type Path<'a> = Vec<PathStep<'a>>;
 
 /// The problem, at the key that sets the rejected parameter, for a request of the experiment at `experiment` on the set-up at
 /// `set_up`.
-pub(super) fn problem(campaign: &Campaign, set_up: usize, experiment: usize, refused: &Refused) -> Problem {
+pub(super) fn problem(campaign: &Campaign, set_up: usize, experiment: usize, refused: &RefusedRequest) -> Problem {
     let names = (&campaign.set_ups[set_up].name, &campaign.experiments[experiment].name);
     let source = &campaign.source;
     let parameter = parameter_of(&refused.why);
@@ -89,7 +89,7 @@ fn paths<'a>(campaign: &Campaign, set_up: usize, experiment: usize, parameter: &
         None => match parameter {
             "amplitude_m" => vec![vec![Key("set_up"), Item(set_up), Key(campaign.set_ups[set_up].amplitude_key())]],
             "scale_m" => match &campaign.experiments[experiment].kind {
-                Kind::Playback(playback) => vec![of_experiment(&[playback.key])],
+                ExperimentKind::Playback(playback) => vec![of_experiment(&[playback.key])],
                 _ => Vec::new(),
             },
             "force_n" | "deflection_m" | "friction_ratio" => {

@@ -6,7 +6,7 @@ use damprig_protocol::{Reply, Request};
 
 use super::{Segment, Task};
 use crate::client::session::SessionError;
-use crate::run_folder::journal::Entry;
+use crate::run_folder::journal::JournalEntry;
 use crate::run_folder::schema::impacts::Impacts;
 use crate::runner::error::RunError;
 use crate::runner::held_results::Measured;
@@ -16,7 +16,7 @@ impl Segment<'_, '_, '_> {
     /// Adds the new impacts to the journal.
     pub(super) fn note_impacts(&mut self) {
         if let Some(impacts) = self.impacts.take_new() {
-            self.run.note(Entry::Impacts(Box::new(Impacts { id: self.task.id.clone(), impacts })));
+            self.run.note(JournalEntry::Impacts(Box::new(Impacts { id: self.task.id.clone(), impacts })));
         }
     }
 

@@ -126,7 +126,7 @@ impl PeriodicOrbit {
             motion.run(at_s, &mut ());
             let phase_rad = (angular_frequency_rad_per_s * at_s).rem_euclid(TAU);
             let base = (amplitude_m, angular_frequency_rad_per_s, phase_rad);
-            match Map::new(set_up, base, periods, motion.state())?.orbit_near(motion.state()) {
+            match PoincareMap::new(set_up, base, periods, motion.state())?.orbit_near(motion.state()) {
                 Ok(orbit) => return Ok(orbit),
                 Err(why) => not_found = why,
             }
@@ -172,7 +172,7 @@ impl From<Invalid> for OrbitError {
 }
 
 /// The Poincaré map, scaled: displacements by the size of the motion, velocities by size × Ω.
-struct Map {
+struct PoincareMap {
     map: ReturnMap,
     scale: [f64; 4],
     size: usize,
@@ -184,7 +184,7 @@ struct Map {
     phase_rad: f64,
 }
 
-impl Map {
+impl PoincareMap {
     /// The map from a phase of the base, for motions of the size of `guess`.
     fn new(
         set_up: &SetUp,

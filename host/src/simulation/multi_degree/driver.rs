@@ -20,7 +20,7 @@ use crate::simulation::result::Summary;
 const STEPS_PER_QUESTION: u32 = 256;
 
 /// Shows the motion at the observed place to a viewer and measures all places.
-struct Watch<'a, 'v> {
+struct MotionWatch<'a, 'v> {
     of: &'a MultiDegree,
     shown: Shown,
     viewer: &'a mut (dyn Viewer + 'v),
@@ -37,7 +37,7 @@ struct Watch<'a, 'v> {
     is_stopped: bool,
 }
 
-impl Observer for Watch<'_, '_> {
+impl Observer for MotionWatch<'_, '_> {
     const PIECES: bool = true;
 
     fn piece(&mut self, piece: &Piece) {
@@ -158,7 +158,7 @@ pub(in crate::simulation) fn run<V: Viewer>(
     let shown = of.shown();
     run_in_parts(case.run.duration_s, options, collector, |until_s, collector, go_on| {
         let mut viewer = (&mut response, collector.all());
-        let mut watch = Watch {
+        let mut watch = MotionWatch {
             of,
             shown,
             viewer: &mut viewer,
@@ -264,7 +264,7 @@ pub fn counted(
             dampers = if wanted.whole_run { DamperMeter::all(of) } else { Vec::new() };
         }
         let viewer: &mut dyn Viewer = if is_counted { &mut response } else { &mut nothing };
-        let mut watch = Watch {
+        let mut watch = MotionWatch {
             of,
             shown,
             viewer,
@@ -307,7 +307,7 @@ pub fn cycles(
     motion.run(f64::from(settle) * cycle_s, &mut ()).map_err(Invalid::from)?;
     for cycle in settle..settle + count {
         let mut response = response_of_cycle(cycle, cycle_s);
-        let mut watch = Watch {
+        let mut watch = MotionWatch {
             of,
             shown: of.shown(),
             viewer: &mut response,

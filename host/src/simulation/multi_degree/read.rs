@@ -15,7 +15,7 @@ use crate::simulation::keys::{case, force_sine};
 use crate::simulation::read_case::{base_amplitude, check_cycles, read_excitation, read_run};
 use crate::structure::{DESCRIPTIONS, at_place, check_participation, description, description_of, read_structure};
 use dampers::{Dampers, impact_damper, read_places};
-use start::{BaseStart, Start, read_initial, start};
+use start::{BaseStart, ShapeStart, read_initial, start};
 
 /// Reads the case, whose structure the key `key` describes; `None` after a problem has been reported.
 pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
@@ -34,7 +34,7 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
     };
     let run = run_section.as_ref().and_then(|s| read_run(s, record_s));
     let initial_section = root.table_of(&case::INITIAL, None);
-    let initial = initial_section.as_ref().map_or(Some(Start::default()), read_initial);
+    let initial = initial_section.as_ref().map_or(Some(ShapeStart::default()), read_initial);
     let x0_m = initial.and_then(|initial| initial.x_m).filter(|x0_m| *x0_m != 0.0);
     let base = excitation.as_ref().map_or(BaseAmplitude::Unread, |it| base_amplitude(it, stated_m, x0_m));
     let gravity = root.scalar(&set_up_keys::GRAVITY);

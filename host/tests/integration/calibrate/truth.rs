@@ -6,13 +6,13 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use damprig::calibrate::guide::{self, Plan};
-use damprig::calibrate::readings::Kept;
-use damprig::calibrate::record::{Record, Validity};
+use damprig::calibrate::guide::{self, CalibrationPlan};
+use damprig::calibrate::readings::KeptFile;
+use damprig::calibrate::record::{CalibrationRecord, Validity};
 use damprig::calibrate::rehearsal::{SimulatedOperator, Truth};
 use damprig::calibrate::rig::CalibratedRig;
 use damprig::calibrate::solve::{Solved, solve};
-use damprig::calibrate::{Channel, Point};
+use damprig::calibrate::{CalibrationPoint, Channel};
 use damprig::client::link::Address;
 use damprig::client::session::Session;
 use damprig::identify::statistics::student_tail;
@@ -27,8 +27,8 @@ struct Rehearsed {
     points: usize,
     truth: Truth,
     old: Settings,
-    record: Record,
-    checked: Vec<Point>,
+    record: CalibrationRecord,
+    checked: Vec<CalibrationPoint>,
 }
 
 fn rehearse(channel: Channel, seed: u64) -> Rehearsed {
@@ -38,7 +38,7 @@ fn rehearse(channel: Channel, seed: u64) -> Rehearsed {
     let mut rig = CalibratedRig::new(&mut session, &stop).unwrap();
     let truth = Truth::draw(channel, seed, &old);
     let mut operator = SimulatedOperator::new(truth, &mut rig, |_| {}).unwrap();
-    let plan = Plan {
+    let plan = CalibrationPlan {
         channel,
         references: channel.default_references(&old),
         measure_s: 1.0,
@@ -47,12 +47,12 @@ fn rehearse(channel: Channel, seed: u64) -> Rehearsed {
         frequencies_hz: Vec::new(),
     };
     let folder = tempfile::tempdir().unwrap();
-    let kept = Kept::create(folder.path().join("kept.csv"), channel).unwrap();
+    let kept = KeptFile::create(folder.path().join("kept.csv"), channel).unwrap();
     let points = guide::measure(&plan, &mut rig, &mut operator, &kept).unwrap();
     let solved = solve(channel, &points, &old, false).unwrap();
     let validity = Validity { date_days: 20_574.0, valid_days: 365.0 };
     let count = points.len();
-    let record = Record::new(channel, "test".into(), points, solved.clone(), &old, validity).unwrap();
+    let record = CalibrationRecord::new(channel, "test".into(), points, solved.clone(), &old, validity).unwrap();
     rig.session.execute("use the settings", Request::SetSettings(*record.settings())).unwrap();
     rig.session.settings = *record.settings();
     let checked = guide::check(&plan, &mut rig, &mut operator).unwrap();

@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use damprig::campaign::Campaign;
-use damprig::file_keys::new_file::{self, CaseValues, Damper, Excitation, RecordFile};
+use damprig::file_keys::new_file::{self, CaseValues, Excitation, MountedDamper, RecordFile};
 use damprig::input::Source;
 use damprig::prediction::settling;
 use damprig::simulation::Case;
@@ -24,14 +24,14 @@ fn choices<T: Copy>(items: &[T]) -> Vec<Vec<T>> {
 #[test]
 fn every_new_file_is_accepted_without_a_warning() {
     let values = CaseValues::default();
-    let accepted = |dampers: &[Damper], experiments: &[Excitation], values: &CaseValues| {
+    let accepted = |dampers: &[MountedDamper], experiments: &[Excitation], values: &CaseValues| {
         let text = new_file::campaign("new", dampers, experiments, values);
         let campaign = Campaign::parse(Source::new("new.toml", text.clone()));
         let campaign = campaign.unwrap_or_else(|refusal| panic!("{refusal}\n{text}"));
         assert!(campaign.source.warnings().is_empty(), "{:?}\n{text}", campaign.source.warnings());
         assert_eq!((campaign.set_ups.len(), campaign.experiments.len()), (dampers.len(), experiments.len()));
     };
-    for dampers in choices(&Damper::ALL) {
+    for dampers in choices(&MountedDamper::ALL) {
         for experiments in choices(&Excitation::ALL) {
             // To make noise takes most of the time of this test.
             if dampers.len() == 1 || !experiments.contains(&Excitation::Noise) {
@@ -41,9 +41,9 @@ fn every_new_file_is_accepted_without_a_warning() {
     }
     for material in Material::ALL {
         let values = CaseValues { wall: Some(material), has_spring: true, ..CaseValues::default() };
-        accepted(&Damper::ALL, &Excitation::ALL, &values);
+        accepted(&MountedDamper::ALL, &Excitation::ALL, &values);
     }
-    for damper in Damper::ALL {
+    for damper in MountedDamper::ALL {
         for excitation in Excitation::ALL {
             let text = new_file::case("new", damper, excitation, &values);
             let source = Source::new("new.toml", text.clone());
@@ -183,7 +183,7 @@ fn a_set_up_that_would_move_too_far_is_driven_less_and_the_command_says_so() {
 fn a_record_is_played_as_it_was_given_and_compare_can_use_the_telemetry() {
     let record = RecordFile { file: "quake.AT2".into(), quantity: None, unit: None };
     let values = CaseValues { record, ..CaseValues::default() };
-    let text = new_file::campaign("new", &[Damper::Bare], &[Excitation::Record], &values);
+    let text = new_file::campaign("new", &[MountedDamper::Bare], &[Excitation::Record], &values);
     assert!(!text.contains("target_peak_m") && !text.contains("scale"), "{text}");
     assert!(text.contains("rate_hz = 1000") && text.contains("[\"x\", \"z\"]"), "{text}");
 }
@@ -192,7 +192,7 @@ fn a_record_is_played_as_it_was_given_and_compare_can_use_the_telemetry() {
 fn the_points_of_a_new_sweep_settle_however_light_the_damping() {
     for damping_ratio in [0.0005, 0.002, 0.0038, 0.02] {
         let values = CaseValues { damping_ratio, ..CaseValues::default() };
-        let text = new_file::campaign("new", &Damper::ALL, &[Excitation::SteppedSine], &values);
+        let text = new_file::campaign("new", &MountedDamper::ALL, &[Excitation::SteppedSine], &values);
         let campaign = Campaign::parse(Source::new("new.toml", text)).unwrap();
         assert_eq!(settling::advice(&campaign), [""; 0], "ζ = {damping_ratio}");
     }
@@ -268,7 +268,7 @@ fn on_a_terminal_it_asks_and_takes_the_defaults_in_brackets() {
 #[test]
 fn a_new_study_of_every_new_and_shipped_case_is_accepted() {
     let folder = TempDir::new().unwrap();
-    for damper in Damper::ALL {
+    for damper in MountedDamper::ALL {
         for excitation in Excitation::ALL {
             let text = new_file::case("new", damper, excitation, &CaseValues::default());
             std::fs::write(folder.path().join("case.toml"), text).unwrap();
@@ -293,17 +293,17 @@ fn a_new_optimisation_of_every_new_and_shipped_case_is_accepted() {
     let folder = TempDir::new().unwrap();
     let init =
         |case: &str, more: &[&str]| damprig(&folder).args(["init", "--force", "--optimise", case]).args(more).assert();
-    for damper in Damper::ALL {
+    for damper in MountedDamper::ALL {
         for excitation in Excitation::ALL {
             let text = new_file::case("new", damper, excitation, &CaseValues::default());
             std::fs::write(folder.path().join("case.toml"), text).unwrap();
             match damper {
-                Damper::Bare => {
+                MountedDamper::Bare => {
                     let said = init("case.toml", &[]).code(2);
                     said.stderr(contains("no particle and no friction damper").and(contains("--variable KEY=FROM:TO")));
                     init("case.toml", &["--variable", "structure.damping_ratio=0.01:0.1"]).success();
                 }
-                Damper::Tmd => drop(init("case.toml", &["--variable", "tmd.mass_ratio=0.05:0.2"]).success()),
+                MountedDamper::Tmd => drop(init("case.toml", &["--variable", "tmd.mass_ratio=0.05:0.2"]).success()),
                 _ => drop(init("case.toml", &[]).success().stdout(contains("damprig optimise optimisation.toml"))),
             }
         }
@@ -339,7 +339,8 @@ fn a_campaign_of_steel_walls_and_data_sheet_sensors_says_so_in_its_keys() {
 
 #[test]
 fn a_study_that_could_not_run_is_not_written() {
-    let folder = folder_with(&new_file::case("new", Damper::Spid, Excitation::SteppedSine, &CaseValues::default()));
+    let folder =
+        folder_with(&new_file::case("new", MountedDamper::Spid, Excitation::SteppedSine, &CaseValues::default()));
     let init = |more: &[&str]| damprig(&folder).args(["init", "--study", "test.toml"]).args(more).assert().code(2);
     init(&["--axis", "particle.clearence_ratio=4:24:5"])
         .stderr(contains("clearance_ratio").and(contains("nothing was written")));
@@ -358,7 +359,7 @@ fn a_study_that_could_not_run_is_not_written() {
 
 #[test]
 fn a_meaning_stands_beside_a_short_entry_and_above_a_long_one() {
-    let text = new_file::campaign("new", &[Damper::Bare], &[Excitation::SteppedSine], &CaseValues::default());
+    let text = new_file::campaign("new", &[MountedDamper::Bare], &[Excitation::SteppedSine], &CaseValues::default());
     let column = |line: &str| line.find(" # ").map_or(0, |at| line[..at].chars().count());
     let far: Vec<&str> = text.lines().filter(|line| column(line) > 60).collect();
     assert!(far.is_empty(), "{far:?}");

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use damprig::file_keys::FileKind;
 use damprig::file_keys::reference::reference;
 use damprig::file_keys::schema::schema;
-use damprig::input::key::{Key, Kind, Table};
+use damprig::input::key::{Key, Table, ValueKind};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -135,10 +135,10 @@ fn schemas_and_parser_refuse_misspelt_keys_values_out_of_range_and_wrong_types()
                 refuse(&mut documents, format!("{at}/zzz"), &with(&document, place, misspelt));
             }
             let Some((path, of, key)) = declared(&tables, &document, place) else { continue };
-            if matches!(key.kind, Kind::Word(_)) {
+            if matches!(key.kind, ValueKind::Word(_)) {
                 refuse(&mut documents, format!("{at} = \"zzz\""), &with(&document, place, "zzz".into()));
             }
-            if value.is_number() && key.kind != Kind::TextOrPlace {
+            if value.is_number() && key.kind != ValueKind::TextOrPlace {
                 refuse(&mut documents, format!("{at} is a text"), &with(&document, place, "1.6 kg".into()));
                 let Some(range) = key.kind.range() else { continue };
                 for ((end, is_excluded), outwards) in

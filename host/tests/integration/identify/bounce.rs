@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use damprig::identify::restitution::{self, Axis, Options, Restitution};
+use damprig::identify::restitution::{self, FilmAxis, Restitution, RestitutionOptions};
 use fastrand::Rng;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -94,8 +94,8 @@ impl Film {
         text
     }
 
-    fn options(&self) -> Options {
-        Options { frame_rate_hz: Some(self.rate_hz), ..Options::default() }
+    fn options(&self) -> RestitutionOptions {
+        RestitutionOptions { frame_rate_hz: Some(self.rate_hz), ..RestitutionOptions::default() }
     }
 
     /// The true impact nearest to a time of the film, whose frames count from 1.
@@ -111,7 +111,7 @@ fn written(folder: &TempDir, name: &str, text: &str) -> PathBuf {
     path
 }
 
-fn identified(text: &str, options: &Options) -> Result<Restitution, String> {
+fn identified(text: &str, options: &RestitutionOptions) -> Result<Restitution, String> {
     let folder = TempDir::new().unwrap();
     restitution::identify(&[written(&folder, "film.csv", text)], options).map_err(|error| error.to_string())
 }
@@ -235,23 +235,23 @@ fn gravity_and_a_stated_scale_give_the_same_speeds_or_the_film_is_refused() {
         let mut rng = Rng::with_seed(seed);
         let film = Film::drawn(&mut rng, truth, 0.3);
         let text = film.text();
-        let speeds = |options: &Options| {
+        let speeds = |options: &RestitutionOptions| {
             let over = identified(&text, options).unwrap().identified.over_speed.unwrap();
             over.impacts.iter().map(|impact| impact.speed_m_per_s).collect::<Vec<_>>()
         };
-        let stated = Options { m_per_pixel: Some(film.m_per_pixel), ..film.options() };
+        let stated = RestitutionOptions { m_per_pixel: Some(film.m_per_pixel), ..film.options() };
         for (by_gravity, by_scale) in speeds(&film.options()).iter().zip(speeds(&stated)) {
             assert!((by_gravity / by_scale - 1.0).abs() < 0.02, "{by_gravity} {by_scale}");
         }
         // The rate of a slow-motion replay: the ball seems to fall slowly, and the true rate is named.
-        let replayed = Options { frame_rate_hz: Some(film.rate_hz / 8.0), ..stated.clone() };
+        let replayed = RestitutionOptions { frame_rate_hz: Some(film.rate_hz / 8.0), ..stated.clone() };
         let error = identified(&text, &replayed).unwrap_err();
         let named =
             error.split("film has ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap().parse::<f64>().unwrap();
         assert!((named / film.rate_hz - 1.0).abs() < 0.01, "{error}");
         // e needs neither.
-        let slow = Options { frame_rate_hz: Some(film.rate_hz / 8.0), ..Options::default() };
-        let e = |options: &Options| identified(&text, options).unwrap().law.unwrap().constant.value;
+        let slow = RestitutionOptions { frame_rate_hz: Some(film.rate_hz / 8.0), ..RestitutionOptions::default() };
+        let e = |options: &RestitutionOptions| identified(&text, options).unwrap().law.unwrap().constant.value;
         assert!((e(&slow) - e(&stated)).abs() < 0.005, "e is a ratio of speeds");
     }
 }
@@ -260,7 +260,7 @@ fn gravity_and_a_stated_scale_give_the_same_speeds_or_the_film_is_refused() {
 fn every_spelling_of_a_film_gives_the_same_impacts() {
     let truth = Truth { coefficient: 0.65, exponent: 0.0, maximum: 1.0 };
     let film = Film::drawn(&mut Rng::with_seed(4), truth, 0.3);
-    let e = |text: &str, options: &Options| {
+    let e = |text: &str, options: &RestitutionOptions| {
         let found = identified(text, options).unwrap();
         found.identified.over_speed.unwrap().impacts.iter().map(|impact| impact.coefficient).collect::<Vec<_>>()
     };
@@ -287,7 +287,7 @@ fn every_spelling_of_a_film_gives_the_same_impacts() {
     }
     // Times in place of frames, and two tracks that are parts of one.
     let timed = rows("t_s,x,y\n", &|n, x, y| format!("{:.9},{x},{y}\n", n as f64 / film.rate_hz));
-    for (own, expected) in e(&timed, &Options::default()).iter().zip(&expected) {
+    for (own, expected) in e(&timed, &RestitutionOptions::default()).iter().zip(&expected) {
         assert!((own - expected).abs() < 1e-4, "{own} {expected}");
     }
     let half = film.frames.len() / 3;
@@ -296,10 +296,10 @@ fn every_spelling_of_a_film_gives_the_same_impacts() {
     });
     let error = identified(&parts, &film.options()).unwrap_err();
     assert!(error.contains("2 tracks") && error.contains("--track 1,2"), "{error}");
-    assert_eq!(e(&parts, &Options { tracks: vec![1, 2], ..film.options() }), expected);
+    assert_eq!(e(&parts, &RestitutionOptions { tracks: vec![1, 2], ..film.options() }), expected);
     // A vertical that is stated is taken.
-    let vertical = Some(if film.is_y_vertical { Axis::Y } else { Axis::X });
-    assert_eq!(e(&film.text(), &Options { vertical, ..film.options() }), expected);
+    let vertical = Some(if film.is_y_vertical { FilmAxis::Y } else { FilmAxis::X });
+    assert_eq!(e(&film.text(), &RestitutionOptions { vertical, ..film.options() }), expected);
 }
 
 #[test]
@@ -308,13 +308,13 @@ fn bad_films_are_refused_with_what_to_do() {
     let film = Film::drawn(&mut Rng::with_seed(5), truth, 0.3);
     let text = film.text();
     let options = film.options();
-    let refused = |text: &str, options: &Options, needles: &[&str]| {
+    let refused = |text: &str, options: &RestitutionOptions, needles: &[&str]| {
         let error = identified(text, options).expect_err(&format!("a refusal with {needles:?}"));
         for needle in needles {
             assert!(error.contains(needle), "{needle:?} is not in: {error}");
         }
     };
-    refused(&text, &Options::default(), &["the frame rate is missing", "--frame-rate-hz HZ"]);
+    refused(&text, &RestitutionOptions::default(), &["the frame rate is missing", "--frame-rate-hz HZ"]);
     let row = |n: usize, fields: &str| -> String {
         text.lines()
             .enumerate()
@@ -353,8 +353,12 @@ fn bad_films_are_refused_with_what_to_do() {
     assert!(count > 50);
     refused(&format!("frame,x,y\n{backwards}"), &options, &["gains energy", "impact at frame"]);
     refused("t,x,y\n0,1,2\n0.1,1,3\n", &options, &["the unit of the times", "t_s"]);
-    refused(&text, &Options { drop_height_m: Some(0.2), ..options.clone() }, &["--drop-height-m is for impact times"]);
-    refused(&text, &Options { tracks: vec![3], ..options.clone() }, &["there is no track 3"]);
+    refused(
+        &text,
+        &RestitutionOptions { drop_height_m: Some(0.2), ..options.clone() },
+        &["--drop-height-m is for impact times"],
+    );
+    refused(&text, &RestitutionOptions { tracks: vec![3], ..options.clone() }, &["there is no track 3"]);
 }
 
 /// Impact times with a drop height: the first impact too, and e that falls with the speed.
@@ -377,7 +381,7 @@ fn times_with_a_drop_height_give_the_first_impact() {
     };
     let (mut exponents, mut coefficients, seeds) = (0, 0, if is_full() { 500 } else { 20 });
     for seed in 1..=seeds {
-        let found = identified(&text(&mut Rng::with_seed(seed), true), &Options::default()).unwrap();
+        let found = identified(&text(&mut Rng::with_seed(seed), true), &RestitutionOptions::default()).unwrap();
         let over = found.identified.over_speed.unwrap();
         assert_eq!(over.impacts.len(), 18);
         let first = &over.impacts[0];
@@ -390,7 +394,7 @@ fn times_with_a_drop_height_give_the_first_impact() {
     }
     assert_covered("exponent from times", exponents, seeds as usize, 0.93..=0.98);
     assert_covered("coefficient from times", coefficients, seeds as usize, 0.93..=0.98);
-    let without = identified(&text(&mut Rng::with_seed(1), false), &Options::default()).unwrap();
+    let without = identified(&text(&mut Rng::with_seed(1), false), &RestitutionOptions::default()).unwrap();
     assert_eq!(without.identified.over_speed.unwrap().impacts.len(), 12);
 }
 
@@ -465,7 +469,7 @@ fn a_real_film_and_real_times_agree() {
     let of = |sources: &[&PathBuf]| {
         let sources: Vec<PathBuf> = sources.iter().map(|path| (*path).clone()).collect();
         let frame_rate_hz = sources.contains(&film).then_some(240.0);
-        restitution::identify(&sources, &Options { frame_rate_hz, ..Options::default() }).unwrap()
+        restitution::identify(&sources, &RestitutionOptions { frame_rate_hz, ..RestitutionOptions::default() }).unwrap()
     };
     let second = of(&[&times]).law.unwrap().constant;
     assert!((0.64..=0.70).contains(&second.value), "{second:?}");

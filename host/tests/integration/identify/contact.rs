@@ -4,8 +4,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt::Write;
 
 use damprig::identify::Estimate;
-use damprig::identify::contact::{Pulse, of_pulses, of_records};
-use damprig::identify::table::Table;
+use damprig::identify::contact::{MeasuredPulse, of_pulses, of_records};
+use damprig::identify::table::NumberTable;
 use damprig_core::io::{WALL_SUBSAMPLES, WallCounts};
 use damprig_core::measure::impacts::ImpactMeter;
 use damprig_core::model::{Cavity, Particle, Release, SetUp, Structure, Wall};
@@ -82,7 +82,7 @@ fn named<'a>(estimates: &'a [Estimate], name: &str) -> &'a Estimate {
 }
 
 /// The pulses that the board finds in the simulated rig's half-sines of 2 ms with this peak: 50 kHz, noise of 0.2 N.
-fn measured(seed: u64, peak_n: f32, count: u32) -> Vec<Pulse> {
+fn measured(seed: u64, peak_n: f32, count: u32) -> Vec<MeasuredPulse> {
     let sensors = WallSensors::default();
     let mut walls = Walls::new(&sensors, seed).unwrap();
     let (mut meter, mut rng) = (ImpactMeter::default(), Rng::with_seed(seed));
@@ -94,7 +94,7 @@ fn measured(seed: u64, peak_n: f32, count: u32) -> Vec<Pulse> {
         let block: [WallCounts; WALL_SUBSAMPLES] = walls.read(None);
         meter.push(tick, &block, |impact| {
             let (peak_n, impulse_n_s) = (f64::from(impact.peak_n), f64::from(impact.impulse_n_s));
-            found.push(Pulse { is_positive: impact.side > 0, peak_n, impulse_n_s });
+            found.push(MeasuredPulse { is_positive: impact.side > 0, peak_n, impulse_n_s });
         });
     }
     found
@@ -127,7 +127,7 @@ fn least_share(seeds: u64) -> f64 {
 }
 
 /// A force record with pulses of a shape, whose phases and peaks are drawn, and 0.2 N of noise.
-fn record(seed: u64, rate_hz: f64, time_s: f64, shape: impl Fn(f64) -> f64) -> Table {
+fn record(seed: u64, rate_hz: f64, time_s: f64, shape: impl Fn(f64) -> f64) -> NumberTable {
     let mut rng = Rng::with_seed(seed);
     let mut text = "t_s,force_n\n".to_string();
     for pulse in 0..10 {
@@ -143,7 +143,7 @@ fn record(seed: u64, rate_hz: f64, time_s: f64, shape: impl Fn(f64) -> f64) -> T
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("pulses.csv");
     std::fs::write(&path, text).unwrap();
-    Table::read(&path).unwrap()
+    NumberTable::read(&path).unwrap()
 }
 
 #[test]
@@ -198,12 +198,13 @@ fn two_walls_have_their_own_contacts_and_hertz_stiffnesses() {
     let (soft, stiff) = (Wall::Restitution { coefficient: 0.4 }, Wall::Restitution { coefficient: 0.7 });
     let (k, reduced_kg) = (3e7_f64, 0.16 * 1.6 / 1.76);
     // Pulses with the peaks of elastic spheres.
-    let pulse = |is_positive: bool, v: f64| Pulse {
+    let pulse = |is_positive: bool, v: f64| MeasuredPulse {
         is_positive,
         peak_n: k * (5.0 * reduced_kg * v * v / (4.0 * k)).powf(0.6),
         impulse_n_s: reduced_kg * v * (1.0 + if is_positive { 0.7 } else { 0.4 }),
     };
-    let pulses: Vec<Pulse> = (1..=10).flat_map(|n| [false, true].map(|side| pulse(side, 0.1 * f64::from(n)))).collect();
+    let pulses: Vec<MeasuredPulse> =
+        (1..=10).flat_map(|n| [false, true].map(|side| pulse(side, 0.1 * f64::from(n)))).collect();
     let identified = of_pulses(&pulses, &set_up(soft, Some(stiff))).unwrap();
     let keys: Vec<&str> = identified.estimates.iter().filter_map(|estimate| estimate.key).collect();
     assert_eq!(keys, ["particle.wall.contact_time_s", "particle.positive_wall.contact_time_s"]);
@@ -216,9 +217,9 @@ fn two_walls_have_their_own_contacts_and_hertz_stiffnesses() {
 #[test]
 fn sources_without_contacts_are_refused_with_what_to_do() {
     let pad = Wall::Voigt { stiffness_n_per_m: 3e3, damping_n_s_per_m: 1.0, release: Release::ZeroForce };
-    let pulse = Pulse { is_positive: true, peak_n: 50.0, impulse_n_s: 0.06 };
+    let pulse = MeasuredPulse { is_positive: true, peak_n: 50.0, impulse_n_s: 0.06 };
     let hard = Wall::Restitution { coefficient: 0.5 };
-    let refused = |pulses: &[Pulse], set_up: &SetUp, words: &str| {
+    let refused = |pulses: &[MeasuredPulse], set_up: &SetUp, words: &str| {
         let why = of_pulses(pulses, set_up).expect_err("it is refused").to_string();
         assert!(why.contains(words), "no {words:?} in {why}");
     };

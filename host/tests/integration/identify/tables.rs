@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use damprig::identify::restitution::{Options, Restitution};
-use damprig::identify::table::Table;
+use damprig::identify::restitution::{Restitution, RestitutionOptions};
+use damprig::identify::table::NumberTable;
 use damprig::identify::wall::Pad;
 use damprig::identify::{Estimate, Sensors, friction, response, response_file, restitution, wall};
 use fastrand::Rng;
@@ -17,15 +17,15 @@ fn normal(rng: &mut Rng) -> f64 {
     (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0
 }
 
-fn table(text: &str) -> Table {
+fn table(text: &str) -> NumberTable {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("table.csv");
     std::fs::write(&path, text).unwrap();
-    Table::read(&path).unwrap()
+    NumberTable::read(&path).unwrap()
 }
 
 /// Restitution of a drop test.
-fn restitution_of(text: &str, options: &Options) -> Restitution {
+fn restitution_of(text: &str, options: &RestitutionOptions) -> Restitution {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("drops.csv");
     std::fs::write(&path, text).unwrap();
@@ -34,7 +34,7 @@ fn restitution_of(text: &str, options: &Options) -> Restitution {
 
 /// One coefficient for all impacts.
 fn constant(text: &str) -> Estimate {
-    let estimates = restitution_of(text, &Options::default()).identified.estimates;
+    let estimates = restitution_of(text, &RestitutionOptions::default()).identified.estimates;
     estimates.into_iter().find(|estimate| estimate.quantity == "coefficient of restitution").unwrap()
 }
 
@@ -109,7 +109,7 @@ fn contact_time_and_restitution_follow_from_force_records() {
         writeln!(text, "{t:.6},{:.4}", force + normal(&mut rng)).unwrap();
     }
     let body = restitution::Approach { mass_kg: mass, velocity_m_per_s: approach };
-    let options = Options { approach: Some(body), ..Options::default() };
+    let options = RestitutionOptions { approach: Some(body), ..RestitutionOptions::default() };
     let found = restitution_of(&text, &options).identified.estimates;
     assert!((found[0].value - truth).abs() < 0.02, "{found:?}");
     // Five half-sines of 100 samples with noise of 0.5 % of the peak: 0.1 % of the duration.

@@ -8,7 +8,7 @@ use super::frames::{Bounce, LONG, fitted};
 use super::met::{ImpactValues, Met};
 use super::read::Track;
 use super::segments::Segments;
-use super::{Names, Scale, tracked};
+use super::{FilmNames, FilmScale, tracked};
 use crate::identify::restitution::law::{Impact, Impacts};
 use crate::identify::statistics::correlation;
 
@@ -84,7 +84,7 @@ impl Bounces {
     }
 
     /// The impacts, and what a person has to know about them.
-    pub(super) fn impacts(&self, names: Names, scale: &Scale) -> Result<(Impacts, Vec<String>), String> {
+    pub(super) fn impacts(&self, names: FilmNames, scale: &FilmScale) -> Result<(Impacts, Vec<String>), String> {
         let scale_text = self.checked_scale(names, scale)?;
         let pairs: Vec<usize> =
             (0..self.flights.len() - 1).filter(|n| self.flights[*n].touches(&self.flights[n + 1])).collect();
@@ -157,7 +157,7 @@ impl Bounces {
     }
 
     /// Metres per pixel in words; compares what is stated with gravity.
-    fn checked_scale(&self, names: Names, scale: &Scale) -> Result<String, String> {
+    fn checked_scale(&self, names: FilmNames, scale: &FilmScale) -> Result<String, String> {
         let (acceleration, uncertainty) = self.mean_acceleration();
         let share = uncertainty / acceleration;
         let by_gravity = scale.gravity_m_per_s2 * scale.step_s.powi(2) / acceleration;
@@ -193,7 +193,7 @@ impl Bounces {
         ))
     }
 
-    fn no_impact(&self, pair: usize, scale: &Scale) -> String {
+    fn no_impact(&self, pair: usize, scale: &FilmScale) -> String {
         let at = self.at[self.flights[pair].candidates.end - 1];
         format!(
             "the flights before and after {} do not meet: something else than a floor turned the ball",
@@ -202,7 +202,7 @@ impl Bounces {
     }
 
     /// A frame or a time, in words.
-    fn moment(&self, at: f64, scale: &Scale) -> String {
+    fn moment(&self, at: f64, scale: &FilmScale) -> String {
         if scale.has_times { format!("{:.4} s", at * scale.step_s) } else { format!("frame {at:.1}") }
     }
 
@@ -248,7 +248,7 @@ impl Bounces {
     }
 
     /// Derivatives of all e, then of all ln v, by the parameters.
-    fn jacobian(&self, found: &[Met], scale: &Scale) -> DMatrix<f64> {
+    fn jacobian(&self, found: &[Met], scale: &FilmScale) -> DMatrix<f64> {
         let (n, count) = (found.len(), self.fit.parameters.len());
         let mut all = DMatrix::zeros(2 * n, count);
         for (i, met) in found.iter().enumerate() {
@@ -271,8 +271,8 @@ impl Bounces {
         found: &[Met],
         i: usize,
         covariance: &DMatrix<f64>,
-        names: Names,
-        scale: &Scale,
+        names: FilmNames,
+        scale: &FilmScale,
     ) -> Result<Impact, String> {
         let (met, n) = (&found[i], found.len());
         let parameters = &self.fit.parameters;
@@ -327,7 +327,7 @@ impl Bounces {
     }
 
     /// Speeds across the vertical before and after an impact, m/s.
-    fn sideways(&self, pair: usize, scale: &Scale) -> Option<[f64; 2]> {
+    fn sideways(&self, pair: usize, scale: &FilmScale) -> Option<[f64; 2]> {
         let slope = |flight: usize| {
             let own = &self.flights[flight].used;
             let within = self.at[own[0]]..=self.at[own[own.len() - 1]];
@@ -345,7 +345,14 @@ impl Bounces {
         Some([slope(pair)? * per_step, slope(pair + 1)? * per_step])
     }
 
-    fn remarks(&self, names: Names, all: &[Impact], unclear: usize, found: &[Met], scale: &Scale) -> Vec<String> {
+    fn remarks(
+        &self,
+        names: FilmNames,
+        all: &[Impact],
+        unclear: usize,
+        found: &[Met],
+        scale: &FilmScale,
+    ) -> Vec<String> {
         let unit = names.unit;
         let parameters = &self.fit.parameters;
         let mut remarks = vec![format!(
@@ -436,7 +443,7 @@ fn shown_contact(at: &[f64], before: &Bounce, after: &Bounce) -> f64 {
     if *first > last + 2 { at[first - 1] - at[last + 1] } else { 0.0 }
 }
 
-impl Scale {
+impl FilmScale {
     /// m/s per place and step.
     pub(super) fn per_step(&self, acceleration: f64) -> f64 {
         match self.m_per_pixel {

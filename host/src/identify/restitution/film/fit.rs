@@ -10,21 +10,21 @@ use nalgebra::{DMatrix, DVector};
 
 /// A flight: frame times in steps, and places on the axis towards the floor, from the floor.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Frames {
+pub(super) struct FlightFrames {
     pub(super) at: Vec<f64>,
     pub(super) down: Vec<f64>,
 }
 
 /// What is fitted besides the parabolas.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Shape {
+pub(super) struct FilmShape {
     pub(super) perspective: bool,
     pub(super) cubic: bool,
     /// Each flight has its own acceleration.
     pub(super) accelerations: bool,
 }
 
-impl Shape {
+impl FilmShape {
     /// Parameters of a flight.
     pub(super) fn own(self) -> usize {
         2 + usize::from(self.accelerations) + usize::from(self.cubic)
@@ -43,12 +43,12 @@ impl Shape {
 
 /// Middle and half length of a flight, the unit of its own parameters.
 #[derive(Clone, Copy, Debug)]
-struct Span {
+struct FlightSpan {
     middle: f64,
     half: f64,
 }
 
-impl Span {
+impl FlightSpan {
     fn of(at: &[f64]) -> Self {
         let (first, last) = (at[0], at[at.len() - 1]);
         Self { middle: 0.5 * (first + last), half: (0.5 * (last - first)).max(0.5) }
@@ -58,7 +58,7 @@ impl Span {
 /// The parameters of a flight.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Flight {
-    span: Span,
+    span: FlightSpan,
     /// Of the powers of the scaled time.
     powers: [f64; 4],
     perspective: f64,
@@ -98,9 +98,9 @@ impl Flight {
 /// The fit.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
-    pub(super) shape: Shape,
-    spans: Vec<Span>,
-    /// Those of each flight in turn, then those that all share: acceleration, perspective; see [`Shape`].
+    pub(super) shape: FilmShape,
+    spans: Vec<FlightSpan>,
+    /// Those of each flight in turn, then those that all share: acceleration, perspective; see [`FilmShape`].
     pub(super) parameters: DVector<f64>,
     /// Covariance of the parameters for unit noise.
     pub(super) covariance: DMatrix<f64>,
@@ -115,8 +115,8 @@ const STEPS: usize = 20;
 
 impl Fit {
     /// Fits; `None` for too few frames, or a perspective that does not settle.
-    pub(super) fn of(flights: &[Frames], shape: Shape) -> Option<Self> {
-        let spans: Vec<Span> = flights.iter().map(|flight| Span::of(&flight.at)).collect();
+    pub(super) fn of(flights: &[FlightFrames], shape: FilmShape) -> Option<Self> {
+        let spans: Vec<FlightSpan> = flights.iter().map(|flight| FlightSpan::of(&flight.at)).collect();
         let frames: usize = flights.iter().map(|flight| flight.at.len()).sum();
         let (own, shared) = (shape.own(), shape.shared());
         let count = own * flights.len() + shared;
@@ -126,7 +126,7 @@ impl Fit {
         }
         let mut perspective = 0.0;
         for _ in 0..STEPS {
-            let step = Step::of(flights, &spans, shape, perspective)?;
+            let step = FitStep::of(flights, &spans, shape, perspective)?;
             let next = if shape.perspective { perspective + step.parameters[count - 1] } else { 0.0 };
             let is_settled = (next - perspective).abs() <= 1e-9 * next.abs().max(1e-9);
             // Beyond 1/p the film shows nothing.
@@ -149,7 +149,7 @@ impl Fit {
                     left: Vec::new(),
                     degrees_of_freedom,
                 };
-                let left = |(n, flight): (usize, &Frames)| -> Vec<f64> {
+                let left = |(n, flight): (usize, &FlightFrames)| -> Vec<f64> {
                     let own = fit.flight(n, &fit.parameters);
                     flight.at.iter().zip(&flight.down).map(|(at, down)| own.left(*at, *down)).collect()
                 };
@@ -208,7 +208,7 @@ impl Fit {
 }
 
 /// A step of the fit: the parameters (the last one is a change of the perspective), and their covariance for unit noise.
-struct Step {
+struct FitStep {
     parameters: DVector<f64>,
     covariance: DMatrix<f64>,
 }
@@ -220,8 +220,8 @@ struct Eliminated {
     by_shared: DMatrix<f64>,
 }
 
-impl Step {
-    fn of(flights: &[Frames], spans: &[Span], shape: Shape, perspective: f64) -> Option<Self> {
+impl FitStep {
+    fn of(flights: &[FlightFrames], spans: &[FlightSpan], shape: FilmShape, perspective: f64) -> Option<Self> {
         let (own, shared) = (shape.own(), shape.shared());
         let (mut normal, mut right) = (DMatrix::zeros(shared, shared), DVector::zeros(shared));
         let mut eliminated = Vec::with_capacity(flights.len());

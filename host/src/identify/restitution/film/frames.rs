@@ -2,9 +2,9 @@
 //!
 //! Frames away from contacts and hands are fitted first, with what the camera does; then frames beside them are taken as long as they fit.
 
-use super::fit::{Fit, Flight, Frames, Shape};
+use super::fit::{FilmShape, Fit, Flight, FlightFrames};
 use super::floor::{Floor, crossing, impacts};
-use super::segments::Candidate;
+use super::segments::FlightCandidate;
 use crate::identify::lack_of_fit::most_chi_square;
 
 /// Robust standard deviations of a frame from the fit that end a flight.
@@ -28,8 +28,8 @@ pub(super) struct Bounce {
 
 impl Bounce {
     /// With the frames that surely belong to the flight: those away from a contact and from the hand.
-    pub(super) fn of(flight: Candidate) -> Self {
-        let Candidate { frames, ends, drop } = flight;
+    pub(super) fn of(flight: FlightCandidate) -> Self {
+        let FlightCandidate { frames, ends, drop } = flight;
         let margin = |is_impact: bool| if is_impact { 1 + frames.len() / 10 } else { frames.len() / 4 };
         let [first, last] = ends.map(margin);
         let from = frames.start + first;
@@ -60,9 +60,9 @@ pub(super) fn meeting(before: &Flight, after: &Flight, near: f64) -> f64 {
     at
 }
 
-fn frames(at: &[f64], down: &[f64], flights: &[Bounce]) -> Vec<Frames> {
+fn frames(at: &[f64], down: &[f64], flights: &[Bounce]) -> Vec<FlightFrames> {
     let pick = |values: &[f64], used: &[usize]| used.iter().map(|place| values[*place]).collect();
-    flights.iter().map(|flight| Frames { at: pick(at, &flight.used), down: pick(down, &flight.used) }).collect()
+    flights.iter().map(|flight| FlightFrames { at: pick(at, &flight.used), down: pick(down, &flight.used) }).collect()
 }
 
 /// Standard deviation of what is left, from its median: what does not belong to the flights does not widen it.
@@ -184,10 +184,10 @@ fn fitting(flight: &Bounce, fits: impl Fn(&usize) -> bool) -> Vec<usize> {
 /// The fit with perspective and cubics, where they explain what is no noise.
 fn shaped(at: &[f64], down: &[f64], flights: &[Bounce]) -> Option<Fit> {
     let frames = frames(at, down, flights);
-    let mut best = Fit::of(&frames, Shape::default())?;
+    let mut best = Fit::of(&frames, FilmShape::default())?;
     // Each may show only beside the others: from the simplest to all.
     for n in 1..8 {
-        let shape = Shape { perspective: n & 1 > 0, cubic: n & 2 > 0, accelerations: n & 4 > 0 };
+        let shape = FilmShape { perspective: n & 1 > 0, cubic: n & 2 > 0, accelerations: n & 4 > 0 };
         let Some(fit) = Fit::of(&frames, shape) else { continue };
         let explained = (best.squares() - fit.squares()) / fit.variance();
         let more = best.degrees_of_freedom - fit.degrees_of_freedom;

@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::Scale;
+use super::FilmScale;
 use super::bounces::Bounces;
 use super::floor::crossing;
 use super::frames::meeting;
@@ -62,7 +62,7 @@ impl Met {
         Some((before, at, after))
     }
 
-    pub fn values(&self, bounces: &Bounces, parameters: &DVector<f64>, scale: &Scale) -> ImpactValues {
+    pub fn values(&self, bounces: &Bounces, parameters: &DVector<f64>, scale: &FilmScale) -> ImpactValues {
         let (from, at, to) = self.moments(bounces, parameters).unwrap_or((f64::NAN, f64::NAN, f64::NAN));
         let [a, b] = [self.pair, self.pair + 1].map(|n| bounces.flight(n, parameters));
         let (before, after) = (a.velocity(from), -b.velocity(to));

@@ -12,7 +12,7 @@ mod segments;
 
 use std::path::Path;
 
-use super::Options;
+use super::RestitutionOptions;
 use super::law::Impacts;
 use crate::failure::Failure;
 use bounces::Bounces;
@@ -21,7 +21,7 @@ use segments::{Segments, segments};
 
 /// An axis of a film.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Axis {
+pub enum FilmAxis {
     /// x.
     X,
     /// y.
@@ -39,7 +39,7 @@ pub(super) fn is_film(path: &Path) -> bool {
 /// # Errors
 /// A file that is no film, a missing frame rate, no flight, several tracks or axes without a choice, a scale and a frame rate that gravity
 /// contradicts, impacts that gain energy.
-pub(super) fn impacts(path: &Path, options: &Options) -> Result<(Impacts, Vec<String>), Failure> {
+pub(super) fn impacts(path: &Path, options: &RestitutionOptions) -> Result<(Impacts, Vec<String>), Failure> {
     let film = Film::read(path)?;
     let refuse = |why: String| Failure::Input(format!("{}: {why}", film.file));
     check(&film, options).map_err(refuse)?;
@@ -48,21 +48,22 @@ pub(super) fn impacts(path: &Path, options: &Options) -> Result<(Impacts, Vec<St
     let (axis, segments) = vertical(&track, options.vertical).map_err(refuse)?;
     let bounces = Bounces::of(&track, axis, segments).map_err(refuse)?;
     let m_per_pixel = film.metres.or(options.m_per_pixel);
-    let names = Names { file: &film.file, unit: if film.metres.is_some() { "m" } else { "pixel" } };
-    let scale = Scale { step_s, m_per_pixel, gravity_m_per_s2: options.gravity_m_per_s2, has_times: film.has_times };
+    let names = FilmNames { file: &film.file, unit: if film.metres.is_some() { "m" } else { "pixel" } };
+    let scale =
+        FilmScale { step_s, m_per_pixel, gravity_m_per_s2: options.gravity_m_per_s2, has_times: film.has_times };
     bounces.impacts(names, &scale).map_err(refuse)
 }
 
 /// How a film is named in messages.
 #[derive(Clone, Copy, Debug)]
-struct Names<'a> {
+struct FilmNames<'a> {
     file: &'a str,
     unit: &'a str,
 }
 
 /// What makes a speed of a film one in m/s.
 #[derive(Clone, Copy, Debug)]
-struct Scale {
+struct FilmScale {
     /// Seconds per step.
     step_s: f64,
     /// Metres per unit of the places, where stated.
@@ -73,7 +74,7 @@ struct Scale {
 }
 
 /// Refuses options that do not fit the film.
-fn check(film: &Film, options: &Options) -> Result<(), String> {
+fn check(film: &Film, options: &RestitutionOptions) -> Result<(), String> {
     if film.has_times && options.frame_rate_hz.is_some() {
         return Err("--frame-rate-hz is for a film with frame numbers, and this one has times\n  leave it out".into());
     }
@@ -89,7 +90,7 @@ fn check(film: &Film, options: &Options) -> Result<(), String> {
 }
 
 /// The track over steps of the film's clock, and seconds per step.
-fn in_steps(film: &Film, mut track: Track, options: &Options) -> Result<(f64, Track), String> {
+fn in_steps(film: &Film, mut track: Track, options: &RestitutionOptions) -> Result<(f64, Track), String> {
     if let Some(rate_hz) = options.frame_rate_hz {
         return Ok((rate_hz.recip(), track));
     }
@@ -104,7 +105,7 @@ fn in_steps(film: &Film, mut track: Track, options: &Options) -> Result<(f64, Tr
 const CLEAR: f64 = 3.0;
 
 /// The axis along which the ball falls, and its flights.
-fn vertical(track: &Track, chosen: Option<Axis>) -> Result<(usize, Segments), String> {
+fn vertical(track: &Track, chosen: Option<FilmAxis>) -> Result<(usize, Segments), String> {
     let along = |axis: usize| -> Result<Segments, String> {
         let name = ["x", "y"][axis];
         if track.places[axis].is_empty() {
@@ -114,7 +115,7 @@ fn vertical(track: &Track, chosen: Option<Axis>) -> Result<(usize, Segments), St
         segments(&at, &values)
     };
     if let Some(chosen) = chosen {
-        let axis = usize::from(chosen == Axis::Y);
+        let axis = usize::from(chosen == FilmAxis::Y);
         return along(axis).map(|found| (axis, found)).map_err(|why| format!("along {}: {why}", ["x", "y"][axis]));
     }
     match [along(0), along(1)] {

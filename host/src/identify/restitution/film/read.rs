@@ -7,7 +7,7 @@ use std::path::Path;
 
 use crate::failure::Failure;
 use crate::input::regular;
-use crate::signal_file::unit::{Kind, Unit};
+use crate::signal_file::unit::{Unit, UnitKind};
 use crate::signal_file::{Dialect, SAMPLE_BYTES, is_plain_table};
 
 /// The places of a ball.
@@ -35,7 +35,7 @@ pub(super) struct Film {
 
 /// Which columns hold what.
 #[derive(Clone, Debug, PartialEq)]
-struct Columns {
+struct FilmColumns {
     at: usize,
     /// Seconds per unit of a column of times; `None` for frame numbers.
     seconds: Option<f64>,
@@ -113,7 +113,7 @@ fn dialect(text: &str) -> Result<Dialect, String> {
     Dialect::of(sample)
 }
 
-impl Columns {
+impl FilmColumns {
     fn of(dialect: &Dialect, rows: &[(usize, Vec<&str>)]) -> Result<Self, String> {
         let columns = &dialect.columns;
         let listed = || {
@@ -175,7 +175,7 @@ impl Columns {
             .iter()
             .flat_map(|(_, axes)| axes.iter().flatten())
             .map(|n| {
-                Unit::of(&columns[*n].unit_text).filter(|unit| unit.kind == Kind::Displacement).map(|unit| unit.si)
+                Unit::of(&columns[*n].unit_text).filter(|unit| unit.kind == UnitKind::Displacement).map(|unit| unit.si)
             })
             .collect();
         if units.iter().any(|unit| *unit != units[0]) {
@@ -231,7 +231,7 @@ impl Film {
         let starts = |row: &(usize, Vec<&str>)| row.1.first().is_some_and(|field| dialect.number(field).is_some());
         let above = rows[..first].iter().rev().take_while(|row| starts(row)).count();
         let rows = &rows[first - above..];
-        let columns = Columns::of(&dialect, rows)?;
+        let columns = FilmColumns::of(&dialect, rows)?;
         let mut tracks: Vec<Track> = Vec::new();
         for (line, fields) in rows {
             let number = |n: usize| -> Result<f64, String> {

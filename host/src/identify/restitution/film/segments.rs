@@ -8,7 +8,7 @@ use std::ops::Range;
 
 /// A flight before it is fitted.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Candidate {
+pub(super) struct FlightCandidate {
     /// Places of the frames that it may have.
     pub(super) frames: Range<usize>,
     /// Whether it begins and ends with an impact.
@@ -29,7 +29,7 @@ pub(super) struct Segments {
     /// Noise of a place.
     pub(super) noise: f64,
     /// Flights in their order; neighbours of a drop that end and begin with an impact share it.
-    pub(super) flights: Vec<Candidate>,
+    pub(super) flights: Vec<FlightCandidate>,
 }
 
 /// Frames that a track needs at least.
@@ -157,7 +157,7 @@ fn turns(values: &[f64], threshold: f64) -> Vec<(usize, bool)> {
 }
 
 /// A part between two turns.
-struct Part {
+struct FilmPart {
     amplitude: f64,
     acceleration: f64,
     is_clear: bool,
@@ -173,18 +173,18 @@ pub(super) fn segments(at: &[f64], values: &[f64]) -> Result<Segments, String> {
     }
     let noise = noise(at, values);
     let turns = turns(values, TURN * noise);
-    let part = |pair: &[(usize, bool)]| -> Option<Part> {
+    let part = |pair: &[(usize, bool)]| -> Option<FilmPart> {
         let (from, to) = (pair[0].0, pair[1].0 + 1);
         let inner = from + 1..to - 1;
         let parabola = (inner.len() >= MIN_PART).then(|| Parabola::through(&at[inner.clone()], &values[inner]))??;
         let acceleration = parabola.acceleration();
-        Some(Part {
+        Some(FilmPart {
             amplitude: (values[to - 1] - values[from]).abs(),
             acceleration,
             is_clear: acceleration.abs() > 3.0 * parabola.acceleration_uncertainty(noise),
         })
     };
-    let parts: Vec<Part> = turns.windows(2).filter_map(part).filter(|part| part.is_clear).collect();
+    let parts: Vec<FilmPart> = turns.windows(2).filter_map(part).filter(|part| part.is_clear).collect();
     let all: f64 = parts.iter().map(|part| part.amplitude).sum();
     let signed: f64 = parts.iter().map(|part| part.amplitude * part.acceleration.signum()).sum();
     if all <= 0.0 || signed.abs() < ONE_SIGN * all {
@@ -239,25 +239,25 @@ struct Downwards<'a> {
 }
 
 impl Downwards<'_> {
-    fn flights(&self, turns: &[(usize, bool)], floors: &[usize]) -> Vec<Candidate> {
+    fn flights(&self, turns: &[(usize, bool)], floors: &[usize]) -> Vec<FlightCandidate> {
         let before = |place: usize| turns.iter().rev().find(|turn| turn.0 < place).map_or(0, |turn| turn.0);
         let mut flights = Vec::new();
         let mut drop = 0;
         let head = |floor: usize, limit: usize, drop: u32| {
             let top = before(floor).max(limit);
             self.grown(&(top..floor + 1).rev().collect::<Vec<_>>())
-                .map(|first| Candidate { frames: first..floor + 1, ends: [false, true], drop })
+                .map(|first| FlightCandidate { frames: first..floor + 1, ends: [false, true], drop })
                 .filter(|head| self.is_flight(head.frames.start, floor))
         };
         let tail = |floor: usize, limit: usize, drop: u32| {
             self.grown(&(floor..limit).collect::<Vec<_>>())
-                .map(|last| Candidate { frames: floor..last + 1, ends: [true, false], drop })
+                .map(|last| FlightCandidate { frames: floor..last + 1, ends: [true, false], drop })
                 .filter(|tail| self.is_flight(floor, tail.frames.end - 1))
         };
         flights.extend(head(floors[0], 0, drop));
         for pair in floors.windows(2) {
             if self.is_flight(pair[0], pair[1]) {
-                flights.push(Candidate { frames: pair[0]..pair[1] + 1, ends: [true, true], drop });
+                flights.push(FlightCandidate { frames: pair[0]..pair[1] + 1, ends: [true, true], drop });
                 continue;
             }
             // The ball was caught or lay still, and was dropped again.

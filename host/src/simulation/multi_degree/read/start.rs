@@ -11,7 +11,7 @@ use crate::simulation::keys::initial;
 
 /// x and x′ at the observed place in the shape of a mode.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Start {
+pub struct ShapeStart {
     /// x, m; `None`: where the base's motion puts it.
     pub x_m: Option<f64>,
     /// x′, m/s.
@@ -43,7 +43,7 @@ impl BaseStart {
 }
 
 /// Reads `initial`; `None` after a problem has been reported.
-pub fn read_initial(s: &Section) -> Option<Start> {
+pub fn read_initial(s: &Section) -> Option<ShapeStart> {
     for quantity in [&initial::Y, &initial::U] {
         if s.is_given(quantity) {
             let help = "give `start` or `start_m` of the particle";
@@ -54,14 +54,14 @@ pub fn read_initial(s: &Section) -> Option<Start> {
     let v_m_per_s = s.scalar(&initial::V);
     let mode = if s.is_given(&initial::MODE) { s.scalar(&initial::MODE) } else { Some(1.0) };
     s.finish();
-    Some(Start { x_m, v_m_per_s: v_m_per_s?, mode: mode? as usize - 1 })
+    Some(ShapeStart { x_m, v_m_per_s: v_m_per_s?, mode: mode? as usize - 1 })
 }
 
 /// The state at the start, and the displacement and velocity of each place.
 pub fn start(
     read: &Dampers,
     BaseStart { base, moved_m }: BaseStart,
-    initial: Start,
+    initial: ShapeStart,
     observed: usize,
     section: Option<&Section>,
 ) -> Option<(State, Vec<Body>)> {
