@@ -2,7 +2,7 @@
 //! `f64`.
 
 use damprig_core::fixed_point::Fixed;
-use damprig_core::fixed_point::reference::{CASES, Case, Motion, STEPS};
+use damprig_core::fixed_point::reference::{CASES, Case, ReferenceMotion, STEPS};
 use damprig_core::integrator::sampled::SampledState;
 use damprig_core::scalar::Scalar;
 use damprig_tests::support::emulator::run_counting;
@@ -31,7 +31,7 @@ fn printed_states(printed: &str) -> Vec<Vec<Bits>> {
 }
 
 fn states<S: Scalar>(case: &Case) -> Vec<SampledState<S>> {
-    let mut motion = Motion::<S>::new(case).unwrap();
+    let mut motion = ReferenceMotion::<S>::new(case).unwrap();
     let step = |step| {
         motion.step(case.base_counts(step), &mut ());
         *motion.state()

@@ -6,7 +6,7 @@ use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 
 use cortex_m_rt::exception;
-use damprig_device::crash::Record;
+use damprig_device::crash::CrashRecord;
 use damprig_protocol::{CALLS_TOLD, Crash, CrashCause, Reset};
 use embassy_stm32::pac;
 
@@ -14,7 +14,7 @@ use crate::boards::nucleo_g474re::settings;
 use crate::{callers, tick};
 
 /// The record and the last tick.
-struct Kept(UnsafeCell<MaybeUninit<(Record, u32)>>);
+struct Kept(UnsafeCell<MaybeUninit<(CrashRecord, u32)>>);
 
 // SAFETY: written only by code that ends the program, with interrupts masked, and read before any task runs.
 unsafe impl Sync for Kept {}
@@ -22,8 +22,8 @@ unsafe impl Sync for Kept {}
 #[unsafe(link_section = ".uninit.crash")]
 static KEPT: Kept = Kept(UnsafeCell::new(MaybeUninit::uninit()));
 
-fn kept() -> (*mut Record, *mut u32) {
-    let kept = KEPT.0.get().cast::<(Record, u32)>();
+fn kept() -> (*mut CrashRecord, *mut u32) {
+    let kept = KEPT.0.get().cast::<(CrashRecord, u32)>();
     // SAFETY: only takes the addresses.
     unsafe { (&raw mut (*kept).0, &raw mut (*kept).1) }
 }

@@ -18,7 +18,7 @@ use damprig::study::Study;
 
 /// A published value beside what was computed.
 #[derive(Clone, Debug)]
-pub struct Row<'a> {
+pub struct ComparedRow<'a> {
     /// The published value, or its gap.
     pub value: &'a PublishedValue,
     /// The part that it is compared with; `None` for an item that is not computed, or a value without quantity.
@@ -29,7 +29,7 @@ pub struct Row<'a> {
     pub others: Vec<(&'a Part, Result<f64, ResultError>)>,
 }
 
-impl Row<'_> {
+impl ComparedRow<'_> {
     /// Symbol of the unit; empty for a plain number.
     #[must_use]
     pub fn unit(&self) -> &'static str {
@@ -74,7 +74,7 @@ pub struct ComparedItem<'a> {
     /// The item.
     pub item: &'a Item,
     /// Its published values.
-    pub rows: Vec<Row<'a>>,
+    pub rows: Vec<ComparedRow<'a>>,
     /// Its published curves.
     pub curves: Vec<CurveRow<'a>>,
     /// Its parts, with the files of their figures (SVG), none of a part that has not been computed.
@@ -156,7 +156,7 @@ impl<'a> Comparison<'a> {
             Ok(number) => json!({ "value": number }),
             Err(error) => json!({ "value": null, "missing": error.to_string() }),
         };
-        let row = |row: &Row| {
+        let row = |row: &ComparedRow| {
             let others = row.others.iter().map(|(part, found)| (part.name.clone(), number(found)));
             json!({
                 "label": row.value.label,
@@ -216,7 +216,7 @@ impl<'a> Comparison<'a> {
     }
 }
 
-fn row<'a>(catalogue: &Catalogue, results: &Results, item: &'a Item, value: &'a PublishedValue) -> Row<'a> {
+fn row<'a>(catalogue: &Catalogue, results: &Results, item: &'a Item, value: &'a PublishedValue) -> ComparedRow<'a> {
     let part = compared_part(item, value).filter(|_| value.quantity.is_some());
     let Some(part) = part else {
         let why = match value.claim {
@@ -224,11 +224,16 @@ fn row<'a>(catalogue: &Catalogue, results: &Results, item: &'a Item, value: &'a 
             Some(claim) => format!("claim {claim} judges it"),
             None => "it is compared with nothing".into(),
         };
-        return Row { value, part: None, computed: Err(ResultError::Wrong(why)), others: Vec::new() };
+        return ComparedRow { value, part: None, computed: Err(ResultError::Wrong(why)), others: Vec::new() };
     };
     let look = |part: &Part| find(catalogue, results, item, part, value);
     let others = item.other_readings(part).filter(|other| other.name != part.name);
-    Row { value, part: Some(part), computed: look(part), others: others.map(|other| (other, look(other))).collect() }
+    ComparedRow {
+        value,
+        part: Some(part),
+        computed: look(part),
+        others: others.map(|other| (other, look(other))).collect(),
+    }
 }
 
 fn curve_row<'a>(catalogue: &Catalogue, results: &Results, item: &Item, curve: &'a PublishedCurve) -> CurveRow<'a> {

@@ -34,11 +34,11 @@ pub enum Heartbeat {
 
 /// Control's side of the heartbeat.
 #[derive(Default)]
-pub struct Watch {
+pub struct HeartbeatWatch {
     steps_without: u32,
 }
 
-impl Watch {
+impl HeartbeatWatch {
     /// Signals the task; call once per step. Returns whether it has answered recently.
     pub fn check(&mut self) -> Heartbeat {
         SIGNALLED.signal(());

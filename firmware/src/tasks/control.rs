@@ -10,7 +10,7 @@ use damprig_device::upload_buffer::UploadBuffer;
 use static_cell::ConstStaticCell;
 
 use crate::boards::TaskBoard;
-use crate::tasks::comms_heartbeat::{Heartbeat, Watch};
+use crate::tasks::comms_heartbeat::{Heartbeat, HeartbeatWatch};
 use crate::tasks::log;
 use crate::tasks::queues::{Queues, RequestsOut};
 
@@ -31,8 +31,8 @@ pub async fn run(
     let mut controller = Controller::new(info(name), boot);
     controller.start_with(&stored.0, stored.1);
     let upload = UPLOAD_BUFFER.take();
-    let mut heartbeat = Watch::default();
-    let mut log = log::Watch::default();
+    let mut heartbeat = HeartbeatWatch::default();
+    let mut log = log::LogWatch::default();
     let mut last = Step::Idle;
     board.start();
     loop {

@@ -6,7 +6,7 @@
 use cortex_m_semihosting::hio::{self, HostStream};
 use cortex_m_semihosting::hprintln;
 use damprig_core::fixed_point::Fixed;
-use damprig_core::fixed_point::reference::{CASES, Motion, STEPS};
+use damprig_core::fixed_point::reference::{CASES, ReferenceMotion, STEPS};
 
 use crate::boards::instructions::InstructionCounter;
 use crate::boards::mps2_an385::exit;
@@ -23,7 +23,7 @@ pub fn run(counter: &InstructionCounter) -> ! {
     let mut output = hio::hstdout().expect("the emulator runs with semihosting");
     for case in &CASES {
         hprintln!("case {}", case.name);
-        let mut motion = Motion::<Fixed>::new(case).expect("the case is physical");
+        let mut motion = ReferenceMotion::<Fixed>::new(case).expect("the case is physical");
         for step in 0..STEPS {
             let base_counts = case.base_counts(step);
             let ((), instructions) = counter.count(|| motion.step(base_counts, &mut ()));
@@ -38,7 +38,7 @@ pub fn run(counter: &InstructionCounter) -> ! {
 }
 
 /// Prints the bits of a state as one line. One semihosting call per number would take longer than the runs.
-fn print(motion: &Motion<Fixed>, output: &mut HostStream) {
+fn print(motion: &ReferenceMotion<Fixed>, output: &mut HostStream) {
     let state = motion.state();
     let mut line = [b' '; LINE];
     let numbers = [state.x, state.v, state.offset, state.slide];

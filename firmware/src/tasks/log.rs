@@ -8,7 +8,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use damprig_core::control::fault::Fault;
 use damprig_core::control::friction_spring::SpringStage;
-use damprig_core::rig::State;
+use damprig_core::rig::RigState;
 use damprig_device::controller::Controller;
 use damprig_protocol::Counters;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -28,7 +28,7 @@ static CHANGED: Signal<CriticalSectionRawMutex, Seen> = Signal::new();
 /// What the log tells.
 #[derive(Clone, Copy, PartialEq)]
 struct Seen {
-    state: State,
+    state: RigState,
     spring: SpringStage,
     fault: Option<Fault>,
     is_linked: bool,
@@ -37,10 +37,10 @@ struct Seen {
 }
 
 const AT_START: Seen =
-    Seen { state: State::Idle, spring: SpringStage::Unhomed, fault: None, is_linked: false, lost: [0; 4] };
+    Seen { state: RigState::Idle, spring: SpringStage::Unhomed, fault: None, is_linked: false, lost: [0; 4] };
 
 /// Control's side of the log.
-pub struct Watch {
+pub struct LogWatch {
     seen: Seen,
     /// Index of the spring's stage, as the rig's signal has it.
     spring_signal: f32,
@@ -48,13 +48,13 @@ pub struct Watch {
     silent: u32,
 }
 
-impl Default for Watch {
+impl Default for LogWatch {
     fn default() -> Self {
         Self { seen: AT_START, spring_signal: 0.0, steps: 0, silent: MAX_SILENT }
     }
 }
 
-impl Watch {
+impl LogWatch {
     /// Looks for changes; call once per step.
     pub fn note(&mut self, controller: &Controller) {
         let rig = controller.rig();

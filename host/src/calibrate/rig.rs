@@ -12,7 +12,7 @@ use damprig_core::io::TICK_HZ;
 use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::steadiness::SteadyLimits;
-use damprig_core::rig::State;
+use damprig_core::rig::RigState;
 use damprig_protocol::upload::checksum;
 use damprig_protocol::{Event, Request};
 
@@ -107,7 +107,7 @@ impl<'a> CalibratedRig<'a> {
     /// The rig is not idle, has no such signal, or the link breaks.
     pub fn read<const N: usize>(&mut self, names: [&str; N], measure_s: f64) -> Result<[RestReading; N], Failure> {
         let (status, _) = self.session.status()?;
-        if status.state != State::Idle {
+        if status.state != RigState::Idle {
             return Err(Failure::Failed(format!("the rig is {}, not idle", status.state.text())));
         }
         let wanted = (measure_s * f64::from(TICK_HZ)).ceil() as usize + DROPPED_ROWS;
@@ -216,7 +216,7 @@ impl<'a> CalibratedRig<'a> {
                     if let Some(fault) = status.fault {
                         return Err(failed(fault));
                     }
-                    if status.state == State::Idle && self.session.has_used_up_credit() {
+                    if status.state == RigState::Idle && self.session.has_used_up_credit() {
                         return Ok(());
                     }
                 }

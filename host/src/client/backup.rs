@@ -8,7 +8,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use damprig_core::settings::{Settings, Source as Origin};
-use damprig_device::settings_record::Record;
+use damprig_device::settings_record::SettingsRecord;
 use damprig_device::settings_store::choose;
 use damprig_protocol::Request;
 use serde::{Deserialize, Serialize};
@@ -119,8 +119,11 @@ impl Backup {
         }
     }
 
-    fn decoded(&self) -> Vec<Record> {
-        self.records.iter().map(|text| bytes(text).map_or(Record::Damaged, |bytes| Record::read(&bytes))).collect()
+    fn decoded(&self) -> Vec<SettingsRecord> {
+        self.records
+            .iter()
+            .map(|text| bytes(text).map_or(SettingsRecord::Damaged, |bytes| SettingsRecord::read(&bytes)))
+            .collect()
     }
 
     /// The settings in the records that would act on a board, and where they come from.
@@ -138,7 +141,7 @@ impl Backup {
     /// Hashes of the layouts that this program does not know, in words; empty for none.
     fn unknown_layouts(&self) -> String {
         let layouts = self.decoded().into_iter().filter_map(|record| match record {
-            Record::Other { layout, .. } => Some(format!(" (layout {})", hex(&layout))),
+            SettingsRecord::Other { layout, .. } => Some(format!(" (layout {})", hex(&layout))),
             _ => None,
         });
         layouts.collect()
@@ -200,7 +203,8 @@ impl Backup {
         session.execute("save its settings", Request::SaveSettings)?;
         let (in_use, origin) = session.read_settings()?;
         (session.settings, session.description.settings) = (in_use, origin);
-        let kept: Vec<Record> = session.stored_records()?.iter().map(|bytes| Record::read(bytes)).collect();
+        let kept: Vec<SettingsRecord> =
+            session.stored_records()?.iter().map(|bytes| SettingsRecord::read(bytes)).collect();
         let kept = if kept.is_empty() { (in_use, origin) } else { choose(&kept) };
         let mut different = differences(&wanted, &in_use, |_| true);
         if kept != (wanted, Origin::Stored) {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use damprig_identification::Refused;
 
-use super::decay::{Decay, Model, identify};
+use super::decay::{Decay, DecayModel, identify};
 use super::table::{NumberTable, TIME, X};
 use crate::failure::Failure;
 use crate::input::regular;
@@ -100,14 +100,14 @@ impl DecayFile {
     ///
     /// # Errors
     /// As [`identify`].
-    pub fn identify(&self, model: Model) -> Result<(Decay, Vec<String>), Failure> {
+    pub fn identify(&self, model: DecayModel) -> Result<(Decay, Vec<String>), Failure> {
         let named = |error: Refused| Failure::Input(format!("{}: {error}", self.taken_from));
         let power = match self.kind {
             UnitKind::Velocity => 1,
             UnitKind::Acceleration => 2,
             _ => return Ok((identify(&self.t_s, &self.values, model).map_err(named)?, self.remarks.clone())),
         };
-        let model = Model { coulomb: false, ..model };
+        let model = DecayModel { coulomb: false, ..model };
         let as_measured = identify(&self.t_s, &self.values, model).map_err(named)?;
         let frequency_hz = as_measured.fitted.natural_frequency_hz.value;
         let factor = (TAU * frequency_hz).powi(power).recip();

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use damprig_core::control::friction_spring::SpringStage;
 use damprig_core::io::{Sensor, SensorSet, TICK_HZ};
-use damprig_core::rig::State;
+use damprig_core::rig::RigState;
 use damprig_protocol::Request;
 
 use super::context::Run;
@@ -230,7 +230,7 @@ impl Run<'_> {
 
     fn measure_rest(&mut self, set_up: &CampaignSetUp, experiment: &Experiment) -> Result<RestFinding, RunError> {
         let (status, _) = self.session.status()?;
-        if matches!(status.state, State::Running(_) | State::Stopping) {
+        if matches!(status.state, RigState::Running(_) | RigState::Stopping) {
             self.make_ready()?;
         }
         let model = set_up.model();

@@ -9,7 +9,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use damprig_core::io::TICK_HZ;
-use damprig_core::rig::State;
+use damprig_core::rig::RigState;
 use damprig_protocol::{Event, MAX_SIGNALS, PlantKind, Request, Telemetry};
 use damprig_simulator::messages::set_plant;
 
@@ -412,12 +412,12 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         if status.held {
             self.check.held_in(status.tick);
         }
-        if status.state != State::Idle && status.tick > self.check.last_tick() {
+        if status.state != RigState::Idle && status.tick > self.check.last_tick() {
             let last = self.check.last_tick();
             let what = format!("tick {} of an experiment that ends by tick {last}", status.tick);
             return Err(self.run.session.unusable(what).into());
         }
-        if status.state != State::Idle || self.progress.has_finished() {
+        if status.state != RigState::Idle || self.progress.has_finished() {
             return Ok(None);
         }
         if usize::from(status.points) < self.task.points.len() {

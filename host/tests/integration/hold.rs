@@ -9,7 +9,7 @@ use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
-use damprig_core::rig::State;
+use damprig_core::rig::RigState;
 use damprig_protocol::{Event, Request};
 use damprig_simulator::messages::set_plant;
 use damprig_simulator::plant::PlantConfig;
@@ -72,7 +72,7 @@ fn a_point_that_is_held_for_long_has_its_whole_dwell_after_the_release() -> Resu
     pass(&mut session, 20);
     let (status, _) = session.status()?;
     assert!(status.tick - begun > 10 * (1e3 * DWELL_S) as u32, "held for much longer than the point takes");
-    assert_eq!((status.held, status.points, status.state), (true, 1, State::Running(ExperimentStage::Settle)));
+    assert_eq!((status.held, status.points, status.state), (true, 1, RigState::Running(ExperimentStage::Settle)));
     session.execute("release the point", Request::Hold(false))?;
     let rest = follow(&mut session, |_| false);
     let points: Vec<_> = first.into_iter().chain(rest).collect();

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use damprig::client::link::Link;
 use damprig::client::session::{Session, SessionError};
 use damprig_core::io::{Actuators, Reading, Sensors};
-use damprig_core::rig::{Rejected, Rig, State};
+use damprig_core::rig::{Rejected, Rig, RigState};
 use damprig_core::settings::Settings;
 use damprig_device::board::{DeviceInfo, Saving};
 use damprig_device::controller::{BootInfo, Controller};
@@ -97,7 +97,7 @@ fn board(is_held: &Arc<AtomicBool>) -> (Session, Arc<AtomicU32>) {
 fn tripped() -> (Session, Arc<AtomicBool>) {
     let is_held = Arc::default();
     let (mut session, _) = board(&is_held);
-    while session.status().expect("it answers").0.state != State::Faulted {
+    while session.status().expect("it answers").0.state != RigState::Faulted {
         session.next_report().expect("the link is intact");
     }
     (session, is_held)
@@ -119,7 +119,7 @@ fn a_ringing_rig_is_waited_for_beyond_the_links_timeout_and_the_user_is_informed
         .expect("the rig becomes idle");
     assert_eq!(told.len(), 1, "{told:?}");
     assert!(told[0].contains("wait for rest"), "{told:?}");
-    assert_eq!(session.status().unwrap().0.state, State::Idle);
+    assert_eq!(session.status().unwrap().0.state, RigState::Idle);
 }
 
 #[test]
@@ -135,7 +135,7 @@ fn the_wait_for_a_ringing_rig_ends_with_control_c() {
 fn after_a_run_stop_drive_returns_when_the_drive_is_silent_and_keeps_the_fault() -> Result<(), SessionError> {
     let (mut session, _) = tripped();
     session.stop_drive()?;
-    assert_eq!(session.status()?.0.state, State::Faulted);
+    assert_eq!(session.status()?.0.state, RigState::Faulted);
     Ok(())
 }
 

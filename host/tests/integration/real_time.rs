@@ -23,7 +23,7 @@ use damprig_core::control::safety::SafeStage;
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::Sensor;
 use damprig_core::measure::steadiness::SteadyLimits;
-use damprig_core::rig::State;
+use damprig_core::rig::RigState;
 use damprig_protocol::{Clock, Event, PlantKind, Request};
 use damprig_simulator::messages::ToSimulator;
 use damprig_simulator::plant::{InjectedFault, SensorFault};
@@ -55,7 +55,7 @@ fn drive(session: &mut Session) {
 }
 
 /// Waits for a state of the rig.
-fn wait_for(session: &mut Session, is_reached: impl Fn(State, SafeStage) -> bool) {
+fn wait_for(session: &mut Session, is_reached: impl Fn(RigState, SafeStage) -> bool) {
     let begun = Instant::now();
     while !session.status().map(|(status, _)| is_reached(status.state, status.safe)).expect("it answers") {
         assert!(begun.elapsed() < PATIENCE, "{:?}", session.status());
@@ -78,7 +78,7 @@ fn fault_after(speed: f64, injected: InjectedFault) -> FaultCause {
         assert!(begun.elapsed() < PATIENCE);
     };
     wait_for(&mut session, |state, safe| {
-        state == State::Faulted && matches!(safe, SafeStage::Ringing | SafeStage::Safe)
+        state == RigState::Faulted && matches!(safe, SafeStage::Ringing | SafeStage::Safe)
     });
     let place = session.signals.iter().position(|signal| signal.name == "drive").expect("a signal");
     assert_eq!(session.signal_values().expect("the values")[place], 0.0);
@@ -109,7 +109,7 @@ fn a_second_session_reaches_the_same_rig_after_the_first_one_was_closed() {
     drop(first);
     let mut second = open().expect("the rig answers");
     let (status, _) = second.status().expect("it answers");
-    assert!(matches!(status.state, State::Running(_)), "{status:?}");
+    assert!(matches!(status.state, RigState::Running(_)), "{status:?}");
     second.stop_drive().expect("it stops");
 }
 

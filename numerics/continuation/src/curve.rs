@@ -85,28 +85,28 @@ impl System {
     }
 }
 
-type Point = DVector<f64>;
+type CurvePoint = DVector<f64>;
 
 impl CurveFollower<'_> {
-    fn values(&self, point: &Point) -> [f64; 2] {
+    fn values(&self, point: &CurvePoint) -> [f64; 2] {
         let size = self.problem.len();
         std::array::from_fn(|n| self.ranges[n].0 + (self.ranges[n].1 - self.ranges[n].0) * point[size + n])
     }
 
-    fn unknowns<'p>(&self, point: &'p Point) -> &'p [f64] {
+    fn unknowns<'p>(&self, point: &'p CurvePoint) -> &'p [f64] {
         &point.as_slice()[..self.problem.len()]
     }
 
-    fn orbit(&self, point: &Point) -> Orbit {
+    fn orbit(&self, point: &CurvePoint) -> Orbit {
         self.problem.orbit(self.unknowns(point), &self.values(point))
     }
 
-    fn inner(&self, a: &Point, b: &Point) -> f64 {
+    fn inner(&self, a: &CurvePoint, b: &CurvePoint) -> f64 {
         a.iter().zip(b).zip(&self.weights).map(|((a, b), w)| a * b * w).sum()
     }
 
     /// Residual and derivatives of the orbit and the defining conditions; the last row is free.
-    fn derivatives(&self, defining: &Defining, point: &Point) -> Option<(Point, DMatrix<f64>)> {
+    fn derivatives(&self, defining: &Defining, point: &CurvePoint) -> Option<(CurvePoint, DMatrix<f64>)> {
         let size = self.problem.len();
         let (unknowns, values) = (self.unknowns(point), self.values(point));
         let scale: [f64; 2] = std::array::from_fn(|n| self.ranges[n].1 - self.ranges[n].0);
@@ -148,9 +148,9 @@ impl CurveFollower<'_> {
     fn correct(
         &self,
         defining: &mut Defining,
-        guess: Point,
-        anchor: &Point,
-        tangent: &Point,
+        guess: CurvePoint,
+        anchor: &CurvePoint,
+        tangent: &CurvePoint,
         arc: f64,
     ) -> Option<Solution> {
         let last = guess.len() - 1;
@@ -170,7 +170,7 @@ impl CurveFollower<'_> {
         Some(solution)
     }
 
-    fn tangent(&self, defining: &Defining, point: &Point, along: &Point) -> Option<Point> {
+    fn tangent(&self, defining: &Defining, point: &CurvePoint, along: &CurvePoint) -> Option<CurvePoint> {
         let last = point.len() - 1;
         let (mut right, mut matrix) = self.derivatives(defining, point)?;
         right.fill(0.0);
@@ -184,12 +184,18 @@ impl CurveFollower<'_> {
     }
 
     /// Whether another event than that of the curve is missing or one too many.
-    fn is_wrong(&self, point: &Point) -> bool {
+    fn is_wrong(&self, point: &CurvePoint) -> bool {
         let violations = self.problem.violations(self.unknowns(point), &self.values(point));
         violations.iter().any(|violation| violation.depth > SHALLOW)
     }
 
-    fn trace(&self, defining: &mut Defining, start: &Point, along: &Point, steps: Steps) -> (Vec<Orbit>, BranchEnd) {
+    fn trace(
+        &self,
+        defining: &mut Defining,
+        start: &CurvePoint,
+        along: &CurvePoint,
+        steps: Steps,
+    ) -> (Vec<Orbit>, BranchEnd) {
         let size = self.problem.len();
         let (mut at, mut along) = (start.clone(), along.clone());
         let mut step = 0.2 * steps.longest;

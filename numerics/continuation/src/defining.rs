@@ -15,7 +15,7 @@ use crate::boundary_problem::{BoundaryProblem, Condition};
 use crate::dual::Dual;
 use crate::special::{Special, SpecialKind};
 
-type Real = DVector<f64>;
+type RealVector = DVector<f64>;
 type Wave = DVector<Complex<f64>>;
 
 /// The vectors b and c at the edge of a singular problem.
@@ -33,7 +33,7 @@ pub enum Defining {
     /// The problem with this twist is singular.
     Singular(f64, Borders<f64>),
     /// The problem is singular in a direction without its symmetry; the last orbit.
-    Symmetry(Borders<f64>, Real),
+    Symmetry(Borders<f64>, RealVector),
     /// The problem with the twist exp(iα) is singular.
     Circle(Borders<Complex<f64>>),
 }
@@ -43,7 +43,7 @@ pub struct Row {
     /// Its value.
     pub value: f64,
     /// Derivatives by the unknowns of the boundary value problem.
-    pub by_unknowns: Real,
+    pub by_unknowns: RealVector,
     /// Derivatives by both parameters.
     pub by_parameters: [f64; 2],
     /// Derivative by the unknown of its own.
@@ -88,7 +88,7 @@ impl Defining {
     }
 
     /// What its unknown multiplies in the residual of the boundary value problem.
-    pub fn unfolding(&self) -> Option<&Real> {
+    pub fn unfolding(&self) -> Option<&RealVector> {
         if let Self::Symmetry(borders, _) = self { Some(&borders.b) } else { None }
     }
 
@@ -190,7 +190,7 @@ fn second(
     values: &[f64; 2],
     twist: f64,
     v: impl Iterator<Item = f64>,
-) -> (DMatrix<f64>, [Real; 2]) {
+) -> (DMatrix<f64>, [RealVector; 2]) {
     let along: Vec<Dual<f64>> = unknowns.iter().zip(v).map(|(value, slope)| Dual { value: *value, slope }).collect();
     let linear = problem.linearise(&along, &values.map(Dual::constant), twist);
     let size = problem.len();

@@ -17,7 +17,7 @@ use crate::Refused;
 
 /// What is fitted besides the linear motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Model {
+pub struct DecayModel {
     /// Coulomb friction; without it all damping counts as viscous.
     pub coulomb: bool,
     /// The sensor. Its third-order error is fitted where it has one: it changes the scale with the amplitude, as damping does. Its
@@ -27,7 +27,7 @@ pub struct Model {
 
 /// Natural frequency and damping ratio by one method.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Modal {
+pub struct DecayEstimate {
     /// fn = √(k/M)/2π, Hz.
     pub natural_frequency_hz: Value,
     /// ζ = c/(2√(kM)).
@@ -38,9 +38,9 @@ pub struct Modal {
 #[derive(Clone, Debug)]
 pub struct Decay {
     /// By least squares.
-    pub fitted: Modal,
+    pub fitted: DecayEstimate,
     /// By the logarithmic decrement; its damping includes the friction's.
-    pub by_decrement: Modal,
+    pub by_decrement: DecayEstimate,
     /// F/k, m, of the fit with friction, in which it may be negative; none if it was not fitted.
     pub coulomb_m: Option<Value>,
     /// Third-order error of the sensor, 1/m²; none if it was not fitted.
@@ -72,7 +72,7 @@ const MAX_UNCERTAIN: f64 = 0.5;
 ///
 /// # Errors
 /// A record without release or swings, too short, growing, saturated or frozen: what was seen, and what to do.
-pub fn identify(t_s: &[f64], x_m: &[f64], model: Model) -> Result<Decay, Refused> {
+pub fn identify(t_s: &[f64], x_m: &[f64], model: DecayModel) -> Result<Decay, Refused> {
     let swings = swings(t_s, x_m)?;
     let by_decrement = decrement(&swings)?;
     let used = swings.first..swings.end;
@@ -94,7 +94,7 @@ pub fn identify(t_s: &[f64], x_m: &[f64], model: Model) -> Result<Decay, Refused
     let variance = free.variance() * inflation;
     let coulomb_m = indices.coulomb.map(|index| free.value(index, variance));
     let (fitted, indices) = match coulomb_m.filter(|coulomb| coulomb.value < 0.0) {
-        Some(_) => fit_with(Model { coulomb: false, ..model }, None)?,
+        Some(_) => fit_with(DecayModel { coulomb: false, ..model }, None)?,
         None => (free.clone(), indices),
     };
     // Friction may be there though the best fit has none: the uncertainties stay those of the fit with friction.
@@ -105,12 +105,15 @@ pub fn identify(t_s: &[f64], x_m: &[f64], model: Model) -> Result<Decay, Refused
     let periods = (swings.crossings_s.len() - 1) as f64 / 2.0;
     let by_cubic =
         model.sensors.share_of_cubic(swings_m[0], swings_m[0]) - model.sensors.share_of_cubic(swings_m[1], swings_m[0]);
-    let by_decrement = Modal {
+    let by_decrement = DecayEstimate {
         damping_ratio: by_decrement.damping_ratio.widened(model.sensors.scale * by_cubic / (TAU * periods)),
         ..by_decrement
     };
     let mut decay = Decay {
-        fitted: Modal { natural_frequency_hz: omega.mapped(omega.value / TAU, 1.0 / TAU), damping_ratio: value(1) },
+        fitted: DecayEstimate {
+            natural_frequency_hz: omega.mapped(omega.value / TAU, 1.0 / TAU),
+            damping_ratio: value(1),
+        },
         by_decrement,
         coulomb_m: coulomb_m.map(|coulomb| coulomb.widened(model.sensors.scale * coulomb.value)),
         cubic_per_m2: indices.cubic.map(|index| {
@@ -154,7 +157,7 @@ impl Decay {
         if let Some(lack) = self.lack_of_fit.as_ref().filter(|lack| lack.contradicts()) {
             let windows = &record.windows;
             // The decrement is one value for all windows, the fit a model of them.
-            let from = |modal: &Modal| {
+            let from = |modal: &DecayEstimate| {
                 let largest = |of: fn(&Window) -> f64, value: &Value| {
                     windows.iter().map(|window| (of(window) - value.value).abs()).fold(0.0, f64::max)
                 };
@@ -196,7 +199,7 @@ fn check_result(decay: &Decay) -> Result<(), Refused> {
 }
 
 /// By the turning points: ln|x| falls by δ/2 from one to the next, and the crossings are half a period apart.
-fn decrement(swings: &Swings) -> Result<Modal, Refused> {
+fn decrement(swings: &Swings) -> Result<DecayEstimate, Refused> {
     let all: Vec<f64> = swings.turnings.iter().map(|t| t.1).collect();
     let offsets: Vec<f64> = all.windows(3).map(|w| 0.25 * (w[0] + 2.0 * w[1] + w[2])).collect();
     let offset = offsets.iter().sum::<f64>() / offsets.len().max(1) as f64;
@@ -215,11 +218,11 @@ fn decrement(swings: &Swings) -> Result<Modal, Refused> {
     let damping_ratio = fall.slope.mapped(zeta, 2.0 * TAU * TAU / length.powi(3));
     let half_s = time.slope.value;
     let natural = 0.5 / half_s / (1.0 - zeta * zeta).sqrt();
-    Ok(Modal { natural_frequency_hz: time.slope.mapped(natural, natural / half_s), damping_ratio })
+    Ok(DecayEstimate { natural_frequency_hz: time.slope.mapped(natural, natural / half_s), damping_ratio })
 }
 
 /// Where the fit starts.
-fn start(swings: &Swings, modal: &Modal) -> DecayMotion {
+fn start(swings: &Swings, modal: &DecayEstimate) -> DecayMotion {
     let (turning_s, turning_m) = swings.turnings[0];
     DecayMotion {
         angular_frequency_rad_per_s: TAU * modal.natural_frequency_hz.value,
@@ -268,7 +271,7 @@ fn fit_motion(
     t_s: &[f64],
     x_m: &[f64],
     start: &DecayMotion,
-    model: Model,
+    model: DecayModel,
     friction: Option<(f64, f64)>,
 ) -> Option<(Fit, Indices)> {
     let size = start.turning_m.abs();
@@ -312,9 +315,10 @@ impl Decay {
     /// friction.
     #[must_use]
     pub fn estimates(&self, mass_kg: Option<f64>) -> Vec<Estimate> {
-        let frequency =
-            |modal: &Modal, method| Estimate::new("natural frequency", "Hz", method, &modal.natural_frequency_hz);
-        let damping = |modal: &Modal, name, method| Estimate::new(name, "", method, &modal.damping_ratio);
+        let frequency = |modal: &DecayEstimate, method| {
+            Estimate::new("natural frequency", "Hz", method, &modal.natural_frequency_hz)
+        };
+        let damping = |modal: &DecayEstimate, name, method| Estimate::new(name, "", method, &modal.damping_ratio);
         let viscous = if self.coulomb_m.is_some() { "viscous damping ratio" } else { "damping ratio" };
         let mut all = vec![
             frequency(&self.fitted, FITTED).of_key("structure.natural_frequency_hz"),

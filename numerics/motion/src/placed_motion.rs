@@ -89,7 +89,7 @@ pub struct PlacedMotion {
     motion: Option<Motion>,
     /// Whether the base's velocity may jump before the next step.
     jumps: bool,
-    soft_walls: [Option<SoftWall>; 2],
+    soft_walls: [Option<PlacedSoftWall>; 2],
     pressing: Option<Sign>,
     x_m: f64,
     refused: Option<Refused>,
@@ -117,7 +117,7 @@ impl PlacedMotion {
             friction_n: None,
             motion: None,
             jumps: false,
-            soft_walls: [-1, 1].map(|side| SoftWall::of(placed, set_up, side)),
+            soft_walls: [-1, 1].map(|side| PlacedSoftWall::of(placed, set_up, side)),
             pressing: None,
             x_m: initial.x_m,
             refused: None,
@@ -200,7 +200,7 @@ impl PlacedMotion {
     }
 
     /// Makes a step. A motion whose contacts lead to one without a closed form stands still ([`PlacedMotion::refused`]).
-    pub fn step<O: sampled::Observer<f64> + ?Sized>(&mut self, base: &BaseSegment<f64>, observer: &mut O) {
+    pub fn step<O: sampled::SampledObserver<f64> + ?Sized>(&mut self, base: &BaseSegment<f64>, observer: &mut O) {
         if self.refused.is_none() {
             self.refused = self.try_step(base, observer).err();
         }
@@ -220,7 +220,7 @@ impl PlacedMotion {
         Ok(())
     }
 
-    fn try_step<O: sampled::Observer<f64> + ?Sized>(
+    fn try_step<O: sampled::SampledObserver<f64> + ?Sized>(
         &mut self,
         base: &BaseSegment<f64>,
         observer: &mut O,
@@ -257,7 +257,7 @@ pub fn powers(segment: &BaseSegment<f64>, step_s: f64) -> [f64; 4] {
 
 /// A soft wall.
 #[derive(Clone, Copy, Debug)]
-struct SoftWall {
+struct PlacedSoftWall {
     side: Sign,
     /// Distance from y = x towards its side, m.
     end_m: f64,
@@ -270,7 +270,7 @@ struct SoftWall {
 /// Radians of a contact with a soft wall in a flight, as in the sampled engine: its ends have the peak of the force within 3·10⁻⁴.
 const RADIANS_IN_CONTACT: f64 = 0.05;
 
-impl SoftWall {
+impl PlacedSoftWall {
     fn of(placed: &PlacedStructure, set_up: &OneDegree, side: Sign) -> Option<Self> {
         let (particle, wall) = (set_up.particle?, usize::from(side > 0));
         let (stiffness_n_per_m, damping_n_s_per_m) = particle.walls()[wall].spring_and_dashpot()?;
@@ -300,12 +300,12 @@ struct Relay<'a, O: ?Sized> {
     start_s: f64,
     step_s: f64,
     mass_kg: f64,
-    soft_walls: &'a [Option<SoftWall>; 2],
+    soft_walls: &'a [Option<PlacedSoftWall>; 2],
     pressing: &'a mut Option<Sign>,
     x_m: &'a mut f64,
 }
 
-impl<O: sampled::Observer<f64> + ?Sized> Relay<'_, O> {
+impl<O: sampled::SampledObserver<f64> + ?Sized> Relay<'_, O> {
     /// Of a course from `after_s` on, in steps.
     fn polynomial(&self, course: &Course, after_s: f64) -> Polynomial<f64> {
         let mut power = 1.0;
@@ -333,7 +333,7 @@ impl<O: sampled::Observer<f64> + ?Sized> Relay<'_, O> {
     }
 }
 
-impl<O: sampled::Observer<f64> + ?Sized> Observer for Relay<'_, O> {
+impl<O: sampled::SampledObserver<f64> + ?Sized> Observer for Relay<'_, O> {
     const PIECES: bool = true;
 
     fn piece(&mut self, piece: &Piece) {
@@ -369,7 +369,7 @@ impl<O: sampled::Observer<f64> + ?Sized> Observer for Relay<'_, O> {
     }
 
     fn impact(&mut self, impact: &Impact) {
-        self.observer.impact(&sampled::Impact {
+        self.observer.impact(&sampled::SampledImpact {
             at: (impact.time_s - self.start_s) / self.step_s,
             side: impact.side,
             approach: impact.approach_speed_m_per_s * self.step_s,

@@ -7,7 +7,7 @@
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::{Mode, Sign};
 use damprig_core::integrator::polynomial::{Polynomial, value};
-use damprig_core::integrator::sampled::{Flight, Impact, Observer};
+use damprig_core::integrator::sampled::{Flight, SampledImpact, SampledObserver};
 use damprig_core::io::{Invalid, Reading, SUBSAMPLES, TICK_HZ};
 use damprig_core::model::Initial;
 
@@ -131,7 +131,7 @@ struct Sampler {
     parts: f64,
 }
 
-impl Observer<f64> for Sampler {
+impl SampledObserver<f64> for Sampler {
     fn mode(&mut self, mode: Mode) {
         self.watch.mode(mode);
     }
@@ -149,7 +149,7 @@ impl Observer<f64> for Sampler {
         }
     }
 
-    fn impact(&mut self, impact: &Impact<f64>) {
+    fn impact(&mut self, impact: &SampledImpact<f64>) {
         self.watch.impact(impact);
     }
 

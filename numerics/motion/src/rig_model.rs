@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use damprig_core::integrator::base::BaseSegment;
-use damprig_core::integrator::sampled::{Joined, Observer, Sampled};
+use damprig_core::integrator::sampled::{Joined, Sampled, SampledObserver};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::Invalid;
 use damprig_core::model::{Initial, SetUp};
@@ -61,7 +61,7 @@ pub enum RigMotion {
 
 impl RigMotion {
     /// Makes a step on this motion of the base.
-    pub fn step(&mut self, base: &BaseSegment<f64>, observer: &mut (impl Observer<f64> + ?Sized)) {
+    pub fn step(&mut self, base: &BaseSegment<f64>, observer: &mut (impl SampledObserver<f64> + ?Sized)) {
         match self {
             Self::OneDegree(motion) => motion.step(base, observer),
             Self::Placed(motion) => motion.step(base, observer),

@@ -151,7 +151,7 @@ struct SampledObserver<'a> {
     viewer: &'a mut dyn Viewer,
 }
 
-impl sampled::Observer<f64> for SampledObserver<'_> {
+impl sampled::SampledObserver<f64> for SampledObserver<'_> {
     fn mode(&mut self, mode: Mode) {
         self.at.mode = mode;
     }
@@ -180,7 +180,7 @@ impl sampled::Observer<f64> for SampledObserver<'_> {
         at.reached_s = if ends { at.duration_s } else { start_s + length_s };
     }
 
-    fn impact(&mut self, impact: &sampled::Impact<f64>) {
+    fn impact(&mut self, impact: &sampled::SampledImpact<f64>) {
         let at = &mut *self.at;
         let t_s = at.time_s(impact.at);
         if t_s <= at.duration_s {

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use damprig_core::integrator::base::BaseSegment;
-use damprig_core::integrator::sampled::{Joined, Observer};
+use damprig_core::integrator::sampled::{Joined, SampledObserver};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Invalid, require};
 use damprig_core::model::{Initial, SetUp};
@@ -57,7 +57,7 @@ impl Load<f64> for RigMotion {
         Self::set_friction_n(self, force_n, set_up);
     }
 
-    fn step(&mut self, base: &BaseSegment<f64>, observer: &mut impl Observer<f64>) {
+    fn step(&mut self, base: &BaseSegment<f64>, observer: &mut impl SampledObserver<f64>) {
         Self::step(self, base, observer);
     }
 

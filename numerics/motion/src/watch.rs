@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::Sign;
 use damprig_core::integrator::polynomial::{Polynomial, derivative_increment, increment};
-use damprig_core::integrator::sampled::{Flight, Impact, Observer};
+use damprig_core::integrator::sampled::{Flight, SampledImpact, SampledObserver};
 use damprig_core::io::Invalid;
 use damprig_core::model::Initial;
 
@@ -175,7 +175,7 @@ impl MotionWatch {
     }
 }
 
-impl Observer<f64> for MotionWatch {
+impl SampledObserver<f64> for MotionWatch {
     fn flight(&mut self, _: f64, length: f64, flight: &Flight<f64>) {
         let p = &flight.x;
         // The first terms of the rate tell whether it changes its sign; a flight ends where the next begins, or with the step.
@@ -184,7 +184,7 @@ impl Observer<f64> for MotionWatch {
         self.x_m = self.x_m.max(if has_turning_point { largest_abs(p, length) } else { p[0].abs() });
     }
 
-    fn impact(&mut self, impact: &Impact<f64>) {
+    fn impact(&mut self, impact: &SampledImpact<f64>) {
         // A soft wall gives no kick, but a force.
         if impact.kick != 0.0 {
             let from = self.step as f64 + impact.at;

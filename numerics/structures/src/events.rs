@@ -328,7 +328,7 @@ impl Motion {
 
     /// Applies the impulses of closed contacts (Moreau's law): each separates at least at e times its approach, at exactly that where it
     /// has an impulse; one that stays does not separate.
-    fn impulses(&mut self, closed: &[Closed]) -> Result<Few<Pushed>, Refused> {
+    fn impulses(&mut self, closed: &[Closed]) -> Result<Few<ContactImpulse>, Refused> {
         let (impulse, at): (Few<f64>, Few<At>) = if let [only] = closed {
             let joint = self.mount.joint_of(only.particle);
             let w = self.mount.compliance[(joint, joint)];
@@ -350,7 +350,8 @@ impl Motion {
             let mass = self.mount.bodies.divisors();
             self.v.iter_mut().zip(row.iter().zip(mass)).for_each(|(v, (row, mass))| *v += row * away / mass);
         }
-        let pushed = |(impulse, at): (&f64, &At)| Pushed { impulse_n_s: *impulse, is_pushed: *at == At::Inside };
+        let pushed =
+            |(impulse, at): (&f64, &At)| ContactImpulse { impulse_n_s: *impulse, is_pushed: *at == At::Inside };
         Ok(impulse.iter().zip(&at).map(pushed).collect())
     }
 
@@ -389,7 +390,7 @@ struct Sticking {
 }
 
 /// What a contact has from impacts at one instant.
-struct Pushed {
+struct ContactImpulse {
     impulse_n_s: f64,
     /// Whether it has an impulse.
     is_pushed: bool,

@@ -8,7 +8,7 @@ use damprig_core::control::stepped_sine::SteppedSinePlan;
 use damprig_core::control::transient::{free_vibration, playback};
 use damprig_core::io::{Actuators, Invalid, Sensors, TICK_HZ, WALL_SUBSAMPLES};
 use damprig_core::measure::snippet::SNIPPET;
-use damprig_core::rig::{Command, Event, Rejected, Rig, SIGNALS, State};
+use damprig_core::rig::{Command, Event, Rejected, Rig, RigState, SIGNALS};
 use damprig_core::settings::{Settings, Source};
 use damprig_protocol::upload::MAX_BYTES;
 use damprig_protocol::{
@@ -399,7 +399,7 @@ impl Controller {
     /// One tick of the rig. The upload buffer lends it the record of a playback.
     pub fn tick(&mut self, sensors: &Sensors, upload: &mut UploadBuffer, outgoing: &mut impl Outgoing) -> Actuators {
         let tick = self.next_tick();
-        if self.rig.state() == State::Idle {
+        if self.rig.state() == RigState::Idle {
             upload.check();
         }
         let actuators = self.rig.tick(sensors, upload.record());

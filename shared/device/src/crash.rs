@@ -10,7 +10,7 @@ const MAGIC: u32 = 0x6461_6d70;
 /// record.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
-pub struct Record {
+pub struct CrashRecord {
     magic: u32,
     cause: u32,
     tick: u32,
@@ -34,7 +34,7 @@ const CAUSES: [CrashCause; 10] = [
     CrashCause::StackOverflow,
 ];
 
-impl Record {
+impl CrashRecord {
     /// An empty record.
     #[must_use]
     pub const fn none() -> Self {
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn a_record_survives_resets_and_counts_crashes_until_power_off() {
-        let mut record = Record::none();
+        let mut record = CrashRecord::none();
         assert_eq!(record.at_start(Reset::Power, 7), None);
         record.write(CrashCause::HardFault, 123, CALLS);
         let told = record.at_start(Reset::Software, 0).unwrap();
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn a_watchdog_reset_without_a_cause_is_recorded_with_the_last_tick() {
-        let mut record = Record::none();
+        let mut record = CrashRecord::none();
         let told = record.at_start(Reset::Watchdog, 99).unwrap();
         assert_eq!((told.cause, told.tick, told.count), (CrashCause::Watchdog, 99, 1));
         record.write(CrashCause::CommunicationStalled, 200, CALLS);
@@ -128,7 +128,7 @@ mod tests {
 
     #[test]
     fn a_stall_that_ended_before_the_watchdog_is_not_a_crash() {
-        let mut record = Record::none();
+        let mut record = CrashRecord::none();
         record.write(CrashCause::ControlStalled, 7, CALLS);
         assert_eq!(record.at_start(Reset::Pin, 900), None);
         record.write(CrashCause::ControlStalled, 7, CALLS);
@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     fn a_record_with_a_flipped_bit_is_rejected() {
-        let mut record = Record::none();
+        let mut record = CrashRecord::none();
         record.write(CrashCause::Panic, 1, CALLS);
         for bit in 0..32 {
             let mut damaged = record;

@@ -65,7 +65,7 @@ mod last {
 /// Content of the place of a record.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant)] // There is no allocator, so a variant cannot be boxed.
-pub enum Record {
+pub enum SettingsRecord {
     /// Erased bytes.
     Blank,
     /// A wrong checksum, or settings out of range.
@@ -88,7 +88,7 @@ pub enum Record {
     },
 }
 
-impl Record {
+impl SettingsRecord {
     /// Reads a record; bytes after its checksum are ignored.
     #[must_use]
     pub fn read(bytes: &[u8]) -> Self {

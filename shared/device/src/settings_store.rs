@@ -16,7 +16,7 @@ use damprig_core::settings::{Settings, Source};
 use damprig_protocol::StoredPart;
 use embedded_storage::nor_flash::NorFlash;
 
-use crate::settings_record::{Bytes, RECORD_BYTES, Record, encode};
+use crate::settings_record::{Bytes, RECORD_BYTES, SettingsRecord, encode};
 
 /// The settings could not be saved. Settings saved before are still stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,17 +53,21 @@ impl Records {
 
 /// Chooses the settings that act from the records of the pages: those that were saved last, or the defaults.
 #[must_use]
-pub fn choose(records: &[Record]) -> (Settings, Source) {
+pub fn choose(records: &[SettingsRecord]) -> (Settings, Source) {
     let mut newest: Option<(u32, &Settings, bool)> = None;
     for record in records {
-        if let Record::Settings { number, settings, is_migrated } = record
+        if let SettingsRecord::Settings { number, settings, is_migrated } = record
             && newest.is_none_or(|(newest, ..)| newest < *number)
         {
             newest = Some((*number, settings, *is_migrated));
         }
     }
-    let is_damaged = records.iter().any(|record| matches!(record, Record::Damaged));
-    let other = records.iter().filter(|record| matches!(record, Record::Other { .. })).filter_map(Record::number).max();
+    let is_damaged = records.iter().any(|record| matches!(record, SettingsRecord::Damaged));
+    let other = records
+        .iter()
+        .filter(|record| matches!(record, SettingsRecord::Other { .. }))
+        .filter_map(SettingsRecord::number)
+        .max();
     match newest {
         // Nobody can tell whether the damaged record was the newer one.
         Some((number, settings, _)) if is_damaged || other.is_some_and(|other| other > number) => {
@@ -117,7 +121,7 @@ impl<F: NorFlash> SettingsStore<F> {
         let (mut numbers, mut is_damaged) = ([None; 2], [false; 2]);
         for (place, page) in self.pages.into_iter().enumerate() {
             let record = self.read(page);
-            (numbers[place], is_damaged[place]) = (record.number(), record == Record::Damaged);
+            (numbers[place], is_damaged[place]) = (record.number(), record == SettingsRecord::Damaged);
         }
         let [first, second] = numbers;
         // `None`, a page without a record, is less than any number.
@@ -128,7 +132,7 @@ impl<F: NorFlash> SettingsStore<F> {
         self.flash.erase(page, page + F::ERASE_SIZE as u32).map_err(|_| NotSaved)?;
         self.flash.write(page, &record).map_err(|_| NotSaved)?;
         // What the next start reads decides; the padding after the checksum does not count.
-        let saved = Record::Settings { number, settings: *settings, is_migrated: false };
+        let saved = SettingsRecord::Settings { number, settings: *settings, is_migrated: false };
         if self.read(page) != saved {
             return Err(NotSaved);
         }
@@ -138,11 +142,11 @@ impl<F: NorFlash> SettingsStore<F> {
         Ok(())
     }
 
-    fn read(&mut self, page: u32) -> Record {
+    fn read(&mut self, page: u32) -> SettingsRecord {
         let mut bytes = [0; RECORD_BYTES];
         match self.flash.read(page, &mut bytes) {
-            Ok(()) => Record::read(&bytes),
-            Err(_) => Record::Damaged,
+            Ok(()) => SettingsRecord::read(&bytes),
+            Err(_) => SettingsRecord::Damaged,
         }
     }
 }

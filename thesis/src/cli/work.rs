@@ -29,13 +29,13 @@ pub(super) fn compute(catalogue: &Catalogue, tasks: &[Task], is_silent: bool) ->
         let cores = rayon::current_num_threads();
         print(&format!("{parts} of {all} parts to compute, about {} on {cores} cores", duration(estimate_s)));
     }
-    let work = Work {
+    let work = WorkArgs {
         catalogue,
         open: &open,
         bar: progress::bar((1e3 * estimate_s) as u64),
         ctrl_c: &ctrl_c,
         is_silent,
-        state: Mutex::new(State { shares: vec![0.0; open.len()], complete: 0, failure: None }),
+        state: Mutex::new(WorkState { shares: vec![0.0; open.len()], complete: 0, failure: None }),
     };
     // A virtual rig leaves cores free, so the other parts are computed beside it.
     let is_campaign = |&n: &usize| matches!(open[n].part.work, catalogue::Work::Campaign(_));
@@ -55,17 +55,17 @@ pub(super) fn compute(catalogue: &Catalogue, tasks: &[Task], is_silent: bool) ->
 }
 
 /// Parts to compute.
-struct Work<'a> {
+struct WorkArgs<'a> {
     catalogue: &'a Catalogue,
     open: &'a [&'a Task<'a>],
     bar: ProgressBar,
     ctrl_c: &'a CtrlC,
     is_silent: bool,
-    state: Mutex<State>,
+    state: Mutex<WorkState>,
 }
 
 /// What was computed so far.
-struct State {
+struct WorkState {
     /// Share of each part that is done, 0 to 1.
     shares: Vec<f64>,
     complete: usize,
@@ -73,7 +73,7 @@ struct State {
     failure: Option<Failure>,
 }
 
-impl Work<'_> {
+impl WorkArgs<'_> {
     /// Computes some of the parts until it is stopped; goes on after one that fails.
     fn one_by_one(&self, parts: &[usize]) {
         for &n in parts {
@@ -100,7 +100,7 @@ impl Work<'_> {
         self.ctrl_c.is_pressed()
     }
 
-    fn with_state<T>(&self, what: impl FnOnce(&mut State) -> T) -> T {
+    fn with_state<T>(&self, what: impl FnOnce(&mut WorkState) -> T) -> T {
         what(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner))
     }
 

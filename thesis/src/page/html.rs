@@ -9,7 +9,7 @@ use maud::{Markup, PreEscaped, html};
 use super::{GAP, relative, shown, shown_difference, shown_found, shown_published, shown_rms};
 use crate::catalogue::{Item, ItemKind};
 use crate::claims::{Judgement, Verdict};
-use crate::compared::{ComparedItem, Comparison, Row};
+use crate::compared::{ComparedItem, ComparedRow, Comparison};
 use crate::published::Origin;
 use crate::run::command;
 use damprig::report::page::document_with_images;
@@ -236,7 +236,7 @@ fn values(compared: &ComparedItem) -> Markup {
 }
 
 /// The computed value, the claim that judges the published one instead, or why there is none.
-fn computed(row: &Row) -> Markup {
+fn computed(row: &ComparedRow) -> Markup {
     match (&row.computed, row.value.claim) {
         (Err(_), Some(claim)) => html! { td { a href=(format!("#claim-{claim}")) { "claim " (claim) } } },
         (found, _) => html! { td title=[found.as_ref().err().map(ToString::to_string)] { (shown_found(found)) } },

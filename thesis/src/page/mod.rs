@@ -7,7 +7,7 @@ mod tables;
 
 use std::path::Path;
 
-use super::compared::{Comparison, CurveRow, Row};
+use super::compared::{ComparedRow, Comparison, CurveRow};
 use super::published::PublishedValue;
 use super::results::ResultError;
 use damprig::failure::Failure;
@@ -57,7 +57,7 @@ fn shown_found(found: &Result<f64, ResultError>) -> String {
 }
 
 /// The relative difference in percent: `+3.2 %`.
-fn shown_difference(row: &Row) -> String {
+fn shown_difference(row: &ComparedRow) -> String {
     let Some(difference) = row.difference() else { return GAP.into() };
     let sign = if difference < 0.0 { "−" } else { "+" };
     format!("{sign}{} %", significant((100.0 * difference).abs(), 2))

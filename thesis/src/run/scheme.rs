@@ -11,7 +11,7 @@ use arrow_array::RecordBatch;
 use arrow_schema::Metadata;
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::polynomial;
-use damprig_core::integrator::sampled::{Flight, Impact, Observer, Sampled};
+use damprig_core::integrator::sampled::{Flight, Sampled, SampledImpact, SampledObserver};
 use damprig_core::integrator::units::Units;
 use damprig_core::model::{Initial, Wall};
 use damprig_core::scalar::Scalar;
@@ -75,7 +75,7 @@ impl Variant {
 
 /// Structure and particle: the structure vibrates freely, the particle keeps its velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct State {
+struct SchemeState {
     x_m: f64,
     v_m_per_s: f64,
     y_m: f64,
@@ -94,7 +94,7 @@ struct Model {
 
 impl Model {
     /// The motion after `t_s` without contact.
-    fn flow(&self, from: State, t_s: f64) -> State {
+    fn flow(&self, from: SchemeState, t_s: f64) -> SchemeState {
         let rate = self.damping_ratio * self.angular_frequency_rad_per_s;
         let damped = self.angular_frequency_rad_per_s * (1.0 - self.damping_ratio * self.damping_ratio).sqrt();
         let (sine, cosine) = (damped * t_s).sin_cos();
@@ -102,26 +102,26 @@ impl Model {
         let quadrature = (from.v_m_per_s + rate * from.x_m) / damped;
         let x_m = decay * (from.x_m * cosine + quadrature * sine);
         let turned = decay * damped * (quadrature * cosine - from.x_m * sine);
-        State { x_m, v_m_per_s: turned - rate * x_m, y_m: from.y_m + from.u_m_per_s * t_s, ..from }
+        SchemeState { x_m, v_m_per_s: turned - rate * x_m, y_m: from.y_m + from.u_m_per_s * t_s, ..from }
     }
 
     /// The velocities after an impact: momentum stays, the relative velocity turns and shrinks by the restitution.
-    fn impact(&self, at: State) -> State {
+    fn impact(&self, at: SchemeState) -> SchemeState {
         let closing = (1.0 + self.restitution) * (at.u_m_per_s - at.v_m_per_s) / (1.0 + self.mass_ratio);
-        State { v_m_per_s: at.v_m_per_s + self.mass_ratio * closing, u_m_per_s: at.u_m_per_s - closing, ..at }
+        SchemeState { v_m_per_s: at.v_m_per_s + self.mass_ratio * closing, u_m_per_s: at.u_m_per_s - closing, ..at }
     }
 
     /// How far the particle is beyond its walls, m.
-    fn overlap_m(&self, at: State) -> f64 {
+    fn overlap_m(&self, at: SchemeState) -> f64 {
         (at.y_m - at.x_m).abs() - self.clearance_m
     }
 
-    fn approaches(at: State) -> bool {
+    fn approaches(at: SchemeState) -> bool {
         (at.y_m - at.x_m) * (at.u_m_per_s - at.v_m_per_s) > 0.0
     }
 
     /// The time within a step at which the particle reaches its wall, by bisection to the last bit that matters.
-    fn touch_s(&self, from: State, step_s: f64) -> f64 {
+    fn touch_s(&self, from: SchemeState, step_s: f64) -> f64 {
         let (mut before_s, mut after_s) = (0.0, step_s);
         for _ in 0..60 {
             let middle_s = 0.5 * (before_s + after_s);
@@ -130,7 +130,7 @@ impl Model {
         after_s
     }
 
-    fn step(&self, from: State, step_s: f64, variant: Variant, counted: &mut Counted) -> State {
+    fn step(&self, from: SchemeState, step_s: f64, variant: Variant, counted: &mut Counted) -> SchemeState {
         let to = self.flow(from, step_s);
         let overlap_m = self.overlap_m(to);
         if overlap_m < 0.0 || (variant != Variant::Printed && !Self::approaches(to)) {
@@ -154,7 +154,7 @@ struct Counted {
     overlap_m: f64,
 }
 
-fn run_scheme(model: &Model, start: State, duration_s: f64, step_s: f64, variant: Variant) -> Counted {
+fn run_scheme(model: &Model, start: SchemeState, duration_s: f64, step_s: f64, variant: Variant) -> Counted {
     let steps = (duration_s / step_s).round() as u64;
     let step_s = duration_s / steps as f64;
     let (mut state, mut counted, mut square) = (start, Counted::default(), 0.0);
@@ -168,7 +168,7 @@ fn run_scheme(model: &Model, start: State, duration_s: f64, step_s: f64, variant
 }
 
 /// A row of the table.
-struct Row {
+struct SchemeRow {
     clearance_ratio: f64,
     variant: Variant,
     step_s: f64,
@@ -190,13 +190,13 @@ pub(super) fn run(folder: &Path, report: &(dyn Fn(f64) -> bool + Sync)) -> Resul
                     return Ok(Ending::Stopped);
                 }
                 let scheme = run_scheme(&model, start, case.run.duration_s, step_s, variant);
-                rows.push(Row { clearance_ratio, variant, step_s, scheme, exact });
+                rows.push(SchemeRow { clearance_ratio, variant, step_s, scheme, exact });
             }
         }
         let drivers =
             [(Variant::DriverF64, driver::<f64> as fn(&Case) -> Result<_, _>), (Variant::DriverF32, driver::<f32>)];
         for (variant, driver) in drivers {
-            rows.push(Row { clearance_ratio, variant, step_s: TICK_S, scheme: driver(&case)?, exact });
+            rows.push(SchemeRow { clearance_ratio, variant, step_s: TICK_S, scheme: driver(&case)?, exact });
         }
     }
     let bytes = sealed_parquet::bytes(&table(&rows)?)?;
@@ -218,7 +218,7 @@ fn case(clearance_ratio: f64) -> Result<Case, Failure> {
     Case::parse_changed(&Source::new("the case of the scheme", CASE), "scheme", &set)
 }
 
-fn model(case: &Case) -> Option<(Model, State)> {
+fn model(case: &Case) -> Option<(Model, SchemeState)> {
     let (structure, particle) = (&case.set_up.structure, case.set_up.particle?);
     let Wall::Restitution { coefficient } = particle.wall else { return None };
     let model = Model {
@@ -229,7 +229,7 @@ fn model(case: &Case) -> Option<(Model, State)> {
         restitution: coefficient,
     };
     let Initial { x_m, v_m_per_s, y_m, u_m_per_s } = case.initial;
-    Some((model, State { x_m, v_m_per_s, y_m, u_m_per_s }))
+    Some((model, SchemeState { x_m, v_m_per_s, y_m, u_m_per_s }))
 }
 
 fn exact(case: &Case) -> Result<Counted, Failure> {
@@ -258,7 +258,7 @@ struct Seen {
     impacts: f64,
 }
 
-impl<S: Scalar> Observer<S> for Seen {
+impl<S: Scalar> SampledObserver<S> for Seen {
     fn flight(&mut self, _: S, length: S, flight: &Flight<S>) {
         let length = length.to_f64();
         let x_m =
@@ -269,19 +269,19 @@ impl<S: Scalar> Observer<S> for Seen {
         self.square += length * (5.0 * ends + 8.0 * x_m(0.5).powi(2)) / 18.0;
     }
 
-    fn impact(&mut self, _: &Impact<S>) {
+    fn impact(&mut self, _: &SampledImpact<S>) {
         self.impacts += 1.0;
     }
 }
 
-impl Row {
+impl SchemeRow {
     /// Relative error of the RMS of x.
     fn error(&self) -> f64 {
         self.scheme.rms_x_m / self.exact.rms_x_m - 1.0
     }
 }
 
-fn table(rows: &[Row]) -> Result<RecordBatch, Failure> {
+fn table(rows: &[SchemeRow]) -> Result<RecordBatch, Failure> {
     let number = |name: &str, unit: &str| Column::new(name, unit, "");
     TableBuilder::new(rows)
         .column(number("variant", ""), |row| row.variant.name())
@@ -289,7 +289,7 @@ fn table(rows: &[Row]) -> Result<RecordBatch, Failure> {
         .column(number("step_s", "s"), |row| row.step_s)
         .column(Quantity::RmsXM, |row| row.scheme.rms_x_m)
         .column(number("exact_rms_x_m", "m"), |row| row.exact.rms_x_m)
-        .column(number("relative_error", "1"), Row::error)
+        .column(number("relative_error", "1"), SchemeRow::error)
         .column(Quantity::Impacts, |row| row.scheme.impacts)
         .column(number("exact_impacts", "1"), |row| row.exact.impacts)
         .column(number("largest_overlap_m", "m"), |row| row.scheme.overlap_m)
@@ -303,11 +303,11 @@ mod tests {
     #[test]
     fn an_impact_keeps_the_momentum_and_turns_the_relative_velocity() {
         let (model, start) = model(&case(0.5).expect("a case")).expect("hard walls");
-        let before = State { v_m_per_s: 0.3, u_m_per_s: -0.2, ..start };
+        let before = SchemeState { v_m_per_s: 0.3, u_m_per_s: -0.2, ..start };
         let after = model.impact(before);
-        let momentum = |state: State| state.v_m_per_s + model.mass_ratio * state.u_m_per_s;
+        let momentum = |state: SchemeState| state.v_m_per_s + model.mass_ratio * state.u_m_per_s;
         assert!((momentum(after) - momentum(before)).abs() < 1e-16);
-        let relative = |state: State| state.u_m_per_s - state.v_m_per_s;
+        let relative = |state: SchemeState| state.u_m_per_s - state.v_m_per_s;
         assert!((relative(after) + 0.82 * relative(before)).abs() < 1e-15);
     }
 

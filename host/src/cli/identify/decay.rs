@@ -10,7 +10,7 @@ use crate::cli::arguments::{StatedArgs, positive, table_file};
 use crate::cli::simulate::picture;
 use crate::failure::{Failure, Outcome};
 use crate::identify::backbone::Backbone;
-use crate::identify::decay::{self, Decay, Model};
+use crate::identify::decay::{self, Decay, DecayModel};
 use crate::identify::decay_file::DecayFile;
 use crate::identify::{Identification, Sensors, free_vibration};
 use crate::report::figures::backbone;
@@ -80,7 +80,7 @@ pub(super) fn run(args: &DecayArgs) -> Outcome {
 }
 
 fn identify(args: &DecayArgs) -> Result<(Decay, Identification), Failure> {
-    let model = |sensors| Model { coulomb: !args.viscous, sensors };
+    let model = |sensors| DecayModel { coulomb: !args.viscous, sensors };
     let (taken_from, decay, remarks, sensors, mass_kg) = if Selector::of(&args.source).path.is_file() {
         let record = DecayFile::read(&args.source, &args.stated.stated()?)?;
         let sensors = args.sensors.applied(Sensors::ASSUMED);

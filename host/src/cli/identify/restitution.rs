@@ -9,7 +9,7 @@ use super::{ChoiceArgs, OutArgs, SensorArgs, finish_if_consistent};
 use crate::cli::arguments::{not_negative, positive, table_file};
 use crate::cli::simulate::picture;
 use crate::failure::{Failure, Outcome};
-use crate::identify::flights::{self, Known};
+use crate::identify::flights::{self, KnownSetUp};
 use crate::identify::restitution::{self, Approach, FilmAxis, Restitution, RestitutionOptions};
 use crate::identify::{Identification, particle_run};
 use crate::report::figures::restitution as figure;
@@ -150,9 +150,9 @@ fn restitution_of_run(args: &RestitutionArgs) -> Result<Restitution, Failure> {
     }
     let run = particle_run(&path, &args.choice.choice())?;
     let located = |error: Refused| Failure::Input(format!("{}: {error}", run.taken_from));
-    let stated = Known::of(&run.set_up).map_err(located)?;
+    let stated = KnownSetUp::of(&run.set_up).map_err(located)?;
     let gravity = run.set_up.gravity_m_per_s2;
-    let known = Known {
+    let known = KnownSetUp {
         mass_ratio: args.mass_ratio.unwrap_or(stated.mass_ratio),
         friction_m_per_s2: args.friction_coefficient.map_or(stated.friction_m_per_s2, |mu| mu * gravity),
         is_friction_held: args.friction_coefficient.is_some(),

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use damprig_core::control::safety::SafeStage;
-use damprig_core::rig::State;
+use damprig_core::rig::RigState;
 use damprig_protocol::Request;
 
 use super::{Session, SessionError, TURN};
@@ -29,13 +29,13 @@ impl Session {
                 return Err(SessionError::Interrupted);
             }
             let (status, _) = self.status()?;
-            let rings = status.state == State::Faulted && status.safe != SafeStage::Fading;
+            let rings = status.state == RigState::Faulted && status.safe != SafeStage::Fading;
             let longest = if rings || advised.is_some() { LONGEST_REST } else { self.timeout };
             match status.state {
-                State::Idle => return Ok(()),
-                State::Running(_) => self.execute("stop", Request::Stop)?,
+                RigState::Idle => return Ok(()),
+                RigState::Running(_) => self.execute("stop", Request::Stop)?,
                 // Rejected while the drive fades out or the structure rings: repeated on the next turn.
-                State::Faulted => match self.execute("clear the fault", Request::ClearFault) {
+                RigState::Faulted => match self.execute("clear the fault", Request::ClearFault) {
                     Ok(()) => {}
                     Err(SessionError::Refused { why, .. }) => {
                         if begun.elapsed() > self.timeout && advised.as_ref() != Some(&why) {
@@ -45,7 +45,7 @@ impl Session {
                     }
                     Err(error) => return Err(error),
                 },
-                State::Stopping => {}
+                RigState::Stopping => {}
             }
             self.wait_a_turn(status.tick)?;
             if begun.elapsed() >= longest {
@@ -66,9 +66,9 @@ impl Session {
         loop {
             let (status, _) = self.status()?;
             match (status.state, status.safe) {
-                (State::Idle, _) | (State::Faulted, SafeStage::Ringing | SafeStage::Safe) => return Ok(()),
-                (State::Running(_), _) => self.execute("stop", Request::Stop)?,
-                (State::Faulted | State::Stopping, _) => {}
+                (RigState::Idle, _) | (RigState::Faulted, SafeStage::Ringing | SafeStage::Safe) => return Ok(()),
+                (RigState::Running(_), _) => self.execute("stop", Request::Stop)?,
+                (RigState::Faulted | RigState::Stopping, _) => {}
             }
             self.wait_a_turn(status.tick)?;
             if begun.elapsed() >= self.timeout {

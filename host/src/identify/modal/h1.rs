@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::quantity::Quantity;
 use super::read::{named, quantity};
-use super::{FrequencyResponse, Line, Modal, Wish, identify};
+use super::{FrequencyResponse, Modal, ResponseLine, Wish, identify};
 use crate::failure::Failure;
 use crate::identify::time_response::welch::{self, Segments};
 use crate::identify::time_response::{HANN_WIDTH_LINES, Motion, RESOLVED, USUAL_SEGMENTS, Wanted, needed_s};
@@ -140,7 +140,7 @@ impl MotionAndExcitation {
         let lines = spectrum
             .excited()
             .filter(|line| is_within(line.frequency_hz) && line.coherence > 0.0 && line.h.norm() > 0.0)
-            .map(|line| Line {
+            .map(|line| ResponseLine {
                 frequency_hz: line.frequency_hz,
                 h: self.quantity.in_si(line.h),
                 coherence: Some(line.coherence),

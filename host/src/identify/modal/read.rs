@@ -6,7 +6,7 @@ use damprig_fourier::Complex;
 
 use super::quantity::Quantity;
 use super::unit::quantity_of;
-use super::{FrequencyResponse, Line, Wish};
+use super::{FrequencyResponse, ResponseLine, Wish};
 use crate::failure::Failure;
 use crate::signal_file::unit::UnitKind;
 use crate::signal_file::{self, Contents, FREQUENCY_RESPONSE, Selector, Signal, SignalAxis, TRANSMISSIBILITY};
@@ -105,7 +105,7 @@ impl ModalSource<'_> {
                 }
                 own => own.map(|value| value.min(1.0)),
             };
-            lines.push(Line { frequency_hz, h, coherence });
+            lines.push(ResponseLine { frequency_hz, h, coherence });
         }
         if lines.is_empty() && !impossible.is_empty() {
             return Err(Failure::Input(format!(

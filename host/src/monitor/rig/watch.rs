@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use damprig_core::control::friction_spring::{SpringCommand, SpringStage, Target};
 use damprig_core::io::TICK_HZ;
-use damprig_core::rig::{State, Status};
+use damprig_core::rig::{RigState, Status};
 use damprig_protocol::{Event, PlantKind, Request, Telemetry};
 use damprig_simulator::messages::ToSimulator;
 
@@ -88,7 +88,7 @@ impl<'a> RigWatch<'a> {
         feed.send(Update::Watch(Box::new(watched)));
         feed.send(Update::Link(link.clone()));
         let (status, _) = session.status()?;
-        if let State::Running(_) = status.state {
+        if let RigState::Running(_) = status.state {
             // Only the host's silence would end it, and this monitor is not silent.
             session.stop_drive()?;
             feed.log(
@@ -393,13 +393,13 @@ fn time_s(tick: u32) -> f64 {
 
 fn activity(status: &Status, lost_sensors: &str) -> Update {
     let (activity, mut headline) = match status.state {
-        State::Idle if status.spring.fault.is_some() => {
+        RigState::Idle if status.spring.fault.is_some() => {
             (Activity::Faulted, "The rig is idle; its spring has a fault.".to_string())
         }
-        State::Idle => (Activity::Idle, "The rig is idle.".into()),
-        State::Running(_) => (Activity::Running, "The rig runs an experiment.".into()),
-        State::Stopping => (Activity::Stopping, "The drive fades out.".into()),
-        State::Faulted => (Activity::Faulted, words::sentence(status.safe.text())),
+        RigState::Idle => (Activity::Idle, "The rig is idle.".into()),
+        RigState::Running(_) => (Activity::Running, "The rig runs an experiment.".into()),
+        RigState::Stopping => (Activity::Stopping, "The drive fades out.".into()),
+        RigState::Faulted => (Activity::Faulted, words::sentence(status.safe.text())),
     };
     if !lost_sensors.is_empty() {
         headline += &format!(" Without a signal: {lost_sensors}.");

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use crate::failure::Failure;
 use crate::identify::time_response::TimeResponse;
-use crate::identify::time_response::welch::Line;
+use crate::identify::time_response::welch::SpectralLine;
 use crate::report::numbers::significant;
 use crate::report::plot::axis::{Axis, PlotFrame, Scale};
 use crate::report::plot::legend::{self, LegendEntry};
@@ -38,8 +38,8 @@ const EXPANDED: f64 = 2.0;
 pub fn draw(found: &TimeResponse) -> Result<Picture, Failure> {
     let natural = found.fitted.natural_frequency_hz.value;
     let reach = 2f64.powf(OCTAVES);
-    let is_near = |line: &&Line| (natural / reach..=natural * reach).contains(&line.frequency_hz);
-    let lines: Vec<&Line> = found.spectrum.excited().filter(is_near).collect();
+    let is_near = |line: &&SpectralLine| (natural / reach..=natural * reach).contains(&line.frequency_hz);
+    let lines: Vec<&SpectralLine> = found.spectrum.excited().filter(is_near).collect();
     let (Some(first), Some(last)) = (lines.first(), lines.last()) else {
         return Err(Failure::undrawn("the base does not move about the natural frequency"));
     };
@@ -55,7 +55,8 @@ pub fn draw(found: &TimeResponse) -> Result<Picture, Failure> {
         (across(""), Axis::between("Phase (°)", -200.0, 20.0)),
         (across("Frequency (Hz)"), Axis::between("Coherence γ²", 0.0, 1.05)),
     ];
-    let measured: [fn(&Line) -> f64; 3] = [Line::magnitude, |line| degrees(line.phase_rad()), |line| line.coherence];
+    let measured: [fn(&SpectralLine) -> f64; 3] =
+        [SpectralLine::magnitude, |line| degrees(line.phase_rad()), |line| line.coherence];
     let mut picture = Picture::new(WIDTH, TOP + HEIGHTS.iter().sum::<f64>() + 2.0 * GAP + 62.0);
     head(&mut picture, found);
     let mut top = TOP;
@@ -121,7 +122,7 @@ pub(super) fn curve(traces: &mut Traces, frame: &PlotFrame, values: impl Iterato
 }
 
 /// Draws the expanded uncertainty of |H| at a line as a pale bar.
-fn uncertainty(traces: &mut Traces, frame: &PlotFrame, line: &Line, averages: f64) {
+fn uncertainty(traces: &mut Traces, frame: &PlotFrame, line: &SpectralLine, averages: f64) {
     let half = (EXPANDED * line.relative_uncertainty(averages)).min(0.99);
     let end = |share: f64| (line.frequency_hz, (line.magnitude() * share).clamp(frame.y.from, frame.y.to));
     traces.line([end(1.0 - half), end(1.0 + half)], colour(2).stroke(2.0).opacity(0.5));

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use damprig_core::analysis::energy::{Balance, EnergyMeter};
-use damprig_core::analysis::lock_in::LockIn;
+use damprig_core::analysis::lock_in::FourierIntegral;
 use damprig_core::analysis::section::Section;
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
 use damprig_core::integrator::exact::response::{Response, Wanted};
@@ -396,7 +396,7 @@ impl ForcedResponse {
     pub(crate) fn at_end(case: &Case, mut motion: Exact, analysed: AnalysedPeriods, meter: &mut impl Observer) -> Self {
         let AnalysedPeriods { turning, whole, periods, start_s } = analysed;
         let period_s = TAU / turning;
-        let mut lock_in = LockIn::new(turning);
+        let mut lock_in = FourierIntegral::new(turning);
         let mut last_cycles = LastCyclesMeter::new(period_s, case.run.duration_s);
         let mut shown = ExactObserver::new(&mut last_cycles);
         let mut section = Section::new(motion.clone(), period_s);

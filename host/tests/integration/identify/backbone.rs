@@ -2,14 +2,14 @@
 
 use damprig::identify::Sensors;
 use damprig::identify::backbone::{Backbone, Row};
-use damprig::identify::decay::{Model, identify};
+use damprig::identify::decay::{DecayModel, identify};
 
 use super::nonlinear::{LINEAR, Noise, Oscillator};
 use super::{Claim, seeds};
 use crate::common::{damprig, field, folder_with};
 
 const NOISE_M: f64 = 30e-6;
-const USUAL: Model = Model { coulomb: true, sensors: Sensors::EXACT };
+const USUAL: DecayModel = DecayModel { coulomb: true, sensors: Sensors::EXACT };
 
 fn backbone(t_s: &[f64], x_m: &[f64]) -> Backbone {
     identify(t_s, x_m, USUAL).unwrap().backbone.expect("windows")

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use damprig::identify::decay::{Decay, Model, identify};
+use damprig::identify::decay::{Decay, DecayModel, identify};
 use damprig::identify::decay_motion::DecayMotion;
 use damprig::identify::{Sensors, Value};
 use damprig_core::io::{Actuators, SUBSAMPLES};
@@ -108,7 +108,7 @@ struct Claims {
 /// Identifies a release of every seed.
 fn over_seeds(
     (zeta, force_n, seconds): (f64, f64, f64),
-    model: Model,
+    model: DecayModel,
     sensors: impl Fn(u64) -> (SensorModel, Option<DataSheet>),
 ) -> Claims {
     let mut claims = Claims::default();
@@ -128,8 +128,8 @@ fn over_seeds(
     claims
 }
 
-const VISCOUS: Model = Model { coulomb: false, sensors: Sensors::EXACT };
-const BOTH: Model = Model { coulomb: true, ..VISCOUS };
+const VISCOUS: DecayModel = DecayModel { coulomb: false, sensors: Sensors::EXACT };
+const BOTH: DecayModel = DecayModel { coulomb: true, ..VISCOUS };
 
 #[test]
 fn ideal_sensors_give_frequency_and_damping_near_the_cramer_rao_bound() {
@@ -172,10 +172,10 @@ fn coulomb_friction_is_separated_from_viscous_damping_within_two_per_cent() {
 }
 
 /// What is fitted to a record whose sensors are not known.
-const USUAL: Model = Model { coulomb: true, sensors: Sensors::ASSUMED };
+const USUAL: DecayModel = DecayModel { coulomb: true, sensors: Sensors::ASSUMED };
 
 /// Every 20th reading of a release of every seed with the data sheet's sensors, their linearity drawn.
-fn with_data_sheets(zeta: f64, force_n: f64, model: Model) -> Vec<Decay> {
+fn with_data_sheets(zeta: f64, force_n: f64, model: DecayModel) -> Vec<Decay> {
     let of_seed = |seed| {
         let sensors = SensorModel { seed, ..SensorModel::default() };
         let (t_s, x_m) = release(zeta, force_n, 8.0, sensors, Some(drawn_sheet(seed)));

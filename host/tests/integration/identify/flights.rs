@@ -1,7 +1,7 @@
 //! Restitution and clearance from the impacts and x of the virtual rig, against the truth.
 
 use damprig::identify::Sensors;
-use damprig::identify::flights::{Flights, Hit, Known, LeftOut, Record, identify};
+use damprig::identify::flights::{Flights, Hit, KnownSetUp, LeftOut, Record, identify};
 use damprig_core::io::Actuators;
 use damprig_core::measure::impacts::ImpactMeter;
 use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
@@ -66,8 +66,8 @@ impl Damper {
         record
     }
 
-    fn known(&self) -> Known {
-        Known::of(&self.set_up()).unwrap()
+    fn known(&self) -> KnownSetUp {
+        KnownSetUp::of(&self.set_up()).unwrap()
     }
 }
 
@@ -91,7 +91,7 @@ fn over_seeds(
     name: &str,
     seeds: u64,
     damper: &Damper,
-    known: &Known,
+    known: &KnownSetUp,
     sensors: fn(u64) -> (SensorModel, Option<DataSheet>),
 ) -> [Claim; 3] {
     let mut claims: [Claim; 3] = Default::default();
@@ -144,7 +144,7 @@ fn ideal_sensors_give_restitution_and_clearance_with_intervals_that_cover_the_tr
 #[test]
 fn data_sheet_sensors_give_intervals_that_cover_the_truth() {
     for damper in DAMPERS {
-        let known = Known { sensors: Sensors::ASSUMED, ..damper.known() };
+        let known = KnownSetUp { sensors: Sensors::ASSUMED, ..damper.known() };
         let [e, d, _] = over_seeds("data sheet", few_seeds(), &damper, &known, data_sheet);
         assert!(e.rms() < if damper.friction > 0.0 { 2e-3 } else { 1e-3 }, "{:.2e}", e.rms());
         assert!(d.rms() < 0.003 * damper.clearance_m, "{:.2e}", d.rms());
@@ -184,7 +184,7 @@ fn impacts_that_cannot_be_used_are_left_out_and_counted() {
 fn a_held_clearance_is_used_and_a_wrong_one_changes_the_restitution() {
     let record = [USUAL.record(SECONDS, ideal(1).0, None)];
     let held = |clearance_m: f64| {
-        let known = Known { clearance_m, is_clearance_held: true, ..USUAL.known() };
+        let known = KnownSetUp { clearance_m, is_clearance_held: true, ..USUAL.known() };
         identify(&record, &known).unwrap()
     };
     let right = held(USUAL.clearance_m);

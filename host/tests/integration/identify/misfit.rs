@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use damprig::identify::Sensors;
-use damprig::identify::decay::{Decay, Model, identify};
+use damprig::identify::decay::{Decay, DecayModel, identify};
 use damprig::identify::lack_of_fit::Misfit;
 
 use super::nonlinear::{LINEAR, Noise, Oscillator};
@@ -11,12 +11,12 @@ use super::seeds;
 use crate::common::{damprig, folder_with};
 
 const NOISE_M: f64 = 30e-6;
-const VISCOUS: Model = Model { coulomb: false, sensors: Sensors::EXACT };
-const BOTH: Model = Model { coulomb: true, ..VISCOUS };
-const WITH_SENSOR: Model = Model { coulomb: true, sensors: Sensors::ASSUMED };
+const VISCOUS: DecayModel = DecayModel { coulomb: false, sensors: Sensors::EXACT };
+const BOTH: DecayModel = DecayModel { coulomb: true, ..VISCOUS };
+const WITH_SENSOR: DecayModel = DecayModel { coulomb: true, sensors: Sensors::ASSUMED };
 
 /// Decays of a release of every seed, with what `added` gives for a time.
-fn decays(oscillator: Oscillator, model: Model, added: impl Fn(f64, &mut Noise) -> f64) -> Vec<Decay> {
+fn decays(oscillator: Oscillator, model: DecayModel, added: impl Fn(f64, &mut Noise) -> f64) -> Vec<Decay> {
     let (t_s, exact_m) = oscillator.release(12.0);
     let of_seed = |seed| {
         let mut noise = Noise::new(seed);

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use damprig::failure::Failure;
 use damprig::identify::modal::unit::quantity_of;
-use damprig::identify::modal::{FrequencyResponse, Line, Misfit, Modal, Wish, identify};
+use damprig::identify::modal::{FrequencyResponse, Modal, ModalMisfit, ResponseLine, Wish, identify};
 use damprig_fourier::Complex;
 
 use super::{Claim, some_seeds};
@@ -97,7 +97,7 @@ impl Structure {
         self.h(self.modes[0].0).norm()
     }
 
-    fn response(&self, lines: Vec<Line>, averages: Option<f64>) -> FrequencyResponse {
+    fn response(&self, lines: Vec<ResponseLine>, averages: Option<f64>) -> FrequencyResponse {
         let quantity = quantity_of(self.unit).unwrap();
         FrequencyResponse {
             taken_from: "closed form".into(),
@@ -115,7 +115,7 @@ impl Structure {
         let frequencies = self.frequencies(spacing_hz, random);
         let line = |hz: f64, random: &mut Random| {
             let own = self.h(hz);
-            Line {
+            ResponseLine {
                 frequency_hz: hz,
                 h: own + random.complex() * floor + random.complex() * own * share,
                 coherence: None,
@@ -126,7 +126,7 @@ impl Structure {
     }
 
     /// H1 and coherence of this many averages: a random excitation, and noise on the motion.
-    fn averaged(&self, spacing_hz: f64, count: usize, random: &mut Random) -> Vec<Line> {
+    fn averaged(&self, spacing_hz: f64, count: usize, random: &mut Random) -> Vec<ResponseLine> {
         let floor = random.log_between(3e-3, 3e-2) * self.peak();
         let frequencies = self.frequencies(spacing_hz, random);
         let line = |hz: f64, random: &mut Random| {
@@ -137,7 +137,7 @@ impl Structure {
                 let y = own * x + random.complex() * floor;
                 (xx, yy, xy) = (xx + x.norm_sqr(), yy + y.norm_sqr(), xy + x.conj() * y);
             }
-            Line { frequency_hz: hz, h: xy / xx, coherence: Some(xy.norm_sqr() / (xx * yy)) }
+            ResponseLine { frequency_hz: hz, h: xy / xx, coherence: Some(xy.norm_sqr() / (xx * yy)) }
         };
         frequencies.into_iter().map(|hz| line(hz, random)).collect()
     }
@@ -150,7 +150,7 @@ struct Account {
     damping: Claim,
     of_line: Claim,
     misfits: usize,
-    kinds: Vec<Misfit>,
+    kinds: Vec<ModalMisfit>,
     refused: usize,
 }
 
@@ -186,14 +186,14 @@ impl Account {
     }
 
     fn print(&self, what: &str) {
-        let of = |kind: fn(&Misfit) -> bool| self.kinds.iter().filter(|own| kind(own)).count();
+        let of = |kind: fn(&ModalMisfit) -> bool| self.kinds.iter().filter(|own| kind(own)).count();
         println!(
             "{what}: modes {}, background {}, shape {}, methods {}, scatter {}",
-            of(|k| matches!(k, Misfit::Mode(_))),
-            of(|k| *k == Misfit::Background),
-            of(|k| *k == Misfit::Shape),
-            of(|k| matches!(k, Misfit::Methods(_))),
-            of(|k| matches!(k, Misfit::Scatter(_)))
+            of(|k| matches!(k, ModalMisfit::Mode(_))),
+            of(|k| *k == ModalMisfit::Background),
+            of(|k| *k == ModalMisfit::Shape),
+            of(|k| matches!(k, ModalMisfit::Methods(_))),
+            of(|k| matches!(k, ModalMisfit::Scatter(_)))
         );
         println!(
             "{what}: {} fits, {} refused, {} with a misfit; fn RMS {:.4} widths, covered {:.3}; ζ RMS {:.2} %, covered {:.3}; by the line ζ RMS {:.2} \
@@ -264,8 +264,8 @@ fn modes_without_noise_are_found_exactly() {
         let structure = Structure { modes: vec![(40.0, zeta, 2.0)], unit };
         let mut random = Random::new(1);
         let frequencies = structure.frequencies(80.0 * zeta / 4.0, &mut random);
-        let line = |hz| Line { frequency_hz: hz, h: structure.h(hz), coherence: None };
-        let lines: Vec<Line> = frequencies.into_iter().map(line).collect();
+        let line = |hz| ResponseLine { frequency_hz: hz, h: structure.h(hz), coherence: None };
+        let lines: Vec<ResponseLine> = frequencies.into_iter().map(line).collect();
         let found = identify(&structure.response(lines, None), Wish::default()).unwrap();
         assert!((found.natural_frequency_hz.value / 40.0 - 1.0).abs() < 1e-6 * zeta, "{zeta}: {found:?}");
         assert!((found.damping_ratio.value / zeta - 1.0).abs() < 1e-6, "{zeta}: {:?}", found.damping_ratio);
@@ -297,7 +297,11 @@ fn what_is_not_one_mode_is_named() {
             let mut random = Random::new(seed);
             let mut line = |hz: &f64| {
                 let noise = random.complex() * 2e-3 * structure.peak();
-                Line { frequency_hz: *hz, h: structure.h(*hz) + other(&structure, *hz) + noise, coherence: None }
+                ResponseLine {
+                    frequency_hz: *hz,
+                    h: structure.h(*hz) + other(&structure, *hz) + noise,
+                    coherence: None,
+                }
             };
             let lines = frequencies.iter().map(&mut line).collect();
             let found = identify(&structure.response(lines, None), wish).unwrap();
@@ -314,9 +318,9 @@ fn what_is_not_one_mode_is_named() {
     let mut random = Random::new(3);
     let mut line = |hz: &f64| {
         let noise = random.complex() * 2e-3 * structure.peak();
-        Line { frequency_hz: *hz, h: structure.h(*hz) + noise, coherence: Some(1.0 - 1e-6) }
+        ResponseLine { frequency_hz: *hz, h: structure.h(*hz) + noise, coherence: Some(1.0 - 1e-6) }
     };
     let lines = frequencies.iter().map(&mut line).collect();
     let found = identify(&structure.response(lines, Some(10.0)), wish).unwrap();
-    assert!(matches!(found.misfits[..], [Misfit::Scatter(times)] if times > 5.0), "{:?}", found.misfits);
+    assert!(matches!(found.misfits[..], [ModalMisfit::Scatter(times)] if times > 5.0), "{:?}", found.misfits);
 }

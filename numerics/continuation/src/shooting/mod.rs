@@ -13,8 +13,8 @@ use nalgebra::Complex;
 use crate::branch::{BranchEnd, Steps};
 use crate::explore::Origin;
 use crate::special::SpecialKind;
-use point::{Point, Shooter, Shot};
-use trace::Trace;
+use point::{OrbitPoint, Shooter, Shot};
+use trace::OrbitTrace;
 
 /// Orbits repeat after at most so many drive periods.
 const MAX_PERIODS: u32 = 16;
@@ -204,7 +204,7 @@ impl Family<'_> {
         let share = (value - self.range.0) / (self.range.1 - self.range.0);
         let returned = found.returned(&[])?;
         let shooter = Shooter::new(self, section, &found, &returned);
-        let shot = shooter.correct_at(Point { bodies: returned.start, share }, share)?;
+        let shot = shooter.correct_at(OrbitPoint { bodies: returned.start, share }, share)?;
         if !shot.is_alone() {
             return Err(NoDerivatives::NotIsolated);
         }
@@ -316,7 +316,7 @@ impl Family<'_> {
             let first = shooter.orbit(&there);
             let ahead = shooter.trace(&there, &outward, task.steps)?;
             let end = if multiplier < 0.0 { BranchEnd::PeriodDoubling } else { BranchEnd::SymmetryBreaking };
-            let back = Trace {
+            let back = OrbitTrace {
                 orbits: vec![shooter.orbit(&here)],
                 specials: Vec::new(),
                 end,
@@ -340,7 +340,7 @@ impl StructureDiagram {
 
 impl StructureBranch {
     /// Both directions from an orbit.
-    fn joined(origin: Origin, back: Trace, middle: StructureOrbit, ahead: Trace) -> Self {
+    fn joined(origin: Origin, back: OrbitTrace, middle: StructureOrbit, ahead: OrbitTrace) -> Self {
         let count = back.orbits.len();
         let last = [&back, &ahead].map(|trace| ((trace.last.0.clone(), trace.section), trace.last.1.share.signum()));
         let mut orbits: Vec<StructureOrbit> = back.orbits.into_iter().rev().collect();

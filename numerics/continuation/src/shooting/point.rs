@@ -26,7 +26,7 @@ const CLEAR: f64 = 0.01;
 
 /// An orbit, or a guess of one.
 #[derive(Clone, Debug)]
-pub(super) struct Point {
+pub(super) struct OrbitPoint {
     /// Displacements and velocities of the bodies at the section.
     pub bodies: DVector<f64>,
     /// Place of the parameter in its range, 0 to 1.
@@ -34,12 +34,12 @@ pub(super) struct Point {
 }
 
 /// A direction from a point: of the bodies, and of the parameter's place.
-pub(super) type Direction = Point;
+pub(super) type Direction = OrbitPoint;
 
 /// An orbit with its map.
 #[derive(Clone, Debug)]
 pub(super) struct Shot {
-    pub point: Point,
+    pub point: OrbitPoint,
     pub case: MotionCase,
     pub returned: Returned,
     /// Steps of Newton's method.
@@ -55,7 +55,7 @@ pub(super) struct Crossing {
 
 /// Test functions of an orbit; each changes its sign at its special point.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Tests {
+pub(super) struct OrbitTests {
     /// Change of the parameter along the branch.
     pub fold: f64,
     /// Zero where a multiplier is +1.
@@ -110,13 +110,13 @@ impl<'a> Shooter<'a> {
     }
 
     /// The motion from a point at another value of the parameter.
-    fn case_at(&self, point: &Point, value: f64) -> Result<MotionCase, NoDerivatives> {
+    fn case_at(&self, point: &OrbitPoint, value: f64) -> Result<MotionCase, NoDerivatives> {
         let case = (self.family.at)(value).ok_or(NoDerivatives::NoCase)?;
         case.at_section(&self.like, self.section, point.bodies.as_slice())
     }
 
     /// The map of a point's start.
-    pub fn shoot(&self, point: Point, steps: usize) -> Result<Shot, NoDerivatives> {
+    pub fn shoot(&self, point: OrbitPoint, steps: usize) -> Result<Shot, NoDerivatives> {
         let value = self.value(point.share);
         if !(self.family.goes_on)(value) {
             return Err(NoDerivatives::Stopped);
@@ -126,11 +126,17 @@ impl<'a> Shooter<'a> {
         let [a, b, c, d, e, f] = Varied::AT.map(at);
         let varied = Varied { value, cases: [a?, b?, c?, d?, e?, f?] };
         let returned = case.returned(std::slice::from_ref(&varied))?;
-        Ok(Shot { point: Point { bodies: returned.start.clone(), ..point }, case, returned, steps })
+        Ok(Shot { point: OrbitPoint { bodies: returned.start.clone(), ..point }, case, returned, steps })
     }
 
     /// The orbit from a guess on, whose distance from `anchor` along `tangent` is `arc`.
-    pub fn correct(&self, guess: Point, anchor: &Point, tangent: &Direction, arc: f64) -> Result<Shot, NoDerivatives> {
+    pub fn correct(
+        &self,
+        guess: OrbitPoint,
+        anchor: &OrbitPoint,
+        tangent: &Direction,
+        arc: f64,
+    ) -> Result<Shot, NoDerivatives> {
         self.correct_beside(guess, (anchor, tangent, arc), None)
     }
 
@@ -139,8 +145,8 @@ impl<'a> Shooter<'a> {
     /// remains, zero on a branch of mirror-symmetric orbits.
     pub fn correct_beside(
         &self,
-        guess: Point,
-        (anchor, tangent, arc): (&Point, &Direction, f64),
+        guess: OrbitPoint,
+        (anchor, tangent, arc): (&OrbitPoint, &Direction, f64),
         crossing: Option<&Crossing>,
     ) -> Result<Shot, NoDerivatives> {
         let chord = guess.clone();
@@ -180,10 +186,10 @@ impl<'a> Shooter<'a> {
     }
 
     /// The orbit at a place of the parameter.
-    pub fn correct_at(&self, guess: Point, share: f64) -> Result<Shot, NoDerivatives> {
+    pub fn correct_at(&self, guess: OrbitPoint, share: f64) -> Result<Shot, NoDerivatives> {
         let only = Direction { bodies: DVector::zeros(guess.bodies.len()), share: 1.0 };
-        let anchor = Point { share, ..guess.clone() };
-        self.correct(Point { share, ..guess }, &anchor, &only, 0.0)
+        let anchor = OrbitPoint { share, ..guess.clone() };
+        self.correct(OrbitPoint { share, ..guess }, &anchor, &only, 0.0)
     }
 
     /// The derivative of what the motion misses by disturbances and the parameter's place; its last row is that of `border`.
@@ -241,14 +247,14 @@ impl<'a> Shooter<'a> {
         (length > 0.0).then(|| along.scaled(1.0 / length))
     }
 
-    pub fn tests(&self, shot: &Shot, tangent: &Direction) -> Tests {
+    pub fn tests(&self, shot: &Shot, tangent: &Direction) -> OrbitTests {
         let map = &shot.returned.map;
         let one = DMatrix::identity(map.nrows(), map.nrows());
         let is_resolved = map.norm() * f64::EPSILON < RESOLVED;
         let multipliers = shot.returned.multipliers();
         let complex = || multipliers.iter().filter(|m| is_resolved && m.im.abs() > 1e-9 * m.norm());
         let nearest = complex().map(|m| m.norm() - 1.0).min_by(|a, b| a.abs().total_cmp(&b.abs()));
-        Tests {
+        OrbitTests {
             fold: tangent.share,
             plus: (&one - map).determinant(),
             minus: (&one + map).determinant(),
@@ -258,7 +264,7 @@ impl<'a> Shooter<'a> {
     }
 
     /// The same orbits from another section if an event is close to this one: with the two last orbits of a branch there.
-    pub fn moved(&self, last: &Point, shot: &Shot) -> Option<(Self, Point, Shot)> {
+    pub fn moved(&self, last: &OrbitPoint, shot: &Shot) -> Option<(Self, OrbitPoint, Shot)> {
         let period_s = shot.case.duration_s / f64::from(self.section.periods);
         if shot.returned.clear_s.iter().all(|clear_s| *clear_s > CLEAR * period_s) {
             return None;
@@ -266,11 +272,11 @@ impl<'a> Shooter<'a> {
         let at_s = shot.case.clear_section_s(self.section.periods).ok()?;
         let advance_rad = self.section.advance_rad + std::f64::consts::TAU * at_s / period_s;
         let shooter = Self { section: Section { advance_rad, ..self.section }, ..self.clone() };
-        let later = |point: &Point| {
+        let later = |point: &OrbitPoint| {
             let case = self.case_at(point, self.value(point.share)).ok()?;
             // At the same phase of its own sine.
             let after_s = at_s * case.duration_s / shot.case.duration_s;
-            Some(Point { bodies: DVector::from_vec(case.bodies_after(after_s).ok()?), ..point.clone() })
+            Some(OrbitPoint { bodies: DVector::from_vec(case.bodies_after(after_s).ok()?), ..point.clone() })
         };
         let (last, point) = (later(last)?, later(&shot.point)?);
         let shot = shooter.correct_at(point, shot.point.share).ok()?;
@@ -294,7 +300,7 @@ impl Shot {
     }
 }
 
-impl Point {
+impl OrbitPoint {
     pub fn minus(&self, other: &Self) -> Direction {
         Direction { bodies: &self.bodies - &other.bodies, share: self.share - other.share }
     }

@@ -2,7 +2,7 @@
 
 use damprig_structures::{NoDerivatives, Returned, Section};
 
-use super::point::{Crossing, Direction, Point, Shooter, Shot, Tests};
+use super::point::{Crossing, Direction, OrbitPoint, OrbitTests, Shooter, Shot};
 use super::{StructureOrbit, StructureSpecial};
 use crate::branch::{BranchEnd, Steps};
 use crate::special::SpecialKind;
@@ -40,10 +40,10 @@ const SLOW: f64 = 0.05;
 const MAX_GROWTH: f64 = 100.0;
 
 /// A test function.
-type Test = fn(&Tests) -> f64;
+type Test = fn(&OrbitTests) -> f64;
 
 /// The orbits in one direction from a start.
-pub(super) struct Trace {
+pub(super) struct OrbitTrace {
     pub orbits: Vec<StructureOrbit>,
     /// Each with the number of orbits before it.
     pub specials: Vec<(usize, StructureSpecial)>,
@@ -58,7 +58,7 @@ pub(super) struct Trace {
 struct Here {
     shot: Shot,
     along: Direction,
-    tests: Tests,
+    tests: OrbitTests,
 }
 
 /// The next orbit, with what lies between.
@@ -76,7 +76,7 @@ impl Shooter<'_> {
     ///
     /// # Errors
     /// It was stopped.
-    pub fn trace(&self, start: &Shot, tangent: &Direction, steps: Steps) -> Result<Trace, NoDerivatives> {
+    pub fn trace(&self, start: &Shot, tangent: &Direction, steps: Steps) -> Result<OrbitTrace, NoDerivatives> {
         let mut shooter = self.clone();
         let tests = self.tests(start, tangent);
         let mut here = Here { shot: start.clone(), along: tangent.clone(), tests };
@@ -125,7 +125,7 @@ impl Shooter<'_> {
                 here = Here { shot, along, ..here };
             }
         }
-        Ok(Trace { orbits, specials, end, last: (here.shot, here.along), section: shooter.section })
+        Ok(OrbitTrace { orbits, specials, end, last: (here.shot, here.along), section: shooter.section })
     }
 
     /// The orbit a step further, at most at the end of the range; `None` if the step is too long.
@@ -134,7 +134,7 @@ impl Shooter<'_> {
         let found = unless_stopped(self.correct(guess.clone(), &here.shot.point, &here.along, step))?;
         // An orbit that is far from the guess is another branch's, or lies behind.
         let is_of_branch =
-            |shot: &Shot, guess: &Point| self.length(&shot.point.minus(guess)) <= NEAR * step && shot.is_alone();
+            |shot: &Shot, guess: &OrbitPoint| self.length(&shot.point.minus(guess)) <= NEAR * step && shot.is_alone();
         let Some(mut shot) = found.filter(|shot| is_of_branch(shot, &guess)) else { return Ok(None) };
         let mut is_over = false;
         if !(0.0..=1.0).contains(&shot.point.share) {

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
-use super::kink::{Kink, PARAMETERS, Window};
+use super::kink::{ImpactWindow, Kink, PARAMETERS};
 use super::usable::{LeftOut, Sorted, Usable, usual_step_s};
-use super::{Known, Record};
+use super::{KnownSetUp, Record};
 use crate::Refused;
 use crate::restitution::law::{APART, Law, Power, two_digits};
 use crate::statistics::{Fit, Value, fit, inflation};
@@ -63,7 +63,7 @@ const MAX_MISFITS: f64 = 0.2;
 ///
 /// # Errors
 /// Too few usable impacts, by reason; impacts that are not those of a particle between two hard walls.
-pub fn identify(records: &[Record], known: &Known) -> Result<Flights, Refused> {
+pub fn identify(records: &[Record], known: &KnownSetUp) -> Result<Flights, Refused> {
     check_rate(records, known)?;
     let mut sorted = Sorted::new(records, known);
     enough(&sorted)?;
@@ -89,13 +89,13 @@ pub fn identify(records: &[Record], known: &Known) -> Result<Flights, Refused> {
     if known.is_clearance_held || is_clear(solved.value(CLEARANCE)) {
         return flights(&sorted, known, &solved);
     }
-    let held = Known { is_clearance_held: true, ..*known };
+    let held = KnownSetUp { is_clearance_held: true, ..*known };
     let solved = go_on(&sorted, &held, solved.at, solved.kinks).ok_or_else(|| no_fit(&sorted))?;
     flights(&sorted, &held, &solved)
 }
 
 /// Refuses samples that are too few for a fit around an impact.
-fn check_rate(records: &[Record], known: &Known) -> Result<(), Refused> {
+fn check_rate(records: &[Record], known: &KnownSetUp) -> Result<(), Refused> {
     let step_s = records.iter().map(|record| usual_step_s(&record.t_s)).fold(f64::MAX, f64::min);
     let period_s = std::f64::consts::TAU / known.angular_frequency_rad_per_s;
     let around = 2.0 * super::kink::HALF_WIDTH_PERIODS * period_s / step_s;
@@ -154,7 +154,7 @@ struct Parameters {
 
 /// Which of the parameters are fitted; the others stay.
 #[derive(Clone, Copy, Debug)]
-struct Fitted {
+struct FittedParameters {
     clearance: bool,
     friction: bool,
     cubic: bool,
@@ -168,7 +168,7 @@ impl Parameters {
     }
 
     /// The fitted ones.
-    fn pack(&self, fitted: Fitted) -> Vec<f64> {
+    fn pack(&self, fitted: FittedParameters) -> Vec<f64> {
         let mut all = vec![self.e, self.late_s];
         all.extend(fitted.clearance.then_some(self.clearance_m));
         all.extend(fitted.friction.then_some(self.friction));
@@ -178,7 +178,7 @@ impl Parameters {
     }
 
     /// With other values of the fitted ones.
-    fn unpack(&self, fitted: Fitted, values: &[f64]) -> Self {
+    fn unpack(&self, fitted: FittedParameters, values: &[f64]) -> Self {
         let mut rest = values[2..].iter().copied();
         let mut next = |is_fitted: bool, fixed: f64| if is_fitted { rest.next().unwrap_or(fixed) } else { fixed };
         Self {
@@ -197,7 +197,7 @@ impl Parameters {
 struct Solved {
     fit: Fit,
     at: Parameters,
-    fitted: Fitted,
+    fitted: FittedParameters,
     variance: f64,
     kinks: Kinks,
 }
@@ -221,7 +221,7 @@ impl Solved {
     }
 
     /// The candidates that fit. The scale is the median of the deviations: misfits do not widen it.
-    fn fitting(&self, candidates: &[Usable], known: &Known) -> Vec<Usable> {
+    fn fitting(&self, candidates: &[Usable], known: &KnownSetUp) -> Vec<Usable> {
         let size = |usable: &Usable| {
             let three = deviations(usable, &self.kinks, &self.at, known);
             three.map_or(f64::MAX, |three| three.iter().map(|r| r * r).sum::<f64>().sqrt())
@@ -260,8 +260,8 @@ struct Kinks {
 }
 
 impl Kinks {
-    fn new(sorted: &Sorted, late_s: f64, known: &Known) -> Self {
-        let all = |change: &dyn Fn(&Window) -> Option<Kink>| {
+    fn new(sorted: &Sorted, late_s: f64, known: &KnownSetUp) -> Self {
+        let all = |change: &dyn Fn(&ImpactWindow) -> Option<Kink>| {
             sorted.windows.iter().map(|window| window.as_ref().and_then(change)).collect()
         };
         let readings = sorted.windows.iter().flatten().flat_map(|window| &window.x_m);
@@ -294,15 +294,15 @@ impl Kinks {
 }
 
 /// Fits the parameters.
-fn solve(sorted: &Sorted, known: &Known) -> Option<Solved> {
+fn solve(sorted: &Sorted, known: &KnownSetUp) -> Option<Solved> {
     let kinks = Kinks::new(sorted, 0.0, known);
     let at = start(sorted, &kinks, known)?;
     go_on(sorted, known, at, kinks)
 }
 
 /// Fits the parameters from a fit of nearly the same impacts, with its kinks.
-fn go_on(sorted: &Sorted, known: &Known, mut at: Parameters, mut kinks: Kinks) -> Option<Solved> {
-    let fitted = Fitted {
+fn go_on(sorted: &Sorted, known: &KnownSetUp, mut at: Parameters, mut kinks: Kinks) -> Option<Solved> {
+    let fitted = FittedParameters {
         clearance: !known.is_clearance_held,
         friction: known.friction_m_per_s2 > 0.0 && !known.is_friction_held,
         cubic: known.sensors.has_cubic(),
@@ -354,7 +354,7 @@ fn go_on(sorted: &Sorted, known: &Known, mut at: Parameters, mut kinks: Kinks) -
 const MAX_LATE_S: f64 = 0.05;
 
 /// Measured less predicted velocity, jump and step of an impact, whitened.
-fn deviations(usable: &Usable, kinks: &Kinks, at: &Parameters, known: &Known) -> Option<[f64; PER_IMPACT]> {
+fn deviations(usable: &Usable, kinks: &Kinks, at: &Parameters, known: &KnownSetUp) -> Option<[f64; PER_IMPACT]> {
     let (measured, [before, after]) = velocities(usable, kinks, at)?;
     let change = before - after;
     let e = at.e_at((before - measured[0]).abs());
@@ -373,7 +373,7 @@ fn velocities(usable: &Usable, kinks: &Kinks, at: &Parameters) -> Option<(Vector
 }
 
 /// The start of the fit: the stated clearance, and the median of e over the impacts with it.
-fn start(sorted: &Sorted, kinks: &Kinks, known: &Known) -> Option<Parameters> {
+fn start(sorted: &Sorted, kinks: &Kinks, known: &KnownSetUp) -> Option<Parameters> {
     let at = Parameters {
         e: 0.5,
         exponent: 0.0,
@@ -394,8 +394,8 @@ fn start(sorted: &Sorted, kinks: &Kinks, known: &Known) -> Option<Parameters> {
 }
 
 /// The results of a fit, with the uncertainties that its residuals do not show.
-fn flights(sorted: &Sorted, known: &Known, solved: &Solved) -> Result<Flights, Refused> {
-    let with = |changed: &Known, scale: f64| {
+fn flights(sorted: &Sorted, known: &KnownSetUp, solved: &Solved) -> Result<Flights, Refused> {
+    let with = |changed: &KnownSetUp, scale: f64| {
         let mut moved = sorted.clone();
         for window in moved.windows.iter_mut().flatten() {
             window.x_m.iter_mut().for_each(|x| *x *= scale);
@@ -406,7 +406,7 @@ fn flights(sorted: &Sorted, known: &Known, solved: &Solved) -> Result<Flights, R
     let Parameters { e, clearance_m, .. } = solved.at;
     const SHARE: f64 = 1e-3;
     let relative = |moved: Parameters| [(moved.e / e - 1.0) / SHARE, (moved.clearance_m / clearance_m - 1.0) / SHARE];
-    let heavier = Known { mass_ratio: known.mass_ratio * (1.0 + SHARE), ..*known };
+    let heavier = KnownSetUp { mass_ratio: known.mass_ratio * (1.0 + SHARE), ..*known };
     let by_mass_ratio = with(&heavier, 1.0).map_or([f64::NAN; 2], relative);
     let by_scale = with(known, 1.0 + SHARE).map_or([f64::NAN; 2], relative);
     let widened = |value: Value, which: usize| {
@@ -453,7 +453,7 @@ fn flights(sorted: &Sorted, known: &Known, solved: &Solved) -> Result<Flights, R
 }
 
 /// e over the approach speed: the fit with an exponent. The start of the exponent is its smallest step from 0, so that it is fitted.
-fn law(sorted: &Sorted, known: &Known, solved: &Solved, approaches: &[f64], constant: Value) -> Option<Law> {
+fn law(sorted: &Sorted, known: &KnownSetUp, solved: &Solved, approaches: &[f64], constant: Value) -> Option<Law> {
     let slowest = approaches.iter().copied().fold(f64::MAX, f64::min);
     let fastest = approaches.iter().copied().fold(0.0, f64::max);
     if slowest <= 0.0 || fastest < APART * slowest {
@@ -463,7 +463,7 @@ fn law(sorted: &Sorted, known: &Known, solved: &Solved, approaches: &[f64], cons
     let start = Parameters { exponent: 1e-5, ln_reference: reference.ln(), ..solved.at };
     // The kinks of the fit with one e are those of this one to first order.
     let kinks = Kinks::new(sorted, solved.at.late_s, known);
-    let held = Known { is_clearance_held: !solved.fitted.clearance, clearance_m: solved.at.clearance_m, ..*known };
+    let held = KnownSetUp { is_clearance_held: !solved.fitted.clearance, clearance_m: solved.at.clearance_m, ..*known };
     let with = go_on(sorted, &held, start, kinks)?;
     let place = with.fit.parameters.len() - 1;
     let covariance = with.fit.shape[(RESTITUTION, place)] * with.variance;

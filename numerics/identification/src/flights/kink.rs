@@ -7,7 +7,7 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-use super::Known;
+use super::KnownSetUp;
 
 /// Half-width of the fit, in periods of the structure: φ = 1.26 rad. The polynomial misses φ⁸/8!/2⁷ = 1.2e-6 of the amplitude.
 pub(super) const HALF_WIDTH_PERIODS: f64 = 0.2;
@@ -29,7 +29,7 @@ pub(super) const MIN_READINGS: usize = 10;
 
 /// The readings around an impact: times from the centre of its pulse.
 #[derive(Clone, Debug)]
-pub(super) struct Window {
+pub(super) struct ImpactWindow {
     /// s, rising.
     pub(super) t_s: Vec<f64>,
     /// m.
@@ -51,11 +51,11 @@ pub(super) struct Kink {
     pub(super) residual_m2: f64,
 }
 
-type Row = [f64; PARAMETERS];
+type KinkRow = [f64; PARAMETERS];
 
-impl Window {
+impl ImpactWindow {
     /// The kink, `late_s` after the centre of the pulse. `None` when the readings do not determine it.
-    pub(super) fn kink(&self, late_s: f64, known: &Known) -> Option<Kink> {
+    pub(super) fn kink(&self, late_s: f64, known: &KnownSetUp) -> Option<Kink> {
         let scale_s = self.t_s.iter().fold(0.0f64, |most, t| most.max(t.abs()));
         let rows = self.rows(late_s, scale_s, known);
         let mut normal = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
@@ -72,7 +72,7 @@ impl Window {
         let decomposed = normal.cholesky()?;
         let solution = decomposed.solve(&right);
         let covariance = decomposed.inverse();
-        let fitted = |row: &Row| row.iter().zip(solution.iter()).map(|(r, p)| r * p).sum::<f64>();
+        let fitted = |row: &KinkRow| row.iter().zip(solution.iter()).map(|(r, p)| r * p).sum::<f64>();
         let residual_m2 = rows.iter().map(|(row, x_m)| (x_m - fitted(row)).powi(2)).sum();
         // Velocity, jump, step: place and unit of each.
         let wanted = [(1, 1.0 / scale_s), (POLYNOMIAL + 1, 1.0 / scale_s), (POLYNOMIAL, 1.0)];
@@ -92,15 +92,15 @@ impl Window {
     }
 
     /// The part of the friction for μi·g = 1 m/s²: it changes its sign with the impact.
-    pub(super) fn friction(&self, late_s: f64, known: &Known) -> Self {
-        let (jump, response) = (-2.0 * self.side * known.mass_ratio, Response::of(known));
+    pub(super) fn friction(&self, late_s: f64, known: &KnownSetUp) -> Self {
+        let (jump, response) = (-2.0 * self.side * known.mass_ratio, KinkResponse::of(known));
         let x_m = |t: &f64| if *t > 0.0 { jump * response.to_acceleration_s2(t - late_s) } else { 0.0 };
         Self { x_m: self.t_s.iter().map(x_m).collect(), ..self.clone() }
     }
 
     /// The rows of the fit: the functions of each parameter, in units of order 1, and x less the first reading.
-    fn rows(&self, late_s: f64, scale_s: f64, known: &Known) -> Vec<(Row, f64)> {
-        let response = Response::of(known);
+    fn rows(&self, late_s: f64, scale_s: f64, known: &KnownSetUp) -> Vec<(KinkRow, f64)> {
+        let response = KinkResponse::of(known);
         let row = |(t, x_m): (&f64, &f64)| {
             let tau = t - late_s;
             let mut row = [0.0; PARAMETERS];
@@ -121,14 +121,14 @@ impl Window {
 }
 
 /// Responses of the structure over a base that goes on as it does.
-struct Response {
+struct KinkResponse {
     omega: f64,
     decay: f64,
     damped: f64,
 }
 
-impl Response {
-    fn of(known: &Known) -> Self {
+impl KinkResponse {
+    fn of(known: &KnownSetUp) -> Self {
         let (omega, zeta) = (known.angular_frequency_rad_per_s, known.damping_ratio.min(0.99));
         Self { omega, decay: zeta * omega, damped: omega * (1.0 - zeta * zeta).sqrt() }
     }
@@ -150,8 +150,8 @@ impl Response {
 mod tests {
     use super::*;
 
-    fn known() -> Known {
-        Known {
+    fn known() -> KnownSetUp {
+        KnownSetUp {
             angular_frequency_rad_per_s: 15.7,
             damping_ratio: 0.0038,
             mass_ratio: 0.1,
@@ -168,7 +168,7 @@ mod tests {
     #[test]
     fn position_velocity_and_jump_of_a_kinked_sine_are_found() {
         let (known, late_s, jump, side) = (known(), 0.8e-3, 0.05, -1.0);
-        let response = Response::of(&known);
+        let response = KinkResponse::of(&known);
         let friction = -2.0 * side * 0.1 * 0.78;
         let before = |t: f64| 0.02 * (13.0 * (t - late_s) + 0.4).sin();
         let x = |t: f64| {
@@ -177,7 +177,7 @@ mod tests {
             before(t) + if tau > 0.0 { kinked } else { 0.0 }
         };
         let t_s: Vec<f64> = (-80..=80).filter(|n| *n < -2 || *n > 6).map(|n| f64::from(n) * 1e-3).collect();
-        let window = Window { x_m: t_s.iter().map(|t| x(*t)).collect(), t_s, side };
+        let window = ImpactWindow { x_m: t_s.iter().map(|t| x(*t)).collect(), t_s, side };
         let friction_part = window.friction(late_s, &known).kink(late_s, &known).unwrap();
         let mut kink = window.kink(late_s, &known).unwrap();
         kink.measured -= friction_part.measured * 0.78;

@@ -54,7 +54,7 @@ pub struct Record {
 
 /// What the set-up states.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Known {
+pub struct KnownSetUp {
     /// ω = √(k/M), rad/s.
     pub angular_frequency_rad_per_s: f64,
     /// ζ of the structure.
@@ -75,7 +75,7 @@ pub struct Known {
     pub mass_ratio_uncertainty: f64,
 }
 
-impl Known {
+impl KnownSetUp {
     /// Of a set-up with a particle between hard walls.
     ///
     /// # Errors

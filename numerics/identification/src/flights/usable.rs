@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::kink::{HALF_WIDTH_PERIODS, MIN_READINGS, MIN_SIDE_PERIODS, SENSOR_S, Window};
-use super::{Hit, Known, Record};
+use super::kink::{HALF_WIDTH_PERIODS, ImpactWindow, MIN_READINGS, MIN_SIDE_PERIODS, SENSOR_S};
+use super::{Hit, KnownSetUp, Record};
 
 /// Why an impact is left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -55,7 +55,7 @@ pub(super) struct Usable {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sorted {
     /// The readings around each impact; `None` where they do not suffice.
-    pub(super) windows: Vec<Option<Window>>,
+    pub(super) windows: Vec<Option<ImpactWindow>>,
     /// Contact times that are known, s.
     pub(super) contacts_s: Vec<f64>,
     /// The impacts that can be used.
@@ -66,7 +66,7 @@ pub(super) struct Sorted {
 
 impl Sorted {
     /// Sorts the impacts of all records.
-    pub(super) fn new(records: &[Record], known: &Known) -> Self {
+    pub(super) fn new(records: &[Record], known: &KnownSetUp) -> Self {
         let mut all = Self::default();
         for record in records {
             all.add(record, known);
@@ -74,10 +74,10 @@ impl Sorted {
         all
     }
 
-    fn add(&mut self, record: &Record, known: &Known) {
+    fn add(&mut self, record: &Record, known: &KnownSetUp) {
         let first = self.windows.len();
         let step_s = usual_step_s(&record.t_s);
-        let cuts: Vec<Result<Window, LeftOut>> =
+        let cuts: Vec<Result<ImpactWindow, LeftOut>> =
             (0..record.hits.len()).map(|n| window(record, n, step_s, known)).collect();
         for (n, hit) in record.hits.iter().enumerate() {
             if !hit.clipped && !hit.held {
@@ -97,7 +97,7 @@ impl Sorted {
 }
 
 /// Why the impact at `n` cannot be used, if it cannot.
-fn reason(record: &Record, n: usize, cuts: &[Result<Window, LeftOut>], known: &Known) -> Option<LeftOut> {
+fn reason(record: &Record, n: usize, cuts: &[Result<ImpactWindow, LeftOut>], known: &KnownSetUp) -> Option<LeftOut> {
     let hits = &record.hits;
     if n == 0 || n + 1 >= hits.len() {
         return Some(LeftOut::AtTheEnd);
@@ -118,7 +118,7 @@ fn reason(record: &Record, n: usize, cuts: &[Result<Window, LeftOut>], known: &K
 }
 
 /// The readings, `step_s` apart, around an impact for the fit to x.
-fn window(record: &Record, n: usize, step_s: f64, known: &Known) -> Result<Window, LeftOut> {
+fn window(record: &Record, n: usize, step_s: f64, known: &KnownSetUp) -> Result<ImpactWindow, LeftOut> {
     let hit = &record.hits[n];
     let period_s = std::f64::consts::TAU / known.angular_frequency_rad_per_s;
     // The pulse of another impact, and what the sensor then sees, end the window.
@@ -139,7 +139,7 @@ fn window(record: &Record, n: usize, step_s: f64, known: &Known) -> Result<Windo
     if !is_whole {
         return Err(LeftOut::Gap);
     }
-    let mut window = Window { t_s: Vec::new(), x_m: Vec::new(), side: hit.side };
+    let mut window = ImpactWindow { t_s: Vec::new(), x_m: Vec::new(), side: hit.side };
     let mut sides = [0; 2];
     for (t, x) in times.iter().zip(&record.x_m[from..until]) {
         let since_s = t - hit.t_s;
@@ -167,7 +167,7 @@ const BESIDE: usize = 10;
 /// stays, so at its middle the particle moves towards the other wall slower than that by cτ, c = a(1 − 2p), with p the share of the
 /// flight before it. Down to the velocity −D it lasts τ = √(8D/j), with j the structure's jerk. So where it slid back, the even
 /// velocity was at most cτ − D ≤ 2c²/j.
-fn slides_back(record: &Record, n: usize, known: &Known) -> bool {
+fn slides_back(record: &Record, n: usize, known: &KnownSetUp) -> bool {
     let (start, end) = (&record.hits[n], &record.hits[n + 1]);
     let from = record.t_s.partition_point(|t| *t < start.t_s);
     let until = record.t_s.partition_point(|t| *t <= end.t_s);

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::Line;
+use super::ResponseLine;
 use super::fit::MIN_LINES;
 
 /// Ends of the band; what is left out is chosen about the highest peak.
@@ -31,7 +31,7 @@ const NEXT: (f64, f64) = (5.0, 0.05);
 const MAX_LINES: usize = 20_000;
 
 /// Places of the lines within the ends that are stated.
-pub(super) fn wished(lines: &[Line], wish: Wish) -> Result<Range<usize>, String> {
+pub(super) fn wished(lines: &[ResponseLine], wish: Wish) -> Result<Range<usize>, String> {
     let (Some(first), Some(last)) = (lines.first(), lines.last()) else {
         return Err("it has no lines above 0 Hz".into());
     };
@@ -58,7 +58,7 @@ pub(super) fn wished(lines: &[Line], wish: Wish) -> Result<Range<usize>, String>
 }
 
 /// The highest peak: a line that is higher than all to the next deep place on either side.
-pub(super) fn peak(lines: &[Line]) -> Result<usize, String> {
+pub(super) fn peak(lines: &[ResponseLine]) -> Result<usize, String> {
     let size = |n: usize| lines[n].h.norm();
     let mut order: Vec<usize> = (0..lines.len()).collect();
     order.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
@@ -80,7 +80,7 @@ pub(super) fn peak(lines: &[Line]) -> Result<usize, String> {
 }
 
 /// The lines about a peak up to a distance, of some half-power widths of the lines where it is left out, and not into the next mode.
-pub(super) fn about(lines: &[Line], within: &Range<usize>, peak: usize, reach_hz: Option<f64>) -> Range<usize> {
+pub(super) fn about(lines: &[ResponseLine], within: &Range<usize>, peak: usize, reach_hz: Option<f64>) -> Range<usize> {
     let size = |n: usize| lines[n].h.norm();
     let at = |n: usize| lines[n].frequency_hz;
     let reach_hz = reach_hz.unwrap_or_else(|| {

@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 use damprig_fourier::Complex;
 use nalgebra::DVector;
 
-use super::Line;
+use super::ResponseLine;
 use super::linear::{Sensitivities, parts, solve};
 use super::quantity::Quantity;
 use crate::statistics::{self, Value, variance_parts};
@@ -39,7 +39,7 @@ const PLACES: (usize, usize) = (16, 3);
 
 /// The measured lines of a band and what they are of.
 pub(super) struct Band<'a> {
-    pub(super) lines: &'a [Line],
+    pub(super) lines: &'a [ResponseLine],
     pub(super) quantity: Quantity,
     /// Averages that the coherence is of, if they are known.
     pub(super) averages: Option<f64>,
@@ -49,7 +49,7 @@ pub(super) struct Band<'a> {
 
 /// A fitted mode.
 #[derive(Clone, Debug)]
-pub(super) struct Mode {
+pub(super) struct FittedMode {
     /// fn in Hz, ζ.
     pub(super) place: [f64; 2],
     /// A, B, C.
@@ -60,12 +60,12 @@ pub(super) struct Mode {
     pub(super) variances: Vec<f64>,
     /// Shapes of the variance at each line.
     shapes: Vec<[f64; 2]>,
-    noise: Noise,
+    noise: LineNoise,
 }
 
 /// Parts of the variance, times a scale.
 #[derive(Clone, Copy, Debug)]
-struct Noise {
+struct LineNoise {
     parts: [f64; 2],
     scale: f64,
 }
@@ -94,11 +94,11 @@ impl Band<'_> {
         constant + columns.iter().zip(factors).map(|(column, factor)| column * factor).sum::<Complex<f64>>()
     }
 
-    pub(super) fn known(&self) -> Known {
+    pub(super) fn known(&self) -> KnownNoise {
         match (self.lines.first().and_then(|line| line.coherence), self.averages) {
-            (None, _) => Known::Nothing,
-            (Some(_), None) => Known::Shape,
-            (Some(_), Some(_)) => Known::All,
+            (None, _) => KnownNoise::Nothing,
+            (Some(_), None) => KnownNoise::Shape,
+            (Some(_), Some(_)) => KnownNoise::All,
         }
     }
 
@@ -113,7 +113,7 @@ impl Band<'_> {
         }
         let columns: Vec<[Complex<f64>; 3]> = self.all(|hz| self.columns_at(place, hz));
         let columns: [Vec<Complex<f64>>; 3] = [0, 1, 2].map(|k| columns.iter().map(|row| row[k]).collect());
-        let constant = |line: &Line| self.quantity.of_receptance(TAU * line.frequency_hz).0;
+        let constant = |line: &ResponseLine| self.quantity.of_receptance(TAU * line.frequency_hz).0;
         let target: Vec<Complex<f64>> = self.lines.iter().map(|line| line.h - constant(line)).collect();
         solve(&columns, &target, weights)?.try_into().ok()
     }
@@ -178,10 +178,10 @@ impl Band<'_> {
     }
 
     /// Fits a mode about the line `peak`.
-    pub(super) fn fit(&self, peak: usize) -> Option<Mode> {
+    pub(super) fn fit(&self, peak: usize) -> Option<FittedMode> {
         let magnitudes: Vec<f64> = self.lines.iter().map(|line| line.h.norm()).collect();
         let mut shapes = self.shapes(&magnitudes);
-        let mut noise = self.noise_of_coherence(&shapes).unwrap_or(Noise { parts: [1e-4; 2], scale: 1.0 });
+        let mut noise = self.noise_of_coherence(&shapes).unwrap_or(LineNoise { parts: [1e-4; 2], scale: 1.0 });
         let mut place = None;
         let mut mode = None;
         for _ in 0..ROUNDS {
@@ -194,7 +194,7 @@ impl Band<'_> {
             let (_, best) = best.min_by(|a, b| a.0.total_cmp(&b.0))?;
             let factors = self.factors(best, &weights_of(&variances).0)?;
             let residuals = self.residuals(best, factors);
-            let found = Mode { place: best, factors, residuals, variances, shapes, noise };
+            let found = FittedMode { place: best, factors, residuals, variances, shapes, noise };
             if found.place[1] <= 0.0 {
                 return None;
             }
@@ -207,7 +207,7 @@ impl Band<'_> {
         mode
     }
 
-    fn variances(&self, shapes: &[[f64; 2]], Noise { parts, scale }: Noise) -> Vec<f64> {
+    fn variances(&self, shapes: &[[f64; 2]], LineNoise { parts, scale }: LineNoise) -> Vec<f64> {
         let least = (MIN_DEVIATION * MIN_DEVIATION * self.floor()).powi(2);
         let of = |(n, [a, b]): (usize, &[f64; 2])| {
             let usual = parts[0] * a + parts[1] * b;
@@ -218,31 +218,31 @@ impl Band<'_> {
     }
 
     /// The noise that the coherence shows; of one average where the number of averages is not known.
-    fn noise_of_coherence(&self, shapes: &[[f64; 2]]) -> Option<Noise> {
+    fn noise_of_coherence(&self, shapes: &[[f64; 2]]) -> Option<LineNoise> {
         let powers: Option<Vec<f64>> = (0..self.lines.len()).map(|n| self.of_coherence(n)).collect();
         let parts = variance_parts(&powers?, |n| shapes[n], [1e-4; 2]);
         // One of n averages is that of H itself.
-        Some(Noise { parts, scale: self.averages.map_or(1.0, |averages| (averages - 1.0).recip()) })
+        Some(LineNoise { parts, scale: self.averages.map_or(1.0, |averages| (averages - 1.0).recip()) })
     }
 
     /// The noise, from what a fit leaves and from the coherence. The fit takes a share of each line's noise.
-    fn noise(&self, mode: &Mode, shapes: &[[f64; 2]]) -> Option<Noise> {
+    fn noise(&self, mode: &FittedMode, shapes: &[[f64; 2]]) -> Option<LineNoise> {
         let free = self.sensitivities(mode)?.free_shares();
         let powers: Vec<f64> =
             mode.residuals.iter().zip(free.iter()).map(|(r, free)| 0.5 * r.norm_sqr() / free).collect();
         let Some(known) = self.noise_of_coherence(shapes) else {
-            return Some(Noise { parts: variance_parts(&powers, |n| shapes[n], [1e-4; 2]), scale: 1.0 });
+            return Some(LineNoise { parts: variance_parts(&powers, |n| shapes[n], [1e-4; 2]), scale: 1.0 });
         };
         if self.averages.is_some() {
             return Some(known);
         }
-        let of_one = self.variances(shapes, Noise { scale: 1.0, ..known });
+        let of_one = self.variances(shapes, LineNoise { scale: 1.0, ..known });
         let squares: f64 = mode.residuals.iter().zip(&of_one).map(|(r, v)| r.norm_sqr() / v).sum();
-        Some(Noise { scale: squares / (2 * self.lines.len() - PARAMETERS) as f64, ..known })
+        Some(LineNoise { scale: squares / (2 * self.lines.len() - PARAMETERS) as f64, ..known })
     }
 
     /// Sensitivities of H to fn, ζ and the parts of A, B and C.
-    pub(super) fn sensitivities(&self, mode: &Mode) -> Option<OfMode> {
+    pub(super) fn sensitivities(&self, mode: &FittedMode) -> Option<OfMode> {
         let [natural_hz, zeta] = mode.place;
         let natural = TAU * natural_hz;
         let mut columns = vec![Vec::new(); PARAMETERS];
@@ -265,7 +265,7 @@ impl Band<'_> {
 
 /// What is known of the noise without the fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Known {
+pub(super) enum KnownNoise {
     Nothing,
     /// Its shape, by the coherence.
     Shape,
@@ -292,7 +292,7 @@ impl OfMode {
     }
 
     /// |A| with its uncertainty.
-    pub(super) fn size(&self, constant: Complex<f64>, mode: &Mode, inflation: f64, known: Known) -> Value {
+    pub(super) fn size(&self, constant: Complex<f64>, mode: &FittedMode, inflation: f64, known: KnownNoise) -> Value {
         let along = constant / constant.norm();
         let influence = self.inner.influence(2) * along.re + self.inner.influence(3) * along.im;
         self.value_of(&influence, constant.norm(), mode, inflation, known)
@@ -307,11 +307,25 @@ impl OfMode {
     }
 
     /// A parameter with its uncertainty; the noise of the lines counts `inflation` times.
-    pub(super) fn value(&self, parameter: usize, value: f64, mode: &Mode, inflation: f64, known: Known) -> Value {
+    pub(super) fn value(
+        &self,
+        parameter: usize,
+        value: f64,
+        mode: &FittedMode,
+        inflation: f64,
+        known: KnownNoise,
+    ) -> Value {
         self.value_of(&self.inner.influence(parameter), value, mode, inflation, known)
     }
 
-    fn value_of(&self, influence: &DVector<f64>, value: f64, mode: &Mode, inflation: f64, known: Known) -> Value {
+    fn value_of(
+        &self,
+        influence: &DVector<f64>,
+        value: f64,
+        mode: &FittedMode,
+        inflation: f64,
+        known: KnownNoise,
+    ) -> Value {
         let count = self.deviations.len();
         let free = self.free_shares();
         let share = |n: usize, part: usize| mode.noise.parts[part] * mode.shapes[n][part] / mode.variances[n];
@@ -322,9 +336,9 @@ impl OfMode {
         };
         let all = influence.norm_squared();
         let freedom = match known {
-            Known::All => f64::MAX,
-            Known::Shape => (2 * count - PARAMETERS) as f64,
-            Known::Nothing => {
+            KnownNoise::All => f64::MAX,
+            KnownNoise::Shape => (2 * count - PARAMETERS) as f64,
+            KnownNoise::Nothing => {
                 let parts = [of_part(0), of_part(1)];
                 // Welch and Satterthwaite.
                 let sum: f64 = parts.iter().map(|(variance, freedom)| variance * variance / freedom).sum();

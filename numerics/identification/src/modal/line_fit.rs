@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 use damprig_fourier::Complex;
 use nalgebra::{Matrix2, Vector2};
 
-use super::fit::{Band, Mode};
+use super::fit::{Band, FittedMode};
 use crate::statistics::Value;
 
 /// Share of the peak's magnitude that a line must have: 1.7 half-power widths about fn.
@@ -32,7 +32,7 @@ pub struct ByLine {
 }
 
 /// Fits the line, where the noise of the lines counts `inflation` times; `None` for too few lines about the peak.
-pub(super) fn fit(band: &Band, mode: &Mode, inflation: f64) -> Option<ByLine> {
+pub(super) fn fit(band: &Band, mode: &FittedMode, inflation: f64) -> Option<ByLine> {
     let measured = of_values(band, mode, |n| band.lines[n].h)?;
     let measured =
         measured.map(|value| Value { standard_uncertainty: inflation.sqrt() * value.standard_uncertainty, ..value });
@@ -43,7 +43,7 @@ pub(super) fn fit(band: &Band, mode: &Mode, inflation: f64) -> Option<ByLine> {
     Some(ByLine { natural_frequency_hz: own(0), damping_ratio: own(1), is_apart })
 }
 
-fn of_values(band: &Band, mode: &Mode, h: impl Fn(usize) -> Complex<f64>) -> Option<[Value; 2]> {
+fn of_values(band: &Band, mode: &FittedMode, h: impl Fn(usize) -> Complex<f64>) -> Option<[Value; 2]> {
     let [natural_hz, zeta] = mode.place;
     let natural = TAU * natural_hz;
     let r = |n: usize| band.lines[n].frequency_hz / natural_hz;

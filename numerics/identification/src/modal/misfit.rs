@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use damprig_fourier::Complex;
 use nalgebra::DVector;
 
-use super::fit::{Band, Known, Mode, OfMode, PARAMETERS};
+use super::fit::{Band, FittedMode, KnownNoise, OfMode, PARAMETERS};
 use super::line_fit::{self, ByLine};
 use super::linear::{Explained, parts};
 use crate::lack_of_fit::{TAIL, most_of};
@@ -18,7 +18,7 @@ use crate::time_response::LINES_SHARE;
 
 /// A way in which a single mode does not fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Misfit {
+pub enum ModalMisfit {
     /// Another mode or a disturbance at this frequency, Hz.
     Mode(f64),
     /// The part of the other modes bends over the band.
@@ -33,19 +33,19 @@ pub enum Misfit {
 
 /// What does not fit, and what the noise is beyond that of independent lines.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct LackOfFit {
+pub(super) struct ModalLackOfFit {
     /// By how much the variance of neighbours' sums exceeds that of independent lines.
     pub(super) inflation: f64,
     /// By how much the lines' variance exceeds what coherence and averages state, at least 1.
     pub(super) scatter: f64,
     pub(super) by_line: Option<ByLine>,
-    pub(super) misfits: Vec<Misfit>,
+    pub(super) misfits: Vec<ModalMisfit>,
     /// By how much fn (Hz) and ζ change with the terms that are missing.
     pub(super) shift: [f64; 2],
 }
 
 /// Tests the mode.
-pub(super) fn test(band: &Band, mode: &Mode, of_mode: &OfMode) -> LackOfFit {
+pub(super) fn test(band: &Band, mode: &FittedMode, of_mode: &OfMode) -> ModalLackOfFit {
     let explained = |columns: &[Vec<Complex<f64>>]| {
         let both: Vec<DVector<f64>> = columns
             .iter()
@@ -72,34 +72,34 @@ pub(super) fn test(band: &Band, mode: &Mode, of_mode: &OfMode) -> LackOfFit {
     };
     let (background, shape) = (explained(&background), explained(&[shape]));
     let mut found = vec![
-        (excess(&background, 1), Misfit::Background, background.shift),
-        (excess(&shape, 1), Misfit::Shape, shape.shift),
+        (excess(&background, 1), ModalMisfit::Background, background.shift),
+        (excess(&shape, 1), ModalMisfit::Shape, shape.shift),
     ];
     let places = places(band, mode);
     let modes = places.iter().map(|place| (place[0], explained(&[modal(band, *place)])));
     if let Some((frequency_hz, other)) = modes.max_by(|a, b| a.1.fall.total_cmp(&b.1.fall)) {
-        found.push((excess(&other, places.len()), Misfit::Mode(frequency_hz), other.shift));
+        found.push((excess(&other, places.len()), ModalMisfit::Mode(frequency_hz), other.shift));
     }
     found.retain(|(excess, ..)| *excess > 1.0);
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut misfits: Vec<Misfit> = found.first().map(|(_, misfit, _)| *misfit).into_iter().collect();
+    let mut misfits: Vec<ModalMisfit> = found.first().map(|(_, misfit, _)| *misfit).into_iter().collect();
     let shift = [0, 1].map(|k| found.iter().map(|(.., shift)| shift[k].abs()).fold(0.0, f64::max));
     let freedom = of_mode.degrees_of_freedom();
     let square = of_mode.residuals.norm_squared();
-    let scatter = if band.known() == Known::All { (square / freedom).max(1.0) } else { 1.0 };
+    let scatter = if band.known() == KnownNoise::All { (square / freedom).max(1.0) } else { 1.0 };
     let by_line = line_fit::fit(band, mode, inflation * scatter);
     if let Some(line) = by_line.as_ref().filter(|line| line.is_apart) {
-        misfits.push(Misfit::Methods([line.damping_ratio.value, mode.place[1]]));
+        misfits.push(ModalMisfit::Methods([line.damping_ratio.value, mode.place[1]]));
     }
     // Of a known variance: the F distribution with many degrees of freedom.
-    if band.known() == Known::All && square > inflation * most_of(freedom as usize, 1e6, TAIL) {
-        misfits.push(Misfit::Scatter(scatter.sqrt()));
+    if band.known() == KnownNoise::All && square > inflation * most_of(freedom as usize, 1e6, TAIL) {
+        misfits.push(ModalMisfit::Scatter(scatter.sqrt()));
     }
-    LackOfFit { inflation, scatter, by_line, misfits, shift }
+    ModalLackOfFit { inflation, scatter, by_line, misfits, shift }
 }
 
 /// Powers of the frequency beyond those of the residual terms.
-fn background(band: &Band, mode: &Mode) -> Vec<Vec<Complex<f64>>> {
+fn background(band: &Band, mode: &FittedMode) -> Vec<Vec<Complex<f64>>> {
     let all: Vec<f64> = band.all(|hz| hz - mode.place[0]);
     let reach = all.iter().fold(0.0, |most: f64, own| most.max(own.abs()));
     let power = |power: i32| {
@@ -109,7 +109,7 @@ fn background(band: &Band, mode: &Mode) -> Vec<Vec<Complex<f64>>> {
 }
 
 /// The cube of a mode's shape: a window that is wider than the resonance, or a frequency that changes with the amplitude, adds it.
-fn shape(band: &Band, mode: &Mode) -> Vec<Complex<f64>> {
+fn shape(band: &Band, mode: &FittedMode) -> Vec<Complex<f64>> {
     let [natural_hz, zeta] = mode.place;
     band.all(|hz| {
         let r = hz / natural_hz;
@@ -133,7 +133,7 @@ const DAMPINGS: [f64; 3] = [0.3, 1.0, 3.0];
 const MAX_PLACES: f64 = 2000.0;
 
 /// Frequencies and damping ratios at which another mode is looked for: over the band, nearer than its half-power width and the lines.
-fn places(band: &Band, mode: &Mode) -> Vec<[f64; 2]> {
+fn places(band: &Band, mode: &FittedMode) -> Vec<[f64; 2]> {
     let (Some(first), Some(last)) = (band.lines.first(), band.lines.last()) else { return Vec::new() };
     let spacing = (last.frequency_hz - first.frequency_hz) / (band.lines.len() - 1).max(1) as f64;
     let [natural_hz, zeta] = mode.place;
@@ -154,7 +154,7 @@ fn inflation(residuals: &DVector<f64>) -> f64 {
     if both.is_empty() { 1.0 } else { (both.iter().sum::<f64>() / both.len() as f64).max(1.0) }
 }
 
-impl Misfit {
+impl ModalMisfit {
     /// What does not fit and what is likely the reason.
     #[must_use]
     pub fn sentence(&self) -> String {

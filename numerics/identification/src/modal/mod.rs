@@ -20,9 +20,9 @@ use super::statistics::Value;
 use super::time_response::{HANN_WIDTH_LINES, RESOLVED_LINES};
 use crate::Refused;
 pub use band::Wish;
-use fit::{Band, Mode};
+use fit::{Band, FittedMode};
 pub use line_fit::ByLine;
-pub use misfit::Misfit;
+pub use misfit::ModalMisfit;
 use quantity::Quantity;
 
 /// A measured frequency response.
@@ -33,7 +33,7 @@ pub struct FrequencyResponse {
     /// What it is of.
     pub quantity: Quantity,
     /// Its lines, by rising frequencies above 0.
-    pub lines: Vec<Line>,
+    pub lines: Vec<ResponseLine>,
     /// Independent averages that the coherence is of, if they are known.
     pub averages: Option<f64>,
     /// Width of a line of the window, Hz, if it is known.
@@ -44,7 +44,7 @@ pub struct FrequencyResponse {
 
 /// A line of a frequency response.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct ResponseLine {
     /// Frequency, Hz; greater than 0.
     pub frequency_hz: f64,
     /// Motion per excitation, SI units.
@@ -59,7 +59,7 @@ pub struct Modal {
     /// What H is of.
     pub quantity: Quantity,
     /// The lines that were fitted.
-    pub lines: Vec<Line>,
+    pub lines: Vec<ResponseLine>,
     /// Measured less fitted H of each, SI units.
     pub residuals: Vec<Complex<f64>>,
     /// Standard uncertainty of the real and of the imaginary part of each.
@@ -75,10 +75,10 @@ pub struct Modal {
     /// By the lines about the peak alone, where there are enough.
     pub by_line: Option<ByLine>,
     /// What does not fit.
-    pub misfits: Vec<Misfit>,
+    pub misfits: Vec<ModalMisfit>,
     /// Share of |H| at fn that is of other modes.
     pub of_others: f64,
-    mode: Mode,
+    mode: FittedMode,
 }
 
 /// Deviation that is refused, RMS over the RMS of H.
@@ -116,16 +116,16 @@ pub fn identify(response: &FrequencyResponse, wish: Wish) -> Result<Modal, Refus
     // The other modes bend the flanks: nearer to the peak they do so less.
     let narrower = std::iter::successors(Some(band::NARROWER * band::WIDTHS), |widths| Some(band::NARROWER * widths));
     let narrower = narrower.take_while(|widths| *widths > band::MIN_WIDTHS).filter_map(|widths| of_widths(widths).ok());
-    let is_of_others = matches!(widest.misfits.first(), Some(Misfit::Background | Misfit::Mode(_)));
+    let is_of_others = matches!(widest.misfits.first(), Some(ModalMisfit::Background | ModalMisfit::Mode(_)));
     let found = if is_of_others { narrower.into_iter().find(|found| found.misfits.is_empty()) } else { None };
     found.unwrap_or(widest).checked().map_err(refuse)
 }
 
-fn of_lines<'a>(response: &FrequencyResponse, lines: &'a [Line]) -> Band<'a> {
+fn of_lines<'a>(response: &FrequencyResponse, lines: &'a [ResponseLine]) -> Band<'a> {
     Band { lines, quantity: response.quantity, averages: response.averages, window_hz: response.window_hz }
 }
 
-fn result(band: &Band, mode: Mode) -> Option<Modal> {
+fn result(band: &Band, mode: FittedMode) -> Option<Modal> {
     let of_mode = band.sensitivities(&mode)?;
     let lack = misfit::test(band, &mode, &of_mode);
     // What coherence and averages state is not less than what the fit leaves.
@@ -259,7 +259,7 @@ impl Modal {
                 MIN_LINES
             )
         });
-        self.misfits.iter().map(Misfit::sentence).chain(unresolved).collect()
+        self.misfits.iter().map(ModalMisfit::sentence).chain(unresolved).collect()
     }
 
     /// Lines in the half-power width.

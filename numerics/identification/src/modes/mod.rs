@@ -15,7 +15,7 @@ mod place;
 use damprig_fourier::Complex;
 use nalgebra::DVector;
 
-use super::modal::{FrequencyResponse, Line, Wish};
+use super::modal::{FrequencyResponse, ResponseLine, Wish};
 use super::statistics::{self, Fit, Value};
 use crate::Refused;
 use peaks::peaks_of;
@@ -68,7 +68,7 @@ pub struct Modes {
     /// Frequencies of the first and the last line, Hz.
     pub band_hz: [f64; 2],
     /// Measured and fitted H of each place at its lines, SI units.
-    pub fitted: Vec<Vec<(Line, C64)>>,
+    pub fitted: Vec<Vec<(ResponseLine, C64)>>,
     /// By how much what neighbouring lines leave in common widens the variances; 1 where nothing is.
     pub inflation: f64,
     /// Where the fit leaves most, Hz.
@@ -87,10 +87,10 @@ pub fn identify(places: &[FrequencyResponse], driven: usize, near_hz: &[f64], ba
             other.quantity.name()
         )));
     }
-    let inside = |line: &&Line| {
+    let inside = |line: &&ResponseLine| {
         band.from_hz.is_none_or(|from| line.frequency_hz >= from) && band.to_hz.is_none_or(|to| line.frequency_hz <= to)
     };
-    let lines: Vec<Vec<Line>> =
+    let lines: Vec<Vec<ResponseLine>> =
         places.iter().map(|place| place.lines.iter().filter(inside).copied().collect()).collect();
     if let Some((at_rest, _)) =
         places.iter().zip(&lines).find(|(_, own)| !own.is_empty() && own.iter().all(|line| line.h.norm_sqr() == 0.0))
@@ -250,7 +250,7 @@ impl Problem {
             self.places.iter().zip(deviations).map(|(place, deviations)| place.constants(poles, deviations)).collect()
         };
         let constants = all(poles).ok_or_else(lost)?;
-        let fitted: Vec<Vec<(Line, C64)>> = self
+        let fitted: Vec<Vec<(ResponseLine, C64)>> = self
             .places
             .iter()
             .zip(&constants)
@@ -323,7 +323,7 @@ fn lost() -> Refused {
 }
 
 /// By how much what neighbouring lines leave in common exceeds noise, and where most is left, Hz.
-fn misfit(fitted: &[Vec<(Line, C64)>], deviations: &[Vec<f64>]) -> (f64, f64) {
+fn misfit(fitted: &[Vec<(ResponseLine, C64)>], deviations: &[Vec<f64>]) -> (f64, f64) {
     let (mut inflation, mut worst) = (1.0_f64, (0.0, f64::NAN));
     for (own, deviations) in fitted.iter().zip(deviations) {
         let left: Vec<C64> = own.iter().zip(deviations).map(|((line, h), d)| (line.h - h) / *d).collect();
@@ -410,7 +410,7 @@ mod tests {
                     };
                     let lines = exact
                         .iter()
-                        .map(|(hz, h)| Line { frequency_hz: *hz, h: h + draw(*h), coherence: None })
+                        .map(|(hz, h)| ResponseLine { frequency_hz: *hz, h: h + draw(*h), coherence: None })
                         .collect();
                     FrequencyResponse {
                         taken_from: format!("place {place}"),

@@ -1,12 +1,12 @@
 //! Where the modes are, about.
 
-use crate::modal::Line;
+use crate::modal::ResponseLine;
 
 /// By this factor of |H|² a peak is above both valleys beside it.
 const PROMINENCE: f64 = 4.0;
 
 /// Peaks of the sum over the places of |H|² over its median, in which neighbouring lines are averaged.
-pub(super) fn peaks_of(lines: &[Vec<Line>]) -> Vec<f64> {
+pub(super) fn peaks_of(lines: &[Vec<ResponseLine>]) -> Vec<f64> {
     // Places with the lines of the first one; others are looked at where they have them.
     let mut power = vec![0.0; lines[0].len()];
     for own in lines.iter().filter(|own| own.len() == lines[0].len()) {

@@ -6,7 +6,7 @@ use damprig_fourier::Complex;
 use nalgebra::{DMatrix, DVector};
 
 use super::C64;
-use crate::modal::{FrequencyResponse, Line};
+use crate::modal::{FrequencyResponse, ResponseLine};
 use crate::statistics::variance_parts;
 
 /// Powers of f/f₀ of the residual terms; the last of either end show what further ones would change.
@@ -17,7 +17,7 @@ const MIN_DEVIATION: f64 = 1e-7;
 
 /// The measured lines of a place.
 pub(super) struct Place {
-    pub lines: Vec<Line>,
+    pub lines: Vec<ResponseLine>,
     /// What multiplies receptances.
     factors: Vec<C64>,
     middle_hz: f64,
@@ -30,7 +30,7 @@ pub(super) struct Place {
 pub(super) type Poles = [f64];
 
 impl Place {
-    pub fn new(response: &FrequencyResponse, lines: Vec<Line>, middle_hz: f64) -> Self {
+    pub fn new(response: &FrequencyResponse, lines: Vec<ResponseLine>, middle_hz: f64) -> Self {
         let factors = lines.iter().map(|line| response.quantity.of_receptance(TAU * line.frequency_hz).1).collect();
         let mut all: Vec<f64> = lines.iter().map(|line| line.h.norm()).collect();
         all.sort_by(f64::total_cmp);
@@ -92,7 +92,8 @@ impl Place {
         let count = self.lines.len();
         // The fit takes a share of the noise.
         let taken = 2.0 * count as f64 / (2 * count - parameters.min(2 * count - 1)) as f64;
-        let power = |(line, fitted): (&Line, &C64)| (0.5 * taken * (line.h - fitted).norm_sqr()).max(f64::MIN_POSITIVE);
+        let power =
+            |(line, fitted): (&ResponseLine, &C64)| (0.5 * taken * (line.h - fitted).norm_sqr()).max(f64::MIN_POSITIVE);
         let powers: Vec<f64> = self.lines.iter().zip(fitted).map(power).collect();
         let shapes: Vec<[f64; 2]> = fitted.iter().map(|h| [self.median * self.median, h.norm_sqr()]).collect();
         let parts = variance_parts(&powers, |n| shapes[n], [1e-4; 2]);

@@ -9,7 +9,7 @@
 use nalgebra::DMatrix;
 use serde::Serialize;
 
-use super::least_squares::{Joined, Model};
+use super::least_squares::{Joined, RestitutionModel};
 use crate::statistics::{Value, student_95, student_tail};
 
 /// An impact.
@@ -173,7 +173,7 @@ impl Law {
 #[must_use]
 pub fn law(groups: &[Impacts]) -> Option<Law> {
     let joined = Joined::new(groups)?;
-    let constant = joined.fit(Model::Constant)?;
+    let constant = joined.fit(RestitutionModel::Constant)?;
     let [slowest, fastest] = [joined.ln_v.min().exp(), joined.ln_v.max().exp()];
     let power = (joined.e.len() > 1 && fastest > APART * slowest && slowest > 0.0).then(|| joined.power()).flatten();
     let chance = power.as_ref().map(|(power, _)| power.chance());

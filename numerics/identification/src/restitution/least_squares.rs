@@ -19,7 +19,7 @@ pub(super) struct Joined {
 
 /// What is fitted to e.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Model {
+pub(super) enum RestitutionModel {
     Constant,
     /// About this logarithm of the speed.
     Power(f64),
@@ -128,12 +128,12 @@ impl Joined {
     fn parts(&self) -> Option<Parts> {
         let n = self.e.len();
         let differ = self.ln_v.max() - self.ln_v.min() > APART.ln();
-        let power = if n > 3 && differ { self.likely(Model::Power(self.ln_v.mean())) } else { None };
-        power.or_else(|| self.likely(Model::Constant)).map(|(_, parts)| parts)
+        let power = if n > 3 && differ { self.likely(RestitutionModel::Power(self.ln_v.mean())) } else { None };
+        power.or_else(|| self.likely(RestitutionModel::Constant)).map(|(_, parts)| parts)
     }
 
     /// The fit whose parts of the variance have the greatest restricted likelihood.
-    fn likely(&self, model: Model) -> Option<(Fitted, Parts)> {
+    fn likely(&self, model: RestitutionModel) -> Option<(Fitted, Parts)> {
         let n = self.e.len();
         let freedom = n as f64 - model.parameters() as f64;
         if freedom <= 0.0 {
@@ -176,7 +176,7 @@ impl Joined {
 
     pub(super) fn power(&self) -> Option<(Power, f64)> {
         let middle = self.middle();
-        let fitted = self.fit(Model::Power(middle))?;
+        let fitted = self.fit(RestitutionModel::Power(middle))?;
         // Only an e that falls has an upper limit that shows.
         let limited = if fitted.value(1).is_found() { self.limited(middle, &fitted) } else { None };
         let is_maximum_found = limited.is_some();
@@ -197,11 +197,11 @@ impl Joined {
             // With both parts of the variance fixed the comparison is that of an absolute covariance.
             let mut fixed =
                 Self { freedoms: self.freedoms.clone(), e: self.e.clone(), ln_v: self.ln_v.clone(), ..Self::empty(0) };
-            let (_, parts) = self.likely(Model::Power(middle))?;
+            let (_, parts) = self.likely(RestitutionModel::Power(middle))?;
             fixed.covariance = self.covariance.clone().map(|part| part * parts.measured);
             return fixed.limited(middle, power).and_then(|limited| {
                 let slow = limited.slow?;
-                self.likely(Model::Limited(middle, slow)).map(|(fitted, _)| fitted)
+                self.likely(RestitutionModel::Limited(middle, slow)).map(|(fitted, _)| fitted)
             });
         }
         let n = self.e.len();
@@ -215,7 +215,9 @@ impl Joined {
             if speeds[slow] - speeds[slow - 1] < 1e-3 {
                 continue;
             }
-            let Some(fitted) = self.least_squares(Model::Limited(middle, slow), power.scatter) else { continue };
+            let Some(fitted) = self.least_squares(RestitutionModel::Limited(middle, slow), power.scatter) else {
+                continue;
+            };
             let corner = middle - (fitted.parameters[2] / fitted.parameters[0]).ln() / fitted.parameters[1];
             let is_between = (speeds[slow - 1]..=speeds[slow]).contains(&corner) && fitted.parameters[1] > 0.0;
             if is_between && best.is_none_or(|(least, _)| fitted.chi_square < least) {
@@ -228,12 +230,12 @@ impl Joined {
         let left = if power.scatter > 0.0 { chi_square / freedom } else { (chi_square / freedom).max(1.0) };
         let ratio = ((power.chi_square - chi_square) / left).max(0.0).sqrt();
         (tried * student_tail(ratio, freedom as u32) < LIMITED)
-            .then(|| self.fit(Model::Limited(middle, slow)))
+            .then(|| self.fit(RestitutionModel::Limited(middle, slow)))
             .flatten()
     }
 
     /// Fits with the scatter from impact to impact.
-    pub(super) fn fit(&self, model: Model) -> Option<Fitted> {
+    pub(super) fn fit(&self, model: RestitutionModel) -> Option<Fitted> {
         if self.is_relative {
             return self.likely(model).map(|(fitted, _)| fitted);
         }
@@ -270,7 +272,7 @@ impl Joined {
     }
 
     /// The fit with a known scatter, by Gauss and Newton.
-    fn least_squares(&self, model: Model, scatter: f64) -> Option<Fitted> {
+    fn least_squares(&self, model: RestitutionModel, scatter: f64) -> Option<Fitted> {
         let n = self.e.len();
         let count = model.parameters();
         if n < count {
@@ -308,7 +310,7 @@ impl Joined {
                     ln_determinant: 2.0 * weights.l_dirty().diagonal().map(f64::ln).sum(),
                     scatter,
                     degrees_of_freedom: f64::INFINITY,
-                    slow: if let Model::Limited(_, slow) = model { Some(slow) } else { None },
+                    slow: if let RestitutionModel::Limited(_, slow) = model { Some(slow) } else { None },
                 });
             }
             // A step of the exponent by more than 1 leaves the range in which the slope holds.
@@ -319,7 +321,7 @@ impl Joined {
     }
 }
 
-impl Model {
+impl RestitutionModel {
     fn parameters(self) -> usize {
         match self {
             Self::Constant => 1,

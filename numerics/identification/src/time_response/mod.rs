@@ -160,7 +160,7 @@ fn by_h1(spectrum: &Spectrum, natural_hz: f64, width_hz: f64, length_s: f64) -> 
             needed_s * USUAL_SEGMENTS
         ));
     }
-    let near = |line: &&welch::Line| (line.frequency_hz - natural_hz).abs() < 5.0 * width_hz;
+    let near = |line: &&welch::SpectralLine| (line.frequency_hz - natural_hz).abs() < 5.0 * width_hz;
     let points: Vec<Point> = spectrum
         .excited()
         .filter(near)

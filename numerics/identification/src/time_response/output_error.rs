@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use nalgebra::{DMatrix, SMatrix, SVector};
 
 use super::Motion;
-use super::residuals::Noise;
+use super::residuals::ResidualNoise;
 use super::welch::Spectrum;
 use crate::Refused;
 use crate::statistics::{Fit, Value, fit};
@@ -261,7 +261,7 @@ fn with_uncertainty(motion: &Motion, found: &Fit, simulated: &Simulated) -> Opti
     let [omega, zeta] = [found.parameters[0], found.parameters[1]];
     let count = motion.x_m.len();
     let h_squared = h_squared(count, motion.step_s, omega, zeta);
-    let noise = Noise::of(&found.residuals, &h_squared);
+    let noise = ResidualNoise::of(&found.residuals, &h_squared);
     let sensitivity = |change: [f64; 2]| {
         let above = Simulated::new(motion, omega + change[0], zeta + change[1])?;
         let below = Simulated::new(motion, omega - change[0], zeta - change[1])?;

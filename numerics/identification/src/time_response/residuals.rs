@@ -11,14 +11,14 @@ use crate::statistics::variance_parts;
 
 /// White and resonant part of the residuals' spectrum, as variances per sample where |H| = 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Noise {
+pub(super) struct ResidualNoise {
     pub(super) white_m2: f64,
     pub(super) resonant_m2: f64,
     /// Lines that tell the resonant part, twice: its degrees of freedom.
     pub(super) degrees_of_freedom: f64,
 }
 
-impl Noise {
+impl ResidualNoise {
     /// Of residuals, with |H|² at the frequencies of [`spectrum`].
     pub(super) fn of(residuals_m: &[f64], h_squared: &[f64]) -> Self {
         let count = residuals_m.len() as f64;
@@ -85,7 +85,7 @@ mod tests {
         (spectrum[0], spectrum[count / 2]) = (Complex::new(0.0, 0.0), Complex::new(0.0, 0.0));
         let mut values = damprig_fourier::Transform::new(count).inverse(spectrum);
         values.iter_mut().for_each(|v| *v /= count as f64);
-        let noise = Noise::of(&values, &h_squared);
+        let noise = ResidualNoise::of(&values, &h_squared);
         // 2000 lines tell the white part to 2 %, some 100 the other to 10 %.
         assert!((noise.white_m2 / white - 1.0).abs() < 0.1, "{noise:?}");
         assert!((noise.resonant_m2 / resonant - 1.0).abs() < 0.4, "{noise:?}");

@@ -48,7 +48,7 @@ impl Segments {
 
 /// A line of the spectra.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct SpectralLine {
     /// Frequency, Hz.
     pub frequency_hz: f64,
     /// H1 = X/Z.
@@ -59,7 +59,7 @@ pub struct Line {
     pub excitation: f64,
 }
 
-impl Line {
+impl SpectralLine {
     /// |H|.
     #[must_use]
     pub fn magnitude(&self) -> f64 {
@@ -87,7 +87,7 @@ pub struct Spectrum {
     /// Independent averages that they are worth.
     pub averages: f64,
     /// Lines from the first above 0 Hz on.
-    pub lines: Vec<Line>,
+    pub lines: Vec<SpectralLine>,
 }
 
 /// Share of the base's largest line below which a frequency counts as not excited.
@@ -95,14 +95,14 @@ const EXCITED: f64 = 1e-4;
 
 impl Spectrum {
     /// The lines at which the base moves.
-    pub fn excited(&self) -> impl Iterator<Item = &Line> {
+    pub fn excited(&self) -> impl Iterator<Item = &SpectralLine> {
         self.lines.iter().filter(|line| line.excitation >= EXCITED)
     }
 
     /// The line nearest to a frequency.
     #[must_use]
-    pub fn nearest(&self, frequency_hz: f64) -> Option<&Line> {
-        let distance = |line: &Line| (line.frequency_hz - frequency_hz).abs();
+    pub fn nearest(&self, frequency_hz: f64) -> Option<&SpectralLine> {
+        let distance = |line: &SpectralLine| (line.frequency_hz - frequency_hz).abs();
         self.lines.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
     }
 }
@@ -131,7 +131,7 @@ pub fn spectrum(motion: &Motion, segments: &Segments) -> Spectrum {
         }
     }
     let largest = zz[1..].iter().fold(f64::MIN_POSITIVE, |most, s| most.max(*s));
-    let line = |n: usize| Line {
+    let line = |n: usize| SpectralLine {
         frequency_hz: n as f64 / (count as f64 * motion.step_s),
         h: zx[n] / zz[n].max(f64::MIN_POSITIVE),
         coherence: (zx[n].norm_sqr() / (zz[n] * xx[n]).max(f64::MIN_POSITIVE)).min(1.0),

@@ -176,7 +176,7 @@ struct Ends {
     impacts: u32,
 }
 
-impl damprig_core::integrator::sampled::Observer<f64> for Ends {
+impl damprig_core::integrator::sampled::SampledObserver<f64> for Ends {
     fn flight(&mut self, _: f64, length: f64, flight: &damprig_core::integrator::sampled::Flight<f64>) {
         if self.flights > 0 {
             self.largest_gap_m = self.largest_gap_m.max((flight.x[0] - self.x_m).abs());
@@ -185,7 +185,7 @@ impl damprig_core::integrator::sampled::Observer<f64> for Ends {
         self.flights += 1;
     }
 
-    fn impact(&mut self, _: &damprig_core::integrator::sampled::Impact<f64>) {
+    fn impact(&mut self, _: &damprig_core::integrator::sampled::SampledImpact<f64>) {
         self.impacts += 1;
     }
 }

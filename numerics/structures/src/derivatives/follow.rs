@@ -7,7 +7,7 @@ use std::rc::Rc;
 use nalgebra::{DMatrix, DVector};
 
 use super::equations::{Equations, MORE};
-use super::record::{End, Interval, intervals};
+use super::record::{End, StateInterval, intervals};
 use super::series::Series;
 use super::setting::{Known, Setting, Sloped, all_or_none, sloped};
 use super::stencil::relative;
@@ -159,7 +159,7 @@ impl<'a> Follower<'a> {
     }
 
     /// Whether the derivatives come in reasonable time.
-    fn check_work(&mut self, intervals: &[Interval]) -> Result<(), NoDerivatives> {
+    fn check_work(&mut self, intervals: &[StateInterval]) -> Result<(), NoDerivatives> {
         let check = |products: f64| {
             if products > MAX_S * PRODUCTS_PER_S { Err(NoDerivatives::Long) } else { Ok(()) }
         };
@@ -187,7 +187,7 @@ impl<'a> Follower<'a> {
     }
 
     /// The changes of the start, before the first interval.
-    fn begin(&mut self, first: &Interval) -> Result<(), NoDerivatives> {
+    fn begin(&mut self, first: &StateInterval) -> Result<(), NoDerivatives> {
         let is_orbit = self.purpose != Purpose::Motion;
         let bodies = self.bodies();
         // What acts at the first instant may be more than the start says.
@@ -247,7 +247,7 @@ impl<'a> Follower<'a> {
     }
 
     /// Follows an interval and what happens at its end; `next`: w after it, and `after` the contacts.
-    fn pass(&mut self, interval: &Interval, next: &[f64], after: Option<&Contacts>) -> Result<(), NoDerivatives> {
+    fn pass(&mut self, interval: &StateInterval, next: &[f64], after: Option<&Contacts>) -> Result<(), NoDerivatives> {
         let known = self.known(&interval.contacts)?;
         let ends = if let End::Event(event) = interval.end { Some(event) } else { None };
         let is_map = self.purpose == Purpose::Map;
@@ -321,7 +321,7 @@ impl<'a> Follower<'a> {
     }
 
     /// Follows an interval at its length, whatever lies between.
-    fn follow_whole(&mut self, known: &Known, interval: &Interval) {
+    fn follow_whole(&mut self, known: &Known, interval: &StateInterval) {
         let count = known.steps(interval.length_s);
         if count > MANY_STEPS {
             (self.w, self.s) = known.whole(&self.w, &self.s, self.others.len(), interval.length_s, self.sizes[1]);
@@ -334,7 +334,7 @@ impl<'a> Follower<'a> {
     }
 
     /// Follows an interval at its length, and notes what lies between.
-    fn follow_steps(&mut self, known: &Known, interval: &Interval, ends: Option<Event>) {
+    fn follow_steps(&mut self, known: &Known, interval: &StateInterval, ends: Option<Event>) {
         let count = known.steps(interval.length_s);
         let length_s = interval.length_s / count;
         for n in 0..count as usize {

@@ -6,7 +6,7 @@ use nalgebra::DVector;
 
 use super::equations::{HardImpact, MORE};
 use super::follow::Follower;
-use super::record::{End, Interval};
+use super::record::{End, StateInterval};
 use super::setting::{Known, Setting, all_or_none};
 use super::stencil::{has_kink, relative};
 use super::{NoDerivatives, Varied};
@@ -21,7 +21,7 @@ impl Follower<'_> {
     /// What happens at the end of an interval, to the state and its changes.
     pub(super) fn happen(
         &mut self,
-        interval: &Interval,
+        interval: &StateInterval,
         (known, next): (&Known, &[f64]),
         after: Option<&Contacts>,
     ) -> Result<(), NoDerivatives> {

@@ -4,7 +4,7 @@ use nalgebra::DVector;
 
 use super::NoDerivatives;
 use super::follow::Follower;
-use super::record::Interval;
+use super::record::StateInterval;
 use super::setting::{Known, Sloped};
 use crate::contacts::{Contacts, Event, Slide};
 
@@ -60,7 +60,7 @@ impl Follower<'_> {
     pub(super) fn margin_of_stop(
         &mut self,
         event: Event,
-        interval: &Interval,
+        interval: &StateInterval,
         after: Option<&Contacts>,
     ) -> Result<(), NoDerivatives> {
         let Event::Stops(joint) = event else { return Ok(()) };

@@ -22,7 +22,7 @@ pub(super) enum End {
 
 /// A motion between two of these, with its state at the start.
 #[derive(Clone, Debug)]
-pub(super) struct Interval {
+pub(super) struct StateInterval {
     pub contacts: Contacts,
     pub length_s: f64,
     /// w at the start.
@@ -34,7 +34,7 @@ pub(super) struct Interval {
 const MAX_INTERVALS: usize = 300_000;
 
 /// The intervals of a motion, and w at its end.
-pub(super) fn intervals(case: &MotionCase) -> Result<(Vec<Interval>, Vec<f64>), NoDerivatives> {
+pub(super) fn intervals(case: &MotionCase) -> Result<(Vec<StateInterval>, Vec<f64>), NoDerivatives> {
     let mut motion = case.motion()?;
     let mut intervals = Vec::new();
     let mut open = Open::of(&motion);
@@ -96,9 +96,9 @@ impl Open {
         Self { contacts: motion.contacts.clone(), from: motion.time, start }
     }
 
-    fn ended(&self, end: End, motion: &Motion) -> Interval {
+    fn ended(&self, end: End, motion: &Motion) -> StateInterval {
         let length_s = motion.time.since(self.from);
-        Interval { contacts: self.contacts.clone(), length_s, start: self.start.clone(), end }
+        StateInterval { contacts: self.contacts.clone(), length_s, start: self.start.clone(), end }
     }
 }
 

@@ -6,14 +6,14 @@ use crate::integrator::exact::{Arc, Observer, series};
 /// Fourier integral of x at the drive frequency over the observed time. Observe whole cycles only, so that no other
 /// harmonic and no mean leaks in.
 #[derive(Clone, Copy, Debug)]
-pub struct LockIn {
+pub struct FourierIntegral {
     angular_frequency_rad_per_s: f64,
     sine: f64,
     cosine: f64,
     length_s: f64,
 }
 
-impl LockIn {
+impl FourierIntegral {
     /// Makes a lock-in at this angular frequency, rad/s; greater than 0.
     #[must_use]
     pub fn new(angular_frequency_rad_per_s: f64) -> Self {
@@ -33,7 +33,7 @@ impl LockIn {
     }
 }
 
-impl Observer for LockIn {
+impl Observer for FourierIntegral {
     fn arc(&mut self, arc: &Arc<'_>) {
         let (span, end) = (arc.span(), arc.end_fraction());
         let phase = |at: f64| self.angular_frequency_rad_per_s * (arc.start_s + at * span.step_s);

@@ -5,7 +5,7 @@
 
 use crate::integrator::base::{BaseSegment, BaseTrack};
 use crate::integrator::modes::Contact;
-use crate::integrator::sampled::{Observer, Sampled, SampledState};
+use crate::integrator::sampled::{Sampled, SampledObserver, SampledState};
 use crate::integrator::units::Units;
 use crate::model::{Cavity, FrictionDamper, GRAVITY_M_PER_S2, Initial, Particle, SetUp, Structure, Wall};
 use crate::scalar::Scalar;
@@ -118,13 +118,13 @@ impl Case {
 
 /// A case in motion.
 #[derive(Clone, Debug)]
-pub struct Motion<S> {
+pub struct ReferenceMotion<S> {
     sampled: Sampled<S>,
     track: BaseTrack<S>,
     per_count: S,
 }
 
-impl<S: Scalar> Motion<S> {
+impl<S: Scalar> ReferenceMotion<S> {
     /// The motion at its start. `None` for a case that is not physical, which none of [`CASES`] is.
     #[must_use]
     pub fn new(case: &Case) -> Option<Self> {
@@ -134,7 +134,7 @@ impl<S: Scalar> Motion<S> {
     }
 
     /// Advances by one step with the base's next sample, as a controller does in its tick.
-    pub fn step(&mut self, base_counts: i16, observer: &mut impl Observer<S>) {
+    pub fn step(&mut self, base_counts: i16, observer: &mut impl SampledObserver<S>) {
         let base: BaseSegment<S> = self.track.push(whole::<S>(base_counts) * self.per_count);
         self.sampled.step(&base, observer);
     }

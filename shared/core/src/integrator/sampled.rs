@@ -43,8 +43,8 @@ use crate::scalar::Scalar;
 
 pub use flight::Flight;
 use flight::Weights;
-pub use joint::{Joined, Joint, Link, Rigid, WallTouch};
-pub use observer::{Impact, Observer};
+pub use joint::{Joined, Joint, Rigid, SampledLink, WallTouch};
+pub use observer::{SampledImpact, SampledObserver};
 
 /// The largest (fastest rate × step) for which a flight's polynomial is accurate enough; see [`polynomial::COEFFICIENTS`].
 pub const LARGEST_RATE_PER_STEP: f64 = 0.1;
@@ -66,7 +66,7 @@ pub struct SampledState<S> {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Event {
+enum SampledEvent {
     Wall(Sign),
     SlideStops,
     SlipStops,
@@ -183,7 +183,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
 
     /// Restarts from `initial`.
     pub fn reset(&mut self, initial: &Initial) {
-        let is_tuned = self.joint.link().is_some_and(Link::is_tuned);
+        let is_tuned = self.joint.link().is_some_and(SampledLink::is_tuned);
         let has_second = self.has_particle || is_tuned;
         let offset = if has_second { initial.y_m - initial.x_m } else { 0.0 };
         let slide = if has_second { initial.u_m_per_s - initial.v_m_per_s } else { 0.0 };
@@ -231,7 +231,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// Advances by one step of base motion, with at most 64 events in it. The base velocity must be continuous from
     /// step to step, as in the steps of [`super::base::BaseTrack`], because a sticking structure moves with the base.
     /// Where the base velocity jumps, restart with [`Sampled::reset`].
-    pub fn step(&mut self, base: &BaseSegment<S>, observer: &mut (impl Observer<S> + ?Sized)) {
+    pub fn step(&mut self, base: &BaseSegment<S>, observer: &mut (impl SampledObserver<S> + ?Sized)) {
         self.step_bounded(base, MAX_EVENTS_PER_STEP, observer);
     }
 
@@ -239,7 +239,12 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// inputs. The last event ends a chatter: a particle that would bounce on a hard wall again within the step comes
     /// to rest there. The rest of the step is computed without events; a particle that would pass a hard wall stays at
     /// it. [`Sampled::unresolved`] counts such steps.
-    pub fn step_bounded(&mut self, base: &BaseSegment<S>, most_events: u8, observer: &mut (impl Observer<S> + ?Sized)) {
+    pub fn step_bounded(
+        &mut self,
+        base: &BaseSegment<S>,
+        most_events: u8,
+        observer: &mut (impl SampledObserver<S> + ?Sized),
+    ) {
         let mut base = *base;
         if self.mode.is_none() {
             self.mode = Some(self.resolve(&base, self.state.v - self.ground(&base).velocity()));
@@ -272,7 +277,14 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         }
     }
 
-    fn fly(&mut self, start: S, mode: Mode, flight: &Flight<S>, length: S, observer: &mut (impl Observer<S> + ?Sized)) {
+    fn fly(
+        &mut self,
+        start: S,
+        mode: Mode,
+        flight: &Flight<S>,
+        length: S,
+        observer: &mut (impl SampledObserver<S> + ?Sized),
+    ) {
         observer.mode(mode);
         observer.flight(start, length, flight);
         if let Some((side, force)) = self.joint.link().and_then(|link| link.wall_force(&flight.offset)) {
@@ -301,7 +313,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         let state = &mut self.state;
         state.x += polynomial::increment(&flight.x, length);
         state.v = flight.x[1] + polynomial::derivative_increment(&flight.x, length);
-        if matches!(mode.contact, Contact::Free(_)) || self.joint.link().is_some_and(Link::is_tuned) {
+        if matches!(mode.contact, Contact::Free(_)) || self.joint.link().is_some_and(SampledLink::is_tuned) {
             state.offset += polynomial::increment(&flight.offset, length);
             state.slide += polynomial::derivative_increment(&flight.offset, length);
         }
@@ -334,11 +346,11 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
 
     fn handle(
         &mut self,
-        event: Event,
+        event: SampledEvent,
         mode: Mode,
         base: &BaseSegment<S>,
         at: S,
-        observer: &mut (impl Observer<S> + ?Sized),
+        observer: &mut (impl SampledObserver<S> + ?Sized),
     ) {
         let ground_velocity = self.ground(base).velocity();
         let slip = match mode.grip {
@@ -346,7 +358,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             Grip::Absent | Grip::Slip(_) => self.state.v - ground_velocity,
         };
         match event {
-            Event::Wall(side) => {
+            SampledEvent::Wall(side) => {
                 self.state.offset = self.c.wall(side);
                 if self.is_soft(side) {
                     self.touch(side, slip, base, at, observer);
@@ -356,26 +368,26 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
                     self.mode = Some(self.resolve(base, slip));
                 }
             }
-            Event::SlideStops => {
+            SampledEvent::SlideStops => {
                 self.state.slide = S::ZERO;
                 self.mode = Some(self.resolve(base, slip));
             }
-            Event::SlipStops => {
+            SampledEvent::SlipStops => {
                 self.state.v = ground_velocity;
                 self.mode = Some(self.resolve(base, S::ZERO));
             }
-            Event::HoldBreaks(direction) => {
+            SampledEvent::HoldBreaks(direction) => {
                 self.slide_released = true;
                 self.mode = Some(Mode { contact: Contact::Free(direction), ..mode });
                 self.press_from_rest(direction, at, observer);
             }
-            Event::GripBreaks => {
+            SampledEvent::GripBreaks => {
                 self.slip_released = true;
                 self.state.v = ground_velocity;
                 self.mode = Some(Mode { grip: Grip::Slip(self.breaking_direction(mode, base)), ..mode });
             }
-            Event::LetGo(side) => self.let_go(side, slip, base, at, observer),
-            Event::Inside(side) => self.inside(side),
+            SampledEvent::LetGo(side) => self.let_go(side, slip, base, at, observer),
+            SampledEvent::Inside(side) => self.inside(side),
         }
     }
 
@@ -386,7 +398,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         mode: Mode,
         base: &BaseSegment<S>,
         at: S,
-        observer: &mut (impl Observer<S> + ?Sized),
+        observer: &mut (impl SampledObserver<S> + ?Sized),
     ) {
         let approach = self.state.slide;
         let ground_velocity = self.ground(base).velocity();
@@ -403,7 +415,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         if rests {
             self.stay_at_wall(base);
         }
-        observer.impact(&Impact { at, side, approach: approach.abs(), kick: self.state.v - before });
+        observer.impact(&SampledImpact { at, side, approach: approach.abs(), kick: self.state.v - before });
         // Without restitution a single impact ends the bouncing.
         if rests && restitution > S::ZERO {
             observer.accumulation(at, side);
@@ -423,7 +435,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     }
 
     /// Brings a particle at a hard wall to rest if it would bounce on that wall again within the step.
-    fn end_chatter(&mut self, at: S, base: &BaseSegment<S>, observer: &mut (impl Observer<S> + ?Sized)) {
+    fn end_chatter(&mut self, at: S, base: &BaseSegment<S>, observer: &mut (impl SampledObserver<S> + ?Sized)) {
         let side = self.side();
         if side != 0 && self.state.slide.abs() <= self.pressing(side, base) * (S::ONE - at) {
             self.stay_at_wall(base);

@@ -57,7 +57,7 @@ pub struct Approach {
 
 /// The limit of a fit, as an amplitude, and how well it is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Limit {
+pub(super) struct FitLimit {
     /// Modulus of the limit, in the signal's unit.
     pub(super) amplitude: f32,
     /// Standard uncertainty of that modulus.
@@ -70,7 +70,7 @@ pub(super) struct Limit {
     left: f32,
 }
 
-impl Limit {
+impl FitLimit {
     /// A limit of 0 that nothing is known about.
     pub(super) const UNKNOWN: Self = Self { uncertainty: f32::MAX, converges: false, ..Self::at(0.0) };
 
@@ -118,7 +118,7 @@ impl Approach {
     }
 
     /// The limit. `None` with fewer than four pairs, or if the fit has none (λ = 1).
-    pub(super) fn limit(&self) -> Option<Limit> {
+    pub(super) fn limit(&self) -> Option<FitLimit> {
         if self.pairs < 4 {
             return None;
         }
@@ -133,7 +133,7 @@ impl Approach {
         let covariance = minus(products, times(to, conjugate(mean_from)));
         // Amplitudes equal to the last bit are at their limit.
         if spread_from <= 0.0 || spread_to <= 0.0 {
-            return Some(Limit::at(modulus(plus(self.first, self.last))));
+            return Some(FitLimit::at(modulus(plus(self.first, self.last))));
         }
         let lambda = scaled(covariance, 1.0 / spread_from);
         let away = minus((1.0, 0.0), lambda);
@@ -148,7 +148,7 @@ impl Approach {
         let variance = residual / (n - 2.0) / away_square * (1.0 / n + reach);
         let left = libm::powf(modulus(lambda).min(SLOWEST), 0.5 * (n + 1.0));
         let alternates = lambda.0 < 0.0 && left > ALTERNATES;
-        Some(Limit {
+        Some(FitLimit {
             amplitude: modulus(plus(self.first, limit)),
             uncertainty: Scalar::sqrt(variance),
             converges: square(lambda) < 1.0 || lambda.0 < 0.0,

@@ -1,6 +1,6 @@
 //! Measurement of one point, that is one frequency of a stepped sine: amplitudes, phase, RMS, maxima and steadiness.
 
-use super::approach::{Approach, Limit, modulus};
+use super::approach::{Approach, FitLimit, modulus};
 use super::batches::Batches;
 use super::lock_in::LockIn;
 use super::noise::{NoiseMeter, raised_maximum};
@@ -233,7 +233,7 @@ impl PointMeter {
     /// order. The maxima are therefore extrapolated too: their part above the amplitude at the drive frequency decays with it.
     fn evidence(&self, mean_max: f32, noise: f32, raised: f32, z_amplitude: f32, scatter: f32) -> Evidence {
         let limit =
-            |approach: &Approach| approach.limit().filter(|limit| limit.amplitude > 0.0).unwrap_or(Limit::UNKNOWN);
+            |approach: &Approach| approach.limit().filter(|limit| limit.amplitude > 0.0).unwrap_or(FitLimit::UNKNOWN);
         let (x, z) = (limit(&self.x_approach), limit(&self.z_approach));
         let is_known = x.amplitude > 0.0 && z.amplitude > 0.0 && z_amplitude > 0.0 && mean_max > 0.0;
         let (deviation, uncertainty) = if is_known {

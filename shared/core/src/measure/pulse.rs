@@ -52,7 +52,7 @@ pub(super) struct Paces {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Phase {
+enum PulsePhase {
     Idle,
     Pulse,
     /// A contact that has been recorded and has not ended.
@@ -143,7 +143,7 @@ pub(super) struct Channel {
     drifted_to: Option<f32>,
     /// A reading of this or more begins a pulse.
     limit: u16,
-    phase: Phase,
+    phase: PulsePhase,
     pulse: Pulse,
     /// Samples since the last pulse ended.
     since: u32,
@@ -170,7 +170,7 @@ impl Channel {
             followed: 0,
             drifted_to: None,
             limit: limit(offset, paces),
-            phase: Phase::Idle,
+            phase: PulsePhase::Idle,
             pulse: Pulse::default(),
             since: u32::MAX,
             last_peak: 0.0,
@@ -180,7 +180,7 @@ impl Channel {
 
     /// Drops a pulse in progress.
     pub(super) fn reset(&mut self) {
-        self.phase = Phase::Idle;
+        self.phase = PulsePhase::Idle;
         self.restart();
     }
 
@@ -206,7 +206,7 @@ impl Channel {
 
     /// No pulse or contact is in progress.
     pub(super) fn is_idle(&self) -> bool {
-        self.phase == Phase::Idle
+        self.phase == PulsePhase::Idle
     }
 
     /// The reading at and above which a pulse begins.
@@ -240,7 +240,7 @@ impl Channel {
         while *from < block.len() {
             let rest = &block[*from..];
             match self.phase {
-                Phase::Idle => {
+                PulsePhase::Idle => {
                     let crossing = rest.iter().position(|pair| pair.of(wall) >= self.limit);
                     let quiet = crossing.unwrap_or(rest.len());
                     // The offset is updated only in blocks without a pulse.
@@ -250,7 +250,7 @@ impl Channel {
                     self.begin(wall, &before.up_to(block, *from));
                     return Some(Finding::Began(*from));
                 }
-                Phase::Pulse => {
+                PulsePhase::Pulse => {
                     let low = ceil(self.offset + 0.5 * paces.threshold);
                     for pair in rest {
                         let reading = pair.of(wall);
@@ -262,14 +262,14 @@ impl Channel {
                         }
                     }
                 }
-                Phase::Rest => {
+                PulsePhase::Rest => {
                     let low = ceil(self.offset + 0.5 * paces.threshold);
                     let free = rest.iter().position(|pair| i32::from(pair.of(wall)) < low);
                     let length = free.map_or(rest.len(), |free| free + 1);
                     self.highest = rest[..length].iter().map(|pair| pair.of(wall)).fold(self.highest, u16::max);
                     *from += length;
                     if free.is_some() {
-                        self.phase = Phase::Idle;
+                        self.phase = PulsePhase::Idle;
                         self.since = 0;
                     }
                 }
@@ -280,7 +280,7 @@ impl Channel {
 
     /// Begins a pulse after these guard samples. They are below the crossing sample, so none of them is the peak.
     fn begin(&mut self, wall: usize, guards: &Before) {
-        self.phase = Phase::Pulse;
+        self.phase = PulsePhase::Pulse;
         let above = self.offset as i32;
         let mut pulse = Pulse { above, count: GUARD as u32, ..Pulse::default() };
         for (n, pair) in guards.0.iter().enumerate() {
@@ -295,7 +295,7 @@ impl Channel {
     fn end(&mut self, end: usize, paces: &Paces) -> Finding {
         let pulse = self.pulse;
         let held = pulse.low < GUARD;
-        self.phase = if held { Phase::Rest } else { Phase::Idle };
+        self.phase = if held { PulsePhase::Rest } else { PulsePhase::Idle };
         let since = core::mem::take(&mut self.since);
         // The part of the offset that the integer `above` does not remove.
         let fraction = self.offset - pulse.above as f32;

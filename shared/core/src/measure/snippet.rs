@@ -13,7 +13,7 @@ pub const SNIPPET: usize = 256;
 pub const HISTORY: usize = 64;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Phase {
+enum SnippetPhase {
     Off,
     /// The history fills up before an impact can trigger: this many samples are missing.
     Gathering(usize),
@@ -30,29 +30,29 @@ pub struct Snippet {
     /// Index of the oldest sample.
     at: usize,
     wall: usize,
-    phase: Phase,
+    phase: SnippetPhase,
 }
 
 impl Snippet {
     pub(super) fn new() -> Self {
-        Self { samples: [WallCounts::new(0, 0); SNIPPET], at: 0, wall: 0, phase: Phase::Off }
+        Self { samples: [WallCounts::new(0, 0); SNIPPET], at: 0, wall: 0, phase: SnippetPhase::Off }
     }
 
     /// Arms the recorder. Impacts within the next [`HISTORY`] samples do not trigger it.
     pub(super) fn arm(&mut self) {
-        self.phase = Phase::Gathering(HISTORY);
+        self.phase = SnippetPhase::Gathering(HISTORY);
     }
 
     /// The recorder waits for an impact, or for the end of one.
     #[must_use]
     pub fn is_armed(&self) -> bool {
-        !matches!(self.phase, Phase::Off | Phase::Full)
+        !matches!(self.phase, SnippetPhase::Off | SnippetPhase::Full)
     }
 
     /// Copies readings in counts, oldest first, from index `from` on, as many as are available and as fit into `to`.
     /// Returns the number copied and the side (+1 or −1); `None` until the snippet is full.
     pub fn copy(&self, from: usize, to: &mut [u16]) -> Option<(usize, i8)> {
-        if self.phase != Phase::Full {
+        if self.phase != SnippetPhase::Full {
             return None;
         }
         let from = from.min(SNIPPET);
@@ -67,8 +67,8 @@ impl Snippet {
 
     /// Triggers the recorder: a pulse has begun with sample `at` of the present block.
     pub(super) fn trigger(&mut self, wall: usize, at: usize) {
-        if self.phase == Phase::Armed {
-            self.phase = Phase::Filling(at + SNIPPET - HISTORY);
+        if self.phase == SnippetPhase::Armed {
+            self.phase = SnippetPhase::Filling(at + SNIPPET - HISTORY);
             self.wall = wall;
         }
     }
@@ -76,12 +76,16 @@ impl Snippet {
     /// Takes the samples of a finished block.
     pub(super) fn push(&mut self, block: &[WallCounts]) {
         let (phase, length) = match self.phase {
-            Phase::Off | Phase::Full => return,
-            Phase::Armed => (Phase::Armed, block.len()),
-            Phase::Gathering(left) if left > block.len() => (Phase::Gathering(left - block.len()), block.len()),
-            Phase::Gathering(_) => (Phase::Armed, block.len()),
-            Phase::Filling(left) if left > block.len() => (Phase::Filling(left - block.len()), block.len()),
-            Phase::Filling(left) => (Phase::Full, left),
+            SnippetPhase::Off | SnippetPhase::Full => return,
+            SnippetPhase::Armed => (SnippetPhase::Armed, block.len()),
+            SnippetPhase::Gathering(left) if left > block.len() => {
+                (SnippetPhase::Gathering(left - block.len()), block.len())
+            }
+            SnippetPhase::Gathering(_) => (SnippetPhase::Armed, block.len()),
+            SnippetPhase::Filling(left) if left > block.len() => {
+                (SnippetPhase::Filling(left - block.len()), block.len())
+            }
+            SnippetPhase::Filling(left) => (SnippetPhase::Full, left),
         };
         self.phase = phase;
         let (first, rest) = block[..length].split_at(length.min(SNIPPET - self.at));

@@ -1,6 +1,6 @@
 //! Activity of the rig, its main state: idle, running an experiment, or faulted. Each state holds its own data.
 
-use super::State;
+use super::RigState;
 use crate::control::experiment::ExperimentRunner;
 use crate::control::fault::Fault;
 
@@ -11,14 +11,14 @@ pub(super) enum Activity {
     /// No experiment; the drive is off.
     Idle,
     /// An experiment; its drive is on or fades out.
-    Experiment { runner: ExperimentRunner, phase: Phase },
+    Experiment { runner: ExperimentRunner, phase: ActivityPhase },
     /// Faulted, with the drive off, until the fault is cleared.
     Faulted(Fault),
 }
 
 /// Phase of an experiment.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Phase {
+pub(super) enum ActivityPhase {
     /// The experiment runs.
     Running,
     /// The drive fades out. The experiment is complete, or was stopped before.
@@ -29,19 +29,19 @@ pub(super) enum Phase {
 
 impl Activity {
     /// The state that is reported to a host.
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> RigState {
         match self {
-            Self::Idle => State::Idle,
-            Self::Experiment { runner, phase: Phase::Running } => State::Running(runner.stage()),
-            Self::Experiment { phase: Phase::Stopping { .. }, .. } => State::Stopping,
-            Self::Experiment { phase: Phase::Faulted(_), .. } | Self::Faulted(_) => State::Faulted,
+            Self::Idle => RigState::Idle,
+            Self::Experiment { runner, phase: ActivityPhase::Running } => RigState::Running(runner.stage()),
+            Self::Experiment { phase: ActivityPhase::Stopping { .. }, .. } => RigState::Stopping,
+            Self::Experiment { phase: ActivityPhase::Faulted(_), .. } | Self::Faulted(_) => RigState::Faulted,
         }
     }
 
     /// The fault that ended the experiment, or that was detected while the rig was idle.
     pub fn fault(&self) -> Option<Fault> {
         match self {
-            Self::Faulted(fault) | Self::Experiment { phase: Phase::Faulted(fault), .. } => Some(*fault),
+            Self::Faulted(fault) | Self::Experiment { phase: ActivityPhase::Faulted(fault), .. } => Some(*fault),
             _ => None,
         }
     }
@@ -53,7 +53,7 @@ impl Activity {
 
     /// Holds a running stepped sine at its present point, or releases it. Returns false when none is running.
     pub fn hold(&mut self, held: bool) -> bool {
-        if let Self::Experiment { runner, phase: Phase::Running } = self { runner.hold(held) } else { false }
+        if let Self::Experiment { runner, phase: ActivityPhase::Running } = self { runner.hold(held) } else { false }
     }
 
     /// Lets the drive of a running experiment fade out.
@@ -62,8 +62,8 @@ impl Activity {
             if !is_complete {
                 runner.release_drive();
             }
-            if let Phase::Running = phase {
-                *phase = Phase::Stopping { is_complete };
+            if let ActivityPhase::Running = phase {
+                *phase = ActivityPhase::Stopping { is_complete };
             }
         }
     }
@@ -73,7 +73,7 @@ impl Activity {
         match self {
             Self::Experiment { runner, phase } => {
                 runner.release_drive();
-                *phase = Phase::Faulted(fault);
+                *phase = ActivityPhase::Faulted(fault);
             }
             Self::Idle | Self::Faulted(_) => *self = Self::Faulted(fault),
         }

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 /// State of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub enum State {
+pub enum RigState {
     /// No experiment; the drive is off.
     Idle,
     /// An experiment is running, at this stage of its present point.
@@ -28,7 +28,7 @@ pub enum State {
     Faulted,
 }
 
-impl State {
+impl RigState {
     /// The state in words, for people.
     #[must_use]
     pub fn text(self) -> &'static str {
@@ -117,7 +117,7 @@ pub enum Event {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Status {
     /// State of the rig.
-    pub state: State,
+    pub state: RigState,
     /// Ticks since the last start.
     pub tick: u32,
     /// Points completed since the last start.

@@ -3,7 +3,7 @@
 use super::Brake;
 use super::event_queue::EventQueue;
 use crate::control::friction_spring::{FrictionSpring, SpringCommand, SpringEvent, SpringInputs, SpringStage};
-use crate::control::safety::rails::Verdict;
+use crate::control::safety::rails::SensorVerdict;
 use crate::io::{Motor, Readings, Sensors};
 use crate::measure::amplitude::CycleAmplitude;
 use crate::measure::impacts::ImpactMeter;
@@ -108,7 +108,7 @@ impl Dampers {
         &mut self,
         tick: u32,
         sensors: &Sensors,
-        force_sensor: Verdict,
+        force_sensor: SensorVerdict,
     ) -> (Motor, Option<SpringEvent>) {
         self.spring.tick(&SpringInputs {
             tick,

@@ -1,7 +1,7 @@
 //! Commands to the rig: checks each against the present state and carries it out.
 
-use super::activity::{Activity, Phase};
-use super::command::{Brake, Command, State};
+use super::activity::{Activity, ActivityPhase};
+use super::command::{Brake, Command, RigState};
 use super::{Rejected, Rig};
 use crate::control::experiment::{Experiment, ExperimentRunner};
 use crate::control::friction_spring::{FrictionSpring, SpringCommand, SpringStage};
@@ -17,8 +17,8 @@ impl Rig {
     pub fn must_be_idle(&self) -> Result<(), Rejected> {
         let state = self.state();
         match state {
-            State::Idle => Ok(()),
-            State::Faulted => Err(Rejected::wrong_state(state, "clear the fault first")),
+            RigState::Idle => Ok(()),
+            RigState::Faulted => Err(Rejected::wrong_state(state, "clear the fault first")),
             _ => Err(Rejected::wrong_state(state, "stop the experiment first")),
         }
     }
@@ -130,7 +130,7 @@ impl Rig {
         let runner = ExperimentRunner::new(self.could_start(None)?, &self.drive);
         // The board's settings may have changed since the limits were set.
         self.safety.tighten(&self.limits)?;
-        self.activity = Activity::Experiment { runner, phase: Phase::Running };
+        self.activity = Activity::Experiment { runner, phase: ActivityPhase::Running };
         self.tick = 0;
         self.points = 0;
         self.results.clear();
@@ -144,7 +144,7 @@ impl Rig {
     fn clear_fault(&mut self) -> Result<(), Rejected> {
         let state = self.state();
         self.safety.clear().map_err(|not_safe| Rejected::wrong_state(state, not_safe.advice))?;
-        if state == State::Faulted {
+        if state == RigState::Faulted {
             self.activity = Activity::Idle;
             self.brake = Brake::Open;
             self.dampers.let_go();
@@ -164,8 +164,8 @@ impl Rig {
             return Err(Rejected::wrong_state(state, "the brake closes: clear the fault first"));
         }
         match state {
-            State::Running(_) | State::Stopping if searches => self.must_be_idle()?,
-            State::Faulted if moves => self.must_be_idle()?,
+            RigState::Running(_) | RigState::Stopping if searches => self.must_be_idle()?,
+            RigState::Faulted if moves => self.must_be_idle()?,
             _ => {}
         }
         Ok(self.dampers.spring.handle(command)?)

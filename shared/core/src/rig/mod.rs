@@ -26,8 +26,8 @@ use crate::measure::point::PointResult;
 use crate::measure::snippet::Snippet;
 use crate::measure::transient::TransientResult;
 use crate::settings::Settings;
-use activity::{Activity, Phase};
-pub use command::{Brake, Command, Event, State, Status};
+use activity::{Activity, ActivityPhase};
+pub use command::{Brake, Command, Event, RigState, Status};
 use damper::Dampers;
 use event_queue::EventQueue;
 use heapless::Deque;
@@ -121,7 +121,7 @@ impl Rig {
 
     /// State of the rig.
     #[must_use]
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> RigState {
         self.activity.state()
     }
 
@@ -235,7 +235,7 @@ impl Rig {
         let (impacts, clipped) = (self.dampers.impacts(), self.safety.clipped_now());
         let now = TickInputs { tick: self.tick, readings, impacts, clipped };
         let Activity::Experiment { runner, phase } = &mut self.activity else { return };
-        let (drive_m, outcome) = if let Phase::Running = phase {
+        let (drive_m, outcome) = if let ActivityPhase::Running = phase {
             let driven = runner.tick(record, &now);
             self.begins_from_rest = runner.begins_from_rest();
             driven
@@ -250,7 +250,7 @@ impl Rig {
         }
         let is_silent = runner.is_silent();
         self.record(outcome);
-        if !matches!(self.state(), State::Running(_)) && is_silent || !allowed.relay {
+        if !matches!(self.state(), RigState::Running(_)) && is_silent || !allowed.relay {
             actuators.drive_enabled = false;
             self.end_drive();
         }
@@ -328,7 +328,7 @@ impl Rig {
             return;
         }
         let is_complete =
-            matches!(self.activity, Activity::Experiment { phase: Phase::Stopping { is_complete: true }, .. });
+            matches!(self.activity, Activity::Experiment { phase: ActivityPhase::Stopping { is_complete: true }, .. });
         self.activity = Activity::Idle;
         self.end_experiment();
         if is_complete {
@@ -343,7 +343,7 @@ impl Rig {
         let [low, high] = dampers.meter.highest_n();
         let number = |flag: bool| if flag { 1.0 } else { 0.0 };
         let (stage, progress) = match (self.state(), self.activity.runner()) {
-            (State::Running(stage), Some(runner)) => (1.0 + f32::from(stage as u8), runner.progress()),
+            (RigState::Running(stage), Some(runner)) => (1.0 + f32::from(stage as u8), runner.progress()),
             _ => (0.0, StageProgress::default()),
         };
         let motion = dampers.motion();

@@ -1,6 +1,6 @@
 //! The error of a rejected request, as it is sent to the host.
 
-use super::State;
+use super::RigState;
 use crate::control::friction_spring as spring;
 use crate::control::safety::{LimitsRejected, Looser};
 use crate::io::{AboveLimit, Invalid};
@@ -32,7 +32,7 @@ pub enum Rejected {
     /// The request is not possible in this state.
     WrongState {
         /// State of the rig.
-        state: State,
+        state: RigState,
         /// What to do.
         advice: String<48>,
     },
@@ -76,7 +76,7 @@ fn start_of(text: &str, most: usize) -> &str {
 impl Rejected {
     /// The request is not possible in this state of the rig.
     #[must_use]
-    pub fn wrong_state(state: State, advice: &str) -> Self {
+    pub fn wrong_state(state: RigState, advice: &str) -> Self {
         Self::WrongState { state, advice: clipped(advice) }
     }
 

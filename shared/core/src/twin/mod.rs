@@ -22,7 +22,7 @@ pub mod matching;
 
 use crate::integrator::base::BaseTrack;
 use crate::integrator::modes::{Sign, of};
-use crate::integrator::sampled::{Impact, Observer, Sampled};
+use crate::integrator::sampled::{Sampled, SampledImpact, SampledObserver};
 use crate::integrator::units::Units;
 use crate::io::{Invalid, SUBSAMPLES, TICK_HZ, positive, require};
 use crate::measure::impacts::ImpactRecord;
@@ -415,12 +415,12 @@ impl Twin {
 struct Impacts {
     /// Index of the present step in the tick.
     step: f32,
-    list: Vec<Impact<f32>, { MAX_EVENTS_PER_TICK as usize }>,
+    list: Vec<SampledImpact<f32>, { MAX_EVENTS_PER_TICK as usize }>,
 }
 
-impl Observer<f32> for Impacts {
-    fn impact(&mut self, impact: &Impact<f32>) {
+impl SampledObserver<f32> for Impacts {
+    fn impact(&mut self, impact: &SampledImpact<f32>) {
         // Cannot fail: a tick has at most this many events.
-        let _ = self.list.push(Impact { at: self.step + impact.at, ..*impact });
+        let _ = self.list.push(SampledImpact { at: self.step + impact.at, ..*impact });
     }
 }

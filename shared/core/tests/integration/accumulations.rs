@@ -76,7 +76,7 @@ struct ListedEnds {
     seen: Vec<(f64, Sign)>,
 }
 
-impl sampled::Observer<f64> for ListedEnds {
+impl sampled::SampledObserver<f64> for ListedEnds {
     fn accumulation(&mut self, at: f64, side: Sign) {
         self.seen.push(((self.step + at) * STEP_S, side));
     }

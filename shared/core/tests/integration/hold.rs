@@ -9,7 +9,7 @@ use damprig_core::control::transient::free_vibration::FreeVibrationPlan;
 use damprig_core::io::{Reading, Sensors};
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::steadiness::SteadyLimits;
-use damprig_core::rig::{Command, Event, Rejected, Rig, State};
+use damprig_core::rig::{Command, Event, Rejected, Rig, RigState};
 
 /// Ten cycles at 5 Hz, twelve at 6 Hz.
 const DWELL_TICKS: u32 = 2000;
@@ -85,7 +85,7 @@ impl Bench {
     }
 
     fn stage(&self) -> Option<ExperimentStage> {
-        if let State::Running(stage) = self.rig.state() { Some(stage) } else { None }
+        if let RigState::Running(stage) = self.rig.state() { Some(stage) } else { None }
     }
 
     /// The points of an experiment that is held at `tick` for ten seconds, and the tick of the release.
@@ -101,7 +101,7 @@ impl Bench {
         bench.hold(false).unwrap();
         assert!(!bench.rig.status().held);
         bench.pass(20_000);
-        assert_eq!(bench.rig.state(), State::Idle);
+        assert_eq!(bench.rig.state(), RigState::Idle);
         (bench.points, release)
     }
 }
@@ -162,7 +162,7 @@ fn a_stop_and_a_fault_end_a_hold() {
         bench.pass(1);
         assert!(!bench.rig.status().held);
         bench.pass(1000);
-        assert_eq!(bench.rig.state(), if is_fault { State::Faulted } else { State::Idle });
+        assert_eq!(bench.rig.state(), if is_fault { RigState::Faulted } else { RigState::Idle });
         assert_eq!(bench.drive_m, 0.0);
         assert!(bench.hold(false).is_err());
     }

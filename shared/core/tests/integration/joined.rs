@@ -32,8 +32,8 @@ impl Observer for Contacts {
     }
 }
 
-impl sampled::Observer<f64> for Contacts {
-    fn impact(&mut self, impact: &sampled::Impact<f64>) {
+impl sampled::SampledObserver<f64> for Contacts {
+    fn impact(&mut self, impact: &sampled::SampledImpact<f64>) {
         self.touches_s.push((self.step + impact.at) * STEP_S);
     }
 

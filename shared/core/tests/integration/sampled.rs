@@ -2,7 +2,7 @@
 
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::{Contact, Mode};
-use damprig_core::integrator::sampled::{Flight, Impact, Observer, Sampled};
+use damprig_core::integrator::sampled::{Flight, Sampled, SampledImpact, SampledObserver};
 use damprig_core::integrator::units::Units;
 use damprig_core::model::{Cavity, FrictionDamper, Initial, Particle, SetUp, Structure, Wall};
 use damprig_core::scalar::Scalar;
@@ -117,8 +117,8 @@ fn symmetric_orbit_speed(r: f64, e: f64, d: f64, mu: f64, zeta: f64) -> f64 {
 
 struct LastApproach<S>(S);
 
-impl<S: Scalar> Observer<S> for LastApproach<S> {
-    fn impact(&mut self, impact: &Impact<S>) {
+impl<S: Scalar> SampledObserver<S> for LastApproach<S> {
+    fn impact(&mut self, impact: &SampledImpact<S>) {
         self.0 = impact.approach;
     }
 }
@@ -175,7 +175,7 @@ struct Laws<'a> {
     outside: f64,
 }
 
-impl Observer<f64> for Laws<'_> {
+impl SampledObserver<f64> for Laws<'_> {
     fn flight(&mut self, _: f64, length: f64, flight: &Flight<f64>) {
         let d = self.set_up.particle.unwrap().clearance_m;
         for n in 0..=4 {
@@ -185,7 +185,7 @@ impl Observer<f64> for Laws<'_> {
         }
     }
 
-    fn impact(&mut self, impact: &Impact<f64>) {
+    fn impact(&mut self, impact: &SampledImpact<f64>) {
         let particle = self.set_up.particle.unwrap();
         let (m, mm) = (particle.mass_kg, self.set_up.structure.mass_kg);
         let Wall::Restitution { coefficient } = particle.wall else { unreachable!() };
@@ -249,7 +249,7 @@ fn a_conservative_damper_conserves_its_energy() {
 #[derive(Default)]
 struct Flights(u32);
 
-impl<S> Observer<S> for Flights {
+impl<S> SampledObserver<S> for Flights {
     fn mode(&mut self, _: Mode) {
         self.0 += 1;
     }

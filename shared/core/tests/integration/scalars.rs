@@ -4,9 +4,9 @@
 #![cfg(feature = "fixed-point")]
 
 use damprig_core::fixed_point::Fixed;
-use damprig_core::fixed_point::reference::{CASES, Case, Motion, START_M, STEPS};
+use damprig_core::fixed_point::reference::{CASES, Case, ReferenceMotion, START_M, STEPS};
 use damprig_core::integrator::base::BaseSegment;
-use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
+use damprig_core::integrator::sampled::{Sampled, SampledImpact, SampledObserver};
 use damprig_core::integrator::units::Units;
 use damprig_core::model::{Initial, SetUp, Structure};
 use damprig_core::scalar::Scalar;
@@ -21,8 +21,8 @@ struct Trace {
     states: Vec<[f64; 4]>,
 }
 
-impl<S: Scalar> Observer<S> for Trace {
-    fn impact(&mut self, impact: &Impact<S>) {
+impl<S: Scalar> SampledObserver<S> for Trace {
+    fn impact(&mut self, impact: &SampledImpact<S>) {
         self.impacts.push((self.step + impact.at.to_f64()) * STEP_S);
     }
 }
@@ -52,7 +52,7 @@ impl Trace {
 type Disturbance = (u32, [f64; 4]);
 
 fn run_disturbed<S: Scalar>(case: &Case, steps: u32, disturbance: Option<Disturbance>) -> Trace {
-    let mut motion = Motion::<S>::new(case).unwrap();
+    let mut motion = ReferenceMotion::<S>::new(case).unwrap();
     let omega = case.set_up().structure.angular_frequency_rad_per_s() * STEP_S;
     let mut trace = Trace::default();
     for step in 0..steps {

@@ -221,7 +221,7 @@ struct ListedEnds {
     seen: Vec<f64>,
 }
 
-impl sampled::Observer<f64> for ListedEnds {
+impl sampled::SampledObserver<f64> for ListedEnds {
     fn accumulation(&mut self, at: f64, _: i8) {
         self.seen.push((self.step + at) * 1e-3);
     }

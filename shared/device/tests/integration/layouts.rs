@@ -7,7 +7,7 @@
 
 use crate::support::flash::{Flash, SIZE};
 use damprig_core::settings::{Settings, Source};
-use damprig_device::settings_record::{LAST_LAYOUT, LAYOUT, Record};
+use damprig_device::settings_record::{LAST_LAYOUT, LAYOUT, SettingsRecord};
 use damprig_device::settings_store::SettingsStore;
 
 /// The settings in both records. Those of the last layout have no calibration records.
@@ -69,7 +69,10 @@ fn a_record_of_the_last_layout_is_migrated_and_then_saved_in_this_one() {
     assert_eq!(store(&mut flash).load(), (migrated, Source::Migrated));
     let mut whole = [0xff; 320];
     whole[..bytes(LAST).len()].copy_from_slice(&bytes(LAST));
-    assert_eq!(Record::read(&whole), Record::Settings { number: 0, settings: migrated, is_migrated: true });
+    assert_eq!(
+        SettingsRecord::read(&whole),
+        SettingsRecord::Settings { number: 0, settings: migrated, is_migrated: true }
+    );
     store(&mut flash).save(&migrated).unwrap();
     assert_eq!(store(&mut flash).load(), (migrated, Source::Stored));
 }

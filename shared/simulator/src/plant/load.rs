@@ -7,7 +7,7 @@ use core::fmt::Debug;
 
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::{Contact, Grip};
-use damprig_core::integrator::sampled::{Joined, Observer, Sampled};
+use damprig_core::integrator::sampled::{Joined, Sampled, SampledObserver};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Invalid, require};
 use damprig_core::model::{Initial, SetUp};
@@ -37,7 +37,7 @@ pub trait Load<S>: Clone + Debug {
     fn set_friction_n(&mut self, force_n: f64, set_up: &SetUp);
 
     /// Makes a step on this motion of the base, whose velocity goes on from step to step.
-    fn step(&mut self, base: &BaseSegment<S>, observer: &mut impl Observer<S>);
+    fn step(&mut self, base: &BaseSegment<S>, observer: &mut impl SampledObserver<S>);
 
     /// The displacement that the sensor of x sees.
     fn x(&self) -> S;
@@ -75,7 +75,7 @@ impl<S: Scalar> Load<S> for Joined<S> {
         self.set_damper_force_n(force_n, set_up);
     }
 
-    fn step(&mut self, base: &BaseSegment<S>, observer: &mut impl Observer<S>) {
+    fn step(&mut self, base: &BaseSegment<S>, observer: &mut impl SampledObserver<S>) {
         Sampled::step(self, base, observer);
     }
 

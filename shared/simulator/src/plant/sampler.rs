@@ -2,7 +2,7 @@
 
 use damprig_core::integrator::modes::Sign;
 use damprig_core::integrator::polynomial::{self, Polynomial};
-use damprig_core::integrator::sampled::{Flight, Impact, Observer};
+use damprig_core::integrator::sampled::{Flight, SampledImpact, SampledObserver};
 use damprig_core::io::{SUBSAMPLES, WALL_SUBSAMPLES};
 use damprig_core::scalar::Scalar;
 use heapless::Vec;
@@ -17,7 +17,7 @@ pub(super) struct Sampler<S> {
     pub step: S,
     pub steps: S,
     pub impacts: u32,
-    pub hits: Vec<Impact<S>, MAX_IMPACTS>,
+    pub hits: Vec<SampledImpact<S>, MAX_IMPACTS>,
     /// Forces of soft walls; `None` for hard walls.
     pub pressed: Option<Pressed<S>>,
 }
@@ -29,7 +29,7 @@ pub(super) struct Pressed<S> {
     pub taken: usize,
 }
 
-impl<S: Scalar> Observer<S> for Sampler<S> {
+impl<S: Scalar> SampledObserver<S> for Sampler<S> {
     fn flight(&mut self, start: S, length: S, flight: &Flight<S>) {
         let tenth = S::ONE / S::from_u8(SUBSAMPLES as u8);
         while self.taken < SUBSAMPLES {
@@ -58,12 +58,12 @@ impl<S: Scalar> Observer<S> for Sampler<S> {
         }
     }
 
-    fn impact(&mut self, impact: &Impact<S>) {
+    fn impact(&mut self, impact: &SampledImpact<S>) {
         self.impacts += 1;
         // A soft wall gives its impulse by a force, and no kick.
         if self.pressed.is_some() && impact.kick == S::ZERO {
             return;
         }
-        let _ = self.hits.push(Impact { at: self.step + impact.at, ..*impact });
+        let _ = self.hits.push(SampledImpact { at: self.step + impact.at, ..*impact });
     }
 }

@@ -23,7 +23,7 @@
 use super::load::Load;
 use super::shaker::Shaker;
 use damprig_core::integrator::base::BaseSegment;
-use damprig_core::integrator::sampled::Observer;
+use damprig_core::integrator::sampled::SampledObserver;
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Invalid, require};
 use damprig_core::model::SetUp;
@@ -124,7 +124,12 @@ impl<S: Scalar> Table<S> {
 
     /// Advances one step under a constant drive (the demanded displacement, in units of length): moves the table and
     /// the structure on it; returns the table's motion.
-    pub fn step(&mut self, motion: &mut impl Load<S>, drive: S, observer: &mut impl Observer<S>) -> BaseSegment<S> {
+    pub fn step(
+        &mut self,
+        motion: &mut impl Load<S>,
+        drive: S,
+        observer: &mut impl SampledObserver<S>,
+    ) -> BaseSegment<S> {
         let demand = self.force_per_drive * drive;
         let blocked = demand.min(self.voltage_force_limit).max(-self.voltage_force_limit);
         let before = motion.momentum();

@@ -11,7 +11,7 @@ use damprig_core::io::{Calibration, DisplacementScale, DriveScale, Reading, Sens
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{Cavity, FrictionDamper, Particle, SetUp, Structure, Wall};
-use damprig_core::rig::{Command, Event, Rig, State};
+use damprig_core::rig::{Command, Event, Rig, RigState};
 use damprig_core::settings::Settings;
 use damprig_simulator::plant::{Amplifier, Base, DataSheet, Plant, PlantConfig, Shaker};
 
@@ -95,7 +95,7 @@ pub(super) fn run_within(config: &PlantConfig, plan: &SteppedSine, base_m: f32) 
         }
         sensors = plant.tick(&actuators);
         let z = sensors.readings.z.mean_m;
-        if !matches!(rig.status().state, State::Running(ExperimentStage::Settle | ExperimentStage::Dwell)) {
+        if !matches!(rig.status().state, RigState::Running(ExperimentStage::Settle | ExperimentStage::Dwell)) {
             (low, high, since) = (z, z, 0);
         }
         (low, high, since) = (low.min(z), high.max(z), since + 1);
@@ -228,7 +228,7 @@ fn a_ramp_starts_and_ends_the_drive_without_a_corner() {
             steepest = steepest.max((drive - last - slope).abs());
             (slope, last) = (drive - last, drive);
         }
-        assert_eq!(rig.status().state, State::Idle);
+        assert_eq!(rig.status().state, RigState::Idle);
         steepest
     };
     // The sine's own curvature per tick is Ω²h² = 2.5e-4 of its amplitude; a start at full amplitude has its whole slope,

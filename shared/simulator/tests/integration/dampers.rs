@@ -7,7 +7,7 @@ use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
-use damprig_core::rig::{SIGNALS, State};
+use damprig_core::rig::{RigState, SIGNALS};
 use damprig_core::settings::Settings;
 use damprig_core::twin::TwinConfig;
 use damprig_protocol::{Event, Rejected, Reply, Request};
@@ -185,9 +185,9 @@ fn the_emergency_stop_ends_a_drive_at_once_and_each_refusal_says_how_to_recover(
     host.inject(InjectedFault::EmergencyStop { pressed: false });
     host.pass(2_000);
     let status = host.status();
-    assert_eq!((status.safe, status.state), (SafeStage::Safe, State::Faulted), "{status:?}");
+    assert_eq!((status.safe, status.state), (SafeStage::Safe, RigState::Faulted), "{status:?}");
     host.done(Request::ClearFault);
-    assert_eq!(host.status().state, State::Idle);
+    assert_eq!(host.status().state, RigState::Idle);
 }
 
 #[test]
@@ -203,7 +203,7 @@ fn a_spring_that_faults_while_driven_ends_the_drive() {
     host.pass(2_000);
     assert_eq!(host.fault(), Some(FaultCause::Spring(SpringFaultCause::ForceAboveLargest)));
     let status = host.status();
-    assert_eq!((status.state, status.spring.stage), (State::Faulted, SpringStage::Faulted));
+    assert_eq!((status.state, status.spring.stage), (RigState::Faulted, SpringStage::Faulted));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use damprig_core::control::safety::{Limits, SafeStage, SafetyConfig};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{Cavity, Hertz, Particle, SetUp, Structure, Wall};
-use damprig_core::rig::State;
+use damprig_core::rig::RigState;
 use damprig_core::settings::Settings;
 use damprig_core::twin::TwinConfig;
 use damprig_device::board::DeviceInfo;
@@ -213,7 +213,7 @@ fn a_repeated_request_is_answered_again_but_not_carried_out_again() {
     host.grant(100);
     // If it were carried out again it would be refused, because the rig is running.
     assert_eq!(host.repeat(Request::Start), Ok(Reply::Done));
-    assert!(matches!(host.ask(Request::Start), Err(Rejected::WrongState { state: State::Running(_), .. })));
+    assert!(matches!(host.ask(Request::Start), Err(Rejected::WrongState { state: RigState::Running(_), .. })));
 }
 
 #[test]
@@ -231,7 +231,7 @@ fn a_late_copy_of_an_earlier_request_is_not_carried_out() {
     assert_eq!(host.repeat(Request::Stop), Ok(Reply::Done));
     host.seq = last;
     let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
-    assert!(matches!(status.state, State::Running(_)), "a late copy of a stop was carried out");
+    assert!(matches!(status.state, RigState::Running(_)), "a late copy of a stop was carried out");
 }
 
 #[test]
@@ -242,7 +242,7 @@ fn a_new_session_may_reuse_the_sequence_numbers_of_the_one_before() {
     // This sequence number belonged to another request in the session before.
     assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
-    assert!(matches!(status.state, State::Running(_)), "the request was taken for a repetition");
+    assert!(matches!(status.state, RigState::Running(_)), "the request was taken for a repetition");
 }
 
 #[test]
@@ -255,7 +255,7 @@ fn a_command_with_a_tick_waits_for_it() {
     let messages = host.grant(6000);
     assert!(messages.iter().any(|m| matches!(m, FromDevice::Reply { .. })));
     let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
-    assert_eq!(status.state, State::Idle);
+    assert_eq!(status.state, RigState::Idle);
 }
 
 #[test]
@@ -280,7 +280,7 @@ fn a_command_with_a_tick_does_not_wait_behind_one_without() {
         host.send_for(at_tick, ask);
     }
     host.board.run(1, |_| {});
-    assert_eq!(host.board.controller().rig().state(), State::Stopping);
+    assert_eq!(host.board.controller().rig().state(), RigState::Stopping);
 }
 
 #[test]
@@ -291,7 +291,7 @@ fn a_stop_takes_effect_in_the_next_tick() {
     host.send(&ToDevice::Grant { until_tick: 6000 });
     host.send_for(None, Request::Stop);
     host.board.run(1, |_| {});
-    assert_eq!(host.board.controller().rig().state(), State::Stopping);
+    assert_eq!(host.board.controller().rig().state(), RigState::Stopping);
 }
 
 fn resonance() -> SteppedSine {
@@ -385,7 +385,7 @@ fn a_start_with_a_tick_restarts_the_tick_count_which_then_waits_for_credit() {
     host.send_for(Some(200), Request::Start);
     host.grant(1000);
     let rig = host.board.controller().rig();
-    assert!(matches!(rig.state(), State::Running(_)));
+    assert!(matches!(rig.state(), RigState::Running(_)));
     assert_eq!(rig.next_tick(), 0);
 }
 
@@ -399,7 +399,7 @@ fn a_damaged_frame_is_counted_and_changes_nothing() {
     host.board.receive(&out[..length]);
     assert!(host.run().is_empty());
     let Ok(Reply::Status { status, counters }) = host.ask(Request::Status) else { panic!() };
-    assert_eq!((status.state, counters.bad_frames), (State::Idle, 1));
+    assert_eq!((status.state, counters.bad_frames), (RigState::Idle, 1));
 }
 
 #[test]
@@ -423,13 +423,13 @@ fn a_displacement_limit_stops_the_drive_and_stays_latched() {
     let last = messages.iter().rev().find_map(|m| if let FromDevice::Telemetry(t) = m { Some(t) } else { None });
     let row = last.unwrap().values.chunks(4).next_back().unwrap();
     assert_eq!(row[2], 0.0, "drive");
-    assert!(matches!(host.ask(Request::Start), Err(Rejected::WrongState { state: State::Faulted, .. })));
+    assert!(matches!(host.ask(Request::Start), Err(Rejected::WrongState { state: RigState::Faulted, .. })));
     let Err(refused) = host.ask(Request::ClearFault) else { panic!("the structure still rings") };
     assert!(refused.to_string().contains("wait for rest"), "{refused}");
     // 3 mm decay at ζω = 0.06 /s; 1 mm is reached after 18 s.
     host.grant(30_000);
     let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
-    assert_eq!((status.safe, status.state), (SafeStage::Safe, State::Faulted));
+    assert_eq!((status.safe, status.state), (SafeStage::Safe, RigState::Faulted));
     assert_eq!(host.ask(Request::ClearFault), Ok(Reply::Done));
     assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
 }

@@ -6,7 +6,7 @@ use damprig_core::control::safety::{Limits, SafetyConfig};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
-use damprig_core::rig::{Brake, State};
+use damprig_core::rig::{Brake, RigState};
 use damprig_core::settings::Settings;
 use damprig_protocol::Request;
 use damprig_simulator::plant::spring::SpringPlant;
@@ -83,7 +83,7 @@ fn press_and_expect_no_motion(host: &mut Host, what: &str) {
     }
     let status = host.status();
     assert_eq!(status.spring.stage, SpringStage::Unhomed, "{what}");
-    assert_eq!(status.state, State::Faulted, "{what}");
+    assert_eq!(status.state, RigState::Faulted, "{what}");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use damprig_core::control::fault::{FaultCause, SpringFaultCause};
 use damprig_core::control::friction_spring::{
     FrictionSpring, SpringCommand, SpringConfig, SpringEvent, SpringInputs, SpringRejected, SpringStage, Target,
 };
-use damprig_core::control::safety::rails::Verdict;
+use damprig_core::control::safety::rails::SensorVerdict;
 use damprig_core::io::{Motor, SUBSAMPLES};
 use damprig_simulator::plant::spring::{SimulatedSpring, SpringPlant};
 
@@ -15,7 +15,7 @@ struct Bench {
     z_m: Option<f32>,
     /// Value that replaces the reading of the force sensor, N.
     reads_n: Option<f32>,
-    force_sensor: Verdict,
+    force_sensor: SensorVerdict,
     /// The force sensor has the wrong sign.
     reversed: bool,
     events: Vec<SpringEvent>,
@@ -33,7 +33,7 @@ impl Bench {
             max_abs_x_m: 0.0,
             z_m: None,
             reads_n: None,
-            force_sensor: Verdict::Reads,
+            force_sensor: SensorVerdict::Reads,
             reversed: false,
             events: vec![],
             drive: Motor::default(),

@@ -1,7 +1,7 @@
 //! Impact measurement of pulses with known time, impulse and contact time.
 
 use damprig_core::integrator::base::BaseSegment;
-use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
+use damprig_core::integrator::sampled::{Sampled, SampledImpact, SampledObserver};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{ForceScale, WallCounts};
 use damprig_core::measure::impacts::{ImpactConfig, ImpactMeter, ImpactRecord};
@@ -124,8 +124,8 @@ struct Hits {
     hits: Vec<(f64, i8, f64, f64)>,
 }
 
-impl Observer<f64> for Hits {
-    fn impact(&mut self, impact: &Impact<f64>) {
+impl SampledObserver<f64> for Hits {
+    fn impact(&mut self, impact: &SampledImpact<f64>) {
         let time = f64::from(self.step) + impact.at;
         let impulse = (self.set_up.structure.mass_kg * impact.kick * 1e3).abs();
         self.hits.push((time, impact.side, impulse, impact.approach * 1e3));

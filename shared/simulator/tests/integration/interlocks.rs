@@ -7,7 +7,7 @@ use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::Sensor;
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
-use damprig_core::rig::{Brake, State};
+use damprig_core::rig::{Brake, RigState};
 use damprig_core::settings::Settings;
 use damprig_protocol::Request;
 use damprig_simulator::plant::spring::{Breakage, SpringPlant};
@@ -73,7 +73,7 @@ fn a_fault_of_the_spring_ends_the_drive_and_the_experiment() {
     host.pass(250);
     let cause = FaultCause::Spring(SpringFaultCause::LimitReached);
     let status = host.status();
-    assert_eq!((status.state, status.fault.map(|fault| fault.cause)), (State::Faulted, Some(cause)));
+    assert_eq!((status.state, status.fault.map(|fault| fault.cause)), (RigState::Faulted, Some(cause)));
     assert_eq!(largest_drive_m(&mut host, 1_000), 0.0);
 }
 
@@ -99,7 +99,7 @@ fn a_stop_fades_the_drive_in_a_fifth_of_a_second() {
     assert!(largest_drive_m(&mut host, 500) > 0.99e-3);
     host.done(Request::Stop);
     host.pass(201);
-    assert_eq!((host.status().state, largest_drive_m(&mut host, 500)), (State::Idle, 0.0));
+    assert_eq!((host.status().state, largest_drive_m(&mut host, 500)), (RigState::Idle, 0.0));
 }
 
 /// The board's own brake is within the working force; that of an experiment may be beyond it.

@@ -7,7 +7,7 @@ use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::{Actuators, Reading, Sensors};
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
-use damprig_core::rig::{Rig, State, Status};
+use damprig_core::rig::{Rig, RigState, Status};
 use damprig_core::settings::Settings;
 use damprig_device::board::{Board, DeviceInfo, Saving};
 use damprig_device::controller::{BootInfo, Controller};
@@ -148,7 +148,7 @@ fn a_tightened_limit_trips_at_its_value_and_the_boards_own_is_in_force_once_the_
     host.drive(None);
     host.pass(11_000);
     assert_eq!(host.faults, []);
-    assert_eq!(host.status().state, State::Idle);
+    assert_eq!(host.status().state, RigState::Idle);
 }
 
 #[test]
@@ -161,11 +161,11 @@ fn the_boards_limits_are_in_force_again_when_an_experiment_ends_or_is_stopped() 
             host.done(Request::Stop);
         }
         host.pass(10_000);
-        assert_eq!((host.status().state, &host.faults[..]), (State::Idle, &[][..]));
+        assert_eq!((host.status().state, &host.faults[..]), (RigState::Idle, &[][..]));
         // An idle rig is monitored too: a structure held at 50 mm is within the board's limit.
         host.mount(0.05);
         host.pass(2_000);
-        assert_eq!((host.status().state, &host.faults[..]), (State::Idle, &[][..]), "stopped: {stops}");
+        assert_eq!((host.status().state, &host.faults[..]), (RigState::Idle, &[][..]), "stopped: {stops}");
     }
 }
 
@@ -227,7 +227,7 @@ fn limits_that_have_become_looser_than_the_boards_prevent_the_start() {
     host.done(Request::SetSettings(tighter));
     let refused = host.ask(Request::Start).unwrap_err().to_string();
     assert!(refused.contains("safety.limits.structure_m = 0.04 would loosen the board's 0.03"), "{refused}");
-    assert_eq!(host.status().state, State::Idle);
+    assert_eq!(host.status().state, RigState::Idle);
 }
 
 #[test]
@@ -248,12 +248,12 @@ fn a_limit_of_the_board_that_trips_at_rest_can_be_corrected() {
     wrong.safety.limits.base_m = 1e-6;
     let mut host = Host::new(wrong);
     host.pass(10_000);
-    assert_eq!((host.faults[0].cause, host.status().state), (FaultCause::BaseDisplacement, State::Faulted));
+    assert_eq!((host.faults[0].cause, host.status().state), (FaultCause::BaseDisplacement, RigState::Faulted));
     assert!(host.ask(Request::ClearFault).is_err());
     host.done(Request::SetSettings(settings()));
     host.pass(1_000);
     host.done(Request::ClearFault);
-    assert_eq!(host.status().state, State::Idle);
+    assert_eq!(host.status().state, RigState::Idle);
 }
 
 fn spring(friction_coefficient: Option<f32>) -> SpringSetUp {
@@ -293,7 +293,7 @@ fn a_spring_keeps_its_position_after_an_experiment_and_must_be_homed_on_another_
     host.drive(None);
     host.pass(12_000);
     let status = host.status();
-    assert_eq!((status.state, status.spring.stage), (State::Idle, SpringStage::Holding));
+    assert_eq!((status.state, status.spring.stage), (RigState::Idle, SpringStage::Holding));
     host.mount(0.0);
     assert_eq!(host.status().spring.stage, SpringStage::Unhomed);
 }
@@ -316,7 +316,7 @@ fn a_set_ups_friction_coefficient_acts_in_its_experiment_and_the_boards_after_it
         let (force_n, expected) = (host.status().spring.target_force_n, 0.6 * k_z_n / friction_coefficient);
         assert!((force_n / expected - 1.0).abs() < 0.02, "{force_n} N for {expected} N");
         host.pass(40_000);
-        assert_eq!(host.status().state, State::Idle);
+        assert_eq!(host.status().state, RigState::Idle);
     }
 }
 
@@ -406,6 +406,6 @@ fn ticks_granted_by_a_host_do_not_count_as_its_silence() {
     host.pass(30_000);
     assert_eq!(
         (host.faults.len(), host.status().state),
-        (0, State::Running(damprig_core::control::outcome::ExperimentStage::Settle))
+        (0, RigState::Running(damprig_core::control::outcome::ExperimentStage::Settle))
     );
 }

@@ -6,7 +6,7 @@ use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::Sensor;
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
-use damprig_core::rig::State;
+use damprig_core::rig::RigState;
 use damprig_protocol::{Event, Request};
 use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::walls::WallSensors;
@@ -130,7 +130,7 @@ fn a_lost_sensor_of_an_idle_rig_shows_in_the_status_and_latches_no_fault() {
         breaks(&mut host, sensor, Some(SensorFault::Unplugged));
         host.pass(1_000);
         let status = host.status();
-        assert_eq!((status.state, status.fault), (State::Idle, None), "{sensor:?}");
+        assert_eq!((status.state, status.fault), (RigState::Idle, None), "{sensor:?}");
         assert!(status.sensors.lost.contains(sensor), "{status:?}");
         assert_eq!(status.sensors.lost.to_string(), sensor.text());
         breaks(&mut host, sensor, None);

@@ -11,7 +11,7 @@ use damprig_core::integrator::units::Units;
 use damprig_core::io::{DriveScale, Reading, Sensor, Sensors};
 use damprig_core::measure::transient::TransientResult;
 use damprig_core::model::{FrictionDamper, Initial, SetUp, Structure};
-use damprig_core::rig::{Command, Event, Rig, State};
+use damprig_core::rig::{Command, Event, Rig, RigState};
 use damprig_simulator::plant::{Plant, PlantConfig};
 
 const ZETA: f64 = 0.0038;
@@ -53,7 +53,7 @@ fn run(
     rig.handle(Command::Configure(experiment)).unwrap();
     rig.handle(Command::Start).unwrap();
     let (mut sensors, mut log) = (Sensors::default(), Log::default());
-    while matches!(rig.state(), State::Running(_) | State::Stopping) && log.x_m.len() < 400_000 {
+    while matches!(rig.state(), RigState::Running(_) | RigState::Stopping) && log.x_m.len() < 400_000 {
         let tick = rig.next_tick();
         meddle(tick, &mut rig, &mut sensors);
         rig.hear_host();
@@ -369,7 +369,7 @@ fn a_free_vibration_is_held_released_and_measured() {
     let config = PlantConfig { structure_start_m: 0.035, ..PlantConfig::ideal(bare()) };
     let mut stages = Vec::new();
     let log = run(&config, freed(free()), &[], |_, rig, _| {
-        if let State::Running(stage) = rig.state()
+        if let RigState::Running(stage) = rig.state()
             && stages.last() != Some(&stage)
         {
             stages.push(stage);

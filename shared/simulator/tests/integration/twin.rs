@@ -2,7 +2,7 @@
 
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::Contact;
-use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
+use damprig_core::integrator::sampled::{Sampled, SampledImpact, SampledObserver};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::ForceScale;
 use damprig_core::measure::impacts::{ImpactConfig, ImpactMeter};
@@ -42,8 +42,8 @@ struct Strikes<'a> {
     sub: f64,
 }
 
-impl Observer<f64> for Strikes<'_> {
-    fn impact(&mut self, impact: &Impact<f64>) {
+impl SampledObserver<f64> for Strikes<'_> {
+    fn impact(&mut self, impact: &SampledImpact<f64>) {
         let impulse = (MASS_KG * impact.kick * 1e4) as f32;
         self.walls.hit(((self.sub + impact.at) / 10.0) as f32, impact.side, impulse);
     }

@@ -1,6 +1,6 @@
 //! Homing of the spring's seat on the limit switch, and release of the block from the structure.
 
-use super::{FrictionSpring, SpringEvent, State, ZeroReading};
+use super::{FrictionSpring, SpringEvent, SpringState, ZeroReading};
 use crate::control::fault::SpringFaultCause;
 
 impl FrictionSpring {
@@ -8,7 +8,7 @@ impl FrictionSpring {
     pub(super) fn seek_switch(&mut self, at_switch: bool) -> (i8, Option<SpringEvent>) {
         if at_switch {
             self.ramp.declare(0);
-            self.state = State::LeaveSwitch;
+            self.state = SpringState::LeaveSwitch;
             return (0, None);
         }
         // One and a half times the travel: the start position is unknown, and the switch has some depth.
@@ -24,7 +24,7 @@ impl FrictionSpring {
     pub(super) fn leave_switch(&mut self, at_switch: bool) -> (i8, Option<SpringEvent>) {
         if !at_switch {
             self.ramp.declare(0);
-            self.state = State::BackOff;
+            self.state = SpringState::BackOff;
             return (0, None);
         }
         if self.ramp.is_at(self.scaled.back_off) {
@@ -40,7 +40,7 @@ impl FrictionSpring {
         if !self.ramp.is_at(self.scaled.back_off) {
             return (steps, None);
         }
-        self.state = State::Homed;
+        self.state = SpringState::Homed;
         (steps, Some(SpringEvent::Homed))
     }
 
@@ -49,12 +49,12 @@ impl FrictionSpring {
     pub(super) fn release(&mut self, zero: Option<ZeroReading>, at_switch: bool) -> i8 {
         if at_switch {
             self.ramp.halt();
-            self.state = State::Unhomed;
+            self.state = SpringState::Unhomed;
             return 0;
         }
         let steps = self.ramp.tick(&self.scaled.fast, Some(self.scaled.back_off));
         if self.ramp.is_at(self.scaled.back_off) {
-            self.state = zero.map_or(State::Homed, State::Ready);
+            self.state = zero.map_or(SpringState::Homed, SpringState::Ready);
         }
         steps
     }

@@ -1,7 +1,7 @@
 //! Inputs, targets, commands, events and status of the friction-damper spring's controller.
 
 use crate::control::fault::Fault;
-use crate::control::safety::rails::Verdict;
+use crate::control::safety::rails::SensorVerdict;
 use crate::io::Invalid;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,7 @@ pub struct SpringInputs {
     /// The tick.
     pub tick: u32,
     /// Verdict on the force sensor in this tick.
-    pub force_sensor: Verdict,
+    pub force_sensor: SensorVerdict,
     /// The limit switch is closed.
     pub at_switch: bool,
     /// max |x| of the structure over the block, m.

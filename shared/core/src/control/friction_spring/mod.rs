@@ -23,7 +23,7 @@ pub mod ramp;
 mod touch_off;
 
 use crate::control::fault::{Fault, FaultCause, SafePath, SpringFaultCause};
-use crate::control::safety::rails::Verdict;
+use crate::control::safety::rails::SensorVerdict;
 use crate::io::{Invalid, Motor};
 pub use config::{SpringConfig, SpringSetUp};
 pub use messages::{
@@ -40,7 +40,7 @@ const TOUCH_OFF_FIRST: &str = "find the zero reading first (touch off)";
 
 /// State of the spring, with the position data known in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum State {
+enum SpringState {
     /// The position is unknown.
     Unhomed,
     /// Moving towards the limit switch, with the lowest force reading so far, N.
@@ -95,7 +95,7 @@ pub struct FrictionSpring {
     config: SpringConfig,
     scaled: Scaled,
     ramp: Ramp,
-    state: State,
+    state: SpringState,
     tick: u32,
     /// Force reading without contact, N.
     bias_n: f32,
@@ -140,7 +140,7 @@ impl FrictionSpring {
             config: *config,
             scaled,
             ramp: Ramp::default(),
-            state: State::Unhomed,
+            state: SpringState::Unhomed,
             tick: 0,
             bias_n: 0.0,
             force_n: 0.0,
@@ -169,31 +169,31 @@ impl FrictionSpring {
     pub fn stage(&self) -> SpringStage {
         match self.state {
             _ if self.fault.is_some() => SpringStage::Faulted,
-            State::Unhomed => SpringStage::Unhomed,
-            State::SeekSwitch { .. } | State::LeaveSwitch | State::BackOff => SpringStage::Homing,
-            State::Homed => SpringStage::Homed,
-            State::TouchOff(_) => SpringStage::TouchingOff,
-            State::Ready(_) => SpringStage::Ready,
-            State::Press(Press { on_target: false, .. }) => SpringStage::Setting,
-            State::Press(_) => SpringStage::Holding,
-            State::Release(_) => SpringStage::Releasing,
+            SpringState::Unhomed => SpringStage::Unhomed,
+            SpringState::SeekSwitch { .. } | SpringState::LeaveSwitch | SpringState::BackOff => SpringStage::Homing,
+            SpringState::Homed => SpringStage::Homed,
+            SpringState::TouchOff(_) => SpringStage::TouchingOff,
+            SpringState::Ready(_) => SpringStage::Ready,
+            SpringState::Press(Press { on_target: false, .. }) => SpringStage::Setting,
+            SpringState::Press(_) => SpringStage::Holding,
+            SpringState::Release(_) => SpringStage::Releasing,
         }
     }
 
     fn press(&self) -> Option<&Press> {
-        if let State::Press(press) = &self.state { Some(press) } else { None }
+        if let SpringState::Press(press) = &self.state { Some(press) } else { None }
     }
 
     fn zero(&self) -> Option<ZeroReading> {
         match self.state {
-            State::Ready(zero) | State::Press(Press { zero, .. }) => Some(zero),
-            State::Release(zero) => zero,
+            SpringState::Ready(zero) | SpringState::Press(Press { zero, .. }) => Some(zero),
+            SpringState::Release(zero) => zero,
             _ => None,
         }
     }
 
     fn is_homed(&self) -> bool {
-        !matches!(self.state, State::Unhomed | State::SeekSwitch { .. } | State::LeaveSwitch)
+        !matches!(self.state, SpringState::Unhomed | SpringState::SeekSwitch { .. } | SpringState::LeaveSwitch)
     }
 
     /// Force reading without contact, N.
@@ -248,7 +248,7 @@ impl FrictionSpring {
         let reject = |advice| Err(SpringRejected::WrongStage { stage, advice });
         match (command, stage) {
             (SpringCommand::ClearFault, SpringStage::Faulted) => {
-                if matches!(self.state, State::Release(_)) {
+                if matches!(self.state, SpringState::Release(_)) {
                     return reject("wait until the block has moved away");
                 }
                 self.fault = None;
@@ -261,14 +261,14 @@ impl FrictionSpring {
             }
             (SpringCommand::Home, _) => {
                 self.ramp.declare(0);
-                self.state = State::SeekSwitch { lowest_n: f32::INFINITY };
+                self.state = SpringState::SeekSwitch { lowest_n: f32::INFINITY };
             }
             (_, SpringStage::Unhomed) => return reject("home the spring first"),
-            (SpringCommand::Release, _) => self.state = State::Release(self.zero()),
+            (SpringCommand::Release, _) => self.state = SpringState::Release(self.zero()),
             (SpringCommand::TouchOff, SpringStage::Setting | SpringStage::Holding) => {
                 return reject("release the spring first");
             }
-            (SpringCommand::TouchOff, _) => self.state = State::TouchOff(TouchOff::new()),
+            (SpringCommand::TouchOff, _) => self.state = SpringState::TouchOff(TouchOff::new()),
             (SpringCommand::Set(target), _) => {
                 let Some(zero) = self.zero() else { return reject(TOUCH_OFF_FIRST) };
                 let position = self.check(&zero, target)?;
@@ -291,15 +291,15 @@ impl FrictionSpring {
     /// Abandons the target or the task; the ramp brakes.
     fn stand(&mut self) {
         self.state = match (self.is_homed(), self.zero()) {
-            (false, _) => State::Unhomed,
-            (true, None) => State::Homed,
-            (true, Some(zero)) => State::Ready(zero),
+            (false, _) => SpringState::Unhomed,
+            (true, None) => SpringState::Homed,
+            (true, Some(zero)) => SpringState::Ready(zero),
         };
     }
 
     /// Switches the motor off at once. The position is then unknown.
     fn de_energise(&mut self) {
-        self.state = State::Unhomed;
+        self.state = SpringState::Unhomed;
         self.ramp.halt();
         self.waiting = false;
     }
@@ -315,7 +315,7 @@ impl FrictionSpring {
         let found = if self.fault.is_none() { self.find_fault(inputs, force_n) } else { None };
         let (steps, event) = match found {
             Some((cause, value, limit)) => (0, Some(self.trip(cause, value, limit))),
-            None if inputs.force_sensor == Verdict::AtRail && self.fault.is_none() => {
+            None if inputs.force_sensor == SensorVerdict::AtRail && self.fault.is_none() => {
                 (self.ramp.tick(&self.scaled.fast, None), None)
             }
             None => self.work(inputs, force_n),
@@ -323,8 +323,8 @@ impl FrictionSpring {
         // A screw of this pitch is self-locking: the motor may be off where the position is unknown or no longer
         // needed.
         let enabled = match self.state {
-            State::Unhomed => !self.ramp.is_still(),
-            State::Homed | State::Ready(_) => !self.ramp.is_still() || self.fault.is_none(),
+            SpringState::Unhomed => !self.ramp.is_still(),
+            SpringState::Homed | SpringState::Ready(_) => !self.ramp.is_still() || self.fault.is_none(),
             _ => true,
         };
         (Motor { steps, enabled }, event)
@@ -335,23 +335,23 @@ impl FrictionSpring {
         let moving = inputs.max_abs_x_m >= self.config.quiet_m || inputs.max_abs_x_m.is_nan();
         self.quiet_ticks = if moving { 0 } else { self.quiet_ticks.saturating_add(1) };
         // An unplugged sensor is no fault before homing: the rig may have no friction damper.
-        if self.state == State::Unhomed {
+        if self.state == SpringState::Unhomed {
             return None;
         }
         match inputs.force_sensor {
-            Verdict::Reads if inputs.force_n.is_nan() => {
+            SensorVerdict::Reads if inputs.force_n.is_nan() => {
                 return Some((SpringFaultCause::SensorLost, inputs.force_n, 0.0));
             }
-            Verdict::Reads => {}
+            SensorVerdict::Reads => {}
             // The reading is not a force, and the sensor is not lost yet.
-            Verdict::AtRail => return None,
-            Verdict::Lost { reading, edge } => return Some((SpringFaultCause::SensorLost, reading, edge)),
+            SensorVerdict::AtRail => return None,
+            SensorVerdict::Lost { reading, edge } => return Some((SpringFaultCause::SensorLost, reading, edge)),
         }
         if force_n >= self.config.largest_force_n {
             return Some((SpringFaultCause::ForceAboveLargest, force_n, self.config.largest_force_n));
         }
         let tolerance_n = self.config.follow_tolerance_n;
-        if let State::SeekSwitch { lowest_n } = &mut self.state {
+        if let SpringState::SeekSwitch { lowest_n } = &mut self.state {
             *lowest_n = lowest_n.min(inputs.force_n);
             let rise_n = inputs.force_n - *lowest_n;
             if rise_n > tolerance_n {
@@ -359,13 +359,13 @@ impl FrictionSpring {
             }
         }
         let has_bias = match &self.state {
-            State::TouchOff(touch_off) => touch_off.has_bias(),
+            SpringState::TouchOff(touch_off) => touch_off.has_bias(),
             _ => self.zero().is_some(),
         };
         if has_bias && force_n < -tolerance_n {
             return Some((SpringFaultCause::WrongSign, force_n, -tolerance_n));
         }
-        if inputs.at_switch && self.is_homed() && self.state != State::BackOff {
+        if inputs.at_switch && self.is_homed() && self.state != SpringState::BackOff {
             return Some((SpringFaultCause::LimitReached, self.position_now_m(), 0.0));
         }
         None
@@ -376,7 +376,7 @@ impl FrictionSpring {
         let fault = Fault { cause: FaultCause::Spring(cause), tick: self.tick, value, limit };
         self.fault = Some(fault);
         match cause.safe_path() {
-            SafePath::Release if self.is_homed() => self.state = State::Release(None),
+            SafePath::Release if self.is_homed() => self.state = SpringState::Release(None),
             _ => self.de_energise(),
         }
         SpringEvent::Fault(fault)
@@ -390,13 +390,15 @@ impl FrictionSpring {
     fn work(&mut self, inputs: &SpringInputs, force_n: f32) -> (i8, Option<SpringEvent>) {
         self.waiting = false;
         match self.state {
-            State::Unhomed | State::Homed | State::Ready(_) => (self.ramp.tick(&self.scaled.fast, None), None),
-            State::SeekSwitch { .. } => self.seek_switch(inputs.at_switch),
-            State::LeaveSwitch => self.leave_switch(inputs.at_switch),
-            State::BackOff => self.back_off(),
-            State::TouchOff(touch_off) => self.touch_off(touch_off, inputs.force_n),
-            State::Press(press) => self.hold(press, inputs, force_n),
-            State::Release(zero) => (self.release(zero, inputs.at_switch), None),
+            SpringState::Unhomed | SpringState::Homed | SpringState::Ready(_) => {
+                (self.ramp.tick(&self.scaled.fast, None), None)
+            }
+            SpringState::SeekSwitch { .. } => self.seek_switch(inputs.at_switch),
+            SpringState::LeaveSwitch => self.leave_switch(inputs.at_switch),
+            SpringState::BackOff => self.back_off(),
+            SpringState::TouchOff(touch_off) => self.touch_off(touch_off, inputs.force_n),
+            SpringState::Press(press) => self.hold(press, inputs, force_n),
+            SpringState::Release(zero) => (self.release(zero, inputs.at_switch), None),
         }
     }
 

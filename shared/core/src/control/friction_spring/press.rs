@@ -3,7 +3,7 @@
 
 use super::config::nearest;
 use super::messages::{SpringEvent, SpringInputs, Target, ZeroReading};
-use super::{FrictionSpring, Mean, State};
+use super::{FrictionSpring, Mean, SpringState};
 use crate::control::fault::SpringFaultCause;
 use crate::io::{Invalid, not_negative, require};
 
@@ -68,7 +68,7 @@ impl FrictionSpring {
             Target::Deflection { deflection_m } => deflection_m * zero.stiffness_n_per_m,
             Target::FrictionRatio { .. } => 0.0,
         };
-        self.state = State::Press(Press {
+        self.state = SpringState::Press(Press {
             zero,
             target,
             phase: PressPhase::Move(position),
@@ -97,7 +97,7 @@ impl FrictionSpring {
                 }
             }
         }
-        self.state = State::Press(press);
+        self.state = SpringState::Press(press);
         (steps, None)
     }
 
@@ -120,7 +120,7 @@ impl FrictionSpring {
                 // Without a measured Z the force stays unchanged.
                 let Some(z_m) = base_amplitude_m.filter(|z| z.is_finite() && *z >= 0.0) else {
                     press.without_z = true;
-                    self.state = State::Press(press);
+                    self.state = SpringState::Press(press);
                     return None;
                 };
                 Some(self.config.force_of_ratio_n(ratio, z_m))
@@ -141,12 +141,12 @@ impl FrictionSpring {
                     return Some(self.trip(SpringFaultCause::LimitReached, end_m, self.config.travel_m));
                 }
                 press.phase = PressPhase::Move(position.max(self.scaled.back_off));
-                self.state = State::Press(press);
+                self.state = SpringState::Press(press);
                 return None;
             }
         }
         let met_before = core::mem::replace(&mut press.on_target, true);
-        self.state = State::Press(press);
+        self.state = SpringState::Press(press);
         (!met_before).then_some(SpringEvent::OnTarget { force_n })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::config::nearest;
 use super::line::{POINTS, fit};
-use super::{FrictionSpring, Mean, SpringEvent, State, Target, ZeroReading};
+use super::{FrictionSpring, Mean, SpringEvent, SpringState, Target, ZeroReading};
 use crate::control::fault::SpringFaultCause;
 
 /// Consecutive ticks above the touch force that count as a touch, so that a spike does not.
@@ -11,7 +11,7 @@ const TOUCH_TICKS: u8 = 3;
 /// A touch-off in progress.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TouchOff {
-    phase: Phase,
+    phase: TouchOffPhase,
     /// (position above `from`, m; force, N)
     points: [(f32, f32); POINTS],
     taken: usize,
@@ -20,7 +20,7 @@ pub(super) struct TouchOff {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Phase {
+enum TouchOffPhase {
     /// Moving away from the structure, in case the block touches it.
     Retreat,
     /// Averaging the reading without contact.
@@ -36,12 +36,12 @@ enum Phase {
 
 impl TouchOff {
     pub(super) fn new() -> Self {
-        Self { phase: Phase::Retreat, points: [(0.0, 0.0); POINTS], taken: 0, from: 0 }
+        Self { phase: TouchOffPhase::Retreat, points: [(0.0, 0.0); POINTS], taken: 0, from: 0 }
     }
 
     /// The reading without contact is known.
     pub(super) fn has_bias(&self) -> bool {
-        !matches!(self.phase, Phase::Retreat | Phase::Bias(_))
+        !matches!(self.phase, TouchOffPhase::Retreat | TouchOffPhase::Bias(_))
     }
 }
 
@@ -51,22 +51,22 @@ impl FrictionSpring {
         let force_n = reading_n - self.bias_n;
         let mut steps = 0;
         match &mut now.phase {
-            Phase::Retreat => {
+            TouchOffPhase::Retreat => {
                 steps = self.ramp.tick(&self.scaled.fast, Some(self.scaled.back_off));
                 if self.ramp.is_at(self.scaled.back_off) {
-                    now.phase = Phase::Bias(Mean::default());
+                    now.phase = TouchOffPhase::Bias(Mean::default());
                 }
             }
-            Phase::Bias(mean) => {
+            TouchOffPhase::Bias(mean) => {
                 if let Some(bias_n) = mean.push(reading_n, self.scaled.average + self.scaled.settle) {
                     self.bias_n = bias_n;
-                    now.phase = Phase::Approach(0);
+                    now.phase = TouchOffPhase::Approach(0);
                 }
             }
-            Phase::Approach(ticks) => {
+            TouchOffPhase::Approach(ticks) => {
                 *ticks = if force_n >= self.config.touch_force_n { *ticks + 1 } else { 0 };
                 if *ticks >= TOUCH_TICKS {
-                    now.phase = Phase::Stop;
+                    now.phase = TouchOffPhase::Stop;
                 } else if self.ramp.is_at(self.scaled.travel) {
                     let travel_m = self.config.travel_m;
                     return (0, Some(self.trip(SpringFaultCause::NoTouch, travel_m, travel_m)));
@@ -74,23 +74,23 @@ impl FrictionSpring {
                     steps = self.go(self.scaled.travel, self.scaled.search);
                 }
             }
-            Phase::Stop => {
+            TouchOffPhase::Stop => {
                 steps = self.ramp.tick(&self.scaled.search, None);
                 if self.ramp.is_still() {
                     self.ramp.halt();
                     now.from = self.ramp.steps();
-                    now.phase = Phase::Settle(self.scaled.settle);
+                    now.phase = TouchOffPhase::Settle(self.scaled.settle);
                 }
             }
-            Phase::Climb(position) => {
+            TouchOffPhase::Climb(position) => {
                 steps = self.go(*position, self.scaled.search);
                 if self.ramp.is_at(*position) {
-                    now.phase = Phase::Settle(self.scaled.settle);
+                    now.phase = TouchOffPhase::Settle(self.scaled.settle);
                 }
             }
-            Phase::Settle(left) if *left > 1 => *left -= 1,
-            Phase::Settle(_) => now.phase = Phase::Read(Mean::default()),
-            Phase::Read(mean) => {
+            TouchOffPhase::Settle(left) if *left > 1 => *left -= 1,
+            TouchOffPhase::Settle(_) => now.phase = TouchOffPhase::Read(Mean::default()),
+            TouchOffPhase::Read(mean) => {
                 if let Some(force_n) = mean.push(force_n, self.scaled.average) {
                     let above_m = self.position_m(self.ramp.steps() - now.from);
                     now.points[now.taken] = (above_m, force_n);
@@ -106,11 +106,11 @@ impl FrictionSpring {
                             self.trip(SpringFaultCause::LimitReached, self.position_m(next), self.config.travel_m);
                         return (0, Some(event));
                     }
-                    now.phase = Phase::Climb(next);
+                    now.phase = TouchOffPhase::Climb(next);
                 }
             }
         }
-        self.state = State::TouchOff(now);
+        self.state = SpringState::TouchOff(now);
         (steps, None)
     }
 

@@ -30,7 +30,7 @@ use crate::io::{Invalid, Rail, Readings, SENSORS, Sensor, SensorSet, TICK_HZ};
 pub use config::{Limits, SafetyConfig};
 use envelope::Envelope;
 use postcard_schema::Schema;
-use rails::{RailWatch, SensorHealth, Verdict};
+use rails::{RailWatch, SensorHealth, SensorVerdict};
 use serde::{Deserialize, Serialize};
 pub use tighten::{ExperimentLimits, LimitsRejected, Looser};
 use watch::{Defect, Watch};
@@ -248,7 +248,7 @@ impl Safety {
 
     /// Verdict on a sensor in this tick.
     #[must_use]
-    pub fn verdict(&self, sensor: Sensor) -> Verdict {
+    pub fn verdict(&self, sensor: Sensor) -> SensorVerdict {
         self.rails.verdict(sensor)
     }
 

@@ -13,7 +13,7 @@ pub const RAIL_TICKS: u8 = 5;
 
 /// Verdict on a sensor in a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Verdict {
+pub enum SensorVerdict {
     /// The sensor gives a signal.
     #[default]
     Reads,
@@ -41,7 +41,7 @@ pub struct SensorHealth {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RailWatch {
     ticks: [u8; SENSORS],
-    verdicts: [Verdict; SENSORS],
+    verdicts: [SensorVerdict; SENSORS],
     health: SensorHealth,
     clipped_now: SensorSet,
 }
@@ -57,13 +57,13 @@ impl RailWatch {
                 self.clipped_now.insert(sensor);
             }
             let Rail::All { reading, edge } = *rail else {
-                (*ticks, *verdict) = (0, Verdict::Reads);
+                (*ticks, *verdict) = (0, SensorVerdict::Reads);
                 continue;
             };
             *ticks = ticks.saturating_add(1);
-            *verdict = Verdict::AtRail;
+            *verdict = SensorVerdict::AtRail;
             if *ticks >= RAIL_TICKS {
-                *verdict = Verdict::Lost { reading, edge };
+                *verdict = SensorVerdict::Lost { reading, edge };
                 self.health.lost.insert(sensor);
             }
         }
@@ -72,7 +72,7 @@ impl RailWatch {
 
     /// Verdict on a sensor in this tick.
     #[must_use]
-    pub fn verdict(&self, sensor: Sensor) -> Verdict {
+    pub fn verdict(&self, sensor: Sensor) -> SensorVerdict {
         self.verdicts[sensor as usize]
     }
 
@@ -80,8 +80,8 @@ impl RailWatch {
     #[must_use]
     pub fn first_lost(&self) -> Option<(Sensor, f32, f32)> {
         Sensor::ALL.into_iter().find_map(|sensor| match self.verdict(sensor) {
-            Verdict::Lost { reading, edge } => Some((sensor, reading, edge)),
-            Verdict::Reads | Verdict::AtRail => None,
+            SensorVerdict::Lost { reading, edge } => Some((sensor, reading, edge)),
+            SensorVerdict::Reads | SensorVerdict::AtRail => None,
         })
     }
 
@@ -109,7 +109,7 @@ mod tests {
 
     const AT_RAIL: Rail = Rail::All { reading: 0.0, edge: 0.01 };
 
-    fn ticks(watch: &mut RailWatch, rail: Rail, count: u8) -> Verdict {
+    fn ticks(watch: &mut RailWatch, rail: Rail, count: u8) -> SensorVerdict {
         let mut rails = [Rail::Clear; SENSORS];
         rails[Sensor::SpringForce as usize] = rail;
         (0..count).for_each(|_| watch.push(&rails));
@@ -119,14 +119,14 @@ mod tests {
     #[test]
     fn a_sensor_at_a_rail_for_five_milliseconds_is_lost_and_for_less_is_clipped() {
         let mut watch = RailWatch::default();
-        assert_eq!(ticks(&mut watch, AT_RAIL, 4), Verdict::AtRail);
-        assert_eq!(ticks(&mut watch, Rail::Some, 1), Verdict::Reads);
+        assert_eq!(ticks(&mut watch, AT_RAIL, 4), SensorVerdict::AtRail);
+        assert_eq!(ticks(&mut watch, Rail::Some, 1), SensorVerdict::Reads);
         assert_eq!(watch.first_lost(), None);
         assert!(watch.health().clipped.contains(Sensor::SpringForce) && watch.health().lost.is_empty());
-        assert_eq!(ticks(&mut watch, AT_RAIL, 5), Verdict::Lost { reading: 0.0, edge: 0.01 });
+        assert_eq!(ticks(&mut watch, AT_RAIL, 5), SensorVerdict::Lost { reading: 0.0, edge: 0.01 });
         assert_eq!(watch.first_lost(), Some((Sensor::SpringForce, 0.0, 0.01)));
         assert!(watch.health().lost.contains(Sensor::SpringForce) && !watch.health().lost.contains(Sensor::X));
-        assert_eq!(ticks(&mut watch, Rail::Clear, 1), Verdict::Reads);
+        assert_eq!(ticks(&mut watch, Rail::Clear, 1), SensorVerdict::Reads);
         assert!(watch.health().lost.is_empty() && watch.clipped_now().is_empty());
     }
 }

@@ -9,7 +9,7 @@
 //! The host computes the decay's logarithmic decrement and loss from x0, the peak after whole cycles and their
 //! duration. The core has no logarithm.
 
-use super::{LONGEST_S, Limit, MIN, Measuring, ticks, within};
+use super::{LONGEST_S, MIN, Measuring, ParameterLimit, ticks, within};
 use crate::control::fault::{Fault, FaultCause};
 use crate::control::outcome::{ExperimentStage, Outcome, TickInputs};
 use crate::io::{Invalid, TICK_HZ, require};
@@ -38,7 +38,7 @@ pub struct FreeVibration {
 const TICK_S: f32 = 1.0 / TICK_HZ;
 const A_TICK_OR_MORE: &str = "a tick or more, at most 10⁹";
 
-const LIMITS: [Limit; 5] = [
+const LIMITS: [ParameterLimit; 5] = [
     ("level_m", MIN, f32::MAX, "greater than 0"),
     ("hold_s", TICK_S, LONGEST_S, A_TICK_OR_MORE),
     ("measure_s", TICK_S, LONGEST_S, A_TICK_OR_MORE),

@@ -22,10 +22,10 @@ fn ticks(seconds: f32) -> u32 {
 const MIN: f32 = f32::MIN_POSITIVE;
 
 /// A parameter's name, smallest and largest value, and what is allowed in words.
-type Limit = (&'static str, f32, f32, &'static str);
+type ParameterLimit = (&'static str, f32, f32, &'static str);
 
 /// Checks that every value is within its limits; NaN is rejected.
-fn within(limits: &'static [Limit], values: &[f32]) -> Result<(), Invalid> {
+fn within(limits: &'static [ParameterLimit], values: &[f32]) -> Result<(), Invalid> {
     for ((parameter, least, most, allowed), value) in limits.iter().zip(values) {
         require((*least..=*most).contains(value), parameter, f64::from(*value), allowed)?;
     }

@@ -10,7 +10,7 @@
 //!
 //! `damprig-device` receives the record; the host makes it from a shape or a file.
 
-use super::{LONGEST_S, Limit, MIN, Measuring, ticks, within};
+use super::{LONGEST_S, MIN, Measuring, ParameterLimit, ticks, within};
 use crate::control::fault::{Fault, FaultCause};
 use crate::control::outcome::{ExperimentStage, Outcome, TickInputs};
 use crate::control::rest::{RestWait, Waited};
@@ -52,7 +52,7 @@ pub struct Playback {
     pub index: u16,
 }
 
-const LIMITS: [Limit; 5] = [
+const LIMITS: [ParameterLimit; 5] = [
     ("sample_rate_hz", 0.1, TICK_HZ, "from 0.1 Hz to the tick rate of 1000 Hz"),
     ("scale_m", MIN, f32::MAX, "greater than 0"),
     ("rest_level_m", MIN, f32::MAX, "greater than 0"),

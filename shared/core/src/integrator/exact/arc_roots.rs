@@ -44,7 +44,7 @@ pub(super) fn back_after(gap: f64, rate: f64, pressing: f64, travel: f64) -> f64
 }
 
 /// The motion of an oscillator over a full arc from a given state, as a series.
-pub(super) struct Motion<'a> {
+pub(super) struct ArcMotion<'a> {
     table: &'a Oscillator,
     unit: &'a [f64; 5],
     wave: &'a Wave,
@@ -61,7 +61,7 @@ pub(super) struct Near {
     pub wave: Wave,
 }
 
-impl<'a> Motion<'a> {
+impl<'a> ArcMotion<'a> {
     /// Takes displacement, velocity, constant acceleration, sine and cosine.
     #[inline]
     pub fn new(table: &'a Oscillator, unit: &'a [f64; 5], wave: &'a Wave) -> Self {

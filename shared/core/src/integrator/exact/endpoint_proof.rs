@@ -2,7 +2,7 @@
 //!
 //! The documentation of [`super`] contains the proofs. The walk handles the arcs that they do not decide.
 
-use super::arc_roots::{Motion, back_after, inverse_cubic};
+use super::arc_roots::{ArcMotion, back_after, inverse_cubic};
 use super::excitation::Wave;
 use super::flow::ExactState;
 use super::motion::{ARCS_PER_ANCHOR, Exact, Fresh, Touch};
@@ -12,7 +12,7 @@ use crate::integrator::modes::{Contact, Grip, Sign, sign, signed};
 
 /// Outcome of the end-point proof for an arc.
 #[derive(PartialEq, Eq)]
-enum Verdict {
+enum Proof {
     /// The arc contains no event.
     Clear,
     /// The first event is an impact on that side, and it occurs within the arc.
@@ -80,9 +80,9 @@ impl Exact {
             let end = self.after(&full, &state);
             let end_wave = wave.turned_by(table.turn.0, table.turn.1);
             match self.judge(&full, &state, &end, &wave, &end_wave) {
-                Verdict::Clear => {}
-                Verdict::Unsure => break,
-                Verdict::Hit(side) => {
+                Proof::Clear => {}
+                Proof::Unsure => break,
+                Proof::Hit(side) => {
                     meets = Some(side);
                     break;
                 }
@@ -135,14 +135,14 @@ impl Exact {
 
     /// Decides what happens on a full arc from `state` to `end`.
     #[inline(always)]
-    fn judge(&self, full: &Full<'_>, state: &ExactState, end: &ExactState, wave: &Wave, end_wave: &Wave) -> Verdict {
+    fn judge(&self, full: &Full<'_>, state: &ExactState, end: &ExactState, wave: &Wave, end_wave: &Wave) -> Proof {
         if let Grip::Slip(direction) = self.mode.grip
             && !self.slips_on(full, (state, wave), (end, end_wave), direction)
         {
-            return Verdict::Unsure;
+            return Proof::Unsure;
         }
         if !self.leg.sliding {
-            return if self.stays_held(full, end, end_wave) { Verdict::Clear } else { Verdict::Unsure };
+            return if self.stays_held(full, end, end_wave) { Proof::Clear } else { Proof::Unsure };
         }
         let (slide, slide_end) = (state.slide_m_per_s, end.slide_m_per_s);
         let side = sign(slide);
@@ -150,15 +150,15 @@ impl Exact {
             // The particle moves towards that side throughout the arc.
             let (gap, gap_end) = (self.c.gap(side, state.offset_m), self.c.gap(side, end.offset_m));
             return if gap_end > 0.0 {
-                Verdict::Clear
+                Proof::Clear
             } else if gap > 0.0 && self.soft(side).is_none() {
-                Verdict::Hit(side)
+                Proof::Hit(side)
             } else {
-                Verdict::Unsure
+                Proof::Unsure
             };
         }
         if self.c.friction_acceleration > 0.0 {
-            return Verdict::Unsure;
+            return Proof::Unsure;
         }
         let gaps = |offset: f64| self.c.gap(-1, offset).min(self.c.gap(1, offset));
         if gaps(end.offset_m) < 0.0 {
@@ -170,13 +170,13 @@ impl Exact {
         let (first, second) = (state.offset_m + slide * third, end.offset_m - slide_end * third);
         let inside = (first - middle).abs() < inner && (second - middle).abs() < inner;
         let clear = inside && gaps(state.offset_m) >= 0.0 && gaps(end.offset_m) > 0.0;
-        if clear { Verdict::Clear } else { Verdict::Unsure }
+        if clear { Proof::Clear } else { Proof::Unsure }
     }
 
     /// Whether a particle that ends beyond a wall is pressed towards it throughout the arc; it then crosses the wall
     /// once.
     #[inline(always)]
-    fn bounces(&self, full: &Full<'_>, state: &ExactState, end: &ExactState, end_wave: &Wave) -> Verdict {
+    fn bounces(&self, full: &Full<'_>, state: &ExactState, end: &ExactState, end_wave: &Wave) -> Proof {
         let side = if self.c.gap(1, end.offset_m) < 0.0 { 1 } else { -1 };
         let gap = self.c.gap(side, state.offset_m);
         let (start, last, beyond) = full.accelerations(end, end_wave);
@@ -185,9 +185,9 @@ impl Exact {
         // The gap lies below its first tangent, so the particle cannot reach the other wall.
         let highest = gap - signed(side, state.slide_m_per_s).min(0.0) * full.table.step_s;
         if pressed && gap >= 0.0 && highest < self.c.end(-1) + self.c.end(1) && self.soft(side).is_none() {
-            Verdict::Hit(side)
+            Proof::Hit(side)
         } else {
-            Verdict::Unsure
+            Proof::Unsure
         }
     }
 
@@ -237,7 +237,7 @@ impl Exact {
         } else {
             back_after(gap, -closing, 2.0 * pull - signed(side, dot(&table.rates[0], &full.unit)), travel)
         };
-        let motion = Motion::new(table, &full.unit, wave);
+        let motion = ArcMotion::new(table, &full.unit, wave);
         let (at, near, steps) = motion.gap_closes(side, gap, closing, pull, guess)?;
         let rate = near.rate * table.per_step;
         let state = ExactState {

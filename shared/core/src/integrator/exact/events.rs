@@ -1,7 +1,7 @@
 //! Event handling of the exact driver: start, impact, soft contact and release, stick and slip, end of a chatter.
 
 use super::flow::Path;
-use super::guards::Event;
+use super::guards::GuardEvent;
 use super::motion::{Exact, ROUNDINGS, Touch};
 use super::observe::{Accumulation, ContactEnd, Impact, Observer};
 use super::oscillator::dot;
@@ -38,42 +38,42 @@ impl Exact {
         }
     }
 
-    pub(super) fn handle<O: Observer>(&mut self, event: Event, observer: &mut O) {
+    pub(super) fn handle<O: Observer>(&mut self, event: GuardEvent, observer: &mut O) {
         let slip = self.slip();
         match event {
-            Event::Wall(side) => {
+            GuardEvent::Wall(side) => {
                 self.state.offset_m = self.c.wall(side);
                 self.reach_wall(side, slip, observer);
             }
-            Event::LetGo(side) => self.let_go(side, slip, observer),
-            Event::Lags(side) => {
+            GuardEvent::LetGo(side) => self.let_go(side, slip, observer),
+            GuardEvent::Lags(side) => {
                 self.touch = Touch::Leaving(side);
                 self.fresh.lag = 1;
                 self.resolve(slip, observer);
             }
-            Event::CatchesUp(side) => {
+            GuardEvent::CatchesUp(side) => {
                 self.touch = Touch::Pressing(side);
                 self.fresh.lag = 1;
                 self.resolve(slip, observer);
             }
-            Event::Inside(side) if self.squeeze.law(side).is_some() => self.let_go(side, slip, observer),
-            Event::Inside(side) => {
+            GuardEvent::Inside(side) if self.squeeze.law(side).is_some() => self.let_go(side, slip, observer),
+            GuardEvent::Inside(side) => {
                 self.touch = Touch::Clear;
                 self.state.offset_m = self.c.wall(side);
                 (self.fresh.gap_side, self.fresh.gap) = (side, 1);
                 self.set_leg();
             }
-            Event::SlideStops => {
+            GuardEvent::SlideStops => {
                 self.state.slide_m_per_s = 0.0;
                 // Clears the direction, so that the next one counts as a release.
                 self.mode.contact = Contact::Free(0);
                 self.resolve(slip, observer);
             }
-            Event::SlipStops => {
+            GuardEvent::SlipStops => {
                 self.state.v_m_per_s = self.base_velocity();
                 self.resolve(0.0, observer);
             }
-            Event::HoldBreaks { direction, order } => {
+            GuardEvent::HoldBreaks { direction, order } => {
                 // Friction or the wall is at its limit and its force is continuous: velocity and acceleration of the
                 // slide start from zero.
                 self.fresh.slide = order + 1;
@@ -84,7 +84,7 @@ impl Exact {
                 }
                 self.set_mode(Mode { contact: Contact::Free(direction), ..self.mode }, observer);
             }
-            Event::GripBreaks(direction) => {
+            GuardEvent::GripBreaks(direction) => {
                 self.fresh.slip = 2;
                 self.state.v_m_per_s = self.base_velocity();
                 self.set_mode(Mode { grip: Grip::Slip(direction), ..self.mode }, observer);

@@ -45,7 +45,7 @@ impl ExactState {
 
 /// The motions in which a link joins structure and second mass.
 #[derive(Clone, Debug)]
-struct Joined {
+struct JoinedMotions {
     link: Link,
     coupled: Coupled,
     /// The second mass on the link, on a structure that is stuck to the base.
@@ -112,7 +112,7 @@ pub struct Flows {
     relative_together: Option<Oscillator>,
     /// With a tuned mass the first; with soft walls that of the negative and that of the positive side, the latter only where it
     /// differs.
-    joined: [Option<Joined>; 2],
+    joined: [Option<JoinedMotions>; 2],
     pub(super) turning: f64,
     pub(super) base_share: f64,
 }
@@ -140,7 +140,7 @@ impl Flows {
                 sine: base_share * turning * turning,
                 cosine: 0.0,
             };
-            Joined {
+            JoinedMotions {
                 link,
                 coupled: Coupled::new(rates(mass), link, mass, turning),
                 carried: Oscillator::new(carried, turning),
@@ -165,7 +165,7 @@ impl Flows {
 
     /// What joins structure and second mass: a tuned mass, or the pressed soft wall of that side.
     #[inline]
-    fn joined(&self, pressed: Sign) -> Option<&Joined> {
+    fn joined(&self, pressed: Sign) -> Option<&JoinedMotions> {
         let [first, positive] = &self.joined;
         positive.as_ref().filter(|_| pressed > 0).or(first.as_ref())
     }
@@ -236,7 +236,7 @@ impl Flows {
         offset[0] = state.offset_m;
         let mut x = base;
         match (leg.path, self.joined(leg.pressed), &self.together) {
-            (Path::Coupled, Some(Joined { coupled, .. }), _) => {
+            (Path::Coupled, Some(JoinedMotions { coupled, .. }), _) => {
                 let unit = [
                     state.x_m,
                     velocity,
@@ -251,7 +251,7 @@ impl Flows {
                 offset[0] = state.offset_m;
                 return Span { x, offset, base, step_s: h };
             }
-            (Path::CarriedCoupled, Some(Joined { carried, .. }), _) => {
+            (Path::CarriedCoupled, Some(JoinedMotions { carried, .. }), _) => {
                 let from_rest = state.offset_m - leg.rest_offset;
                 let sliding = state.slide_m_per_s;
                 offset = carried.series(&[from_rest, sliding, leg.particle_acceleration, wave.sine, wave.cosine]);

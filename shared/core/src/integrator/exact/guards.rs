@@ -8,7 +8,7 @@ use crate::model::Release;
 
 /// The event at which a guard stops being positive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Event {
+pub(super) enum GuardEvent {
     /// The particle reaches the wall of that side.
     Wall(Sign),
     /// The soft wall on that side releases the particle.
@@ -31,7 +31,7 @@ pub(super) enum Event {
 }
 
 /// The first event within `most` of the span, and its time.
-pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event>) {
+pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<GuardEvent>) {
     let mut search = Search { at: most, event: None };
     let fresh = &exact.fresh;
     match exact.mode.contact {
@@ -41,9 +41,9 @@ pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event
                 match exact.touch {
                     Touch::Pressing(_) => {}
                     Touch::Leaving(leaving) if leaving == side => {
-                        search.consider(penetration(exact, span, side), 0, Event::Inside(side));
+                        search.consider(penetration(exact, span, side), 0, GuardEvent::Inside(side));
                         if let Some(lag) = lag(exact, span, side) {
-                            search.consider(lag.map(|l| -l), fresh.lag, Event::CatchesUp(side));
+                            search.consider(lag.map(|l| -l), fresh.lag, GuardEvent::CatchesUp(side));
                         }
                     }
                     Touch::Clear | Touch::Leaving(_) => {
@@ -52,26 +52,26 @@ pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event
                         let reach: f64 = gap[1..].iter().map(|c| c.abs()).sum();
                         let order = if fresh.gap_side == side { fresh.gap } else { 0 };
                         if order > 0 || reach >= gap[0] {
-                            search.consider(gap, order, Event::Wall(side));
+                            search.consider(gap, order, GuardEvent::Wall(side));
                         }
                     }
                 }
             }
             if exact.c.friction_acceleration > 0.0 {
                 let slide = derivative(&span.offset).map(|s| signed(direction, s));
-                search.consider(slide, fresh.slide, Event::SlideStops);
+                search.consider(slide, fresh.slide, GuardEvent::SlideStops);
             }
             if let Touch::Pressing(side) = exact.touch
                 && let Some(lag) = lag(exact, span, side)
             {
-                search.consider(penetration(exact, span, side), fresh.press, Event::LetGo(side));
-                search.consider(lag, fresh.lag, Event::Lags(side));
+                search.consider(penetration(exact, span, side), fresh.press, GuardEvent::LetGo(side));
+                search.consider(lag, fresh.lag, GuardEvent::Lags(side));
             } else if let Touch::Pressing(side) = exact.touch
                 && let Some(release) = exact.soft(side)
             {
                 let (press, link) = (penetration(exact, span, side), exact.flows.link(side));
                 match release {
-                    Release::ZeroPenetration => search.consider(press, fresh.press, Event::LetGo(side)),
+                    Release::ZeroPenetration => search.consider(press, fresh.press, GuardEvent::LetGo(side)),
                     Release::ZeroForce => {
                         let damping = link.damping;
                         let order = if damping > 0.0 { fresh.press.saturating_sub(1) } else { fresh.press };
@@ -79,7 +79,7 @@ pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event
                         for n in 0..TERMS {
                             force[n] += link.stiffness * press[n];
                         }
-                        search.consider(force, order, Event::LetGo(side));
+                        search.consider(force, order, GuardEvent::LetGo(side));
                     }
                 }
             }
@@ -97,7 +97,7 @@ pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event
                 // A guard that fails later crosses zero at first order.
                 let fails_at_once = guard.get(order).is_some_and(|&next| next < 0.0);
                 let order = if fails_at_once { order } else { 1 };
-                search.consider(guard, 0, Event::HoldBreaks { direction, order });
+                search.consider(guard, 0, GuardEvent::HoldBreaks { direction, order });
             };
             if let Some(high) = high {
                 let mut guard = acceleration.map(|a| -a);
@@ -119,16 +119,16 @@ pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event
             for n in 0..TERMS {
                 slip[n] = signed(direction, slip[n] - base[n]);
             }
-            search.consider(slip, fresh.slip, Event::SlipStops);
+            search.consider(slip, fresh.slip, GuardEvent::SlipStops);
         }
         Grip::Stuck => {
             let needed = holding_force(exact, span);
             let mut above = needed.map(|n| -n);
             above[0] += exact.c.damper_force;
-            search.consider(above, 0, Event::GripBreaks(-1));
+            search.consider(above, 0, GuardEvent::GripBreaks(-1));
             let mut below = needed;
             below[0] += exact.c.damper_force;
-            search.consider(below, 0, Event::GripBreaks(1));
+            search.consider(below, 0, GuardEvent::GripBreaks(1));
         }
     }
     (search.at, search.event)
@@ -185,14 +185,14 @@ fn holding_force(exact: &Exact, span: &Span) -> Series {
 
 struct Search {
     at: f64,
-    event: Option<Event>,
+    event: Option<GuardEvent>,
 }
 
 impl Search {
     /// Looks for a failure of `guard` earlier than the first one found so far. Its first `order` coefficients are zero
     /// by definition. The next one is not negative by definition, since the guard leaves its limit; rounding must not
     /// change that.
-    fn consider(&mut self, mut guard: Series, order: usize, event: Event) {
+    fn consider(&mut self, mut guard: Series, order: usize, event: GuardEvent) {
         if order > 0 {
             guard[..order].fill(0.0);
             if let Some(next) = guard.get_mut(order) {

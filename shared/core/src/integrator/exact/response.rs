@@ -1,6 +1,6 @@
 //! Response of a run: extrema, mean square, cycle maxima and contact figures, in constant memory.
 
-use super::arc_roots::{Motion, inverse_cubic};
+use super::arc_roots::{ArcMotion, inverse_cubic};
 use super::excitation::Wave;
 use super::flow::ExactState;
 use super::observe::{Accumulation, Arc, ContactEnd, Impact, Observer};
@@ -459,7 +459,7 @@ impl Oscillation<'_> {
         if whole && start[1] * end[1] >= 0.0 {
             return Some(least_m.max(ends));
         }
-        let motion = Motion::new(table, start, self.wave);
+        let motion = ArcMotion::new(table, start, self.wave);
         let h = table.step_s;
         let first = if from == 0.0 { (start[0], start[1] * h) } else { motion.at(from) };
         let last = if to == arc_end { (end[0], end[1] * h) } else { motion.at(to) };

@@ -69,7 +69,7 @@ pub(super) struct Squeeze {
 }
 
 /// The motion over a piece: x and y − x, m.
-struct Motion {
+struct SqueezeMotion {
     x: Series,
     offset: Series,
 }
@@ -167,7 +167,7 @@ impl Exact {
 
     /// The Taylor series over `h` seconds, under a force whose coefficients follow from those of the motion: `force` is given the
     /// index, and the series of y − x, known up to one more.
-    fn taylor(&self, side: Sign, h: f64, mut force: impl FnMut(usize, &Series) -> f64) -> Motion {
+    fn taylor(&self, side: Sign, h: f64, mut force: impl FnMut(usize, &Series) -> f64) -> SqueezeMotion {
         let (state, wave, leg, rates) = (&self.state, &self.wave, &self.leg, &self.squeeze.rates);
         let angle = self.flows.turning * h;
         let sine = wave_series(wave.sine, wave.cosine, angle);
@@ -202,11 +202,11 @@ impl Exact {
             x[n + 2] = structure * share;
             offset[n + 2] = (particle - structure) * share;
         }
-        Motion { x, offset }
+        SqueezeMotion { x, offset }
     }
 
     /// The motion without the wall's force.
-    fn untouched(&self, side: Sign, h: f64) -> Motion {
+    fn untouched(&self, side: Sign, h: f64) -> SqueezeMotion {
         self.taylor(side, h, |_, _| 0.0)
     }
 
@@ -238,7 +238,7 @@ impl Exact {
     }
 
     /// A piece near δ = 0: the force is the polynomial through its values at a few instants.
-    fn faint_piece(&mut self, side: Sign, depth_m: f64, most_s: f64) -> (f64, Motion) {
+    fn faint_piece(&mut self, side: Sign, depth_m: f64, most_s: f64) -> (f64, SqueezeMotion) {
         let room_m = self.squeeze.faint * self.squeeze.depth_m;
         let free = self.untouched(side, most_s).offset;
         let (speed, bend) = (free[1].abs(), free[2].abs());
@@ -274,13 +274,13 @@ impl Exact {
     }
 
     /// A piece away from δ = 0: the Taylor series of the motion under the law of force.
-    fn firm_piece(&mut self, side: Sign, stiffness: f64, most_s: f64) -> (f64, Motion) {
+    fn firm_piece(&mut self, side: Sign, stiffness: f64, most_s: f64) -> (f64, SqueezeMotion) {
         let end = self.c.end(side);
         let depth_m = signed(side, self.state.offset_m) - end;
         let speed = self.state.slide_m_per_s.abs();
         let guess_s = most_s.min(self.squeeze.last_step_s).min(if speed > 0.0 { depth_m / speed } else { most_s });
         let rate = self.squeeze.rate_s_per_m / guess_s;
-        let mut law = Law { depth: [0.0; TERMS], elastic: [0.0; TERMS], stiffness, rate };
+        let mut law = ForceSeries { depth: [0.0; TERMS], elastic: [0.0; TERMS], stiffness, rate };
         law.depth[0] = depth_m;
         let mut force = [0.0; TERMS];
         let mut motion = self.taylor(side, guess_s, |n, offset| {
@@ -307,7 +307,7 @@ impl Exact {
 }
 
 /// The law of force in coefficients of a series.
-struct Law {
+struct ForceSeries {
     /// δ, m.
     depth: Series,
     /// δ^1.5.
@@ -318,7 +318,7 @@ struct Law {
     rate: f64,
 }
 
-impl Law {
+impl ForceSeries {
     /// The coefficient `n` of the force, N: from those of δ up to `n` + 1.
     fn force(&mut self, n: usize) -> f64 {
         // P = δ^1.5 has δ P′ = 1.5 δ′ P.

@@ -1,7 +1,7 @@
 //! Guards that end a flight: quantities that must not become negative in a mode, and the search for the first
 //! violation.
 
-use super::{Event, Flight, Joint, Sampled, WallTouch};
+use super::{Flight, Joint, Sampled, SampledEvent, WallTouch};
 use crate::integrator::base::BaseSegment;
 use crate::integrator::modes::{Contact, Grip, Mode, all_signed, signed};
 use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial, first_failure};
@@ -15,22 +15,22 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         flight: &Flight<S>,
         base: &BaseSegment<S>,
         rest: S,
-    ) -> (S, Option<Event>) {
+    ) -> (S, Option<SampledEvent>) {
         let mut first = First { at: rest, event: None };
-        let mut consider = |guard: &Polynomial<S>, event: Event| first.consider(guard, event);
+        let mut consider = |guard: &Polynomial<S>, event: SampledEvent| first.consider(guard, event);
         match mode.contact {
             Contact::Absent => {}
             Contact::Free(direction) => {
                 let reach = polynomial::reach(&flight.offset, rest);
                 let touch = self.joint.link().map_or(WallTouch::Clear, |link| link.touch);
                 if let Some((side, guard)) = self.joint.link().and_then(|link| link.contact(&flight.offset)) {
-                    consider(&guard, Event::LetGo(side));
+                    consider(&guard, SampledEvent::LetGo(side));
                 } else {
                     for side in [1, -1] {
                         if touch == WallTouch::Leaving(side) {
                             let mut past = all_signed(side, flight.offset);
                             past[0] -= self.c.end(side);
-                            consider(&past, Event::Inside(side));
+                            consider(&past, SampledEvent::Inside(side));
                             continue;
                         }
                         if signed(side, flight.offset[0]) + reach < self.c.end(side) {
@@ -41,7 +41,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
                         if self.slide_released && gap[0] == S::ZERO {
                             gap[2] = gap[2].max(S::ZERO);
                         }
-                        consider(&gap, Event::Wall(side));
+                        consider(&gap, SampledEvent::Wall(side));
                     }
                 }
                 if self.c.friction_acceleration > S::ZERO {
@@ -49,7 +49,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
                     if self.slide_released {
                         slide[1] = slide[1].max(S::ZERO);
                     }
-                    consider(&slide, Event::SlideStops);
+                    consider(&slide, SampledEvent::SlideStops);
                 }
             }
             Contact::Held(side) => {
@@ -59,12 +59,12 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
                 if let Some(high) = high {
                     let mut guard = acceleration.map(|a| -a);
                     guard[0] += high;
-                    consider(&guard, Event::HoldBreaks(-1));
+                    consider(&guard, SampledEvent::HoldBreaks(-1));
                 }
                 if let Some(low) = low {
                     let mut guard = acceleration;
                     guard[0] -= low;
-                    consider(&guard, Event::HoldBreaks(1));
+                    consider(&guard, SampledEvent::HoldBreaks(1));
                 }
             }
         }
@@ -77,7 +77,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
                     slip[0] = S::ZERO;
                     slip[1] = slip[1].max(S::ZERO);
                 }
-                consider(&slip, Event::SlipStops);
+                consider(&slip, SampledEvent::SlipStops);
             }
             Grip::Stuck => {
                 let mass = self.c.moving_mass(mode.contact);
@@ -98,9 +98,9 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
                 }
                 let mut above = needed.map(|n| -n);
                 above[0] += self.c.damper_force;
-                consider(&above, Event::GripBreaks);
+                consider(&above, SampledEvent::GripBreaks);
                 needed[0] += self.c.damper_force;
-                consider(&needed, Event::GripBreaks);
+                consider(&needed, SampledEvent::GripBreaks);
             }
         }
         (first.at, first.event)
@@ -110,11 +110,11 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
 /// The earliest event found so far.
 struct First<S> {
     at: S,
-    event: Option<Event>,
+    event: Option<SampledEvent>,
 }
 
 impl<S: Scalar> First<S> {
-    fn consider(&mut self, guard: &Polynomial<S>, event: Event) {
+    fn consider(&mut self, guard: &Polynomial<S>, event: SampledEvent) {
         if let Some(at) = first_failure(guard, self.at)
             && (self.event.is_none() || at < self.at)
         {

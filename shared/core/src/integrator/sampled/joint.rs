@@ -5,7 +5,7 @@
 //! the joint acts are shorter than a step where the joint is stiff, so that their polynomials stay exact. The joint costs
 //! nothing while the particle is away from the walls.
 
-use super::{Flight, Impact, LARGEST_RATE_PER_STEP, Observer, Sampled, SampledState};
+use super::{Flight, LARGEST_RATE_PER_STEP, Sampled, SampledImpact, SampledObserver, SampledState};
 use crate::integrator::base::BaseSegment;
 use crate::integrator::modes::{self, Coefficients, Contact, Grip, Mode, Sign, sign, signed};
 use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial};
@@ -24,10 +24,10 @@ const SHORTEST_FLIGHT: f64 = 1e-4;
 /// Whether a joint connects structure and second mass.
 pub trait Joint<S>: Clone + core::fmt::Debug {
     /// The joint, if there is one.
-    fn link(&self) -> Option<&Link<S>>;
+    fn link(&self) -> Option<&SampledLink<S>>;
 
     /// The joint, mutable.
-    fn link_mut(&mut self) -> Option<&mut Link<S>>;
+    fn link_mut(&mut self) -> Option<&mut SampledLink<S>>;
 }
 
 /// No joint: hard walls, or no second mass.
@@ -36,18 +36,18 @@ pub struct Rigid;
 
 impl<S> Joint<S> for Rigid {
     #[inline]
-    fn link(&self) -> Option<&Link<S>> {
+    fn link(&self) -> Option<&SampledLink<S>> {
         None
     }
 
     #[inline]
-    fn link_mut(&mut self) -> Option<&mut Link<S>> {
+    fn link_mut(&mut self) -> Option<&mut SampledLink<S>> {
         None
     }
 }
 
 /// The sampled driver for every set-up, with the joint if it has soft walls or a tuned mass.
-pub type Joined<S> = Sampled<S, Option<Link<S>>>;
+pub type Joined<S> = Sampled<S, Option<SampledLink<S>>>;
 
 /// State of the contact with a soft wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,7 +73,7 @@ struct Spring<S> {
 
 /// The springs that may join structure and second mass.
 #[derive(Clone, Copy, Debug)]
-pub struct Link<S> {
+pub struct SampledLink<S> {
     /// The soft walls at the negative and the positive side; a tuned mass is the first.
     springs: [Option<Spring<S>>; 2],
     /// m/M.
@@ -86,19 +86,19 @@ pub struct Link<S> {
     pub(super) touched: bool,
 }
 
-impl<S: Scalar> Joint<S> for Option<Link<S>> {
+impl<S: Scalar> Joint<S> for Option<SampledLink<S>> {
     #[inline]
-    fn link(&self) -> Option<&Link<S>> {
+    fn link(&self) -> Option<&SampledLink<S>> {
         self.as_ref()
     }
 
     #[inline]
-    fn link_mut(&mut self) -> Option<&mut Link<S>> {
+    fn link_mut(&mut self) -> Option<&mut SampledLink<S>> {
         self.as_mut()
     }
 }
 
-impl<S: Scalar> Link<S> {
+impl<S: Scalar> SampledLink<S> {
     /// The joint of a validated set-up; `None` without one.
     fn new(set_up: &SetUp, c: &Coefficients<S>, units: &Units) -> Result<Option<Self>, Invalid> {
         let soft = set_up.particle.map_or([None; 2], |p| {
@@ -235,7 +235,7 @@ impl<S: Scalar> Joined<S> {
         set_up.validate()?;
         set_up.validate_without_hertz()?;
         set_up.validate_initial(initial)?;
-        let link = Link::new(set_up, &Coefficients::in_units(set_up, &units), &units)?;
+        let link = SampledLink::new(set_up, &Coefficients::in_units(set_up, &units), &units)?;
         Ok(Self::with_joint(set_up, units, initial, link))
     }
 
@@ -274,7 +274,7 @@ impl<S: Scalar> Joined<S> {
 
 impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// The motion from the present state in a mode in which the joint acts.
-    pub(super) fn joined_flight(&self, link: &Link<S>, mode: Mode, base: &BaseSegment<S>) -> Flight<S> {
+    pub(super) fn joined_flight(&self, link: &SampledLink<S>, mode: Mode, base: &BaseSegment<S>) -> Flight<S> {
         let z = &base.0;
         let ground = self.ground(base).0;
         let mut x = [S::ZERO; COEFFICIENTS];
@@ -323,11 +323,11 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         slip: S,
         base: &BaseSegment<S>,
         at: S,
-        observer: &mut (impl Observer<S> + ?Sized),
+        observer: &mut (impl SampledObserver<S> + ?Sized),
     ) {
         let approach = signed(side, self.state.slide);
         if approach > S::ZERO {
-            observer.impact(&Impact { at, side, approach, kick: S::ZERO });
+            observer.impact(&SampledImpact { at, side, approach, kick: S::ZERO });
         }
         if approach >= S::ZERO {
             self.press(side, at, observer);
@@ -337,14 +337,19 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
 
     /// A particle that friction held starts to slide in `direction`. If a soft wall is there, the particle starts to
     /// press on it.
-    pub(super) fn press_from_rest(&mut self, direction: Sign, at: S, observer: &mut (impl Observer<S> + ?Sized)) {
+    pub(super) fn press_from_rest(
+        &mut self,
+        direction: Sign,
+        at: S,
+        observer: &mut (impl SampledObserver<S> + ?Sized),
+    ) {
         let at_wall = signed(direction, self.state.offset) >= self.c.end(direction) && self.is_soft(direction);
         if at_wall && self.joint.link().is_some_and(|link| link.touch == WallTouch::Clear) {
             self.press(direction, at, observer);
         }
     }
 
-    fn press(&mut self, side: Sign, at: S, observer: &mut (impl Observer<S> + ?Sized)) {
+    fn press(&mut self, side: Sign, at: S, observer: &mut (impl SampledObserver<S> + ?Sized)) {
         if let Some(link) = self.joint.link_mut() {
             link.touch = WallTouch::Pressing(side);
             link.touched = true;
@@ -359,7 +364,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         slip: S,
         base: &BaseSegment<S>,
         at: S,
-        observer: &mut (impl Observer<S> + ?Sized),
+        observer: &mut (impl SampledObserver<S> + ?Sized),
     ) {
         let wall = self.c.wall(side);
         let past = signed(side, self.state.offset) - self.c.end(side);

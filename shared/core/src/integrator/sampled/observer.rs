@@ -6,7 +6,7 @@ use crate::integrator::polynomial::Polynomial;
 
 /// An impact on a hard wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Impact<S> {
+pub struct SampledImpact<S> {
     /// Time in steps from the start of the step.
     pub at: S,
     /// +1 where y − x = +d.
@@ -18,7 +18,7 @@ pub struct Impact<S> {
 }
 
 /// Receives the events and flights between the samples. Every method is optional.
-pub trait Observer<S> {
+pub trait SampledObserver<S> {
     /// The next flight is in `mode`.
     fn mode(&mut self, mode: Mode) {
         let _ = mode;
@@ -37,7 +37,7 @@ pub trait Observer<S> {
 
     /// The particle hit a wall at a non-zero speed. A particle that starts from rest to press on a soft wall makes no
     /// impact.
-    fn impact(&mut self, impact: &Impact<S>) {
+    fn impact(&mut self, impact: &SampledImpact<S>) {
         let _ = impact;
     }
 
@@ -59,4 +59,4 @@ pub trait Observer<S> {
     }
 }
 
-impl<S> Observer<S> for () {}
+impl<S> SampledObserver<S> for () {}

@@ -9,8 +9,8 @@ use damprig_core::scalar::Scalar;
 #[derive(Default)]
 struct Count(usize);
 
-impl<S: Scalar> sampled::Observer<S> for Count {
-    fn impact(&mut self, impact: &sampled::Impact<S>) {
+impl<S: Scalar> sampled::SampledObserver<S> for Count {
+    fn impact(&mut self, impact: &sampled::SampledImpact<S>) {
         assert!(impact.approach > S::ZERO, "an impact without approach speed");
         self.0 += 1;
     }

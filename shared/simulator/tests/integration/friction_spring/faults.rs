@@ -113,8 +113,8 @@ fn a_force_above_its_limit_releases_the_block() {
 
 #[test]
 fn a_lost_sensor_releases_the_block() {
-    let lost = Verdict::Lost { reading: -5.5, edge: -5.0 };
-    for (reads_n, verdict) in [(Some(f32::NAN), Verdict::Reads), (Some(-5.5), lost)] {
+    let lost = SensorVerdict::Lost { reading: -5.5, edge: -5.0 };
+    for (reads_n, verdict) in [(Some(f32::NAN), SensorVerdict::Reads), (Some(-5.5), lost)] {
         let mut bench = Bench::ready();
         bench.set(Target::Force { force_n: 5.0 });
         bench.until(SpringStage::Setting);
@@ -131,13 +131,13 @@ fn while_the_sensor_is_at_a_rail_the_motor_stops_and_then_continues() {
     let mut bench = Bench::ready();
     bench.set(Target::Force { force_n: 5.0 });
     bench.run(400);
-    (bench.reads_n, bench.force_sensor) = (Some(-5.5), Verdict::AtRail);
+    (bench.reads_n, bench.force_sensor) = (Some(-5.5), SensorVerdict::AtRail);
     let before = bench.plant.position_m();
     bench.run(4);
     // Braking distance: the step under way, and 4 ticks at less than a step each.
     assert!(bench.plant.position_m() - before < 5.5 * 5e-6);
     assert!(bench.spring.status().fault.is_none());
-    (bench.reads_n, bench.force_sensor) = (None, Verdict::Reads);
+    (bench.reads_n, bench.force_sensor) = (None, SensorVerdict::Reads);
     bench.until(SpringStage::Holding);
     assert!((bench.plant.normal_force_n() - 5.0).abs() < 0.022);
 }
