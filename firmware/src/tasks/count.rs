@@ -15,7 +15,7 @@ use damprig_core::control::stepped_sine::{DriveMode, MAX_POINTS, Start, SteppedS
 use damprig_core::io::{Actuators, SUBSAMPLES, Sensors, SlowBlock};
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{Cavity, Particle, SetUp, Structure, Wall};
-use damprig_core::rig::{Rejected, Rig, State};
+use damprig_core::rig::{Rejected, Rig, RigState};
 use damprig_core::settings::Settings;
 use damprig_core::twin::{Twin, TwinConfig};
 use damprig_device::board::{Board, Saving};
@@ -244,7 +244,7 @@ pub fn run(counter: &InstructionCounter) -> ! {
     let (mut alone, mut served) = (Tally::default(), Tally::default());
     for tick in 0..TICKS {
         if tick % 4 == 0 {
-            let is_running = matches!(rig.controller.rig().state(), State::Running(_));
+            let is_running = matches!(rig.controller.rig().state(), RigState::Running(_));
             rig.ask(asked(tick / 4, is_running), &mut served);
         } else {
             rig.step(&mut alone);

@@ -11,7 +11,7 @@ use std::f64::consts::PI;
 use damprig_core::integrator::base::{BaseSegment, BaseTrack};
 use damprig_core::integrator::modes::Sign;
 use damprig_core::integrator::polynomial::{Polynomial, increment};
-use damprig_core::integrator::sampled::{Impact, Joined, Observer};
+use damprig_core::integrator::sampled::{Joined, SampledImpact, SampledObserver};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Calibration, Invalid, Sensor};
 use damprig_core::model::Initial;
@@ -491,16 +491,16 @@ impl Plant {
 /// Impacts of a step, and the forces of soft walls at its end in the integrator's unit.
 #[derive(Default)]
 struct WallsInStep {
-    impacts: Vec<Impact<f64>>,
+    impacts: Vec<SampledImpact<f64>>,
     forces: [f64; 2],
 }
 
-impl Observer<f64> for WallsInStep {
+impl SampledObserver<f64> for WallsInStep {
     fn wall_force(&mut self, _: f64, length: f64, side: Sign, force: &Polynomial<f64>) {
         self.forces[usize::from(side > 0)] = force[0] + increment(force, length);
     }
 
-    fn impact(&mut self, impact: &Impact<f64>) {
+    fn impact(&mut self, impact: &SampledImpact<f64>) {
         self.impacts.push(*impact);
     }
 

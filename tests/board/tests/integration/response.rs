@@ -9,7 +9,7 @@ use damprig_core::control::response_loop::{KeptQuantity, ResponseLoop};
 use damprig_core::control::safety::{ExperimentLimits, SafeStage};
 use damprig_core::control::stepped_sine::{DriveMode, Points, SteppedSine};
 use damprig_core::io::Sensor;
-use damprig_core::rig::State;
+use damprig_core::rig::RigState;
 use damprig_protocol::Request;
 use damprig_simulator::plant::{Base, End, InjectedFault, PlantConfig, SensorFault, Shaker, Supply};
 
@@ -188,5 +188,5 @@ fn what_a_host_may_not_ask_of_the_loop_is_refused_by_name() {
         assert!(format!("{why:?}").contains(name), "{why:?}");
     }
     let status = host.status();
-    assert_eq!((status.state, status.safe), (State::Idle, SafeStage::Clear));
+    assert_eq!((status.state, status.safe), (RigState::Idle, SafeStage::Clear));
 }

@@ -6,7 +6,7 @@ use damprig_core::control::friction_spring::{SpringCommand, SpringStage};
 use damprig_core::control::safety::SafeStage;
 use damprig_core::io::{Sensor, SensorSet};
 use damprig_core::model::{Cavity, Particle, Structure, Wall};
-use damprig_core::rig::{SIGNALS, State};
+use damprig_core::rig::{RigState, SIGNALS};
 use damprig_core::twin::TwinConfig;
 use damprig_protocol::{Event, Reply, Request};
 use damprig_simulator::plant::spring::SpringPlant;
@@ -188,7 +188,7 @@ fn a_noisy_sensor_acts_as_what_it_reads() {
         set(&mut host, sensor, None);
     }
     host.ask(Request::Stop);
-    while host.status().state != State::Idle {
+    while host.status().state != RigState::Idle {
         host.pass(Time::from_ms(50));
     }
     let (cause, told, _) = breaks(&mut host, Sensor::WallLow, SensorFault::Noisy(200.0), NAMED);
