@@ -67,7 +67,7 @@ impl Sensitivities {
     }
 
     /// What further columns explain of residuals, which the fit has left: by how much the sum of their squares falls, and by how much the first
-    /// two parameters change. Columns that the fit's own ones make are left out.
+    /// four parameters change. Columns that the fit's own ones make are left out.
     pub(super) fn explained(&self, residuals: &DVector<f64>, further: &[DVector<f64>]) -> Explained {
         let mut free: Vec<DVector<f64>> = Vec::new();
         let mut taken: Vec<DVector<f64>> = Vec::new();
@@ -93,7 +93,7 @@ impl Sensitivities {
         Explained {
             count: free.len(),
             fall: factors.iter().map(|factor| factor * factor).sum(),
-            shift: [shift(0), shift(1)],
+            shift: [0, 1, 2, 3].map(shift),
             left,
         }
     }
@@ -105,8 +105,8 @@ pub(super) struct Explained {
     pub(super) count: usize,
     /// Fall of the sum of squares.
     pub(super) fall: f64,
-    /// Change of the first two parameters.
-    pub(super) shift: [f64; 2],
+    /// Change of the first four parameters.
+    pub(super) shift: [f64; 4],
     /// Residuals that are left.
     pub(super) left: DVector<f64>,
 }

@@ -40,8 +40,8 @@ pub(super) struct ModalLackOfFit {
     pub(super) scatter: f64,
     pub(super) by_line: Option<ByLine>,
     pub(super) misfits: Vec<ModalMisfit>,
-    /// By how much fn (Hz) and ζ change with the terms that are missing.
-    pub(super) shift: [f64; 2],
+    /// By how much fn (Hz), ζ and |A| (1/kg) change with the terms that are missing.
+    pub(super) shift: [f64; 3],
 }
 
 /// Tests the mode.
@@ -83,7 +83,9 @@ pub(super) fn test(band: &Band, mode: &FittedMode, of_mode: &OfMode) -> ModalLac
     found.retain(|(excess, ..)| *excess > 1.0);
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut misfits: Vec<ModalMisfit> = found.first().map(|(_, misfit, _)| *misfit).into_iter().collect();
-    let shift = [0, 1].map(|k| found.iter().map(|(.., shift)| shift[k].abs()).fold(0.0, f64::max));
+    let along = mode.factors[0] / mode.factors[0].norm();
+    let changes = |[hz, ratio, re, im]: [f64; 4]| [hz, ratio, re * along.re + im * along.im];
+    let shift = [0, 1, 2].map(|k| found.iter().map(|(.., shift)| changes(*shift)[k].abs()).fold(0.0, f64::max));
     let freedom = of_mode.degrees_of_freedom();
     let square = of_mode.residuals.norm_squared();
     let scatter = if band.known() == KnownNoise::All { (square / freedom).max(1.0) } else { 1.0 };

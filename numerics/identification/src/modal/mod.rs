@@ -135,9 +135,10 @@ fn result(band: &Band, mode: FittedMode) -> Option<Modal> {
     let width_hz = 2.0 * mode.place[1] * mode.place[0];
     let bias = band.window_hz.map_or(0.0, |window_hz| (window_hz / width_hz).powi(2) / 3.0 / 3f64.sqrt());
     let of_window = [bias * width_hz, bias * mode.place[1]];
-    let widened = |value: Value, place: usize| LackOfFit::widened(&value.widened(of_window[place]), lack.shift[place]);
+    let widened_by = |value: Value, place: usize| LackOfFit::widened(&value, lack.shift[place]);
+    let widened = |value: Value, place: usize| widened_by(value.widened(of_window[place]), place);
     let constant = mode.factors[0];
-    let size = of_mode.size(constant, &mode, inflation, known);
+    let size = widened_by(of_mode.size(constant, &mode, inflation, known), 2);
     let [natural_hz, zeta] = mode.place;
     let others = [Complex::new(0.0, 0.0), mode.factors[1], mode.factors[2]];
     let fixed = band.quantity.of_receptance(TAU * natural_hz).0;
