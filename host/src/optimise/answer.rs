@@ -300,7 +300,9 @@ fn starts(optimisation: &Optimisation, best: &Evaluated, go_on: GoOnAfter) -> Re
     }
     let last = f64::from(DENSE_STARTS - 1);
     let shares: Vec<f64> = (0..DENSE_STARTS).map(|n| 2.0 * f64::from(n) / last - 1.0).collect();
-    let mut values = from_starts(optimisation, &best.values, &shares, Effort::Peaks, go_on)?;
+    // The optimum was scanned: the grid has its place in the band.
+    let with_place = optimisation.with_place_in_band(&best.band);
+    let mut values = from_starts(&with_place, &best.values, &shares, Effort::Peaks, go_on)?;
     values.sort_by(f64::total_cmp);
     let at = |share: f64| quantile(&values, share);
     let (q05, median, q95) = (at(0.05), at(0.5), at(0.95));

@@ -133,6 +133,21 @@ impl Optimisation {
         &self.axes[self.set()..]
     }
 
+    /// The same with a place of the band on its grid: the value of the axis that is searched between its values.
+    #[must_use]
+    pub fn with_place_in_band(&self, place: &[AxisValue]) -> Self {
+        let mut with = self.clone();
+        let set = self.set();
+        for (axis, value) in with.axes[set..].iter_mut().zip(place).filter(|(axis, _)| axis.is_refined()) {
+            if let AxisValue::Number(number) = value {
+                axis.insert(*number);
+                with.reduced_band = with.reduced_band.with_value(*number);
+                with.constraint_band = with.constraint_band.with_value(*number);
+            }
+        }
+        with
+    }
+
     /// Whether the objective counts over tolerances or uncertain values.
     #[must_use]
     pub fn is_robust(&self) -> bool {

@@ -51,6 +51,7 @@ impl SearchSize {
         let over_band = if optimisation.band().len() == 1 { curves * u64::from(over_band::POINTS) } else { 0 };
         let around = neighbourhood::points(optimisation.variables.len()) * peaks
             + u64::from(DENSE_STARTS) * one_start(Effort::Peaks)
+            + neighbourhood::scanned_points(optimisation.variables.len()) * scan
             + 2 * one_start(Effort::Scan)
             + optimisation.band_points() as u64
             + over_band;

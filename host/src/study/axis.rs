@@ -129,6 +129,15 @@ impl StudyAxis {
         matches!(self.values, AxisValues::Drawn(_) | AxisValues::Given { .. })
     }
 
+    /// Adds a number in its place; does nothing where there is one or the values are no list of numbers.
+    pub fn insert(&mut self, number: f64) {
+        if let AxisValues::Numbers(numbers) = &mut self.values
+            && !numbers.contains(&number)
+        {
+            numbers.insert(numbers.partition_point(|own| *own < number), number);
+        }
+    }
+
     /// Whether it is a band of drive frequencies whose extreme is looked for between its values too.
     #[must_use]
     pub fn is_refined(&self) -> bool {

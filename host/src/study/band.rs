@@ -67,6 +67,16 @@ impl Band {
         Self { axes, refined, smoothness: Smoothness::Jumps }
     }
 
+    /// The same with a value more of the axis that is searched between its values.
+    #[must_use]
+    pub fn with_value(&self, value: f64) -> Self {
+        let mut with = self.clone();
+        if let Some(refined) = self.refined {
+            with.axes[refined].insert(value);
+        }
+        with
+    }
+
     /// The same axes with the largest or smallest value over each.
     #[must_use]
     pub fn of_extreme(axes: &[StudyAxis], reduction: Reduction) -> Self {

@@ -5,6 +5,7 @@ use std::process::Output;
 use std::time::{Duration, Instant};
 
 use crate::common::{damprig, is_full};
+use crate::study::{column, table};
 use damprig::input::Source;
 use damprig::optimise::evaluate::{Care, Evaluated};
 use damprig::optimise::search::{self, SearchProgress};
@@ -110,10 +111,34 @@ fn the_optimum_is_a_simulation_that_anyone_can_repeat() {
     let result: Value = serde_json::from_slice(&command.output().unwrap().stdout).expect("JSON");
     let largest_m = result["summary"]["max_abs_x_m"].as_f64().unwrap();
     assert_eq!(found["objective"].as_f64().unwrap(), largest_m / 0.003);
-    // The centre is among the starts. Their bands are searched around the peaks only, so it is compared with itself without a change.
+    // The case's own start, the centre, is among the starts.
     let starts = &found["starts"];
     let [min, max] = ["min", "max"].map(|key| starts[key].as_f64().unwrap());
-    assert!((min..=max).contains(&found["sensitivity"][0]["here"].as_f64().unwrap()), "{starts}");
+    assert!((min..=max).contains(&found["objective"].as_f64().unwrap()), "{starts}");
+}
+
+#[test]
+fn small_changes_are_those_of_a_study_that_searches_the_band_as_the_optimum() {
+    let folder = folder(CASE, &format!("{TOP}{CLEARANCE}{BAND}"));
+    let found = answer(&folder);
+    let change = &found["sensitivity"][0];
+    assert_eq!(change["here"], found["objective"]);
+    let (at, step) = (variable(&found, 0), change["step"].as_f64().unwrap());
+    let study = format!(
+        "case = \"case.toml\"\nmetrics = [\"max_x_over_z\"]\n{}[[axis]]\nkey = \"particle.clearance_ratio\"\nvalues = [{:?}, {:?}]\n",
+        BAND.replace("\"maximum\"", "\"scan_maximum\""),
+        at - step,
+        at + step
+    );
+    std::fs::write(folder.path().join("study.toml"), study).unwrap();
+    let output = damprig(&folder).args(["study", "run", "study.toml", "--out", "study", "--quiet"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let scanned = column(&table(&folder.path().join("study/table.parquet")), "max_x_over_z");
+    let all: Vec<f64> = ["below", "above"].map(|side| change[side].as_f64().unwrap()).into();
+    assert_eq!(all, scanned);
+    // A change that is better is told.
+    let least = all.iter().copied().fold(f64::INFINITY, f64::min);
+    assert_eq!(change["better"].is_null(), least >= found["objective"].as_f64().unwrap());
 }
 
 #[test]

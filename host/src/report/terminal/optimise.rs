@@ -166,10 +166,22 @@ fn sensitivity(optimisation: &Optimisation, answer: &Optimum) -> String {
         ]);
     }
     let mut text = format!("What small changes do to {}:\n{rows}", answer.metric);
-    for sensitivity in &answer.sensitivity {
+    for (sensitivity, axis) in answer.sensitivity.iter().zip(optimisation.variable_axes()) {
+        text.push_str(&better(sensitivity, axis.unit()));
         text.push_str(&ridge(sensitivity, answer));
     }
     text
+}
+
+/// A better value near the optimum, in words.
+fn better(sensitivity: &VariableSensitivity, unit: &str) -> String {
+    sensitivity.better.map_or_else(String::new, |value| {
+        let value = with_unit(value, 6, unit);
+        format!(
+            "\n{} = {value} is better still: the search did not reach it; more `evaluations` search further.",
+            sensitivity.key
+        )
+    })
 }
 
 /// A ridge near the optimum, in words.
