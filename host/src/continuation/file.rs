@@ -258,6 +258,11 @@ impl Continuation {
         };
         found.case_text.clone_from(&self.case_text);
         found.walls = self.case.hertz_as_hard();
+        let range = match &self.followed {
+            Followed::OneDegree(over) => over.task.range,
+            Followed::Structure(over) => over.range,
+        };
+        found.not_covered = found.parts_not_covered(range);
         Ok(found)
     }
 

@@ -29,6 +29,8 @@ pub struct FoundBranches {
     pub reference: &'static str,
     /// The branches.
     pub branches: Vec<FoundBranch>,
+    /// Parts of the range of the parameter, from and to, in which no orbit was found.
+    pub not_covered: Vec<[f64; 2]>,
     /// Values of the parameter at which a new start found no periodic orbit, and why.
     pub gaps: Vec<FoundGap>,
     /// Values of the parameter at which a new start was due when all `restarts` were used up.
@@ -98,8 +100,6 @@ pub struct FoundBranch {
     pub origin: String,
     /// Drive periods of its orbits.
     pub periods: u32,
-    /// Events in an orbit.
-    pub events: usize,
     /// How it ends at its first and last orbit.
     pub ends: [&'static str; 2],
     /// Its special points.
@@ -184,12 +184,43 @@ impl FoundBranches {
             parameter: parameter.into(),
             reference,
             branches: Vec::new(),
+            not_covered: Vec::new(),
             gaps: Vec::new(),
             not_started: Vec::new(),
             is_cut_short: false,
             second_parameter: None,
             curves: Vec::new(),
         }
+    }
+}
+
+/// Parts of a range up to this share of it are no gap between branches: orbits beside a special point are a step away from it.
+const NO_PART: f64 = 1e-3;
+
+impl FoundBranches {
+    /// Parts of a range of the parameter that no branch covers.
+    pub(super) fn parts_not_covered(&self, (low, high): (f64, f64)) -> Vec<[f64; 2]> {
+        let mut covered: Vec<[f64; 2]> = self.branches.iter().filter_map(FoundBranch::range).collect();
+        covered.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        covered.push([high, high]);
+        let (mut parts, mut up_to) = (Vec::new(), low);
+        for [from, to] in covered {
+            if from - up_to > NO_PART * (high - low) {
+                parts.push([up_to, from]);
+            }
+            up_to = up_to.max(to);
+        }
+        parts
+    }
+}
+
+impl FoundBranch {
+    /// The smallest and the largest parameter of its orbits; `None` without orbits.
+    #[must_use]
+    pub fn range(&self) -> Option<[f64; 2]> {
+        let all = self.orbits.iter().map(|orbit| orbit.parameter);
+        let range = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], own| [low.min(own), high.max(own)]);
+        (!self.orbits.is_empty()).then_some(range)
     }
 }
 
@@ -223,7 +254,6 @@ impl FoundBranch {
             number: place + 1,
             origin: origin(branch.origin.clone()),
             periods: branch.sequence.periods,
-            events: branch.orbits.first().map_or(0, |_| branch.events()),
             ends: branch.ends.map(end),
             special_points: branch.specials.iter().map(|(n, special)| FoundSpecial::of(*n, special)).collect(),
             orbits: branch.orbits.iter().map(FoundOrbit::of).collect(),
@@ -250,7 +280,6 @@ impl FoundBranch {
             number: place + 1,
             origin: origin(branch.origin.clone()),
             periods: first.map_or(0, |orbit| orbit.section.periods),
-            events: first.map_or(0, |orbit| orbit.events),
             ends: branch.ends.map(end),
             special_points: branch.specials.iter().map(special).collect::<Result<_, Failure>>()?,
             orbits: branch.orbits.iter().map(orbit).collect::<Result<_, Failure>>()?,

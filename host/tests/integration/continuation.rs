@@ -32,6 +32,38 @@ fn the_shipped_continuation_finds_the_range_in_which_the_two_impact_motion_is_st
     assert!(found.branches.iter().any(|other| other.origin.ends_with("of branch 1")), "{:?}", found.branches.len());
 }
 
+#[test]
+fn the_range_of_a_branch_is_that_of_its_orbits_and_what_no_branch_covers_is_told() {
+    let found = Continuation::read(&shipped()).expect("valid").follow(&|_| true).expect("periodic");
+    let (mut covered, mut told) = (Vec::new(), found.not_covered.clone());
+    for branch in &found.branches {
+        let [low, high] = branch.range().expect("orbits");
+        assert!(branch.orbits.iter().all(|orbit| (low..=high).contains(&orbit.parameter)));
+        covered.push([low, high]);
+    }
+    // Both together are the range of the file, but for a thousandth of it.
+    let text = std::fs::read_to_string(shipped()).expect("shipped");
+    let number = |key: &str| -> f64 {
+        let line = text.lines().find(|line| line.starts_with(key)).expect("the key");
+        line.split('=')
+            .nth(1)
+            .and_then(|value| value.split('#').next())
+            .expect("a value")
+            .trim()
+            .parse()
+            .expect("a number")
+    };
+    let (from, to) = (number("from"), number("to"));
+    told.extend(covered);
+    told.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut up_to = from;
+    for [low, high] in told {
+        assert!(low <= up_to + 1.001e-3 * (to - from), "{low} after {up_to}");
+        up_to = up_to.max(high);
+    }
+    assert!(up_to >= to - 1.001e-3 * (to - from), "{up_to}");
+}
+
 /// The message about the shipped file with a replacement.
 fn refusal(from: &str, to: &str) -> String {
     let text = std::fs::read_to_string(shipped()).expect("shipped");

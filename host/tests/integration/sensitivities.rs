@@ -93,6 +93,18 @@ clearance_m = 0.008
 wall = { kind = "voigt", stiffness_n_per_m = 8000, damping_n_s_per_m = 4, release = "zero_force" }
 "#;
 
+/// Friction between two places that starts at rest: with another participation of a mode they move against each other from the start.
+const MODES: &str = r#"
+places = ["low", "high"]
+base = { kind = "sine", amplitude_m = 0.001, frequency_hz = 3 }
+friction_damper = { place = "high", other_place = "low", force_n = 0.2 }
+run = { duration_s = 5 }
+mode = [
+    { frequency_hz = 3, damping_ratio = 0.01, participation_root_kg = 1.4, shape_per_root_kg = [0.6, 0.8] },
+    { frequency_hz = 7, damping_ratio = 0.02, participation_root_kg = 0.2, shape_per_root_kg = [0.8, -0.6] },
+]
+"#;
+
 #[test]
 fn sensitivities_of_a_run_are_the_relative_changes_between_two_simulations() {
     let shipped = |name: &str| (case(name), std::fs::read_to_string(case(name)).expect("it is shipped"));
@@ -103,6 +115,7 @@ fn sensitivities_of_a_run_are_the_relative_changes_between_two_simulations() {
         (inline(FREE), &[][..], &["particle.wall.exponent", "particle.inclination_deg", "initial.x_m"][..]),
         (inline(PULSE), &[], &["force.duration_s", "particle.wall.stiffness_n_per_m", "friction_damper.force_n"]),
         (shipped("record.toml"), &[], &["structure.natural_frequency_hz", "particle.clearance_m"]),
+        (inline(MODES), &[], &["mode.1.frequency_hz", "friction_damper.force_n"]),
         (shipped("frame.toml"), &["run.duration_s=6"], &["storey.2.stiffness_n_per_m", "friction_damper.1.force_n"]),
     ];
     for ((path, text), set, keys) in cases {
@@ -118,6 +131,10 @@ fn sensitivities_of_a_run_are_the_relative_changes_between_two_simulations() {
         let found = found.sensitivities.unwrap_or_else(|| panic!("{name}: {:?}", found.no_sensitivities));
         let of: Vec<&str> = found.of.iter().map(|of| of.key.as_str()).collect();
         assert!(keys.iter().all(|key| of.contains(key)) && !of.contains(&"particle.offset_m"), "{name}: {of:?}");
+        let grazing = found.run.as_ref().map(|run| run.grazing.as_slice()).unwrap_or_default();
+        let expected: &[&str] =
+            if text == MODES { &["mode.1.participation_root_kg", "mode.2.participation_root_kg"] } else { &[] };
+        assert_eq!(grazing, expected, "{name}");
         for of in &found.of {
             let step = of.holds_within.map_or(1e-5, |within| (0.1 * within).min(1e-5));
             let at = |by: f64| {

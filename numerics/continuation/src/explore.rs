@@ -8,7 +8,7 @@ use crate::branch::{BranchEnd, Steps};
 use crate::follower::{Follower, Point};
 use crate::orbit::Orbit;
 use crate::parameter::Parameter;
-use crate::sequence::{Guard, Sequence};
+use crate::sequence::Sequence;
 use crate::special::{Special, SpecialKind};
 use crate::start::{NoStart, Start};
 use crate::system::System;
@@ -247,12 +247,6 @@ impl Diagram {
 }
 
 impl Branch {
-    /// Number of events in an orbit.
-    #[must_use]
-    pub fn events(&self) -> usize {
-        self.sequence.segments.iter().filter(|segment| !matches!(segment.end, Guard::Turn(_))).count()
-    }
-
     /// Whether the parameter passes `value` along the branch on stable orbits.
     fn covers(&self, value: f64) -> bool {
         self.orbits.windows(2).any(|pair| {

@@ -62,7 +62,8 @@ mod system;
 
 pub use course::Course;
 pub use derivatives::{
-    Derivatives, Derived, DerivedImpact, Drive, Largest, MotionCase, NoDerivatives, Orbit, Returned, Section, Varied,
+    Derivatives, Derived, DerivedImpact, Drive, GRAZING, Largest, MotionCase, NoDerivatives, Orbit, Returned, Section,
+    Varied,
 };
 pub use describe::{Beam, Damping, MAX_MODES, Storey, Support};
 pub use energy::EnergyBook;

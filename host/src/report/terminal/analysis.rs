@@ -119,11 +119,15 @@ fn sensitivities(found: &Sensitivities) -> String {
             "\n  Beyond that change events come in another order, are lost or gained; small ones hardly change a result."
         }
     };
-    if let Some(run) = found.run.as_ref().filter(|run| !run.left_out.is_empty()) {
-        text += &format!(
-            "\n  Left out, as 0.3 % more or less of them makes another case or none: {}.",
-            run.left_out.join(", ")
-        );
+    for (why, keys) in found.run.iter().flat_map(|run| {
+        [
+            ("0.3 % more or less of them makes another case or none", &run.left_out),
+            ("any change of them, however small, changes the sequence of events", &run.grazing),
+        ]
+    }) {
+        if !keys.is_empty() {
+            text += &format!("\n  Left out, as {why}: {}.", keys.join(", "));
+        }
     }
     let ties = [(found.is_tie, "|x| is largest at two places"), (found.is_speed_tie, "Two impacts are the fastest")];
     for (_, what) in ties.iter().filter(|(is_tie, _)| *is_tie) {

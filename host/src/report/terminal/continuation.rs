@@ -9,12 +9,12 @@ use crate::report::numbers::significant;
 pub fn text(found: &FoundBranches) -> String {
     let mut branches = table(&["Branch", "From", "To", "Periods", "Impacts", "Orbits", "Stable", "Ends"]);
     for branch in &found.branches {
-        let (Some(first), Some(last)) = (branch.orbits.first(), branch.orbits.last()) else { continue };
+        let (Some(first), Some([low, high])) = (branch.orbits.first(), branch.range()) else { continue };
         let stable = branch.orbits.iter().filter(|orbit| orbit.is_stable).count();
         branches.add_row([
             branch.number.to_string(),
-            significant(first.parameter, 6),
-            significant(last.parameter, 6),
+            significant(low, 6),
+            significant(high, 6),
             branch.periods.to_string(),
             first.impacts.to_string(),
             branch.orbits.len().to_string(),
@@ -51,6 +51,10 @@ pub fn text(found: &FoundBranches) -> String {
     if let Some(second) = &found.second_parameter {
         text.push_str(&format!("\n\nCurves in {} and {second}\n", found.parameter));
         text.push_str(&curves(found).to_string());
+    }
+    for [from, to] in &found.not_covered {
+        let [from, to] = [from, to].map(|end| significant(*end, 6));
+        text.push_str(&format!("\nNo orbit was found from {} = {from} to {to}", found.parameter));
     }
     for gap in &found.gaps {
         text.push_str(&format!("\nNo orbit from {} = {}: {}", found.parameter, significant(gap.parameter, 6), gap.why));

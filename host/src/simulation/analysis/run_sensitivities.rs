@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_motion::placed_motion::powers;
-use damprig_structures::{Derived, Drive, MotionCase, NoDerivatives, SetUp, State, Varied};
+use damprig_structures::{Derived, Drive, GRAZING, MotionCase, NoDerivatives, SetUp, State, Varied};
 
 use super::sensitivities::{RunKeys, Sensitivities, Sensitivity};
 use crate::failure::Failure;
@@ -98,8 +98,12 @@ impl Sensitivities {
         if x.of.value == 0.0 {
             return Err("none: x is 0 all the time".into());
         }
-        let mut of = Vec::new();
+        let (mut of, mut grazing) = (Vec::new(), Vec::new());
         for (p, key) in keys.into_iter().enumerate() {
+            if found.holds_within[p] < GRAZING {
+                grazing.push(key);
+                continue;
+            }
             let value = varied[p].value;
             let relative = |of: &Derived| of.by[p] * value / of.value;
             let (max_abs_x, rms_x) = (relative(&x.of), relative(rms));
@@ -113,7 +117,7 @@ impl Sensitivities {
         if of.is_empty() {
             return Err("none: no number of the case changes x".into());
         }
-        let part = Some(RunKeys { repeats_after, multipliers, left_out });
+        let part = Some(RunKeys { repeats_after, multipliers, left_out, grazing });
         Ok(Self::sorted(of, part, [x.is_tie, fastest.is_some_and(|fastest| fastest.is_tie)]))
     }
 }

@@ -53,6 +53,8 @@ pub struct RunKeys {
     pub multipliers: Vec<[f64; 2]>,
     /// Keys of numbers with which the case is another one or refused where they are 0.3 % larger or smaller: counts, places that fall together.
     pub left_out: Vec<String>,
+    /// Keys of numbers of which any change, however small, changes the sequence of events: a motion that grazes, or friction that holds by nothing.
+    pub grazing: Vec<String>,
 }
 
 /// The sensitivities of the results of a periodic motion, whose quantities keep their values in SI units but for stiffness and dashpot of the

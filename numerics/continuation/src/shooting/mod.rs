@@ -76,7 +76,7 @@ pub struct StructureOrbit {
     pub multipliers: Vec<Complex<f64>>,
     /// Approach speed of each impact, m/s.
     pub approach_speeds_m_per_s: Vec<f64>,
-    /// Number of its events.
+    /// Number of its events, of each kind up to [`MANY`](damprig_structures::Returned::MANY).
     pub events: usize,
 }
 

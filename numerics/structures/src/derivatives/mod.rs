@@ -27,6 +27,7 @@ use damprig_core::integrator::exact::Excitation;
 use follow::Purpose;
 
 pub use periods::Section;
+pub use result::GRAZING;
 pub use returned::Returned;
 
 use crate::bodies::dot;
@@ -113,7 +114,8 @@ pub struct Derivatives {
     /// Largest growth of a small disturbance of the start, by the norm of the kinetic energy of displacements at the lowest natural frequency and of
     /// velocities.
     pub growth: f64,
-    /// Of each quantity the relative change within which, to first order, the sequence of events stays; infinite if no change ends it.
+    /// Of each quantity the relative change within which, to first order, the sequence of events stays; infinite if no change ends it. Below [`GRAZING`]
+    /// the derivatives by that quantity say nothing.
     pub holds_within: Vec<f64>,
 }
 
@@ -192,12 +194,12 @@ pub enum NoDerivatives {
         /// What there is more or less of.
         what: &'static str,
     },
-    /// A small change of a quantity removes an event or adds one.
+    /// A small change of any of the quantities removes an event or adds one.
     #[error(
-        "no derivatives: a relative change of {change:.0e} of a parameter changes the sequence of events (grazing)"
+        "no derivatives: a relative change of {change:.0e} of any parameter changes the sequence of events (grazing)"
     )]
     Grazing {
-        /// The smallest such relative change.
+        /// The largest of the relative changes that do so.
         change: f64,
     },
     /// Small disturbances grow so much that rounding is no longer small.

@@ -8,7 +8,7 @@ use super::{Derivatives, Derived, DerivedImpact, Largest, NoDerivatives, Varied}
 
 /// A motion changes its events within this relative change of a quantity: it is said to graze. Chosen: a derivative that holds for less says nothing
 /// about a design.
-const GRAZING: f64 = 1e-6;
+pub const GRAZING: f64 = 1e-6;
 
 /// Two values are equally large within this share of them.
 const TIE: f64 = 1e-9;
@@ -39,8 +39,8 @@ impl Follower<'_> {
 
     pub(super) fn result(self, growth: f64, varied: &[Varied]) -> Result<Derivatives, NoDerivatives> {
         let holds_within = self.holds_within();
-        let change = holds_within.iter().copied().fold(f64::INFINITY, f64::min);
-        if change < GRAZING {
+        let change = holds_within.iter().copied().fold(0.0, f64::max);
+        if !holds_within.is_empty() && change < GRAZING {
             return Err(NoDerivatives::Grazing { change });
         }
         let derived = |of: &Sloped| {
