@@ -153,7 +153,8 @@ fn keys_of_file(s: &Section) -> (Option<Text>, Spec) {
         && unit.kind != quantity.kind()
         && unit.kind != UnitKind::Voltage
     {
-        s.reject(base_record::UNIT.name(), format!("must be {}", unit_list(quantity)), None);
+        let allowed = format!("must be {}: the quantity is {}", unit_list(quantity), quantity.name());
+        s.reject(base_record::UNIT.name(), allowed, None);
     }
     let sensitivity = s.text_of(&base_record::SENSITIVITY).and_then(|text| {
         let read = text.value.parse::<SensorSensitivity>();

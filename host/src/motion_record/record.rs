@@ -27,6 +27,14 @@ pub enum RecordQuantity {
 }
 
 impl RecordQuantity {
+    /// As files spell it.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Acceleration => "acceleration",
+            Self::Displacement => "displacement",
+        }
+    }
+
     /// The kind of a signal that is a record of it.
     pub(super) fn kind(self) -> UnitKind {
         match self {

@@ -50,7 +50,7 @@ pub(super) fn read(source: &Source, name: &str, values: &SetValues) -> Option<Ca
         |own| {
             for (span, allowed) in set_values::put(own, values, "") {
                 source.report(Problem {
-                    title: "a value is set of no table of a list".into(),
+                    title: "a value is set in a table that the file does not have".into(),
                     span,
                     allowed,
                     help: None,

@@ -152,8 +152,11 @@ pub(super) fn put<'t>(own: &mut DeTable<'t>, values: &DeTable<'t>, path: &str) -
                 }
             }
             (Some(DeValue::Array(list)), DeValue::Table(_)) if !list.is_empty() => {
-                let count = list.len();
-                lost.push((key.span(), format!("there are {count} of it: write {inside}.1 to {inside}.{count}")));
+                let which = match list.len() {
+                    1 => format!("the file has one: write {inside}.1"),
+                    count => format!("the file has {count}: write {inside}.1 to {inside}.{count}"),
+                };
+                lost.push((key.span(), which));
             }
             _ => {
                 own.insert(key.clone(), Spanned::clone(value));

@@ -94,7 +94,7 @@ fn read_storeys(root: &Section, modal_damping: Option<f64>) -> Option<(Described
         if names.contains(&place) {
             let help = Some("give each floor a name of its own".into());
             match name {
-                Some(name) => s.refuse(storey::NAME.name(), &name.span, "must be the name of one floor", help),
+                Some(name) => s.refuse(storey::NAME.name(), &name.span, "is the name of another floor too", help),
                 None => s.reject(storey::NAME.name(), format!("another floor has the name {place:?}"), help),
             }
         }
@@ -191,7 +191,8 @@ fn names_of(root: &Section, names: Vec<Text>) -> Option<Vec<String>> {
     }
     for (n, name) in names.iter().enumerate() {
         if names[..n].iter().any(|other| other.value == name.value) {
-            root.refuse(description::PLACES.name(), &name.span, "must be the name of one place", None);
+            let help = Some("give each place a name of its own".into());
+            root.refuse(description::PLACES.name(), &name.span, "is the name of another place too", help);
             return None;
         }
     }
@@ -226,7 +227,34 @@ fn read_matrices(root: &Section, names: Vec<Text>) -> Option<(Described, Places)
         return None;
     }
     let read = Matrices { mass_kg: mass?, stiffness_n_per_m: stiffness?, damping: damping?, influence };
-    Some((Described::Matrices(read), Places::Named(names_of(root, names)?)))
+    let names = names_of(root, names)?;
+    let described = Described::Matrices(read);
+    let places = Places::Named(names);
+    if let Err(refused) = described.modes(&places)
+        && let Some((key, help)) = wrong_matrix(&refused)
+    {
+        s.reject(key, refused.to_string(), Some(help.into()));
+        return None;
+    }
+    Some((described, places))
+}
+
+/// The key of the matrix that is no one of a structure, and what to do; `None` where it is no matrix.
+fn wrong_matrix(refused: &Refused) -> Option<(&'static str, &'static str)> {
+    let of = |what: &str| match what {
+        "the mass matrix" => matrices::MASS.name(),
+        "the stiffness matrix" => matrices::STIFFNESS.name(),
+        _ => matrices::DAMPING.keys[2].name,
+    };
+    Some(match refused {
+        Refused::NotSymmetric { what, .. } => (of(what), "correct the entry; of a measured matrix take (A + Aᵀ)/2"),
+        Refused::NotDefinite(what) => (of(what), "condense the places without mass, or give them one"),
+        Refused::Unsupported => (matrices::STIFFNESS.name(), "hold every part by a spring to the base"),
+        Refused::NegativeDamping => {
+            (matrices::DAMPING.keys[2].name, "correct the matrix; of a measured one take (C + Cᵀ)/2")
+        }
+        _ => return None,
+    })
 }
 
 /// The participation of every mode is needed where the base moves; `help` names another way.

@@ -125,10 +125,33 @@ fn a_matrix_that_is_none_is_refused_with_its_line() {
     refused("m.csv", "100,0\n0\n", &["matrices.mass_file", "line 2", "2 numbers", "has 1"]);
     refused("m.csv", "100,0\n0,x\n", &["line 2, column 2", "\"x\""]);
     refused("m.csv", "100,0\n", &["2 lines", "has 1"]);
-    refused("m.csv", "100,0\n0,0\n", &["the mass matrix", "positive definite", "no mass"]);
-    refused("k.csv", "9e4,-4e4\n-3e4,4e4\n", &["the stiffness matrix", "row 2, column 1", "symmetric"]);
-    refused("k.csv", "4e4,-4e4\n-4e4,4e4\n", &["not held by any spring"]);
-    refused("c.csv", "-180,80\n80,-80\n", &["damping has a negative part"]);
+    refused("m.csv", "100,0\n0,0\n", &["`matrices.mass_file` = \"m.csv\"", "positive definite", "no mass", "condense"]);
+    refused(
+        "k.csv",
+        "9e4,-4e4\n-3e4,4e4\n",
+        &["`matrices.stiffness_file` = \"k.csv\"", "row 2, column 1", "symmetric"],
+    );
+    refused("k.csv", "4e4,-4e4\n-4e4,4e4\n", &["`matrices.stiffness_file`", "not held by any spring"]);
+    refused("c.csv", "-180,80\n80,-80\n", &["`matrices.damping_file`", "damping has a negative part"]);
+}
+
+#[test]
+fn a_sine_far_from_all_modes_is_warned_of_and_a_particle_has_its_mass_ratio() {
+    let folder = folder(&MATRICES);
+    let case = of_matrices("damping_file = \"c.csv\"") + PARTICLE;
+    let said = |k: &str| {
+        std::fs::write(folder.path().join("k.csv"), k).unwrap();
+        std::fs::write(folder.path().join("case.toml"), &case).unwrap();
+        let output = damprig(&folder).args(["simulate", "case.toml"]).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        [output.stderr, output.stdout].map(|bytes| String::from_utf8(bytes).unwrap())
+    };
+    let [warned, text] = said("9e4,-4e4\n-4e4,4e4\n");
+    assert!(!warned.contains("far from all modes"), "{warned}");
+    assert!(text.contains("(mass ratio "), "{text}");
+    // Newtons per millimetre in place of per metre.
+    let [warned, _] = said("90,-40\n-40,40\n");
+    assert!(warned.contains("far from all modes") && warned.contains("check the units"), "{warned}");
 }
 
 #[test]

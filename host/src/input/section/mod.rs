@@ -242,11 +242,8 @@ impl<'a> Section<'a> {
         let value = self.value(key)?;
         let Some(own) = value.get_ref().as_table() else {
             let help = Some(format!("write `[{}]` or `{key} = {{ … }}`", self.full(key)));
-            let allowed = if value.get_ref().is_array() {
-                "must be one table: it has no list of them"
-            } else {
-                "must be a table"
-            };
+            let allowed =
+                if value.get_ref().is_array() { "must be one table, no list of them" } else { "must be a table" };
             self.refuse(key, &value.span(), allowed, help);
             return None;
         };

@@ -6,6 +6,7 @@ use crate::report::describe;
 use crate::report::numbers::{millimetres, significant};
 use crate::simulation::multi_degree::MultiDegree;
 use crate::simulation::multi_degree::measure::{DamperResult, ModeShare, PlaceResult, PlacesResult};
+use crate::structure::at_place;
 
 /// Most modes that are listed.
 const LISTED: usize = 5;
@@ -30,6 +31,11 @@ pub fn set_up(several: &MultiDegree) -> Vec<(&'static str, String)> {
         ("modes", format!("{}: {frequencies} Hz, ζ = {ratios}", modes.len())),
     ];
     let place = |number: usize| format!("at {}", several.places[number]);
+    // Of the lowest mode that moves the place, as the key `mass_ratio`.
+    let mass_ratio = |number: usize, mass_kg: f64| {
+        let structure = at_place(&set_up.structure, number);
+        structure.map_or(String::new(), |of| format!(" (mass ratio {})", significant(mass_kg / of.mass_kg, 3)))
+    };
     for damper in &set_up.impact_dampers {
         let particle = &damper.particle;
         let friction = match particle.friction_coefficient {
@@ -39,9 +45,10 @@ pub fn set_up(several: &MultiDegree) -> Vec<(&'static str, String)> {
         lines.push((
             "particle",
             format!(
-                "{}: {} kg, d = {}, {}{friction}",
+                "{}: {} kg{}, d = {}, {}{friction}",
                 place(damper.place),
                 significant(particle.mass_kg, 4),
+                mass_ratio(damper.place, particle.mass_kg),
                 millimetres(particle.clearance_m),
                 describe::walls_with(particle, damper.piezoelectric)
             ),
@@ -58,9 +65,10 @@ pub fn set_up(several: &MultiDegree) -> Vec<(&'static str, String)> {
         lines.push((
             "tuned mass",
             format!(
-                "{}: {} kg, {} Hz, ζ1 = {}",
+                "{}: {} kg{}, {} Hz, ζ1 = {}",
                 place(tuned.place),
                 significant(tmd.mass_kg, 4),
+                mass_ratio(tuned.place, tmd.mass_kg),
                 significant(own / TAU, 5),
                 significant(tmd.damping_n_s_per_m / (2.0 * tmd.mass_kg * own), 4)
             ),

@@ -3,6 +3,8 @@
 mod dampers;
 mod start;
 
+use std::f64::consts::TAU;
+
 use damprig_core::integrator::exact::Excitation;
 use damprig_structures::{Body, HarmonicForce, Refused, SetUp, State};
 
@@ -60,6 +62,7 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
         None
     })?;
     let lowest = modes.modes.iter().map(|mode| mode.angular_frequency_rad_per_s).fold(f64::INFINITY, f64::min);
+    let highest = modes.modes.iter().map(|mode| mode.angular_frequency_rad_per_s).fold(0.0, f64::max);
     let (excitation, record) = match excitation.on(lowest) {
         CaseExcitation::ClosedForm(excitation) | CaseExcitation::FrequencyRatio(excitation) => (excitation, None),
         CaseExcitation::Recorded(record) => (Excitation::Fixed, Some(record)),
@@ -108,7 +111,14 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
         run,
         multi_degree: Some(multi_degree),
     };
-    if let Err(refused) = case.multi_degree.as_ref().map_or(Ok(()), |several| driver::check(&case, several)) {
+    if let Some(period_s) = case.drive_period_s() {
+        warn_if_far_from_modes(root, 1.0 / period_s, [lowest, highest].map(|omega| omega / TAU));
+    }
+    // What is wrong with a key has been told at the key.
+    if root.source().is_clean()
+        && let Some(several) = &case.multi_degree
+        && let Err(refused) = driver::check(&case, several)
+    {
         return refuse(root, key, &refused);
     }
     if let Some(section) = &run_section {
@@ -174,6 +184,24 @@ fn refuse_others(root: &Section) {
             help: Some(format!("leave out `{first}` or `{name}`")),
         });
     }
+}
+
+/// A sine below this share of the lowest natural frequency, or above this multiple of the highest, is unusual.
+const USUAL_SHARE: f64 = 1.0 / 30.0;
+const USUAL_MULTIPLE: f64 = 2.0;
+
+/// Warns of a sine that is far from all modes, whose lowest and highest frequencies are given.
+fn warn_if_far_from_modes(root: &Section, drive_hz: f64, [lowest_hz, highest_hz]: [f64; 2]) {
+    if (USUAL_SHARE * lowest_hz..=USUAL_MULTIPLE * highest_hz).contains(&drive_hz) {
+        return;
+    }
+    let key = if root.is_given(&case::BASE) { case::BASE.name() } else { case::FORCE.name() };
+    root.source().warn(Problem {
+        title: format!("`{key}` drives at {drive_hz:.4} Hz, far from all modes"),
+        span: root.span_of(key),
+        allowed: format!("the structure has its modes from {lowest_hz:.4} Hz to {highest_hz:.4} Hz: it hardly moves, or modes that would are not in it"),
+        help: Some("check the units of the structure; the case is simulated as it is".into()),
+    });
 }
 
 /// Reports why a set-up is refused.

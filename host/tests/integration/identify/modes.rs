@@ -94,6 +94,7 @@ fn what_cannot_be_is_refused_with_what_to_do() {
         (&["tip=h.csv#9"], &["no signal \"9\""]),
         (&[upside_down], &["which must be greater than 0", "PLACE=-FILE"]),
         (&["tip=h.csv#1", "--near-hz", "93,150"], &["150", "astray"]),
+        (&["tip=h.csv#1", "--near-hz", "93,5000"], &["--near-hz 5000", "within the lines"]),
         (&["tip=h.csv#1", "--near-hz", "93", "--from-hz", "92", "--to-hz", "94"], &["lines in the band"]),
     ];
     for (arguments, words) in cases {

@@ -123,10 +123,15 @@ pub fn identify(places: &[FrequencyResponse], driven: usize, near_hz: &[f64], ba
             LINES_PER_MODE * (near_hz.len() + 1)
         )));
     }
-    let band_hz = [
+    let band_hz @ [low_hz, high_hz] = [
         lines.iter().map(|own| own[0].frequency_hz).fold(f64::INFINITY, f64::min),
         lines.iter().map(|own| own[own.len() - 1].frequency_hz).fold(0.0, f64::max),
     ];
+    if let Some(outside) = near_hz.iter().find(|hz| !(low_hz..=high_hz).contains(*hz)) {
+        return Err(Refused(format!(
+            "--near-hz {outside}: must be within the lines, from {low_hz:.4} Hz to {high_hz:.4} Hz"
+        )));
+    }
     let middle_hz = (band_hz[0] * band_hz[1]).sqrt();
     let places: Vec<Place> =
         places.iter().zip(lines).map(|(response, lines)| Place::new(response, lines, middle_hz)).collect();
