@@ -21,7 +21,7 @@ const MAX_SIDE_M: f64 = 100.0;
 /// Of the amplitude of the base's motion.
 const UNLESS_STATED: Need = RequiredUnless("`base_amplitude_m` at the top gives it");
 
-const ANGULAR: Key = number("angular_frequency_rad_per_s", Positive, "Ω, the angular frequency").usual(0.6, 630.0);
+const ANGULAR: Key = number("angular_frequency_rad_per_s", Positive, "Ω, the angular frequency").usual(0.6, 12_566.0);
 const HERTZ: Key = number("frequency_hz", Positive, "Ω/2π, the frequency").usual(0.1, 2000.0);
 const FREQUENCY_RATIO: Key =
     number("frequency_ratio", Positive, "Ω/ωn, the frequency over the structure's natural one").usual(0.05, 20.0);

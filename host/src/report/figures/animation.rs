@@ -57,6 +57,7 @@ pub fn draw(case: &Case, frames: &Frames) -> Result<Picture, Failure> {
     let mut picture = Picture::new(WIDTH, stage.height() + 30.0);
     picture.text(&format!("{}: {}", case.name, describe::excitation(case)), (24.0, 22.0), Font::new(TITLE, INK));
     picture.text(&stage.caption(), (24.0, 42.0), Font::new(LABEL, GREY));
+    picture.text(&stage.notes(), (24.0, 58.0), Font::new(LABEL, GREY));
     stage.draw(&mut picture);
     Ok(picture)
 }
@@ -134,23 +135,21 @@ impl<'a> Scene<'a> {
         let from_s = self.frames.from_s();
         let (from, to) = (significant(from_s, 5), significant(from_s + length_s, 5));
         let millimetres = if self.scale > 0.0 { LARGEST / self.scale * 1e3 } else { 0.0 };
-        let cavities = if self.particles().is_empty() { "" } else { "; cavities have a scale of their own" };
         let largest = significant(millimetres, 4);
-        format!("{from} s to {to} s, {speed}; largest displacement {largest} mm{cavities}{}", self.not_drawn())
+        format!("{from} s to {to} s, {speed}; largest displacement {largest} mm")
     }
 
-    /// What acts and is not drawn.
-    fn not_drawn(&self) -> &'static str {
+    /// What has another scale, and what acts and is not drawn.
+    fn notes(&self) -> String {
         let several = self.case.multi_degree.as_ref();
         let has_friction = match several {
             Some(of) => !of.set_up.friction_dampers.is_empty(),
             None => self.case.set_up.friction_damper.is_some(),
         };
-        match (has_friction, self.case.many_particles.is_some()) {
-            (true, _) => "; friction dampers are not drawn",
-            (_, true) => "; the spheres are not drawn",
-            _ => "",
-        }
+        let cavities = (!self.particles().is_empty()).then_some("cavities have a scale of their own");
+        let friction = has_friction.then_some("friction dampers are not drawn");
+        let spheres = self.case.many_particles.is_some().then_some("the spheres are not drawn");
+        cavities.into_iter().chain(friction).chain(spheres).collect::<Vec<_>>().join("; ")
     }
 
     /// Place and cavity of each particle: the ends of y − x, m.

@@ -90,7 +90,7 @@ impl Sensitivities {
             Ok(orbit) => (orbit.derivatives, Some(orbit.periods), orbit.multipliers),
             Err(NoDerivatives::Stopped) => return Err(NoDerivatives::Stopped.to_string()),
             // A run has derivatives too where a body that takes no part may be anywhere.
-            Err(_) => (motion.derivatives(&varied, goes_on).map_err(|why| why.to_string())?, None, Vec::new()),
+            Err(_) => (motion.derivatives(&varied, goes_on).map_err(|why| told(&why, case))?, None, Vec::new()),
         };
         let place = case.multi_degree.as_ref().map_or(0, |of| of.observed);
         let (x, rms, fastest) =
@@ -119,6 +119,16 @@ impl Sensitivities {
         }
         let part = Some(RunKeys { repeats_after, multipliers, left_out, grazing });
         Ok(Self::sorted(of, part, [x.is_tie, fastest.is_some_and(|fastest| fastest.is_tie)]))
+    }
+}
+
+/// Why there are none, and what may help.
+fn told(why: &NoDerivatives, case: &Case) -> String {
+    match why {
+        NoDerivatives::Growth { .. } if case.is_under_a_sine() => {
+            format!("{why}; a longer run may end on a periodic motion, which has them")
+        }
+        _ => why.to_string(),
     }
 }
 

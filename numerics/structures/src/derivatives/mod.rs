@@ -204,7 +204,7 @@ pub enum NoDerivatives {
     },
     /// Small disturbances grow so much that rounding is no longer small.
     #[error(
-        "no derivatives: disturbances grow {growth:.0e} times over the motion, which is chaotic, or passes through chaos; a longer run may end on a periodic motion, which has them"
+        "no derivatives: disturbances grow {growth:.0e} times over the motion, which is chaotic, or passes through chaos"
     )]
     Growth {
         /// The growth.
