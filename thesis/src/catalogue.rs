@@ -284,12 +284,12 @@ fn read_item(s: &Section, folder: &Path) -> Option<Item> {
 /// A name that can be that of a folder.
 fn name_of(s: &Section, text: Option<Text>) -> Option<String> {
     let text = text?;
-    let is_sound = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+    let is_valid = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     if text.value == super::files::FOLDER {
         s.refuse("name", &text.span, "is the name of the folder with the files", None);
         return None;
     }
-    if text.value.is_empty() || text.value.starts_with('-') || !text.value.chars().all(is_sound) {
+    if text.value.is_empty() || text.value.starts_with('-') || !text.value.chars().all(is_valid) {
         s.refuse("name", &text.span, "must have small letters, digits and hyphens only", None);
         return None;
     }

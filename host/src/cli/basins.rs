@@ -17,7 +17,7 @@ use crate::report::numbers::significant;
 use crate::simulation::case::default_name;
 use crate::simulation::{Case, SetValues};
 use crate::storage::create_folder;
-use crate::study::basins::{self, Grid, LEAST_CYCLES, MAX_PERIODS};
+use crate::study::basins::{self, Grid, MAX_PERIODS, MIN_CYCLES};
 use crate::study::bifurcation::SweepAxis;
 
 /// Draws basins of attraction: which motion each start of a grid ends on.
@@ -33,7 +33,7 @@ pub struct BasinsArgs {
     axis: Vec<SweepAxis>,
 
     /// Most cycles of a start; a motion that has not settled by then has no attractor
-    #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(i64::from(LEAST_CYCLES)..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(i64::from(MIN_CYCLES)..=1_000_000))]
     cycles: u32,
 
     #[command(flatten)]

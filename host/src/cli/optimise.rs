@@ -15,7 +15,7 @@ use crate::optimise::evaluate::Evaluated;
 use crate::optimise::run::{self, Reached};
 use crate::optimise::{Optimisation, table};
 use crate::report::numbers::{about, duration, significant};
-use crate::report::{optimum_files, terminal};
+use crate::report::{documents, optimum_files};
 
 /// Looks for the values of a case's keys at which a metric is best over a band, and says how sure they are.
 #[derive(Debug, Args)]
@@ -68,7 +68,7 @@ pub fn run(args: &OptimiseArgs) -> Outcome {
     }
     let cores = rayon::current_num_threads();
     let estimate_s = run::estimate_s(&optimisation)? / cores as f64;
-    let scope = format!("{}; {} on {cores} cores", terminal::optimise::scope(&optimisation), about(estimate_s));
+    let scope = format!("{}; {} on {cores} cores", documents::optimum::scope(&optimisation), about(estimate_s));
     if args.dry_run {
         say!("{scope}");
         return Ok(());
@@ -88,7 +88,7 @@ pub fn run(args: &OptimiseArgs) -> Outcome {
     let (found, answer) = run::run(&optimisation, &report)?;
     bar.end();
     args.json.print(&answer)?;
-    say!("{}", terminal::optimise::answer(&optimisation, &answer));
+    say!("{}", documents::optimum::answer(&optimisation, &answer));
     let took = duration(start.elapsed().as_secs_f64());
     say!("\n{} points, {} simulations in {took}", answer.evaluations, answer.simulations);
     if let Some(folder) = &args.out {
@@ -105,7 +105,7 @@ pub fn run(args: &OptimiseArgs) -> Outcome {
         return Err(Failure::Interrupted(format!("stopped after {done} of {all} points; the best so far is above")));
     }
     if !answer.is_feasible {
-        return Err(Failure::Input(terminal::optimise::unkept(&optimisation, &answer, &file)));
+        return Err(Failure::Input(documents::optimum::unkept(&optimisation, &answer, &file)));
     }
     Ok(())
 }

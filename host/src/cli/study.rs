@@ -14,8 +14,8 @@ use super::study_work;
 use super::{basins, bifurcation};
 use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
+use crate::report::documents;
 use crate::report::numbers::{about, duration, significant};
-use crate::report::terminal;
 use crate::study::Study;
 use crate::study::data_set::{DataSet, StudyManifest};
 use crate::study::run::{self, StudyEnding, StudyProgress};
@@ -115,7 +115,7 @@ fn run_study(args: &StudyRunArgs) -> Outcome {
     let study = Study::read(&file)?;
     let cores = rayon::current_num_threads();
     let estimate_s = run::estimate_s(&study)? / cores as f64;
-    let scope = terminal::study::scope(&study, run::cycles(&study));
+    let scope = documents::study::scope(&study, run::cycles(&study));
     study.settling()?.iter().for_each(|text| warn!("warning: {text}"));
     if args.dry_run {
         say!("{scope}; parts: {}", StudyManifest::of(&study).parts());

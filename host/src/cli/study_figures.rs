@@ -10,9 +10,9 @@ use serde_json::{Value as Json, json};
 use super::arguments::JsonArg;
 use super::output::print_place;
 use crate::failure::{Failure, Outcome};
+use crate::report::documents;
 use crate::report::numbers::duration;
 use crate::report::study_files::{self, MAX_DRAWN};
-use crate::report::terminal;
 use crate::study::axis::AxisValue;
 use crate::study::data_set::{DataSet, TABLE};
 use crate::study::run::{self, StudyProgress};
@@ -66,14 +66,12 @@ pub(super) fn say_result(
     (table, start): (&Path, Instant),
     json: JsonArg,
 ) -> Outcome {
-    let mut summary = vec![terminal::study::scope(study, run::cycles(study))];
+    let scope = documents::study::scope(study, run::cycles(study));
     let took = duration(start.elapsed().as_secs_f64());
     if !json.is_given() {
         print_place(&format!("Table: {} ({} rows, {took})", table.display(), study.rows()));
     }
-    if let Some((row, value)) = progress.best {
-        summary.push(terminal::study::best(study, row, value));
-    } else {
+    if progress.best.is_none() {
         let column = evaluate::main_column(study, study.objective);
         warn!("warning: no point has a value of {column}");
     }
@@ -84,12 +82,11 @@ pub(super) fn say_result(
             progress.unresolved
         );
     }
-    let best = progress.best.map(|(row, _)| row);
     let parts = progress.without_digest;
     if parts > 0 {
         warn!("warning: {}", without_digest(parts));
     }
-    let drawn = study_files::write(study, data_set, best, &summary);
+    let drawn = study_files::write(study, data_set, progress.best, &scope);
     let complete = |error: &dyn std::fmt::Display| {
         let (table, again) = (data_set.store().path(TABLE), "`damprig study merge` draws it again");
         Failure::Failed(format!("{error}\n  {} is complete; {again}", table.display()))
@@ -103,10 +100,12 @@ pub(super) fn say_result(
     }
     let (page, sensitivity) = drawn.map(|drawn| (drawn.page, drawn.sensitivity)).unzip();
     let sensitivity = sensitivity.unwrap_or_default();
-    let texts: Vec<String> = sensitivity.iter().map(terminal::sensitivity::text).collect();
+    let found = documents::study::found(study, progress.best, &sensitivity);
     let best = progress.best.map(|best| Best::of(study, best));
     json.print(&StudyJson { name: &study.name, rows: study.rows(), table, best, sensitivity })?;
-    summary[1..].iter().chain(&texts).for_each(|text| say!("{text}"));
+    if !found.is_empty() {
+        say!("{found}");
+    }
     if let Some(page) = page {
         say!("Page:  {}", page.display());
     }

@@ -15,8 +15,8 @@ use super::study::{kept, place};
 use super::study_figures::{say_result, without_digest};
 use crate::failure::{Failure, Outcome};
 use crate::file_keys::FileKind;
+use crate::report::documents;
 use crate::report::numbers::duration;
-use crate::report::terminal;
 use crate::study::Study;
 use crate::study::data_set::{DataSet, ranges};
 use crate::study::inspect::{self, StudyParts};
@@ -85,7 +85,7 @@ pub(super) fn work(args: &WorkArgs) -> Outcome {
     let data_set = DataSet::open(&study, store)?;
     let ctrl_c = CtrlC::watch()?;
     let (parts, threads) = (data_set.manifest().parts(), rayon::current_num_threads());
-    say!("{}; parts: {parts}, threads: {threads}", terminal::study::scope(&study, run::cycles(&study)));
+    say!("{}; parts: {parts}, threads: {threads}", documents::study::scope(&study, run::cycles(&study)));
     let seen = |Done { part, rows, took_s }: Done| {
         let (now, last, took) = (clock(), rows.end - 1, duration(took_s));
         say!("{now}  part {part} of {parts}: rows {} to {last}, {took}", rows.start);
@@ -109,7 +109,7 @@ pub(super) fn status(args: &PlaceArgs) -> Outcome {
     let (study, data_set) = existing(args)?;
     let status = inspect::status(&study, &data_set)?;
     let (parts, all) = (&status.parts, data_set.manifest().parts());
-    say!("{}", terminal::study::scope(&study, run::cycles(&study)));
+    say!("{}", documents::study::scope(&study, run::cycles(&study)));
     say_parts(parts);
     say!("{} of {all} parts done, {} missing", parts.good, parts.missing.len());
     if parts.good == all {

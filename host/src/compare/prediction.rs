@@ -15,7 +15,7 @@ use super::{COVERAGE_FACTOR, ComparedMetric, PredictedQuantity, UncertainValue, 
 use crate::identify::sensors::rectangular;
 use crate::quantity::Quantity;
 
-/// Values of a prediction with their standard uncertainties, and whether neighbouring starts part.
+/// Values of a prediction with their standard uncertainties, and whether nearby trajectories diverge.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PredictedValues {
     pub(super) values: MetricValues,

@@ -46,7 +46,7 @@ impl ComparedRun<'_> {
         let is_own = |row: &&TransientRow| row.set_up == own.name && row.experiment == experiment.name;
         let Some(row) = self.state.transients().iter().find(is_own) else { return Vec::new() };
         let ticks = row.start_tick..row.end_tick;
-        let is_sound = row.end_tick > row.start_tick && row.end_tick < u64::from(u32::MAX);
+        let is_valid = row.end_tick > row.start_tick && row.end_tick < u64::from(u32::MAX);
         let id = SegmentId { set_up: row.set_up.clone(), experiment: row.experiment.clone(), segment: row.segment };
         let samples = self.recorded.samples(&id, &(0..u64::MAX));
         let recorded = samples.as_ref();
@@ -54,7 +54,7 @@ impl ComparedRun<'_> {
         // The spring keeps its force during a transient.
         let spring = self.spring_force(own, models, recorded, &ticks, (&[], 0.0)).mean();
         let simulated = match (experiment.playback(), experiment.free_vibration()) {
-            _ if !is_sound || row.end_tick - row.start_tick > MAX_TICKS => None,
+            _ if !is_valid || row.end_tick - row.start_tick > MAX_TICKS => None,
             (Some(playback), _) => Some(self.playback(playback, (models, &spring), recorded, (&ticks, noise_m))),
             (None, Some(free)) => self.release(free, (models, &spring), (row, noise_m)),
             (None, None) => None,

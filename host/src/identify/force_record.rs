@@ -99,9 +99,9 @@ fn fitted(t_s: &[f64], force_n: &[f64], above: std::ops::Range<usize>) -> Option
     let uncertainty_s = fit.value(2, fit.variance()).standard_uncertainty;
     let impulse_n_s = (1..t.len()).map(|n| 0.5 * (force[n] + force[n - 1]) * (t[n] - t[n - 1])).sum::<f64>();
     let peak_n = top_n(t_s, force_n, highest, TOP * time_s);
-    let is_sound = time_s > 0.0 && impulse_n_s > 0.0 && uncertainty_s.is_finite();
+    let is_valid = time_s > 0.0 && impulse_n_s > 0.0 && uncertainty_s.is_finite();
     let samples = time_s * (t.len() - 1) as f64 / (t[t.len() - 1] - t[0]);
-    is_sound.then_some(ForcePulse { time_s, uncertainty_s, peak_n, impulse_n_s, samples })
+    is_valid.then_some(ForcePulse { time_s, uncertainty_s, peak_n, impulse_n_s, samples })
 }
 
 /// Share of a contact on either side of its highest sample in which a half-sine is a parabola to 10⁻⁴ of its peak.

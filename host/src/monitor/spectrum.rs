@@ -21,7 +21,7 @@ const LONGEST_S: f64 = 17.0;
 const MIN_SAMPLES: usize = 128;
 
 /// Smallest amplitude that is told, m: below every sensor's resolution.
-const LEAST_M: f64 = 1e-9;
+const MIN_M: f64 = 1e-9;
 
 /// Spectra that are kept, and the time from one to the next.
 const MAX_SPECTRA: usize = 60;
@@ -91,7 +91,7 @@ impl Spectrum {
 }
 
 fn three_digits(amplitude_m: f64) -> f32 {
-    let amplitude_m = amplitude_m.max(LEAST_M);
+    let amplitude_m = amplitude_m.max(MIN_M);
     let scale = 10f64.powi(2 - amplitude_m.log10().floor() as i32);
     ((amplitude_m * scale).round() / scale) as f32
 }

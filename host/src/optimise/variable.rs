@@ -11,7 +11,7 @@ use crate::study::distribution::{self, Distribution};
 pub const TOLERANCE: f64 = 1e-3;
 
 /// Most values that a variable can have in steps.
-const MOST_STEPS: f64 = 1e6;
+const MAX_STEPS: f64 = 1e6;
 
 /// The values that can be made.
 #[derive(Clone, Debug, PartialEq)]
@@ -157,7 +157,7 @@ pub(super) fn read(s: &Section) -> Option<(StudyAxis, Variable)> {
         }
         (Some(step), None) => {
             let step = step?;
-            if step >= width || width / step > MOST_STEPS {
+            if step >= width || width / step > MAX_STEPS {
                 let allowed = format!("must be below the range, {width}, and at least a millionth of it");
                 s.reject(variable::STEP.name(), allowed, Some("it is in the unit of the key".into()));
                 return None;

@@ -1,7 +1,7 @@
 //! Results of runs and simulations for people and other programs: figures, the report page, exports and terminal
 //! text.
 //!
-//! `numbers`, `parameters`, `peak` and `describe` are the lowest layer, then [`plot`], then [`force_surface`], [`resonance`] and [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
+//! `numbers`, `parameters`, `peak`, `describe` and `text_table` are the lowest layer, then [`documents`] (what the terminal and a page show alike) and [`plot`], then [`force_surface`], [`resonance`] and [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
 //! other. The modules named after files write what a command leaves in its folder.
 
 pub mod backbone_table;
@@ -11,6 +11,7 @@ pub mod branch_table;
 pub mod case_files;
 pub mod compared;
 pub mod describe;
+pub mod documents;
 pub mod exports;
 pub mod figures;
 pub mod force_surface;
@@ -26,3 +27,4 @@ pub mod restitution_table;
 pub mod spectrum_table;
 pub mod study_files;
 pub mod terminal;
+pub mod text_table;

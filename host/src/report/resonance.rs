@@ -8,6 +8,7 @@ use crate::campaign::{Campaign, SteppedSine, TrackedResonance};
 use crate::identify::response::equivalent;
 use crate::identify::sensors::{self, Sensors};
 use crate::prediction::loops::{self, LoopPrediction, is_as_asked};
+use crate::report::documents::Rows;
 use crate::report::numbers::significant;
 use crate::run_folder::ResultRow;
 
@@ -199,7 +200,7 @@ impl TrackedCurve {
 }
 
 /// Columns of a table of the points: name and unit.
-pub const HEADS: [(&str, &str); 12] = [
+const HEADS: [(&str, &str); 12] = [
     ("set-up", ""),
     ("experiment", ""),
     ("at", ""),
@@ -214,9 +215,10 @@ pub const HEADS: [(&str, &str); 12] = [
     ("resonance", ""),
 ];
 
-/// Its rows.
+/// The measured points, a row each.
 #[must_use]
-pub fn cells(campaign: &Campaign, curves: &[TrackedCurve]) -> Vec<[String; HEADS.len()]> {
+pub fn table(campaign: &Campaign, curves: &[TrackedCurve]) -> Rows {
+    let mut rows = Rows::with_units(&HEADS);
     let row = |curve: &TrackedCurve, point: &TrackedPoint| {
         let zeta = 100.0 * point.damping_ratio;
         let half = |value: f64| if value.is_nan() { "–".into() } else { significant(value, 2) };
@@ -235,5 +237,8 @@ pub fn cells(campaign: &Campaign, curves: &[TrackedCurve]) -> Vec<[String; HEADS
             point.found.text().to_string(),
         ]
     };
-    curves.iter().flat_map(|curve| curve.measured.iter().map(move |point| row(curve, point))).collect()
+    for curve in curves {
+        curve.measured.iter().for_each(|point| rows.add(row(curve, point)));
+    }
+    rows
 }

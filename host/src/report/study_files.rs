@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use crate::continuation::FoundBranches;
 use crate::failure::Failure;
+use crate::report::documents;
 use crate::report::figures::sensitivity as indices;
 use crate::report::figures::study::{self, StudyFigure};
 use crate::report::page;
 use crate::report::plot;
-use crate::report::terminal;
 use crate::run_folder::schema::self_description::of_file;
 use crate::run_folder::sealed_parquet::{self, IDENTITY};
 use crate::study::Study;
@@ -38,7 +38,7 @@ pub struct DrawnFiles {
     pub undrawn: Vec<(String, String)>,
 }
 
-/// Reads the table, writes its figures and the page beside it. `best`: row of the best point; `summary`: what the page says first. `None`
+/// Reads the table, writes its figures and the page beside it. `best`: row and value of the best point; `scope`: what the page says first. `None`
 /// for a table of more than [`MAX_DRAWN`] rows.
 ///
 /// # Errors
@@ -46,8 +46,8 @@ pub struct DrawnFiles {
 pub fn write(
     study: &Study,
     data_set: &DataSet,
-    best: Option<u64>,
-    summary: &[String],
+    best: Option<(u64, f64)>,
+    scope: &str,
 ) -> Result<Option<DrawnFiles>, Failure> {
     if study.rows() > MAX_DRAWN {
         return Ok(None);
@@ -60,7 +60,7 @@ pub fn write(
     let sensitivity = SensitivityIndices::of(study, &table);
     let identity = &data_set.manifest().identity;
     let source = plot::source("study", identity);
-    let figures: Vec<StudyFigure> = study::draw(study, &table, best, &overlays)
+    let figures: Vec<StudyFigure> = study::draw(study, &table, best.map(|(row, _)| row), &overlays)
         .into_iter()
         .chain(sensitivity.iter().filter_map(|of_metric| indices::draw(study, of_metric)))
         .map(|figure| StudyFigure { picture: figure.picture.map(|drawn| drawn.of_source(&source)), ..figure })
@@ -78,8 +78,8 @@ pub fn write(
     if !sensitivity.is_empty() {
         files.push((SENSITIVITY.into(), sensitivity_table(&sensitivity, identity)?));
     }
-    let texts: Vec<String> = sensitivity.iter().map(terminal::sensitivity::text).collect();
-    files.push((PAGE.into(), page::study::page(study, summary, (&texts, figures), &source).into()));
+    let found = documents::study::found(study, best, &sensitivity);
+    files.push((PAGE.into(), page::study::page(study, (scope, &found), figures, &source).into()));
     let mut sums = Sums::default().of_stored(store, TABLE)?;
     for (name, bytes) in &files {
         store.replace(name, bytes)?;

@@ -28,7 +28,7 @@ const BLOCK: u32 = 100;
 const LOOK: u32 = 2 * MAX_PERIODS as u32;
 
 /// Fewest periods of a start: those of two looks.
-pub const LEAST_CYCLES: u32 = 2 * (BLOCK + LOOK);
+pub const MIN_CYCLES: u32 = 2 * (BLOCK + LOOK);
 
 /// Most starts: their table has 60 MB.
 pub const MAX_STARTS: usize = 1_000_000;

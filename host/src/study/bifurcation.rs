@@ -259,7 +259,7 @@ mod tests {
 
     #[test]
     fn an_axis_has_both_its_ends_and_a_wrong_one_says_what_to_write() {
-        let axis: SweepAxis = "a.b=1:2:3".parse().expect("it is sound");
+        let axis: SweepAxis = "a.b=1:2:3".parse().expect("it is valid");
         assert_eq!((axis.key.as_str(), &axis.values[..]), ("a.b", &[1.0, 1.5, 2.0][..]));
         for wrong in ["a.b", "a.b=1:2", "a.b=1:x:3", "a.b=2:1:3", "a.b=1:2:1", "a.b=1:inf:5"] {
             assert!(wrong.parse::<SweepAxis>().is_err(), "{wrong}");

@@ -11,7 +11,7 @@ use super::over::quantile;
 const RESAMPLES: u64 = 1000;
 
 /// Most members of a sample; of more, neighbours are drawn together.
-const MOST_MEMBERS: usize = 4096;
+const MAX_MEMBERS: usize = 4096;
 
 /// Seed of the draws.
 const SEED: u64 = 1;
@@ -35,7 +35,7 @@ pub fn estimates(terms: &[Vec<f64>], of_sums: impl Fn(&[f64]) -> Vec<f64> + Sync
         sums
     };
     let members: Vec<Vec<f64>> =
-        terms.chunks(terms.len().div_ceil(MOST_MEMBERS)).map(|chunk| sum(&mut chunk.iter())).collect();
+        terms.chunks(terms.len().div_ceil(MAX_MEMBERS)).map(|chunk| sum(&mut chunk.iter())).collect();
     let resampled = |number: u64| {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(SEED + number);
         // Bias below the number of members over 2³².

@@ -208,13 +208,13 @@ mod tests {
         let folder = tempfile::TempDir::new().expect("a folder");
         std::fs::write(folder.path().join("case.toml"), case).expect("it is written");
         std::fs::write(folder.path().join("study.toml"), text).expect("it is written");
-        let study = Study::read(&folder.path().join("study.toml")).expect("it is sound");
+        let study = Study::read(&folder.path().join("study.toml")).expect("it is valid");
         (folder, study)
     }
 
     fn is_equal_to_read(study: &Study) -> bool {
         (0..study.rows()).all(|row| {
-            let cases = study.cases(row).expect("it is sound");
+            let cases = study.cases(row).expect("it is valid");
             (0..5)
                 .map(|point| study.points.values(&study.axes, row, point))
                 .all(|values| cases.with(&values).expect("sound") == study.case_with(&values).expect("sound"))

@@ -11,7 +11,7 @@ use crate::input::{Section, Span};
 const FARTHEST: f64 = 4.0;
 
 /// Least share of a distribution between its ends.
-const LEAST_KEPT: f64 = 0.01;
+const MIN_KEPT: f64 = 0.01;
 
 /// Halvings of an interval of standard normal quantiles: beyond the digits of a number.
 const HALVINGS: usize = 60;
@@ -192,8 +192,8 @@ pub(crate) fn read(
     let of = if is_lognormal { Distribution::lognormal } else { Distribution::normal };
     let distribution = of(mean.value, standard_deviation, ends.each_ref().map(|end| end.as_ref().map(|end| end.value)));
     let Distribution { from, to, .. } = distribution;
-    if !(from < to && from.is_finite() && to.is_finite() && distribution.kept() >= LEAST_KEPT) {
-        let percent = 100.0 * LEAST_KEPT;
+    if !(from < to && from.is_finite() && to.is_finite() && distribution.kept() >= MIN_KEPT) {
+        let percent = 100.0 * MIN_KEPT;
         let allowed = format!("leaves less than {percent} % of the distribution between its ends, {from} and {to}");
         let help = "choose `from` and `to` around the mean, or leave them out: the ends are then 4 standard deviations from it";
         s.refuse(keys.mean.name(), &mean.span, allowed, Some(help.into()));

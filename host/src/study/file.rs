@@ -30,10 +30,10 @@ use crate::simulation::settling;
 const MISSING_COUNT: &str = "give `count`, or draw from the range with a table [sampling]";
 
 /// Least `count` of base points or trajectories: the uncertainty of indices is that of their scatter.
-const LEAST_FOR_INDICES: usize = 4;
+const MIN_FOR_INDICES: usize = 4;
 
 /// Most points that are drawn: they are kept in memory.
-const MOST_DRAWN: usize = 100_000_000;
+const MAX_DRAWN: usize = 100_000_000;
 
 /// A study as read.
 #[derive(Clone, Debug)]
@@ -422,9 +422,9 @@ fn check_axes(root: &Section, axes: &[StudyAxis], sampling: Option<Sampling>) ->
         root.reject(keys::AXIS.name(), allowed, None);
         return false;
     }
-    let is_too_many = sampling.points(ranges).is_none_or(|points| points > MOST_DRAWN);
+    let is_too_many = sampling.points(ranges).is_none_or(|points| points > MAX_DRAWN);
     if is_too_many {
-        let allowed = format!("draws more than {MOST_DRAWN:e} points from {ranges} ranges with method = {name:?}");
+        let allowed = format!("draws more than {MAX_DRAWN:e} points from {ranges} ranges with method = {name:?}");
         root.reject(keys::SAMPLING.name(), allowed, Some("make `count` smaller".into()));
     }
     !is_too_many
@@ -436,8 +436,8 @@ fn read_sampling(s: &Section) -> Option<Sampling> {
     let seed = s.scalar(&sampling::SEED);
     s.finish();
     let (method, count) = (SamplingMethod::ALL[method?], count? as usize);
-    if method.is_for_indices() && count < LEAST_FOR_INDICES {
-        let allowed = format!("must be at least {LEAST_FOR_INDICES} with method = {:?}", method.name());
+    if method.is_for_indices() && count < MIN_FOR_INDICES {
+        let allowed = format!("must be at least {MIN_FOR_INDICES} with method = {:?}", method.name());
         s.reject(
             sampling::COUNT.name(),
             allowed,

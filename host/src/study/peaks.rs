@@ -35,7 +35,7 @@ impl Smoothness {
 pub(super) const SCAN: usize = 1600;
 
 /// Intervals that a scan without jumps has at least.
-const LEAST_SCAN: usize = 64;
+const MIN_SCAN: usize = 64;
 
 /// Share of the highest value to which one between known ones must follow from them.
 pub(super) const PREDICTED: f64 = 3e-4;
@@ -108,7 +108,7 @@ pub(super) fn halve(line: &mut Vec<LinePoint>, evaluate: EvaluateLine) -> Result
             let expected: f64 = near.iter().map(|own| own.value * others(own)).sum();
             (sample.value - expected).abs() <= PREDICTED * highest
         };
-        if added.is_empty() || (line.len() > LEAST_SCAN && added.iter().all(follows)) {
+        if added.is_empty() || (line.len() > MIN_SCAN && added.iter().all(follows)) {
             break;
         }
     }

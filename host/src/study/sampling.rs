@@ -44,8 +44,8 @@ impl SamplingMethod {
     pub const fn most_ranges(self) -> usize {
         match self {
             Self::LatinHypercube | Self::Morris => usize::MAX,
-            Self::Sobol => 2 * sobol_indices::MOST_INPUTS,
-            Self::SobolIndices => sobol_indices::MOST_INPUTS,
+            Self::Sobol => 2 * sobol_indices::MAX_INPUTS,
+            Self::SobolIndices => sobol_indices::MAX_INPUTS,
         }
     }
 }

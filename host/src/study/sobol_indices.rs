@@ -11,7 +11,7 @@ use sobol::params::JoeKuoD6;
 use super::bootstrap::{IntervalEstimate, estimates};
 
 /// Most inputs: Sobol's sequence has two dimensions for each.
-pub const MOST_INPUTS: usize = 500;
+pub const MAX_INPUTS: usize = 500;
 
 /// Digits of a share in the base 2.
 const BITS: u32 = 53;

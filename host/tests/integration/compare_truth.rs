@@ -136,7 +136,7 @@ fn most_that_differ(points: u32) -> u32 {
 
 /// The quantities of a point may differ together, so the points count: with k points at most of which differ as
 /// [`most_that_differ`] says, the share k/points of all quantities may differ. The values of one quantity are of
-/// different points, so their own number counts. Points where neighbouring starts part are judged too.
+/// different points, so their own number counts. Points where nearby trajectories diverge are judged too.
 #[test]
 fn at_least_95_percent_agree_with_the_true_model_in_every_kind_of_experiment() {
     let seeds = if is_full() { 20 } else { 1 };

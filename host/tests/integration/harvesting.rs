@@ -88,7 +88,7 @@ fn a_study_finds_the_load_that_takes_most() {
     let text = String::from_utf8_lossy(&output.stdout).to_string();
     // Contacts of about π√(m/k) = 9 ms against RC: 1.8e5 Ω at most.
     assert!(output.status.success() && text.contains("largest harvested_power_w"), "{text}");
-    assert!(text.contains("particle.wall.load_ohm           100000 Ω"), "{text}");
+    assert!(text.contains("particle.wall.load_ohm             100000 Ω"), "{text}");
 }
 
 #[test]

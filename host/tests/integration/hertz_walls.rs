@@ -124,7 +124,7 @@ fn the_law_can_be_varied_and_a_study_has_the_peak_force() {
     let (out, why) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{why}");
     // The softest wall has the smallest force.
-    told(&format!("{out}{why}"), &["smallest peak_contact_force_n", "particle.wall.stiffness_n_per_m15 100000000"]);
+    told(&format!("{out}{why}"), &["smallest peak_contact_force_n", "stiffness_n_per_m15  100000000 N"]);
     let (is_done, out, why) = run(&folder, &case(HUNT), &["--json", "--set", "particle.wall.hunt_crossley_s_per_m=0"]);
     assert!(is_done, "{why}");
     let answer: Value = serde_json::from_str(&out).unwrap();

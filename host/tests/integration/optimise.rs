@@ -53,7 +53,7 @@ fn variable(answer: &Value, place: usize) -> f64 {
 }
 
 pub fn read(folder: &TempDir) -> Optimisation {
-    Optimisation::read(&folder.path().join("file.toml")).expect("it is sound")
+    Optimisation::read(&folder.path().join("file.toml")).expect("it is valid")
 }
 
 /// |x| k/P of an undamped structure with a tuned mass under P sin Ωt, r = Ω/ωn (Den Hartog).
@@ -160,7 +160,7 @@ fn the_answer_is_the_same_for_one_thread_and_two() {
 /// What the values at these shares of the variables' ranges give.
 fn at(optimisation: &Optimisation, shares: &[f64]) -> Evaluated {
     let values = evaluate::values(optimisation, shares);
-    evaluate::at_values(optimisation, values, Care::of(Effort::Peaks), &|_| true).expect("it is sound")
+    evaluate::at_values(optimisation, values, Care::of(Effort::Peaks), &|_| true).expect("it is valid")
 }
 
 /// The least objective of the study of the same ranges, with so many values of each variable.
@@ -185,7 +185,7 @@ fn the_optimum_is_within_half_a_percent_of_a_dense_search() {
     let top = TOP.replace("300", &evaluations.to_string());
     let folder = folder(CASE, &format!("{top}{variables}{BAND}"));
     let optimisation = read(&folder);
-    let found = search::run(&optimisation, &|_| true).expect("it is sound");
+    let found = search::run(&optimisation, &|_| true).expect("it is valid");
     let (best, least) = (found.points[found.best].1.objective, least_of_dense_search(&optimisation, count));
     assert!(best < 1.005 * least, "{best} against {least} of the dense search");
 }
@@ -404,12 +404,12 @@ fn the_printed_values_give_the_printed_optimum_and_keep_it_within_their_toleranc
 #[test]
 fn the_peak_over_the_shipped_band_is_that_of_a_grid_of_1601_frequencies() {
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("optimisations/spid-band.toml");
-    let optimisation = Optimisation::read(&shipped).expect("it is sound");
+    let optimisation = Optimisation::read(&shipped).expect("it is valid");
     let text = std::fs::read_to_string(&shipped).unwrap().replace("count = 21", "count = 1601");
-    let dense = Optimisation::parse(&Source::new("dense.toml", text.as_str()), &shipped, None).expect("it is sound");
+    let dense = Optimisation::parse(&Source::new("dense.toml", text.as_str()), &shipped, None).expect("it is valid");
     let values = if is_full() {
-        let found = search::run(&optimisation, &|_| true).expect("it is sound");
-        let answer = Optimum::of(&optimisation, &found, &|_| true).expect("it is sound");
+        let found = search::run(&optimisation, &|_| true).expect("it is valid");
+        let answer = Optimum::of(&optimisation, &found, &|_| true).expect("it is valid");
         vec![answer.variables.iter().map(|variable| variable.value).collect()]
     } else {
         vec![vec![10.2312, 0.137067], vec![15.0, 0.5]]
@@ -417,7 +417,7 @@ fn the_peak_over_the_shipped_band_is_that_of_a_grid_of_1601_frequencies() {
     for values in values {
         let of = |optimisation: &Optimisation, effort: Effort| {
             let found = evaluate::at_values(optimisation, values.clone(), Care::of(effort), &|_| true);
-            found.expect("it is sound").objective
+            found.expect("it is valid").objective
         };
         let (peak, all) = (of(&optimisation, Effort::Scan), of(&dense, Effort::Grid));
         assert!(peak > 0.99 * all, "{peak} against {all} of 1601 frequencies at {values:?}");

@@ -24,7 +24,7 @@ fn with_gradients_and_without((damper, variables, objective, record): &Smooth) -
         let band = "[[axis]]\nkey = \"base.frequency_hz\"\nfrom = 2\nto = 3\ncount = 21\nreduce = \"maximum\"\n";
         let file = format!("case = \"case.toml\"\nobjective = {objective:?}\n{evaluations}{variables}{band}[record]\n{record}\n{constraint}");
         let optimisation = read(&folder(&case, &file));
-        let found = search::run(&optimisation, &|_| true).expect("it is sound");
+        let found = search::run(&optimisation, &|_| true).expect("it is valid");
         (optimisation, found)
     })
 }

@@ -26,7 +26,7 @@ fn read(file: &str) -> Optimisation {
 }
 
 fn answer(optimisation: &Optimisation) -> Optimum {
-    run::run(optimisation, &|_| true).expect("it is sound").1
+    run::run(optimisation, &|_| true).expect("it is valid").1
 }
 
 /// An impact damper on a bar: the clearance in steps, made to a tolerance, restitution within a range.

@@ -103,7 +103,7 @@ pub enum NoDerivatives {
 const GRAZING: f64 = 1e-6;
 
 /// Largest growth. The rounding of the start, 10⁻¹⁶, then changes the derivatives by 10⁻⁹ of their size.
-const MOST_GROWTH: f64 = 1e7;
+const MAX_GROWTH: f64 = 1e7;
 
 /// Two values are equally large within this share of them.
 const TIE: f64 = 1e-9;
@@ -213,7 +213,7 @@ impl Followed<'_> {
     /// `moves`: how the start moves with the parameters.
     fn derivatives(&self, moves: Option<&DMatrix<f64>>) -> Result<Derivatives, NoDerivatives> {
         let growth = self.matrix().singular_values().max();
-        if growth.is_nan() || growth > MOST_GROWTH {
+        if growth.is_nan() || growth > MAX_GROWTH {
             return Err(NoDerivatives::Growth { growth });
         }
         let holds_within = self.holds_within(moves);

@@ -21,7 +21,7 @@ pub(crate) enum At {
 }
 
 /// Pivots after which the problem counts as unsolved.
-const MOST_PIVOTS: usize = 10_000;
+const MAX_PIVOTS: usize = 10_000;
 
 /// Solves `a = a₀ + W λ` with λ within its limits: a joint strictly within them has a = 0, one at its lower limit a ≥ 0, one at its
 /// upper limit a ≤ 0. W is symmetric and positive definite, so that the solution is unique.
@@ -31,7 +31,7 @@ const MOST_PIVOTS: usize = 10_000;
 pub(crate) fn solve(w: &DMatrix<f64>, a0: &[f64], limits: &[Limits], tolerance: &[f64]) -> Option<(Vec<f64>, Vec<At>)> {
     let n = a0.len();
     let mut at: Vec<At> = vec![At::Inside; n];
-    for _ in 0..MOST_PIVOTS {
+    for _ in 0..MAX_PIVOTS {
         let force = forces(w, a0, limits, &at)?;
         let violated = (0..n).find_map(|i| {
             let rounding = tolerance[i] / w[(i, i)];

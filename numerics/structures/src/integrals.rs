@@ -7,7 +7,7 @@ use crate::linear::C64;
 
 /// Turn over a piece, rad, up to which moments are series, and most terms of one: 4⁴⁰/40! is 10⁻²⁴.
 const SERIES: f64 = 4.0;
-const MOST_TERMS: i32 = 40;
+const MAX_TERMS: i32 = 40;
 
 /// Re ∫ of an exponential from `start` to `end` over h: their difference over the rate, or for a slow one its series.
 pub(crate) fn exponential(start: C64, end: C64, rate: C64, h: f64) -> f64 {
@@ -28,7 +28,7 @@ pub(crate) fn moments(x: C64, count: usize) -> Few<C64> {
     if x.norm_sqr() < SERIES * SERIES {
         // Σ xᵏ / (k! (k + n + 1)).
         let mut term = C64::ONE;
-        for k in 0..MOST_TERMS {
+        for k in 0..MAX_TERMS {
             for (n, moment) in (2..).zip(&mut moments) {
                 *moment += term / f64::from(k + n);
             }

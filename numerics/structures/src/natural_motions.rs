@@ -11,7 +11,7 @@ use crate::sum::Sum;
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// Largest loss of digits by the coordinates of the natural motions: ten digits are left.
-const MOST_CONDITION: f64 = 1e5;
+const MAX_CONDITION: f64 = 1e5;
 
 /// Largest growth of a natural motion, relative to the fastest rate, that counts as rounding.
 const GROWTH: f64 = 1e-12;
@@ -252,7 +252,7 @@ fn coupled(square: &[f64], damping: &DMatrix<f64>, circuits: &Circuits) -> Resul
     let (unitary, triangle) = matrix.schur().unpack();
     let vectors = unitary * eigenvectors(&triangle);
     let inverse = vectors.clone().try_inverse().ok_or(Refused::Critical)?;
-    if vectors.norm() * inverse.norm() > MOST_CONDITION * (n + more) as f64 {
+    if vectors.norm() * inverse.norm() > MAX_CONDITION * (n + more) as f64 {
         return Err(Refused::Critical);
     }
     let size = triangle.diagonal().iter().fold(0.0, |most: f64, rate| most.max(rate.norm()));

@@ -420,12 +420,6 @@ impl Chip {
         self.lpuart1.host_sends(bytes, &self.at);
     }
 
-    /// Number of bytes still on their way to the board.
-    #[must_use]
-    pub fn bytes_arriving(&self) -> usize {
-        self.lpuart1.arriving()
-    }
-
     /// Bytes sent by the board since the last call.
     pub fn take_sent(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.lpuart1.sent)

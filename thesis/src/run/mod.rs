@@ -93,8 +93,8 @@ fn task<'a>(catalogue: &Catalogue, results: &Results, item: &'a Item, part: &'a 
     let folder = results.part(&item.name, &part.name);
     let read = Read::of(&catalogue.folder, part)?;
     let digest = read.digest(part);
-    let is_sound = |mark: Mark| mark.digest == digest && is_as_written(&folder, &mark);
-    let is_complete = mark_in(&folder).is_some_and(is_sound) && has_results(&folder, part);
+    let is_valid = |mark: Mark| mark.digest == digest && is_as_written(&folder, &mark);
+    let is_complete = mark_in(&folder).is_some_and(is_valid) && has_results(&folder, part);
     let estimate_s = if is_complete { 0.0 } else { read.estimate_s()? };
     Ok(Task { item, part, folder, estimate_s, is_complete, digest })
 }

@@ -10,7 +10,7 @@ use damprig::continuation::Continuation;
 use damprig::failure::Failure;
 use damprig::input::Source;
 use damprig::report::figures::branches;
-use damprig::report::{bifurcation_files, branch_table, study_files, terminal};
+use damprig::report::{bifurcation_files, branch_table, documents, study_files};
 use damprig::run_folder::own_files;
 use damprig::simulation::case::default_name;
 use damprig::simulation::{Case, SetValues};
@@ -43,9 +43,8 @@ pub(super) fn study(file: &Path, folder: &Path, report: Report<'_>) -> Result<En
         return Ok(Ending::Stopped);
     }
     data_set.join(&study, |_, _| ())?;
-    let mut summary = vec![terminal::study::scope(&study, study_run::cycles(&study))];
-    summary.extend(last.best.map(|(row, value)| terminal::study::best(&study, row, value)));
-    let drawn = study_files::write(&study, &data_set, last.best.map(|(row, _)| row), &summary);
+    let scope = documents::study::scope(&study, study_run::cycles(&study));
+    let drawn = study_files::write(&study, &data_set, last.best, &scope);
     match drawn? {
         Some(drawn) if !drawn.undrawn.is_empty() => {
             let (stem, error) = &drawn.undrawn[0];

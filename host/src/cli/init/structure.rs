@@ -48,7 +48,7 @@ impl StructureArg {
 }
 
 /// Degrees of freedom that are all taken as places when none is named.
-const MOST_UNNAMED: usize = 12;
+const MAX_UNNAMED: usize = 12;
 
 /// A place of a modal test.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,9 +105,9 @@ fn written(mode: &TestedMode, places: &[TestedPlace]) -> WrittenMode {
 fn places(test: &ModalTest, asked: &[TestedPlace], file: &Path) -> Result<Vec<TestedPlace>, Failure> {
     if asked.is_empty() {
         let all = &test.freedoms;
-        if all.is_empty() || all.len() > MOST_UNNAMED {
-            let some: Vec<&str> = all.iter().take(MOST_UNNAMED).map(String::as_str).collect();
-            let more = if all.len() > MOST_UNNAMED { " …" } else { "" };
+        if all.is_empty() || all.len() > MAX_UNNAMED {
+            let some: Vec<&str> = all.iter().take(MAX_UNNAMED).map(String::as_str).collect();
+            let more = if all.len() > MAX_UNNAMED { " …" } else { "" };
             return Err(Failure::Input(format!(
                 "{}: it has {} degrees of freedom: {}{more}\n  name those that are places: --place tip={}",
                 file.display(),
@@ -124,7 +124,7 @@ fn places(test: &ModalTest, asked: &[TestedPlace], file: &Path) -> Result<Vec<Te
         if !test.freedoms.contains(&place.freedom) {
             let names = || test.freedoms.iter().map(String::as_str);
             let few: Vec<&str> = match near(&place.freedom, names()) {
-                near if near.is_empty() => names().take(MOST_UNNAMED).collect(),
+                near if near.is_empty() => names().take(MAX_UNNAMED).collect(),
                 near => near,
             };
             return Err(Failure::Input(format!(

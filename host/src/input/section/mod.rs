@@ -195,7 +195,7 @@ impl<'a> Section<'a> {
     /// A list of finite numbers within the key's range, if the key is there and is a list.
     fn numbers(&self, key: &Key) -> Option<Vec<Number>> {
         let mut numbers = Vec::new();
-        let mut is_sound = true;
+        let mut is_valid = true;
         for item in self.list(key.name)? {
             let Some(value) = finite(item) else {
                 self.refuse(key.name, &item.span(), "must be a finite number", None);
@@ -203,11 +203,11 @@ impl<'a> Section<'a> {
             };
             if let Some(allowed) = key.refusal(value) {
                 self.refuse(key.name, &item.span(), allowed, None);
-                is_sound = false;
+                is_valid = false;
             }
             numbers.push(Number { value, span: item.span() });
         }
-        is_sound.then_some(numbers)
+        is_valid.then_some(numbers)
     }
 
     fn list(&self, key: &'static str) -> Option<&'a [Spanned<DeValue<'a>>]> {

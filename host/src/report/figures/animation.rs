@@ -43,7 +43,7 @@ const BEAM_POINTS: usize = 25;
 const SECONDS_PER_CYCLE: f64 = 2.0;
 
 /// More places than these have no columns between them.
-const MOST_COLUMNS: usize = 24;
+const MAX_COLUMNS: usize = 24;
 
 /// Draws the frames of a case.
 ///
@@ -204,7 +204,7 @@ impl<'a> Scene<'a> {
                 let y = self.ground_y();
                 base.segments([[(MIDDLE - 150.0, y), (MIDDLE + 150.0, y)]], INK.stroke(3.0));
                 base.text("base", (MIDDLE + 160.0, y), Font::new(LABEL, GREY));
-                if self.places() <= MOST_COLUMNS {
+                if self.places() <= MAX_COLUMNS {
                     self.columns(svg);
                 }
             }

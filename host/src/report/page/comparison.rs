@@ -236,7 +236,7 @@ fn cells(point: &ComparedPoint, own: &ComparedMetric, has_frequency: bool) -> Ma
 
 fn remarks(point: &ComparedPoint) -> String {
     let sensitive =
-        point.is_sensitive.then(|| "neighbouring starts part; the prediction is the mean over them".to_string());
+        point.is_sensitive.then(|| "nearby trajectories diverge; the prediction is the mean over them".to_string());
     let without = point.without_measured_base.as_ref().map(|why| format!("without the measured base: {why}"));
     let all: Vec<String> = point.remarks.iter().cloned().chain(sensitive).chain(without).collect();
     all.join("; ")

@@ -24,7 +24,7 @@ use crate::report::figures::{self, force_surface, peak_motion, resonance};
 use crate::report::force_surface::ForceSurface;
 use crate::report::plot::palette::Look;
 use crate::report::plot::{Breadth, Picture};
-use crate::report::resonance::TrackedCurve;
+use crate::report::resonance::{TrackedCurve, table as table_of_resonances};
 use crate::run_folder::RunFolder;
 use data::PageData;
 
@@ -199,7 +199,7 @@ fn responses(data: &PageData) -> Markup {
         }
         @if !tracked.is_empty() {
             (drawn(Ok(resonance::draw(campaign, &tracked)), resonance::CAPTION))
-            (tables::resonances(campaign, &tracked))
+            (table_of_resonances(campaign, &tracked).html())
         }
         @for group in groups(campaign).into_iter().filter(|_| has_driven_base(campaign)) {
             @let group = group.as_deref();

@@ -4,8 +4,8 @@ use maud::html;
 
 use super::{document, drawn_in_both};
 use crate::optimise::{Optimisation, Optimum};
+use crate::report::documents::optimum::{alone, compared, ranked};
 use crate::report::plot::Picture;
-use crate::report::terminal::optimise::{COMPARED, answer as text, ranked};
 
 /// The figures, each broad and narrow.
 #[derive(Debug)]
@@ -35,19 +35,13 @@ pub fn page(
         @if let Some(figure) = figures.over_band { section { (drawn_in_both(figure, caption)) } }
         @if let Some(figure) = figures.front { section { (drawn_in_both(figure, front)) } }
         @if all.len() > 1 {
-            section {
-                h2 { "Dampers under the same rules" }
-                table {
-                    thead { tr { @for (head, _) in COMPARED { th { (head) } } } }
-                    tbody { @for of in &all { tr { @for (_, cell) in COMPARED { td { (cell(of)) } } } } }
-                }
-            }
+            section { h2 { "Dampers under the same rules" } (compared(answer).html()) }
         }
         @for of in &all {
             section {
                 h2 { (of.name) }
                 @let own = optimisation.alternatives.iter().find(|own| own.name == of.name).unwrap_or(optimisation);
-                pre { (text(own, &Optimum { alternatives: Vec::new(), ..(*of).clone() })) }
+                (alone(own, of).html())
             }
         }
         section { h2 { "Optimisation" } pre { code { (optimisation.text) } } }

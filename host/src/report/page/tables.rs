@@ -3,13 +3,11 @@
 use maud::{Markup, html};
 
 use super::data::PageData;
-use crate::campaign::Campaign;
 use crate::host_time;
 use crate::quantity::Quantity;
 use crate::report::figures::campaign::mean_responses;
 use crate::report::numbers::trimmed;
 use crate::report::peak::{Peak, points_of};
-use crate::report::resonance::{HEADS, TrackedCurve, cells};
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::results::steadiness_text;
 
@@ -148,21 +146,6 @@ pub(super) fn label(data: &PageData, name: &str) -> String {
     match found {
         Some(label) if !label.is_empty() && label != name => format!("{label} ({name})"),
         _ => name.to_string(),
-    }
-}
-
-/// Table of tracked resonances, a row for each point.
-pub(super) fn resonances(campaign: &Campaign, curves: &[TrackedCurve]) -> Markup {
-    let is_word = |column: usize| HEADS[column].1.is_empty();
-    html! {
-        div.wide { table {
-            thead { tr { @for (column, (name, unit)) in HEADS.iter().enumerate() {
-                th.word[is_word(column)] { (name) @if !unit.is_empty() { small { (unit) } } }
-            } } }
-            tbody { @for row in cells(campaign, curves) {
-                tr { @for (column, cell) in row.iter().enumerate() { td.word[is_word(column)] { (cell) } } }
-            } }
-        } }
     }
 }
 

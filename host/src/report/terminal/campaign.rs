@@ -12,7 +12,7 @@ use crate::report::figures::force_surface::folds;
 use crate::report::force_surface::ForceSurface;
 use crate::report::numbers::{significant, trimmed};
 use crate::report::peak::{Peak, points_of};
-use crate::report::resonance::{HEADS, TrackedCurve, cells};
+use crate::report::resonance::{self, TrackedCurve};
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::manifest::Manifest;
 use crate::run_folder::schema::results::steadiness_text;
@@ -240,12 +240,7 @@ pub fn sheets(campaign: &Campaign, rows: &[ResultRow]) -> Vec<String> {
 #[must_use]
 pub fn resonances(campaign: &Campaign, rows: &[ResultRow], is_simulated: bool) -> Option<Table> {
     let curves = TrackedCurve::of(campaign, rows, is_simulated);
-    let heads = HEADS.map(|(name, unit)| if unit.is_empty() { name.to_string() } else { format!("{name}\n({unit})") });
-    let mut table = table(&heads.each_ref().map(String::as_str));
-    cells(campaign, &curves).into_iter().for_each(|row| {
-        table.add_row(row);
-    });
-    (!curves.is_empty()).then_some(table)
+    (!curves.is_empty()).then(|| resonance::table(campaign, &curves).for_terminal())
 }
 
 /// One line: points, times, samples, losses.

@@ -12,7 +12,7 @@ use crate::structure::at_place;
 const LISTED: usize = 5;
 
 /// Least share of the energy of a mode that is named among the results.
-const LEAST_SHARE: f64 = 1e-3;
+const MIN_SHARE: f64 = 1e-3;
 
 /// The structure and its dampers, a line per part.
 pub fn set_up(several: &MultiDegree) -> Vec<(&'static str, String)> {
@@ -110,7 +110,7 @@ pub fn results(result: &PlacesResult) -> Vec<(&'static str, String)> {
             format!("{number}, {frequency} Hz: {share} % of the modes' energy, RMS of its part of x {rms}{window}");
         ("mode", text)
     };
-    let taking_part = (1..).zip(&result.mode_shares).filter(|(_, of)| of.energy_share >= LEAST_SHARE);
+    let taking_part = (1..).zip(&result.mode_shares).filter(|(_, of)| of.energy_share >= MIN_SHARE);
     let dampers = result.impact_dampers.iter().map(damper);
     result.places.iter().map(place).chain(dampers).chain(taking_part.map(mode)).collect()
 }

@@ -2,10 +2,10 @@
 
 use comfy_table::Table;
 
-use super::table::{head, table};
 use crate::campaign::{Campaign, ExperimentKind};
 use crate::prediction::transient::Expected;
 use crate::quantity::Quantity;
+use crate::report::text_table::{head, table};
 use crate::run_folder::schema::transients::TransientRow;
 
 fn mm(metres: f64) -> String {

@@ -36,12 +36,12 @@ fn message(bytes: &[u8], widths: &mut Option<Vec<usize>>) -> Option<usize> {
             let width = |kind: &DataType| kind.primitive_width();
             *widths = Some(schema.fields().iter().map(|f| width(f.data_type())).collect::<Option<_>>()?);
         }
-        Some(widths) => is_sound(message.header_as_record_batch()?, body_length, widths).then_some(())?,
+        Some(widths) => is_valid(message.header_as_record_batch()?, body_length, widths).then_some(())?,
     }
     Some(8 + header_length + body_length)
 }
 
-fn is_sound(batch: arrow_ipc::RecordBatch, body_length: usize, widths: &[usize]) -> bool {
+fn is_valid(batch: arrow_ipc::RecordBatch, body_length: usize, widths: &[usize]) -> bool {
     let (Some(nodes), Some(buffers)) = (batch.nodes(), batch.buffers()) else { return false };
     let Ok(rows) = usize::try_from(batch.length()) else { return false };
     let is_whole = |node: &arrow_ipc::FieldNode| node.length() == batch.length() && node.null_count() == 0;

@@ -79,12 +79,12 @@ pub fn read(root: &Section, key: &'static str, name: String) -> Option<Case> {
         ..SetUp::bare(modes)
     };
     let mut read = Dampers { set_up, contacts: Vec::new(), starts_m: Vec::new() };
-    let mut is_sound = true;
+    let mut is_valid = true;
     for mounted in mounted {
-        is_sound &= read.add(mounted, base, &places).is_some();
+        is_valid &= read.add(mounted, base, &places).is_some();
     }
     let (initial, run) = (initial?, run?);
-    if !is_sound {
+    if !is_valid {
         return None;
     }
     let base = BaseStart::of(&excitation, record.as_ref());

@@ -16,7 +16,7 @@ const CYCLES: u32 = 30;
 const NUDGE: f64 = 1e-10;
 
 /// Largest growth of a change in a motion that is compared to its end.
-const MOST_GROWTH: f64 = 1e3;
+const MAX_GROWTH: f64 = 1e3;
 
 /// Allowed difference, relative to the displacements and to the growth of a change of the start.
 const ALLOWED: f64 = 1e-9;
@@ -296,7 +296,7 @@ impl Case {
             let state = reference.state();
             let unit = reference.scale_m();
             outcome.growth = outcome.growth.max(reference.apart_m(&state, &beside.state()) / (nudge * self.scale_m));
-            if outcome.growth > MOST_GROWTH {
+            if outcome.growth > MAX_GROWTH {
                 outcome.is_chaotic = true;
                 break;
             }
@@ -417,7 +417,7 @@ fn a_base_of_cubics_moves_random_set_ups_as_the_sine_through_their_ends() {
             let state = motion.state();
             unit = state.modal.iter().fold(unit, |most, q| most.max(q.abs()));
             growth = growth.max(apart_m(&state, &beside.state()) / (NUDGE * case.scale_m));
-            if growth > MOST_GROWTH {
+            if growth > MAX_GROWTH {
                 break;
             }
             let apart = apart_m(&state, &on_cubics.state()) / (unit * growth);

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub const SPEED_TABLE_POINTS: usize = 6;
 
 /// Least ratio of a speed to the one before: they differ in single precision too.
-const LEAST_STEP: f64 = 1.001;
+const MIN_STEP: f64 = 1.001;
 
 /// A point of a table: approach speed and e.
 type Point<S> = [S; 2];
@@ -93,7 +93,7 @@ impl SpeedTable {
         let mut before = [0.0, 0.0];
         for point in points {
             let [speed, e] = *point;
-            let rises = speed > 0.0 && speed >= LEAST_STEP * before[0] && speed.is_finite();
+            let rises = speed > 0.0 && speed >= MIN_STEP * before[0] && speed.is_finite();
             require(rises, speeds, speed, "greater than 0 and at least 1.001 times the speed before")?;
             let allowed = "from 0 to less than 1, and so large that the rebound speed v·e(v) never falls";
             require((Self::least_at(before, speed)..1.0).contains(&e), coefficients, e, allowed)?;

@@ -19,7 +19,7 @@ use crate::control::experiment::{Driving, Experiment, ExperimentRunner};
 use crate::control::fault::Fault;
 use crate::control::friction_spring::SpringEvent;
 use crate::control::outcome::{Outcome, StageProgress, TickInputs};
-use crate::control::safety::{Allowed, ExperimentLimits, SafeStage, Safety, Signs};
+use crate::control::safety::{Allowed, ExperimentLimits, Safety, Signs};
 use crate::control::transient::playback::RecordId;
 use crate::io::{Actuators, DriveRange, DriveScale, Motor, Readings, Sensor, Sensors};
 use crate::measure::point::PointResult;
@@ -381,11 +381,5 @@ impl Rig {
             stage_left: progress.left_s,
             dwells: f32::from(progress.dwells),
         };
-    }
-
-    /// Stage of the sequence to the safe state.
-    #[must_use]
-    pub fn safe_stage(&self) -> SafeStage {
-        self.safety.stage()
     }
 }

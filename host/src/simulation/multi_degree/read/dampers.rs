@@ -19,7 +19,7 @@ pub struct Mounted<'a> {
 /// The dampers' tables with their places; `None` after a problem has been reported.
 pub fn read_places<'a>(root: &Section<'a>, places: &mut Places) -> Option<Vec<Mounted<'a>>> {
     let mut mounted = Vec::new();
-    let mut is_sound = true;
+    let mut is_valid = true;
     for (quantity, damper) in [
         (&set_up_keys::PARTICLE, Damper::Particle),
         (&set_up_keys::FRICTION_DAMPER, Damper::Friction),
@@ -46,11 +46,11 @@ pub fn read_places<'a>(root: &Section<'a>, places: &mut Places) -> Option<Vec<Mo
             match (place, other) {
                 (Some(place), None) => mounted.push(Mounted { table, damper, place, other: None }),
                 (Some(place), Some(Some(other))) => mounted.push(Mounted { table, damper, place, other: Some(other) }),
-                _ => is_sound = false,
+                _ => is_valid = false,
             }
         }
     }
-    is_sound.then_some(mounted)
+    is_valid.then_some(mounted)
 }
 
 /// A set-up whose dampers are being read, with y − x of each particle at the start.

@@ -390,12 +390,6 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         }
     }
 
-    /// Whether the particle presses into a soft wall.
-    #[must_use]
-    pub fn is_pressing(&self) -> bool {
-        self.joint.link().is_some_and(|link| matches!(link.touch, WallTouch::Pressing(_)))
-    }
-
     /// The direction in which the structure starts to slip when the damper reaches its limit.
     pub(super) fn breaking_direction(&self, mode: Mode, base: &BaseSegment<S>) -> Sign {
         let mut needed = self.c.holding_force(mode.contact, self.state.x - base.0[0], self.ground(base).acceleration());

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::table::table;
+use super::{Block, Document, Rows};
 use crate::optimise::answer::{BestVariable, KeptConstraint};
 use crate::optimise::constraint::Constraint;
 use crate::optimise::neighbourhood::VariableSensitivity;
@@ -32,17 +32,22 @@ pub fn scope(optimisation: &Optimisation) -> String {
 
 /// The answer.
 #[must_use]
-pub fn answer(optimisation: &Optimisation, answer: &Optimum) -> String {
-    let mut text = optimum(answer);
-    for part in
-        [starts(answer), sensitivity(optimisation, answer), references(answer), front(answer), alternatives(answer)]
+pub fn answer(optimisation: &Optimisation, answer: &Optimum) -> Document {
+    let mut document = alone(optimisation, answer);
+    document.add(alternatives(answer));
+    document
+}
+
+/// The answer without its alternatives.
+#[must_use]
+pub fn alone(optimisation: &Optimisation, answer: &Optimum) -> Document {
+    let mut document = Document::default();
+    for section in
+        [optimum(answer), starts(answer), sensitivity(optimisation, answer), references(answer), front(answer)]
     {
-        if !part.is_empty() {
-            text.push_str("\n\n");
-            text.push_str(&part);
-        }
+        document.add(section);
     }
-    text
+    document
 }
 
 fn with_unit(value: f64, digits: usize, unit: &str) -> String {
@@ -53,7 +58,7 @@ fn with_unit(value: f64, digits: usize, unit: &str) -> String {
     }
 }
 
-fn optimum(answer: &Optimum) -> String {
+fn optimum(answer: &Optimum) -> Vec<Block> {
     let goal = if answer.goal == "maximum" { "largest" } else { "smallest" };
     let is_robust = !answer.there.is_empty();
     let goal = if is_robust { format!("{goal} {}", answer.over.before_metric()) } else { goal.into() };
@@ -69,7 +74,8 @@ fn optimum(answer: &Optimum) -> String {
     if !concerns.is_empty() {
         text = format!("{} ({}) at", text.trim_end_matches(" at"), concerns.join("; "));
     }
-    let mut line = |key: &str, value: &str| text.push_str(&format!("\n  {key:34} {value}"));
+    let mut facts = Vec::new();
+    let mut line = |key: &str, value: &str| facts.push((key.to_string(), value.to_string()));
     let exact = |value: f64, unit: &str| format!("{value} {unit}").trim_end().to_string();
     for variable in &answer.variables {
         let value = exact(variable.value, variable.unit);
@@ -88,7 +94,7 @@ fn optimum(answer: &Optimum) -> String {
     if answer.unresolved > 0.0 {
         line("unresolved", &format!("{} instants with too many events", answer.unresolved));
     }
-    text
+    vec![Block::Text(text), Block::Facts(facts)]
 }
 
 /// Whether a constraint is kept, after its limit.
@@ -132,10 +138,10 @@ fn concerns(answer: &Optimum) -> Vec<String> {
     concerns
 }
 
-fn starts(answer: &Optimum) -> String {
-    let Some(starts) = &answer.starts else { return String::new() };
+fn starts(answer: &Optimum) -> Vec<Block> {
+    let Some(starts) = &answer.starts else { return Vec::new() };
     let number = |value: f64| significant(value, 5);
-    format!(
+    vec![Block::Text(format!(
         "From {} starts between the walls: median {}, 5 % to 95 % {} to {}, all {} to {}.",
         starts.count,
         number(starts.median),
@@ -143,21 +149,21 @@ fn starts(answer: &Optimum) -> String {
         number(starts.q95),
         number(starts.min),
         number(starts.max)
-    )
+    ))]
 }
 
-fn sensitivity(optimisation: &Optimisation, answer: &Optimum) -> String {
+fn sensitivity(optimisation: &Optimisation, answer: &Optimum) -> Vec<Block> {
     if answer.sensitivity.is_empty() {
-        return String::new();
+        return Vec::new();
     }
     let change = |value: Option<f64>, here: f64| match value {
         Some(value) if !value.is_nan() => percent(value / here - 1.0),
         Some(_) => "missing".into(),
         None => "outside the range".into(),
     };
-    let mut rows = table(&["change of", "1 %", "1 % less", "1 % more", "worst within 1 %"]);
+    let mut rows = Rows::new(&["change of", "1 %", "1 % less", "1 % more", "worst within 1 %"]);
     for (sensitivity, axis) in answer.sensitivity.iter().zip(optimisation.variable_axes()) {
-        rows.add_row([
+        rows.add([
             sensitivity.key.clone(),
             with_unit(sensitivity.step, 3, axis.unit()),
             change(sensitivity.below, sensitivity.here),
@@ -165,38 +171,33 @@ fn sensitivity(optimisation: &Optimisation, answer: &Optimum) -> String {
             change(Some(sensitivity.worst_within), sensitivity.here),
         ]);
     }
-    let mut text = format!("What small changes do to {}:\n{rows}", answer.metric);
+    let mut blocks = vec![Block::Text(format!("What small changes do to {}:", answer.metric)), Block::Table(rows)];
     for (sensitivity, axis) in answer.sensitivity.iter().zip(optimisation.variable_axes()) {
-        text.push_str(&better(sensitivity, axis.unit()));
-        text.push_str(&ridge(sensitivity, answer));
+        blocks.extend(better(sensitivity, axis.unit()).map(Block::Text));
+        blocks.extend(ridge(sensitivity, answer).map(Block::Text));
     }
-    text
+    blocks
 }
 
 /// A better value near the optimum, in words.
-fn better(sensitivity: &VariableSensitivity, unit: &str) -> String {
-    sensitivity.better.map_or_else(String::new, |value| {
-        let value = with_unit(value, 6, unit);
-        format!(
-            "\n{} = {value} is better still: the search did not reach it; more `evaluations` search further.",
-            sensitivity.key
-        )
-    })
+fn better(sensitivity: &VariableSensitivity, unit: &str) -> Option<String> {
+    let (key, value) = (&sensitivity.key, with_unit(sensitivity.better?, 6, unit));
+    Some(format!("{key} = {value} is better still: the search did not reach it; more `evaluations` search further."))
 }
 
 /// A ridge near the optimum, in words.
-fn ridge(sensitivity: &VariableSensitivity, answer: &Optimum) -> String {
-    let Some(jump) = &sensitivity.jump else { return String::new() };
+fn ridge(sensitivity: &VariableSensitivity, answer: &Optimum) -> Option<String> {
+    let jump = sensitivity.jump.as_ref()?;
     let away = distance(sensitivity, answer);
-    format!(
-        "\nridge: between {} = {} and {}{away} {} jumps from {} to {}",
+    Some(format!(
+        "ridge: between {} = {} and {}{away} {} jumps from {} to {}",
         sensitivity.key,
         significant(jump.near, 6),
         significant(jump.far, 6),
         answer.metric,
         significant(jump.objective_near, 5),
         significant(jump.objective_far, 5)
-    )
+    ))
 }
 
 /// How far the ridge is from the optimum: ` (+1.40 % away)`.
@@ -212,7 +213,7 @@ fn percent(share: f64) -> String {
     format!("{:+.2} %", 100.0 * share)
 }
 
-fn references(answer: &Optimum) -> String {
+fn references(answer: &Optimum) -> Vec<Block> {
     let mut lines = Vec::new();
     let against = |value: f64| {
         let share = answer.objective / value - 1.0;
@@ -234,41 +235,43 @@ fn references(answer: &Optimum) -> String {
             against(tmd.objective)
         ));
     }
-    lines.join("\n")
+    lines.into_iter().map(Block::Text).collect()
 }
 
 /// The front of two objectives as a table.
-fn front(answer: &Optimum) -> String {
-    let Some(front) = &answer.front else { return String::new() };
-    let mut rows = table(&[answer.metric, front.metric, "make", ""]);
+fn front(answer: &Optimum) -> Vec<Block> {
+    let Some(front) = &answer.front else { return Vec::new() };
+    let mut rows = Rows::new(&[answer.metric, front.metric, "make", ""]);
     for point in &front.points {
-        rows.add_row([
+        rows.add([
             for_people(answer.metric, point.objective),
             for_people(front.metric, point.second),
             made(&point.variables),
             if point.is_knee { "knee".into() } else { String::new() },
         ]);
     }
-    format!("Best {} for each {}:\n{rows}", answer.metric, front.metric)
+    vec![Block::Text(format!("Best {} for each {}:", answer.metric, front.metric)), Block::Table(rows)]
 }
 
 /// The share of the time from which a friction damper is said to hold the structure.
 const HELD: f64 = 0.5;
 
 /// The optimisation and its alternatives side by side, the best first.
-fn alternatives(answer: &Optimum) -> String {
+fn alternatives(answer: &Optimum) -> Vec<Block> {
     if answer.alternatives.is_empty() {
-        return String::new();
+        return Vec::new();
     }
-    let mut rows = table(&COMPARED.map(|(head, _)| head));
-    for answer in ranked(answer) {
-        rows.add_row(COMPARED.map(|(_, cell)| cell(answer)));
-    }
-    let mut text = format!("Dampers under the same rules, the best first:\n{rows}");
-    for of in &answer.alternatives {
-        text.push_str(&format!("\n{}: {}", of.name, concerns(of).join("; ")));
-    }
-    text
+    let of_each = answer.alternatives.iter().map(|of| Block::Text(format!("{}: {}", of.name, concerns(of).join("; "))));
+    let head = Block::Text("Dampers under the same rules, the best first:".into());
+    [head, Block::Table(compared(answer))].into_iter().chain(of_each).collect()
+}
+
+/// The dampers beside each other, the best first.
+#[must_use]
+pub fn compared(answer: &Optimum) -> Rows {
+    let mut rows = Rows::new(&COMPARED.map(|(head, _)| head));
+    ranked(answer).into_iter().for_each(|of| rows.add(COMPARED.map(|(_, cell)| cell(of))));
+    rows
 }
 
 /// An optimisation and its alternatives, the best first, and those that keep no constraint last.
@@ -300,7 +303,7 @@ fn for_people(metric: &str, value: f64) -> String {
 type ComparedCell = fn(&Optimum) -> String;
 
 /// The columns of the comparison of dampers.
-pub const COMPARED: [(&str, ComparedCell); 6] = [
+const COMPARED: [(&str, ComparedCell); 6] = [
     ("damper", |answer| answer.name.clone()),
     ("objective", |answer| for_people(answer.metric, answer.objective)),
     ("nominal", |answer| answer.nominal.map_or_else(String::new, |nominal| for_people(answer.metric, nominal))),

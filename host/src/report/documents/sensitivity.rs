@@ -1,13 +1,13 @@
 //! Sensitivity indices as text.
 
-use super::table::table;
+use super::{Block, Rows};
 use crate::report::numbers::significant;
 use crate::study::bootstrap::IntervalEstimate;
 use crate::study::sensitivity::SensitivityIndices;
 
 /// What they are, then a table with a row for each key.
 #[must_use]
-pub fn text(sensitivity: &SensitivityIndices) -> String {
+pub fn blocks(sensitivity: &SensitivityIndices) -> Vec<Block> {
     let SensitivityIndices { column, unit, used, left_out, .. } = sensitivity;
     let (what, header, kind): (&str, &[&str], &str) = if sensitivity.is_of_variance() {
         ("shares of the variance of", &["key", "first order", "95 %", "total", "95 %"], "base points")
@@ -23,11 +23,12 @@ pub fn text(sensitivity: &SensitivityIndices) -> String {
         let [low, high] = estimate.interval_95.map(number);
         [number(estimate.value), format!("{low} to {high}")]
     };
-    let mut rows = table(header);
+    let mut rows = Rows::new(header);
     for (key, estimates) in sensitivity.by_key() {
-        rows.add_row([key.to_string()].into_iter().chain(estimates.iter().flat_map(cells)));
+        rows.add([key.to_string()].into_iter().chain(estimates.iter().flat_map(cells)));
     }
-    if sensitivity.indices.is_empty() { text } else { format!("{text}\n{rows}") }
+    let table = (!sensitivity.indices.is_empty()).then_some(Block::Table(rows));
+    std::iter::once(Block::Text(text)).chain(table).collect()
 }
 
 fn number(value: f64) -> String {
