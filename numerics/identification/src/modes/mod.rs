@@ -47,6 +47,9 @@ const ASTRAY: f64 = 0.1;
 /// Half-power width at most of a mode that is no peak, as a share of the band.
 const NARROW: f64 = 0.25;
 
+/// Its part of H at its own frequency at least, over that of all else.
+const SEEN: f64 = 0.5;
+
 /// Lines in common that widen an interval.
 const BLOCK: usize = 6;
 
@@ -259,7 +262,33 @@ impl Problem {
         let parameters = 2 * (1 + self.places.len());
         let gain = (self.misfit_of(fit)? - self.misfit_of(&fit_more)?) / modes.inflation;
         let is_more = gain > parameters as f64 * (2.0 * lines as f64).ln();
-        (is_more && fit_more.poles().chunks(2).all(is_inside)).then_some(fit_more)
+        // What bends under other modes, or is a disturbance, may be explained by a mode, but is none that anyone would see.
+        // It is the one that is left when each mode of before has its nearest.
+        let mut left: Vec<&Mode> = modes.modes.iter().collect();
+        for known in &before.modes {
+            let apart = |mode: &Mode| (mode.natural_frequency_hz.value - known.natural_frequency_hz.value).abs();
+            let nearest = (0..left.len()).min_by(|a, b| apart(left[*a]).total_cmp(&apart(left[*b])))?;
+            left.remove(nearest);
+        }
+        let new = left.first()?;
+        (is_more && self.is_seen(&fit_more, new) && fit_more.poles().chunks(2).all(is_inside)).then_some(fit_more)
+    }
+
+    /// Whether a mode is a good part of H at its own frequency, at one place at least.
+    fn is_seen(&self, fit: &Fitted, mode: &Mode) -> bool {
+        let Some(which) = fit.poles().chunks(2).position(|pole| pole[0] == mode.natural_frequency_hz.value) else {
+            return false;
+        };
+        self.places.iter().zip(&fit.deviations).any(|(place, deviations)| {
+            let constants = place.constants(fit.poles(), deviations);
+            let hz = |n: &usize| (place.lines[*n].frequency_hz - mode.natural_frequency_hz.value).abs();
+            let nearest = (0..place.lines.len()).min_by(|a, b| hz(a).total_cmp(&hz(b)));
+            constants.zip(nearest).is_some_and(|(of, n)| {
+                let own = of.columns[(n, which)] * of.values[which];
+                let rest = of.fitted()[n] - own;
+                own.norm() > SEEN * rest.norm()
+            })
+        })
     }
 
     /// −2 ln L of a fit, but for a constant.
