@@ -285,7 +285,7 @@ def test_a_run_on_a_record_has_sensitivities_to_its_keys(project, command):
     found = damprig.analyse(file)
     assert found == json.loads(command("simulate", str(file), "--analyse", "--json"))["analysis"]
     assert "energy" not in found and found["driven"] is None
-    assert found["sensitivities"]["run"] == {"left_out": []}
+    assert found["sensitivities"]["run"] == {"left_out": [], "grazing": []}
     assert {of["key"] for of in found["sensitivities"]["of"]} >= {"particle.clearance_m", "friction_damper.force_n"}
 
 
