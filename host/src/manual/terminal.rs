@@ -3,7 +3,7 @@
 use crate::report::terminal::plain_table;
 
 /// The part of a page that is being read.
-enum Block<'a> {
+enum PageBlock<'a> {
     /// A paragraph or an entry of a list: indent of its further lines, text.
     Text(usize, String),
     /// Rows of a table.
@@ -14,7 +14,7 @@ enum Block<'a> {
 #[must_use]
 pub fn to_text(markdown: &str, width: usize) -> String {
     let mut out = String::new();
-    let mut block: Option<Block> = None;
+    let mut block: Option<PageBlock> = None;
     let mut is_code = false;
     for line in markdown.lines() {
         if line.trim_start().starts_with("```") {
@@ -30,10 +30,10 @@ pub fn to_text(markdown: &str, width: usize) -> String {
             heading(line, &mut out);
         } else if line.starts_with('|') {
             match &mut block {
-                Some(Block::Table(rows)) => rows.push(line),
+                Some(PageBlock::Table(rows)) => rows.push(line),
                 _ => {
                     end(&mut block, &mut out, width);
-                    block = Some(Block::Table(vec![line]));
+                    block = Some(PageBlock::Table(vec![line]));
                 }
             }
         } else {
@@ -45,7 +45,7 @@ pub fn to_text(markdown: &str, width: usize) -> String {
 }
 
 /// Adds a line of text to the block that it continues, or begins one.
-fn text(line: &str, block: &mut Option<Block>, out: &mut String, width: usize) {
+fn text(line: &str, block: &mut Option<PageBlock>, out: &mut String, width: usize) {
     let spaces = line.len() - line.trim_start().len();
     let rest = line.trim_start();
     let number = rest.bytes().take_while(u8::is_ascii_digit).count();
@@ -57,13 +57,13 @@ fn text(line: &str, block: &mut Option<Block>, out: &mut String, width: usize) {
         0
     };
     match block {
-        Some(Block::Text(_, text)) if mark == 0 => {
+        Some(PageBlock::Text(_, text)) if mark == 0 => {
             text.push(' ');
             text.push_str(rest);
         }
         _ => {
             end(block, out, width);
-            *block = Some(Block::Text(spaces + mark, format!("{}{rest}", " ".repeat(spaces))));
+            *block = Some(PageBlock::Text(spaces + mark, format!("{}{rest}", " ".repeat(spaces))));
         }
     }
 }
@@ -80,11 +80,11 @@ fn heading(line: &str, out: &mut String) {
 }
 
 /// Ends a block and prints it.
-fn end(block: &mut Option<Block>, out: &mut String, width: usize) {
+fn end(block: &mut Option<PageBlock>, out: &mut String, width: usize) {
     match block.take() {
         None => {}
-        Some(Block::Text(indent, text)) => fill(&plain(&text), indent, width).iter().for_each(|line| push(out, line)),
-        Some(Block::Table(rows)) => {
+        Some(PageBlock::Text(indent, text)) => fill(&plain(&text), indent, width).iter().for_each(|line| push(out, line)),
+        Some(PageBlock::Table(rows)) => {
             let cells = |row: &str| -> Vec<String> {
                 let row = row.trim().trim_start_matches('|').trim_end_matches('|').replace("\\|", "\u{0}");
                 row.split('|').map(|cell| plain(cell.trim()).replace('\u{0}', "|")).collect()
