@@ -83,7 +83,9 @@ fn heading(line: &str, out: &mut String) {
 fn end(block: &mut Option<PageBlock>, out: &mut String, width: usize) {
     match block.take() {
         None => {}
-        Some(PageBlock::Text(indent, text)) => fill(&plain(&text), indent, width).iter().for_each(|line| push(out, line)),
+        Some(PageBlock::Text(indent, text)) => {
+            fill(&plain(&text), indent, width).iter().for_each(|line| push(out, line))
+        }
         Some(PageBlock::Table(rows)) => {
             let cells = |row: &str| -> Vec<String> {
                 let row = row.trim().trim_start_matches('|').trim_end_matches('|').replace("\\|", "\u{0}");
